@@ -1,0 +1,86 @@
+"""insenv: a stepwise simulator, environments and estimators for strapdown inertial navigation.
+
+This page is the contract of names, frames, units and conventions.  Every module keeps to it and does not
+repeat it.
+
+Frames
+------
+Right-handed and Cartesian.
+
+==  ====================================================================================================
+i   inertial: Earth-centred, not rotating; coincides with e at time 0
+e   Earth-centred Earth-fixed (ECEF), WGS-84: z along the rotation axis, x through latitude 0, longitude 0
+n   north, east, down (NED), at the vehicle, down along the ellipsoid's normal
+w   wander azimuth: n turned about down by an angle that wanders, so that the poles are no special place
+b   body: forward, right, down (FRD); the axes of the IMU after its mounting is applied
+==  ====================================================================================================
+
+Attitude
+--------
+`C_nb` and `q_nb` take components in b to components in n: ``v_n = C_nb @ v_b``.  Products chain by their
+inner letters: ``C_eb = C_en @ C_nb``.  Quaternions are Hamilton's, scalar first, of unit norm: ``[w, x, y,
+z]``.  Euler angles turn n into b by heading about down, then pitch about the new right axis, then roll
+about the new forward axis (z-y-x).  Heading is clockwise from north, pitch is positive nose up, roll is
+positive right side down.  A small attitude error is a rotation vector that says in its name the frame it is
+resolved in.
+
+Position and velocity
+---------------------
+Latitude and longitude are geodetic, in radians; height is above the ellipsoid, in metres, positive up.
+`velocity_n` is the velocity relative to the Earth, resolved in n.  A name's last part tells the frame of
+the components: `velocity_n`, `position_e`, `lever_arm_b`.  An angular rate carries three letters:
+`omega_ie_n` is the rate of e relative to i, resolved in n.
+
+Inertial samples
+----------------
+A sample holds increments over the interval that ends at its time: `delta_angle` (rad, the integral of the
+body's rate relative to i) and `delta_velocity` (m/s, the integral of specific force), both in b.  Specific
+force excludes gravity: at rest and level it is ``[0, 0, -g]``.  Rates and accelerations are derived by
+dividing by the interval.
+
+GNSS and time
+-------------
+Time is in seconds from the start of a run and never goes backwards.  A fix carries its time of validity,
+which may be earlier than its arrival and lie between two inertial samples.
+
+Units and numbers
+-----------------
+SI and radians everywhere inside; deg, deg/h, deg/sqrt(h), ug and ug/sqrt(Hz) only at the rim: scenario
+files, printed tables, MAVLink.  A name there shows its unit: `bias_deg_h`, `duration_s`.  A plain name is
+in SI.  All state is float64.  Vectors are columns of shape (n,); series have time along their first axis,
+(samples, n).  Matrices are stored row by row.  Covariances are in the units of their states; a standard
+deviation is one sigma.
+
+Randomness
+----------
+Every random number is a pure function of (seed, stream, step): the same in every runner, on every machine.
+
+Errors
+------
+What a caller can mend raises `insenv.errors.InputError` with the name, the value, the unit and what is
+allowed; work that cannot be done raises `insenv.errors.InsenvError`.
+
+Submodules load on first use: ``import insenv`` is cheap, and ``insenv.attitude`` then works.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if not TYPE_CHECKING:  # a type checker sees the submodules that are imported, and no others
+
+    def __getattr__(name: str) -> object:
+        """Import the submodule `name` on first use."""
+        from importlib import import_module
+        from importlib.util import find_spec
+
+        if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:
+            return import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        from pkgutil import iter_modules
+
+        return sorted({*globals(), *(m.name for m in iter_modules(__path__) if not m.name.startswith("_"))})

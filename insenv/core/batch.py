@@ -1,0 +1,203 @@
+"""Running many instances of a model at once: rows in blocks of lanes, blocks over threads.
+
+Row i is the single run with seed + i, to the bit, whatever the number of rows, lanes or threads.  Arrays are seen from
+outside as (rows, elements); inside, a block of rows lies lane by lane so that one instruction serves a whole block.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from insenv.core.codegen import batch_source
+from insenv.core.compile import CompileError, compile_library, find_compiler
+from insenv.core.model import Model
+from insenv.core.runner import InterpreterRunner, _ByIdentity, check_inputs, load, pointer, resolve_backend
+from insenv.core.tables import Vector
+from insenv.errors import InputError
+
+
+def make_batch(
+    model: Model,
+    rows: int,
+    parameters: Mapping[str, Any] | Vector | None = None,
+    *,
+    threads: int = 1,
+    lanes: int | None = None,
+    backend: str | None = None,
+) -> Batch:
+    """A started batch of `rows` instances.
+
+    parameters: by name or flat for all rows alike (row i then has seed + i), or an array (rows, parameters.size) as it is.
+    threads: worker threads over the blocks (the GIL is released).
+    lanes: rows a block; None: as many as a vector register of this processor holds (8 with AVX-512, else 4).
+    backend: as for `make_runner`; native needs a C++ compiler.
+    """
+    if rows < 1 or threads < 1 or (lanes is not None and lanes < 1):
+        raise InputError(f"rows = {rows}, threads = {threads}, lanes = {lanes}: each must be at least 1")
+    kind = NativeBatch if resolve_backend(backend, "c++") == "native" else InterpreterBatch
+    return kind(model, row_parameters(model, rows, parameters), threads, lanes)
+
+
+def row_parameters(model: Model, rows: int, parameters: Mapping[str, Any] | Vector | None) -> Vector:
+    """Parameters of every row, (rows, parameters.size): the seed counts up from row to row unless all rows are given."""
+    if isinstance(parameters, np.ndarray) and parameters.ndim == 2:
+        if parameters.shape != (rows, model.parameters.size):
+            raise InputError(f"parameters of shape {parameters.shape}: allowed is {(rows, model.parameters.size)}")
+        return np.array(parameters, dtype=np.float64)
+    one = parameters if isinstance(parameters, np.ndarray) else model.parameters.pack(parameters or {})
+    every = np.tile(np.asarray(one, dtype=np.float64), (rows, 1))
+    if model.is_random:
+        every[:, model.parameters.slice("seed").start] += np.arange(rows)
+    return every
+
+
+class Batch:
+    """Many instances of a model: made by `make_batch`."""
+
+    def __init__(self, model: Model, p: Vector, threads: int) -> None:
+        self.model, self.rows, self.threads = model, len(p), threads
+
+    def start(self) -> None:
+        """Every row to the start state that its parameters give."""
+        raise NotImplementedError
+
+    def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
+        """Advance every row n times.
+
+        inputs: (rows, n, inputs.size), or (rows, inputs.size) held, or (inputs.size,) for all; zeros if None.
+        Returns the outputs after each `every` advances, (rows, n // every, outputs.size); none if every is 0.
+        """
+        raise NotImplementedError
+
+    def output(self) -> Vector:
+        """The outputs of the present states, (rows, outputs.size)."""
+        raise NotImplementedError
+
+    @property
+    def x(self) -> Vector:
+        """The states, (rows, state.size): a copy; assign the whole to set them."""
+        raise NotImplementedError
+
+    def _held(self, n: int, inputs: Vector | None) -> Vector:
+        """Inputs as (rows, 1 or n, inputs.size)."""
+        width = self.model.inputs.size
+        if inputs is None:
+            return np.zeros((self.rows, 1, width))
+        array = np.asarray(inputs, dtype=np.float64)
+        if array.ndim == 3:
+            return check_inputs(array, (self.rows, n, width))
+        return np.broadcast_to(check_inputs(array, (self.rows, width)), (self.rows, width))[:, None, :]
+
+
+class NativeBatch(Batch):
+    """Generated C++ over lanes."""
+
+    def __init__(self, model: Model, p: Vector, threads: int, lanes: int | None) -> None:
+        super().__init__(model, p, threads)
+        self._library = load(_batch_library(_ByIdentity(model), lanes))
+        self.lanes = int(self._library.insenv_lanes())
+        self._blocks = -(-self.rows // self.lanes)
+        self._p = self._into_lanes(p)
+        self._x = np.zeros((self._blocks, model.state.size, self.lanes))
+        self.start()
+
+    def start(self) -> None:
+        self._library.insenv_start(self._blocks, pointer(self._p), pointer(self._x))
+
+    def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
+        held = self._held(n, inputs)
+        u = self._into_lanes(held.reshape(self.rows, -1))
+        width, samples = self.model.inputs.size, held.shape[1]
+        count = n // every if every else 0
+        y = np.empty((self._blocks, count, self.model.outputs.size, self.lanes))
+        stride = width if samples == n and n > 1 else 0
+
+        def work(first: int, last: int) -> None:
+            self._library.insenv_run(
+                last - first,
+                pointer(self._p[first:]),
+                pointer(self._x[first:]),
+                pointer(u[first:]),
+                stride,
+                width * samples,
+                pointer(y[first:]),
+                every,
+                n,
+            )
+
+        edges = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int).tolist()
+        if len(edges) == 2:
+            work(*edges)
+        else:
+            list(_pool(self.threads).map(work, edges[:-1], edges[1:]))
+        return y.transpose(0, 3, 1, 2).reshape(self._blocks * self.lanes, *y.shape[1:3])[: self.rows]
+
+    def output(self) -> Vector:
+        y = np.empty((self._blocks, self.model.outputs.size, self.lanes))
+        self._library.insenv_output(self._blocks, pointer(self._p), pointer(self._x), pointer(y))
+        return self._from_lanes(y)
+
+    @property
+    def x(self) -> Vector:
+        return self._from_lanes(self._x)
+
+    @x.setter
+    def x(self, value: Vector) -> None:
+        self._x[:] = self._into_lanes(np.asarray(value, dtype=np.float64))
+
+    def _into_lanes(self, array: Vector) -> Vector:
+        """(rows, elements) as blocks (blocks, elements, lanes); the last row fills a block that is not full."""
+        padded = np.concatenate([array, np.repeat(array[-1:], self._blocks * self.lanes - self.rows, axis=0)])
+        return np.ascontiguousarray(padded.reshape(self._blocks, self.lanes, -1).transpose(0, 2, 1))
+
+    def _from_lanes(self, array: Vector) -> Vector:
+        return array.transpose(0, 2, 1).reshape(self._blocks * self.lanes, -1)[: self.rows].copy()
+
+
+class InterpreterBatch(Batch):
+    """Row after row on the interpreter: the same numbers without a compiler."""
+
+    def __init__(self, model: Model, p: Vector, threads: int, lanes: int | None) -> None:
+        super().__init__(model, p, threads)
+        self._runners = [InterpreterRunner(model, row) for row in p]
+
+    def start(self) -> None:
+        for runner in self._runners:
+            runner.start()
+
+    def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
+        held = self._held(n, inputs)
+        outputs = np.empty((self.rows, n // every if every else 0, self.model.outputs.size))
+        for runner, u, y in zip(self._runners, held, outputs, strict=True):
+            y[:] = runner.run(n, u if len(u) == n else u[0], every)
+        return outputs
+
+    def output(self) -> Vector:
+        return np.array([runner.output() for runner in self._runners])
+
+    @property
+    def x(self) -> Vector:
+        return np.array([runner.x for runner in self._runners])
+
+    @x.setter
+    def x(self, value: Vector) -> None:
+        for runner, row in zip(self._runners, value, strict=True):
+            runner.x[:] = row
+
+
+@functools.cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="insenv")
+
+
+@functools.lru_cache(maxsize=64)
+def _batch_library(model: _ByIdentity, lanes: int | None) -> str:
+    compiler = find_compiler("c++")
+    if compiler is None:
+        raise CompileError("no C++ compiler found")
+    return str(compile_library(batch_source(model.value, lanes), compiler))

@@ -1,0 +1,132 @@
+/* The driver: noise, schedule and sampling loop of a model, for one row (C, real = double) or a block of LANES rows (C++).
+ *
+ * Written once for both; `generated code` above has defined
+ *   N_PARAMETER, N_STATE, N_OUTPUT, N_UNIFORMS (the largest number that a function takes), SEED_PLACE (in p), STEP_PLACE (in x),
+ *   START_UNIFORMS, and the table of the schedule SCHEDULE[N_STEPS].
+ */
+#include <stdint.h>
+#include <string.h>
+
+/* Philox 4x32-10: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11 (2011). */
+static void philox(const uint32_t key[2][LANES], uint32_t word[4][LANES]) {
+  uint32_t key0[LANES], key1[LANES];
+  for (int i = 0; i < LANES; ++i) key0[i] = key[0][i], key1[i] = key[1][i];
+  for (int round = 0; round < 10; ++round) {
+    for (int i = 0; i < LANES; ++i) {
+      uint64_t product0 = (uint64_t)0xD2511F53u * word[0][i];
+      uint64_t product1 = (uint64_t)0xCD9E8D57u * word[2][i];
+      word[0][i] = (uint32_t)(product1 >> 32) ^ word[1][i] ^ key0[i];
+      word[2][i] = (uint32_t)(product0 >> 32) ^ word[3][i] ^ key1[i];
+      word[1][i] = (uint32_t)product1;
+      word[3][i] = (uint32_t)product0;
+      key0[i] += 0x9E3779B9u;
+      key1[i] += 0xBB67AE85u;
+    }
+  }
+}
+
+/* `count` uniforms in (0, 1), a pure function of (seed, step, stream): see insenv/core/noise.py, which this equals to the bit. */
+static void uniforms(real seed, real step, uint32_t stream, int count, real *r) {
+  uint32_t key[2][LANES], low[LANES], high[LANES], word[4][LANES];
+  for (int i = 0; i < LANES; ++i) {
+    uint64_t s = (uint64_t)LANE(seed, i), k = (uint64_t)LANE(step, i);
+    key[0][i] = (uint32_t)s, key[1][i] = (uint32_t)(s >> 32);
+    low[i] = (uint32_t)k, high[i] = (uint32_t)(k >> 32);
+  }
+  for (int block = 0; 4 * block < count; ++block) {
+    for (int i = 0; i < LANES; ++i)
+      word[0][i] = low[i], word[1][i] = high[i], word[2][i] = stream, word[3][i] = (uint32_t)block;
+    philox(key, word);
+    for (int j = 0; j < 4 && 4 * block + j < count; ++j)
+      for (int i = 0; i < LANES; ++i) LANE(r[4 * block + j], i) = ((double)word[j][i] + 0.5) * 0x1p-32;
+  }
+}
+
+typedef int (*function_t)(const real **, real **, long long *, real *, int);
+typedef struct {
+  int start, stop;
+} span_t;
+typedef struct {
+  function_t function;
+  int condition; /* -1: always, 0: element of the inputs, 1: element of the state */
+  int place;
+  int uniforms;
+  const span_t *spans; /* where the result's pieces go in the state; ends with an empty span */
+} step_t;
+
+static const step_t SCHEDULE[];
+
+/* Run one step where `mask` is not zero: the function gives only what it changes, which is then laid into the state. */
+static void run_step(int k, const real *p, real *x, const real *u, real mask) {
+  const step_t *s = &SCHEDULE[k];
+  real r[N_UNIFORMS + 1], changed[N_STATE + 1];
+  if (s->uniforms) uniforms(p[SEED_PLACE], x[STEP_PLACE], (uint32_t)k, s->uniforms, r);
+  const real *arg[4] = {p, x, u, r};
+  real *res[1] = {changed};
+  s->function(arg, res, 0, 0, 0);
+  const real *from = changed;
+  if (all(mask))
+    for (const span_t *span = s->spans; span->stop > span->start; from += span->stop - span->start, ++span)
+      memcpy(x + span->start, from, (size_t)(span->stop - span->start) * sizeof(real));
+  else
+    for (const span_t *span = s->spans; span->stop > span->start; ++span)
+      for (int i = span->start; i < span->stop; ++i, ++from) x[i] = blend(mask, *from, x[i]);
+}
+
+/* One advance: the schedule in order, each step if its condition is not zero. */
+static void advance(const real *p, real *x, const real *u) {
+  for (int k = 0; k < N_STEPS; ++k) {
+    const step_t *s = &SCHEDULE[k];
+    real mask = 1.0;
+    if (s->condition >= 0) {
+      mask = s->condition ? x[s->place] : u[s->place];
+      if (!any(mask)) continue;
+    }
+    run_step(k, p, x, u, mask);
+  }
+}
+
+static void outputs(const real *p, const real *x, real *y) {
+  const real *arg[2] = {p, x};
+  real *res[1] = {y};
+  output(arg, res, 0, 0, 0);
+}
+
+/* n advances of each of `blocks` blocks from its state x, left in x.  A block's inputs move by u_stride elements an advance (0: held)
+ * and by u_block from block to block.  Every `every` advances (0: never) the outputs are written to y, one vector after the
+ * other, block after block. */
+EXPORT void insenv_run(int64_t blocks, const real *p, real *x, const real *u, int64_t u_stride, int64_t u_block, real *y,
+                       int64_t every, int64_t n) {
+  for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE, u += u_block) {
+    const real *input = u;
+    for (int64_t k = 1; k <= n; ++k, input += u_stride) {
+      advance(p, x, input);
+      if (every && k % every == 0) outputs(p, x, y), y += N_OUTPUT;
+    }
+  }
+}
+
+/* The states at the start. */
+EXPORT void insenv_start(int64_t blocks, const real *p, real *x) {
+  for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE) {
+    real r[N_UNIFORMS + 1];
+    if (START_UNIFORMS) uniforms(p[SEED_PLACE], 0.0, 0xFFFFFFFFu, START_UNIFORMS, r);
+    const real *arg[2] = {p, r};
+    real *res[1] = {x};
+    start(arg, res, 0, 0, 0);
+  }
+}
+
+/* The outputs of the states. */
+EXPORT void insenv_output(int64_t blocks, const real *p, const real *x, real *y) {
+  for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE, y += N_OUTPUT) outputs(p, x, y);
+}
+
+/* Prepared calls on one instance, cheap to make from an interpreter: the addresses stand in `at` = {p, x, u, y}. */
+EXPORT void insenv_advance_at(void *const at[4]) { advance((const real *)at[0], (real *)at[1], (const real *)at[2]); }
+EXPORT void insenv_output_at(void *const at[4]) { outputs((const real *)at[0], (const real *)at[1], (real *)at[3]); }
+EXPORT void insenv_step_at(void *const at[4], int k) {
+  run_step(k, (const real *)at[0], (real *)at[1], (const real *)at[2], 1.0);
+}
+
+EXPORT int insenv_lanes(void) { return LANES; }

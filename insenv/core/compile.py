@@ -1,0 +1,160 @@
+"""Compiling generated code: which compiler, which flags, and the cache of shared libraries in the user's cache folder.
+
+A cache entry is a folder named by the hash of everything that determines the library (source, flags, compiler, machine); it
+holds the library and the library's own hash.  It is built under a temporary name and renamed, so that two processes
+compiling at once do no harm and nothing half-written is ever seen.  An entry that is damaged, or that another user could
+have written, is not loaded: it is built again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib.util
+import os
+import platform
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from insenv.errors import InsenvError
+
+# exactly rounded and in the order written: the interpreter's result to the bit
+_EXACT = (
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-tree-slp-vectorize",
+    "-fvisibility=hidden",
+    "-shared",
+    "-fPIC",
+    "-w",
+)
+_C = ("-std=gnu99", *_EXACT)
+_CPP = ("-std=gnu++17", "-ftree-vectorize", "-fno-exceptions", "-fno-rtti", *_EXACT)
+
+
+class CompileError(InsenvError):
+    """The compiler failed on generated code."""
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A compiler's command line and flags for one language ("c" or "c++")."""
+
+    command: tuple[str, ...]
+    language: str
+    flags: tuple[str, ...]
+
+    @functools.cached_property
+    def identity(self) -> str:
+        """What determines its output besides source and flags: version and processor."""
+        shown = subprocess.run([*self.command, "--version"], capture_output=True, text=True, check=False)
+        return "\n".join([*self.command, shown.stdout, platform.machine(), _processor()])
+
+
+def find_compiler(language: str) -> Compiler | None:
+    """The first compiler found for "c" or "c++": the environment's CC or CXX, the usual names, the `ziglang` wheel; or None."""
+    variable, names = ("CC", ("cc", "gcc", "clang")) if language == "c" else ("CXX", ("c++", "g++", "clang++"))
+    flags = _C if language == "c" else (*_CPP, "-march=native")
+    for name in filter(None, (os.environ.get(variable), *names)):
+        words = tuple(name.split())
+        if words and shutil.which(words[0]):
+            return Compiler(words, language, flags)
+    if importlib.util.find_spec("ziglang") is not None:
+        command = (sys.executable, "-m", "ziglang", "cc" if language == "c" else "c++")
+        return Compiler(command, language, flags)
+    return None
+
+
+def cache_folder() -> Path:
+    """The folder of compiled models: INSENV_CACHE_DIR or the user's cache folder, private to the user."""
+    from platformdirs import user_cache_path
+
+    chosen = os.environ.get("INSENV_CACHE_DIR")
+    folder = Path(chosen) if chosen else user_cache_path("insenv")
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        return _private_folder()
+    return folder if _is_private(folder) else _private_folder()
+
+
+def compile_library(source: str, compiler: Compiler) -> Path:
+    """Path of the shared library of `source`, from the cache or built now.  Raises `CompileError`."""
+    parts = (source, *compiler.flags, compiler.identity)
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    cache = cache_folder()
+    entry = cache / key
+    library = entry / "model.so"
+    if _is_intact(entry):
+        return library
+
+    with tempfile.TemporaryDirectory(dir=cache, prefix="build-") as name:
+        build = Path(name) / "entry"
+        build.mkdir(mode=0o700)
+        _compile(source, compiler, build)
+        digest = hashlib.sha256((build / "model.so").read_bytes()).hexdigest()
+        (build / "model.sha256").write_text(digest)
+        # a folder is renamed onto an empty name only: move a broken entry away first
+        for _ in range(10):
+            if _is_intact(entry):
+                break
+            with contextlib.suppress(OSError):
+                entry.rename(Path(name) / f"broken-{os.urandom(4).hex()}")
+            with contextlib.suppress(OSError):
+                build.rename(entry)
+    if not _is_intact(entry):
+        raise CompileError(f"cannot keep a compiled model in {cache}: is the folder writable?")
+    return library
+
+
+def _compile(source: str, compiler: Compiler, build: Path) -> None:
+    text = build / ("model.c" if compiler.language == "c" else "model.cpp")
+    text.write_text(source)
+    command = [*compiler.command, *compiler.flags, str(text), "-o", str(build / "model.so"), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise CompileError(f"{' '.join(compiler.command)} failed on generated code:\n{done.stderr[-2000:]}")
+
+
+def _is_intact(entry: Path) -> bool:
+    """Whether the entry is ours alone and its library has the hash noted beside it."""
+    try:
+        if not (_is_private(entry) and _is_private(entry / "model.so")):
+            return False
+        noted = (entry / "model.sha256").read_text()
+        return hashlib.sha256((entry / "model.so").read_bytes()).hexdigest() == noted
+    except OSError:
+        return False
+
+
+def _is_private(path: Path) -> bool:
+    """Whether it belongs to this user and nobody else may write to it (always true where there are no owners)."""
+    if not hasattr(os, "getuid"):
+        return True
+    status = path.lstat()
+    return (
+        status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not stat.S_ISLNK(status.st_mode)
+    )
+
+
+@functools.cache
+def _private_folder() -> Path:
+    """A fresh private folder, for this process, where the cache folder cannot be used or trusted."""
+    return Path(tempfile.mkdtemp(prefix="insenv-"))
+
+
+@functools.cache
+def _processor() -> str:
+    """The processor's name and features: -march=native depends on them."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return "\n".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))

@@ -1,0 +1,92 @@
+"""Composition: one model out of parts that share their tables.
+
+A part is a piece of a plant (vehicle, inertial sensor, GNSS receiver).  Merged, the parts' rows stand side by side in one
+set of tables and every function sees all of them by name.  Steps of the same name become one step: each part's function
+runs on the state as the parts before it left it, so that the inertial sensor measures the motion that the vehicle has just
+made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+from insenv.core.model import Model, Step, Values
+from insenv.core.tables import Table
+
+EMPTY = Table()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A piece of a model; the fields are those of `Model`, the functions see the rows of all parts merged before and with
+    it.
+    """
+
+    parameters: Table = EMPTY
+    state: Table = EMPTY
+    inputs: Table = EMPTY
+    steps: Mapping[str, Step] = field(default_factory=dict)
+    start: Callable[..., Mapping[str, Any]] | None = None
+    start_uniforms: int = 0
+
+
+def merge(
+    id: str,
+    title: str,
+    parts: Sequence[Part],
+    outputs: Table,
+    output: Callable[[Values, Values], Mapping[str, Any]],
+) -> Model:
+    """The model made of `parts`, in that order; the steps' order is that of their first mention."""
+    names = list(dict.fromkeys(name for part in parts for name in part.steps))
+    total = sum(part.start_uniforms for part in parts)
+    start = _in_sequence([(part.start, part.start_uniforms) for part in parts if part.start is not None])
+    return Model(
+        id=id,
+        title=title,
+        parameters=sum((part.parameters for part in parts), Table()),
+        state=sum((part.state for part in parts), Table()),
+        inputs=sum((part.inputs for part in parts), Table()),
+        outputs=outputs,
+        steps={name: _joined(name, parts) for name in names},
+        output=output,
+        start=(lambda p, r: start(p, r)) if total else (lambda p: start(p)),
+        start_uniforms=total,
+    )
+
+
+def _joined(name: str, parts: Sequence[Part]) -> Step:
+    """The parts' steps called `name` as one."""
+    steps = [part.steps[name] for part in parts if name in part.steps]
+    conditions = {step.when for step in steps}
+    if len(conditions) > 1:
+        raise ValueError(f"step {name!r} has different conditions: {sorted(map(str, conditions))}")
+
+    def function(p: Values, x: Values, u: Values, r: Any = None) -> dict[str, Any]:
+        state, used = SimpleNamespace(**vars(x)), 0
+        changed: dict[str, Any] = {}
+        for step in steps:
+            own = () if not step.uniforms else (r[used : used + step.uniforms],)
+            used += step.uniforms
+            new = step.function(p, state, u, *own)
+            vars(state).update(new)
+            changed.update(new)
+        return changed
+
+    return Step(function, steps[0].when, sum(step.uniforms for step in steps))
+
+
+def _in_sequence(starts: Sequence[tuple[Callable[..., Mapping[str, Any]], int]]) -> Callable[..., dict[str, Any]]:
+    def start(p: Values, r: Any = None) -> dict[str, Any]:
+        used = 0
+        state: dict[str, Any] = {}
+        for function, uniforms in starts:
+            own = () if not uniforms else (r[used : used + uniforms],)
+            used += uniforms
+            state.update(function(p, *own))
+        return state
+
+    return start

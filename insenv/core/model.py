@@ -1,0 +1,166 @@
+"""Model: a sampled system written once, as pure step functions over four tables.
+
+A model knows nothing of how it is run.  Its step functions are plain Python over CasADi symbols; `Model.kernels` turns them
+into `casadi.Function`s of one common signature, and every runner (interpreter, native, batch, FMU) uses those and nothing else.
+A step's kernel computes only the rows that the step changes: what a state merely carries costs nothing.
+
+One *advance* of a model runs the steps of its schedule in order.  A step without a condition always runs.  A step with one
+(``when="gnss_valid"``) runs only when that input, or state row as the earlier steps left it, is not zero: rare events cost
+nothing when they do not happen, and in a batch they are masked row by row.
+
+Randomness: a step that declares ``uniforms=n`` is handed n uniforms in (0, 1), a pure function of the parameter ``seed``, the
+state row ``step`` and the step's place in the schedule (see `insenv.core.noise`).  Nothing else is random anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+from insenv.core.tables import Row, Table
+
+Values = SimpleNamespace
+"""Symbols by row name, as handed to a step function: ``x.velocity_n`` is a 3x1 CasADi expression."""
+
+SEED = Row("seed", "Seed of every random number of the model", lower=0, upper=2.0**53)
+STEP = Row("step", "Number of advances made since the start", lower=0, upper=2.0**53)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One pure step function and when it runs.
+
+    function: ``(p, x, u) -> {state row: new value}``, or ``(p, x, u, r)`` if `uniforms` > 0, r the column of uniforms.
+        Rows not returned keep their value.
+    when: name of an input or state row that must be non-zero for the step to run; None: it always runs.
+    uniforms: number of uniform random numbers it takes.
+    """
+
+    function: Callable[..., Mapping[str, Any]]
+    when: str | None = None
+    uniforms: int = 0
+
+
+@dataclass(frozen=True)
+class Model:
+    """Tables, schedule and output function of a sampled system.
+
+    id: short name, unique in its registry (``"q-method"``).
+    title: one line for listings.
+    parameters, state, inputs, outputs: the four tables.
+    steps: the schedule, by name and in order.
+    output: ``(p, x) -> {output row: value}`` for every output row.
+    start: ``(p) -> {state row: value}``, or ``(p, r)`` if `start_uniforms` > 0: the state at the start where it is not the
+        table's start value.
+    """
+
+    id: str
+    title: str
+    parameters: Table
+    state: Table
+    inputs: Table
+    outputs: Table
+    steps: Mapping[str, Step]
+    output: Callable[[Values, Values], Mapping[str, Any]]
+    start: Callable[..., Mapping[str, Any]] | None = None
+    start_uniforms: int = 0
+
+    def __post_init__(self) -> None:
+        for name, step in self.steps.items():
+            if not name.isidentifier() or name in ("start", "output"):
+                raise ValueError(f"model {self.id!r}: a step cannot be named {name!r}")
+            if step.when is not None and (step.when in self.state) == (step.when in self.inputs):
+                raise ValueError(f"model {self.id!r}, step {name!r}: {step.when!r} must be one state or one input row")
+        if self.is_random and not ("seed" in self.parameters and "step" in self.state):
+            raise ValueError(f"model {self.id!r} is random: it needs the parameter 'seed' and the state row 'step'")
+
+    @property
+    def is_random(self) -> bool:
+        """Whether any step, or the start, takes random numbers."""
+        return self.start_uniforms > 0 or any(step.uniforms for step in self.steps.values())
+
+    @cached_property
+    def kernels(self) -> dict[str, Kernel]:
+        """The compiled core by name: "start", each step, "output".
+
+        All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty where no
+        random numbers are taken.
+        """
+        import casadi as ca
+
+        p, x, u = (ca.SX.sym(n, t.size) for n, t in zip("pxu", (self.parameters, self.state, self.inputs), strict=True))
+        names = self.parameters.symbols(p), self.state.symbols(x), self.inputs.symbols(u)
+
+        r = ca.SX.sym("r", self.start_uniforms)
+        begin: Mapping[str, Any] = {}
+        if self.start is not None:
+            begin = self.start(names[0], r) if self.start_uniforms else self.start(names[0])
+        base = ca.SX(ca.DM(self.state.start_vector()))
+        kernels = {"start": _kernel("start", [p, r], self.state, {**self.state.symbols(base).__dict__, **begin})}
+
+        for name, step in self.steps.items():
+            r = ca.SX.sym("r", step.uniforms)
+            changed = step.function(*names, r) if step.uniforms else step.function(*names)
+            kernels[name] = _kernel(name, [p, x, u, r], self.state, changed)
+        kernels["output"] = _kernel("output", [p, x], self.outputs, self.output(*names[:2]))
+        for name, table in (("start", self.state), ("output", self.outputs)):
+            if kernels[name].function.size1_out(0) != table.size:
+                raise ValueError(f"model {self.id!r}: {name} must give every row of its table")
+        return kernels
+
+    @cached_property
+    def functions(self) -> dict[str, Any]:
+        """`casadi.Function`s by name that give whole vectors, for analysis: as `kernels`, each step ``(p, x, u, r) -> x``."""
+        import casadi as ca
+
+        functions = {}
+        for name, kernel in self.kernels.items():
+            arguments = [ca.SX.sym(f"a{i}", kernel.function.size1_in(i)) for i in range(kernel.function.n_in())]
+            result = kernel.function(*arguments)
+            if name in self.steps:
+                whole, done = [arguments[1][i] for i in range(self.state.size)], 0
+                for part in kernel.spans:
+                    for i in range(part.start, part.stop):
+                        whole[i], done = result[done], done + 1
+                result = ca.vertcat(*whole)
+            functions[name] = ca.Function(name, arguments, [result])
+        return functions
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One function of a model as it is compiled.
+
+    function: a `casadi.Function` of flat columns; its one result holds the rows that it sets and no others.
+    spans: where in the state (or output) vector the result's pieces belong, in order.
+    """
+
+    function: Any
+    spans: tuple[slice, ...]
+
+
+def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, Any]) -> Kernel:
+    import casadi as ca
+
+    part = Table(tuple(row for row in table if row.name in values))
+    if len(part.rows) != len(values):
+        raise ValueError(f"{name}: no such rows: {sorted(set(values) - set(part.names))}; the table has {table.names}")
+    spans: list[slice] = []
+    for row in part:
+        piece = table.slice(row.name)
+        if spans and spans[-1].stop == piece.start:
+            piece = slice(spans.pop().start, piece.stop)
+        spans.append(piece)
+    # common subexpressions are shared: Python helpers may be called twice for the same quantity
+    function = ca.Function(name, arguments, [ca.densify(part.assemble(values))], {"cse": True})
+    return Kernel(function, tuple(spans))
+
+
+def derived(table: Table, **start: Any) -> Table:
+    """`table` with other start values for the rows named; raises `InputError` for an unknown row."""
+    for name in start:
+        table.slice(name)
+    return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in table))

@@ -1,0 +1,83 @@
+"""From a symbolic function to a NumPy function of stacked arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, wraps
+from math import prod
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+
+def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> Callable[..., Any]:
+    """A NumPy version of a function of SX, broadcasting over leading axes.
+
+    ``shapes`` gives each argument's own shape: ``()`` a scalar, ``3`` or ``(3,)`` a vector, ``(3, 3)`` a
+    matrix. The rest of an argument's axes, which come first, broadcast against those of the other arguments.
+    Results are float64, a tuple where the function returns a tuple, each of shape (leading..., own...), where
+    1x1 is a scalar and n x 1 a vector.
+
+        to_dcm = vectorized(attitude.to_dcm, 4)
+        to_dcm(q)    # (..., 4) -> (..., 3, 3)
+
+    The symbolic function is traced at the first call. Raises ValueError for an argument whose last axes are
+    not its own shape.
+    """
+    own = [(shape,) if isinstance(shape, int) else tuple(shape) for shape in shapes]
+    name = getattr(function, "__name__", "function")
+
+    @cache
+    def traced() -> tuple[ca.Function, list[tuple[int, ...]], bool]:
+        flat = [ca.SX.sym(f"x{i}", prod(shape)) for i, shape in enumerate(own)]
+        returned = function(*(_from_row_major(x, shape) for x, shape in zip(flat, own, strict=True)))
+        is_tuple = isinstance(returned, (tuple, list))
+        results = [ca.SX(result) for result in (returned if is_tuple else (returned,))]
+        # CasADi stores columns, NumPy rows: hence the transposition
+        graph = ca.Function("vectorized", flat, [ca.densify(ca.vec(result.T)) for result in results])
+        return graph, [_numpy_shape(result) for result in results], is_tuple
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        if len(arguments) != len(own):
+            raise TypeError(f"{name} takes {len(own)} arguments, not {len(arguments)}")
+        arrays = [np.asarray(argument, dtype=np.float64) for argument in arguments]
+        leading = []
+        for i, (array, shape) in enumerate(zip(arrays, own, strict=True)):
+            split = array.ndim - len(shape)
+            if split < 0 or array.shape[split:] != shape:
+                raise ValueError(f"{name}: argument {i} has shape {array.shape}, not {('...', *shape)}")
+            leading.append(array.shape[:split])
+        lead = np.broadcast_shapes(*leading)
+        graph, result_shapes, is_tuple = traced()
+        results = [np.empty(lead + shape) for shape in result_shapes]
+        count = prod(lead)
+        if count:
+            # n rows of a contiguous array are n columns to CasADi
+            rows = [
+                np.ascontiguousarray(np.broadcast_to(array, lead + shape)).reshape(count, -1)
+                for array, shape in zip(arrays, own, strict=True)
+            ]
+            buffer: Any  # CasADi's stub knows no memoryview
+            buffer, evaluate = graph.map(count).buffer()
+            for i, row in enumerate(rows):
+                buffer.set_arg(i, row.data)
+            for i, result in enumerate(results):
+                buffer.set_res(i, result.data)
+            evaluate()
+        unboxed = tuple(result[()] for result in results)
+        return unboxed if is_tuple else unboxed[0]
+
+    # not the symbolic signature's: what is passed and returned here are arrays
+    call.__annotations__ = {}
+    return call
+
+
+def _from_row_major(x: ca.SX, shape: tuple[int, ...]) -> ca.SX:
+    return ca.reshape(x, shape[1], shape[0]).T if len(shape) == 2 else x
+
+
+def _numpy_shape(x: ca.SX) -> tuple[int, ...]:
+    rows, columns = x.shape
+    return (rows, columns) if columns > 1 else (rows,) if rows > 1 else ()

@@ -1,0 +1,311 @@
+"""Running one instance of a model: by CasADi's interpreter, or natively through generated C.
+
+Both runners have one interface and give the same numbers to the bit.  The state is float64 throughout; parameters, inputs and
+state may be read and written between calls, and ``runner.x.copy()`` is a complete snapshot
+(``runner.x[:] = snapshot`` restores it).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from insenv.core import noise
+from insenv.core.codegen import native_source
+from insenv.core.compile import CompileError, compile_library, find_compiler
+from insenv.core.model import Model
+from insenv.core.tables import Vector
+from insenv.errors import InputError, nearest
+
+BACKENDS = ("native", "interpreter")
+
+
+def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> Runner:
+    """A started runner of `model`.
+
+    parameters: values by row name (checked), or the flat vector; the table's start values where not given.
+    backend: "native", "interpreter", or None: the environment's INSENV_BACKEND, else native if a C compiler is found.
+    """
+    kind = NativeRunner if resolve_backend(backend) == "native" else InterpreterRunner
+    return kind(model, parameters)
+
+
+def resolve_backend(backend: str | None = None, language: str = "c") -> str:
+    """The backend to use: as asked for, or native if there is a compiler for `language`; says once if there is none."""
+    chosen = backend or os.environ.get("INSENV_BACKEND") or ""
+    if chosen and chosen not in BACKENDS:
+        raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
+    if chosen == "interpreter":
+        return chosen
+    if find_compiler(language) is not None:
+        return "native"
+    if chosen == "native":
+        raise InputError("backend 'native' needs a C compiler: cc, gcc or clang on the path, or pip install insenv[native]")
+    _warn_no_compiler()
+    return "interpreter"
+
+
+@functools.cache
+def _warn_no_compiler() -> None:
+    message = (
+        "no C compiler found: models run on the interpreter (slower, the same numbers); pip install insenv[native] brings one"
+    )
+    warnings.warn(message, RuntimeWarning, stacklevel=2)
+
+
+class Runner:
+    """One instance of a model: parameters `p`, state `x`, and the ways to move it.  Made by `make_runner`.
+
+    p, x: float64 vectors in table order; they may be read and written in place between calls.
+    """
+
+    backend = ""
+
+    def __init__(self, model: Model, parameters: Mapping[str, Any] | Vector | None = None) -> None:
+        self.model = model
+        if isinstance(parameters, np.ndarray):
+            self.p = np.array(parameters, dtype=np.float64)
+            model.parameters.unpack(self.p)
+        else:
+            self.p = model.parameters.pack(parameters or {})
+        self.x = np.zeros(model.state.size)
+        self._u = np.zeros(model.inputs.size)
+        self._y = np.zeros(model.outputs.size)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The state by row name (copies)."""
+        return self.model.state.unpack(self.x.copy())
+
+    def start(self) -> None:
+        """Go to the start state that the parameters give."""
+        raise NotImplementedError
+
+    def step(self, name: str, inputs: Mapping[str, Any] | Vector | None = None) -> None:
+        """Run one step function, whatever its condition; inputs by name or flat, those of the call before if None."""
+        if name not in self.model.steps:
+            raise InputError(f"model {self.model.id!r} has no step {name!r}{nearest(name, self.model.steps)}")
+        self._set_inputs(inputs)
+        self._step(name)
+
+    def advance(self, inputs: Mapping[str, Any] | Vector | None = None) -> None:
+        """Run the schedule once."""
+        self._set_inputs(inputs)
+        self._advance()
+
+    def run(self, n: int, inputs: Vector | None = None, every: int = 1) -> Vector:
+        """Advance n times; the outputs after each `every` advances (0: none).
+
+        inputs: (n, inputs.size), a row an advance, or (inputs.size,) held; those of the call before if None.
+        Returns an array of shape (n // every, outputs.size).
+        """
+        raise NotImplementedError
+
+    def output(self) -> Vector:
+        """The outputs of the present state (a fresh vector)."""
+        self._output()
+        return self._y.copy()
+
+    def outputs(self) -> dict[str, Any]:
+        """The outputs by row name."""
+        return self.model.outputs.unpack(self.output())
+
+    def _step(self, name: str) -> None:
+        raise NotImplementedError
+
+    def _advance(self) -> None:
+        raise NotImplementedError
+
+    def _output(self) -> None:
+        raise NotImplementedError
+
+    def _set_inputs(self, inputs: Mapping[str, Any] | Vector | None) -> None:
+        if isinstance(inputs, np.ndarray):
+            self._u[:] = check_inputs(inputs, (self.model.inputs.size,))
+        elif inputs is not None:
+            self._u[:] = self.model.inputs.pack(inputs, base=self._u)
+
+
+class InterpreterRunner(Runner):
+    """CasADi's virtual machine: needs no compiler."""
+
+    backend = "interpreter"
+
+    def __init__(self, model: Model, parameters: Mapping[str, Any] | Vector | None = None) -> None:
+        super().__init__(model, parameters)
+        self._steps: dict[str, tuple[Callable[[], None], Vector, list[tuple[Vector, Vector]]]] = {}
+        for name, step in model.steps.items():
+            kernel, r = model.kernels[name], np.zeros(step.uniforms)
+            changed, done, pieces = np.zeros(kernel.function.size1_out(0)), 0, []
+            for span in kernel.spans:
+                length = span.stop - span.start
+                pieces.append((self.x[span], changed[done : done + length]))
+                done += length
+            call = _prepared(kernel.function, (self.p, self.x, self._u, r), changed)
+            self._steps[name] = (call, r, pieces)
+        self._output = _prepared(model.kernels["output"].function, (self.p, self.x), self._y)  # type: ignore[method-assign]
+        self._schedule = [(name, None if step.when is None else self._x_or_u(step.when)) for name, step in model.steps.items()]
+        self._noise: dict[str, tuple[int, Vector]] = {}
+        self.start()
+
+    def start(self) -> None:
+        r = noise.uniforms(self._seed, 0, noise.START_STREAM, self.model.start_uniforms)
+        self.x[:] = np.asarray(self.model.kernels["start"].function(self.p, r)).ravel()
+        self._noise.clear()
+
+    def run(self, n: int, inputs: Vector | None = None, every: int = 1) -> Vector:
+        rows = check_inputs(inputs, (n, self._u.size)) if inputs is not None else self._u
+        outputs = np.empty((n // every if every else 0, self._y.size))
+        for k in range(n):
+            if rows.ndim == 2:
+                self._u[:] = rows[k]
+            elif k == 0:
+                self._u[:] = rows
+            self._advance()
+            if every and (k + 1) % every == 0:
+                self._output()
+                outputs[k // every] = self._y
+        return outputs
+
+    def _x_or_u(self, name: str) -> Vector:
+        """A view of the one element that a condition looks at."""
+        if name in self.model.state:
+            return self.x[self.model.state.slice(name)]
+        return self._u[self.model.inputs.slice(name)]
+
+    def _advance(self) -> None:
+        for name, condition in self._schedule:
+            if condition is None or condition[0] != 0:
+                self._step(name)
+
+    def _step(self, name: str) -> None:
+        call, r, pieces = self._steps[name]
+        if r.size:
+            self._draw(name, r)
+        call()
+        for place, changed in pieces:
+            place[:] = changed
+
+    @property
+    def _seed(self) -> float:
+        return float(self.p[self.model.parameters.slice("seed")][0]) if self.model.is_random else 0.0
+
+    def _draw(self, name: str, r: Vector) -> None:
+        """Fill in the step's uniforms; they are computed for many steps ahead, being a function of the step's number."""
+        now = int(self.x[self.model.state.slice("step")][0])
+        first, block = self._noise.get(name, (0, np.zeros((0, 0))))
+        if not first <= now < first + len(block):
+            first, stream = now, list(self.model.steps).index(name)
+            block = noise.uniforms(self._seed, now + np.arange(256), stream, r.size)
+            self._noise[name] = (first, block)
+        r[:] = block[now - first]
+
+
+class NativeRunner(Runner):
+    """Generated C, compiled once and cached."""
+
+    backend = "native"
+
+    def __init__(self, model: Model, parameters: Mapping[str, Any] | Vector | None = None) -> None:
+        super().__init__(model, parameters)
+        path = native_library(model)
+        self._library = load(path)
+        # single calls are shorter than giving up the GIL would take
+        quick = ctypes.PyDLL(path)
+        places = (ctypes.c_void_p * 4)(*(pointer(a) for a in (self.p, self.x, self._u, self._y)))
+        at = ctypes.c_void_p(ctypes.addressof(places))
+        self._kept = places
+        self._advance = functools.partial(quick.insenv_advance_at, at)  # type: ignore[method-assign]
+        self._output = functools.partial(quick.insenv_output_at, at)  # type: ignore[method-assign]
+        self._steps = {name: functools.partial(quick.insenv_step_at, at, k) for k, name in enumerate(model.steps)}
+        self.start()
+
+    def start(self) -> None:
+        self._library.insenv_start(1, pointer(self.p), pointer(self.x))
+
+    def run(self, n: int, inputs: Vector | None = None, every: int = 1) -> Vector:
+        rows = np.ascontiguousarray(check_inputs(inputs, (n, self._u.size)) if inputs is not None else self._u)
+        outputs = np.empty((n // every if every else 0, self._y.size))
+        stride = rows.shape[1] if rows.ndim == 2 else 0
+        self._library.insenv_run(1, pointer(self.p), pointer(self.x), pointer(rows), stride, 0, pointer(outputs), every, n)
+        if n:
+            self._u[:] = rows[-1] if rows.ndim == 2 else rows
+        return outputs
+
+    def _step(self, name: str) -> None:
+        self._steps[name]()
+
+
+def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
+    """`inputs` as float64 of `shape`, or of its last axis alone (held); raises `InputError` if not so or not finite."""
+    array = np.asarray(inputs, dtype=np.float64)
+    if array.shape not in (shape, shape[-1:]):
+        raise InputError(f"inputs of shape {array.shape}: allowed is {shape} or {shape[-1:]}")
+    if not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise InputError(f"inputs{place} = {array[tuple(place)]}: allowed is a finite number")
+    return array
+
+
+@functools.lru_cache(maxsize=64)
+def _native_library(model: _ByIdentity) -> str:
+    compiler = find_compiler("c")
+    if compiler is None:
+        raise CompileError("no C compiler found")
+    return str(compile_library(native_source(model.value), compiler))
+
+
+class _ByIdentity:
+    """Hash key for a model: the object itself (its tables may hold arrays)."""
+
+    def __init__(self, value: Model) -> None:
+        self.value = value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByIdentity) and other.value is self.value
+
+
+def native_library(model: Model) -> str:
+    """Path of the compiled library of a model (compiled at the first call in the process, or taken from the cache)."""
+    return _native_library(_ByIdentity(model))
+
+
+@functools.cache
+def load(path: str) -> ctypes.CDLL:
+    """The library with the driver's functions declared; calls release the GIL."""
+    library = ctypes.CDLL(path)
+    address, whole = ctypes.c_void_p, ctypes.c_int64
+    library.insenv_run.argtypes = [whole, address, address, address, whole, whole, address, whole, whole]
+    library.insenv_start.argtypes = [whole, address, address]
+    library.insenv_output.argtypes = [whole, address, address, address]
+    for name in ("insenv_run", "insenv_start", "insenv_output"):
+        getattr(library, name).restype = None
+    return library
+
+
+def pointer(array: Vector) -> int:
+    """Address of an array's first element."""
+    return array.ctypes.data
+
+
+def _prepared(function: Any, arguments: tuple[Vector, ...], result: Vector) -> Callable[[], None]:
+    """A call of a CasADi function on fixed buffers (no conversion, no allocation)."""
+    buffer, trigger = function.buffer()
+    for i, array in enumerate(arguments):
+        buffer.set_arg(i, memoryview(array))  # type: ignore[arg-type]
+    buffer.set_res(0, memoryview(result))  # type: ignore[arg-type]
+
+    # the buffer object must live as long as the call
+    def call(trigger: Callable[[], None] = trigger, owner: Any = (buffer, arguments, result)) -> None:
+        trigger()
+
+    return call

@@ -1,0 +1,172 @@
+"""Tables: the named, dimensioned rows that a model's parameters, state, inputs and outputs are made of.
+
+A table is the only description of a vector of numbers in insenv.  The same rows name the symbols of the equations, lay out the
+flat float64 vector of the generated code, check a user's values, label a result file and become the variables of an FMU.
+
+Layout: the rows stand one after the other in the order given; a matrix row is stored row by row (C order), as NumPy reads it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.errors import InputError, nearest
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One named quantity of a table.
+
+    Parameters
+    ----------
+    name: the field's standard name, with direction and frame (``velocity_n``, ``q_nb``).
+    meaning: one line, a full sentence without its full stop.
+    unit: SI unit (``"m/s"``, ``"rad"``), ``"1"`` for a pure number.
+    shape: ``()`` scalar, ``(n,)`` vector, ``(r, c)`` matrix.
+    frame: the frame that the components refer to (``"n"``, ``"b"``, ...), or empty.
+    start: start value, a number (for every element) or a nested sequence of the row's shape.
+    lower, upper: bounds that every element must keep, inclusive.
+    """
+
+    name: str
+    meaning: str
+    unit: str = "1"
+    shape: tuple[int, ...] = ()
+    frame: str = ""
+    start: Any = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return math.prod(self.shape)
+
+    def flat_start(self) -> Vector:
+        """Start value as a flat vector of `size` elements."""
+        return np.array(np.broadcast_to(np.asarray(self.start, dtype=np.float64), self.shape)).ravel()
+
+    def check(self, value: Vector) -> None:
+        """Raise `InputError` if an element is not finite or lies outside the bounds."""
+        bad = ~np.isfinite(value) | (value < self.lower) | (value > self.upper)
+        if bad.any():
+            place = "" if self.size == 1 else f"[{int(np.argmax(bad))}]"
+            shown = float(value[np.argmax(bad)])
+            raise InputError(
+                f"{self.name}{place} = {shown:g} {self.unit_text}: allowed is a finite number "
+                f"from {self.lower:g} to {self.upper:g} {self.unit_text} ({self.meaning})"
+            )
+
+    @property
+    def unit_text(self) -> str:
+        """The unit as printed: empty for a pure number."""
+        return "" if self.unit == "1" else self.unit
+
+
+@dataclass(frozen=True)
+class Table:
+    """An ordered set of rows and the layout of their flat vector."""
+
+    rows: tuple[Row, ...] = ()
+    _slices: dict[str, slice] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        slices: dict[str, slice] = {}
+        position = 0
+        for row in self.rows:
+            if row.name in slices:
+                raise ValueError(f"table has two rows named {row.name!r}")
+            slices[row.name] = slice(position, position + row.size)
+            position += row.size
+        object.__setattr__(self, "_slices", slices)
+
+    def __iter__(self) -> Iterator[Row]:
+        return iter(self.rows)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._slices
+
+    def __getitem__(self, name: str) -> Row:
+        self.slice(name)
+        return next(row for row in self.rows if row.name == name)
+
+    def __add__(self, other: Table) -> Table:
+        return Table(self.rows + other.rows)
+
+    @property
+    def size(self) -> int:
+        """Length of the flat vector."""
+        return sum(row.size for row in self.rows)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The rows' names, in order."""
+        return tuple(self._slices)
+
+    def slice(self, name: str) -> slice:
+        """Where row `name` lies in the flat vector."""
+        try:
+            return self._slices[name]
+        except KeyError:
+            raise InputError(f"no row named {name!r}{nearest(name, self.names)}") from None
+
+    def start_vector(self) -> Vector:
+        """The start values as one flat vector."""
+        return np.concatenate([row.flat_start() for row in self.rows] or [np.zeros(0)])
+
+    def pack(self, values: Mapping[str, Any], base: Vector | None = None) -> Vector:
+        """Flat vector with `values` by name laid over `base` (the start values if not given), each checked.
+
+        Raises `InputError` for an unknown name, a wrong shape, a non-finite element or one out of bounds.
+        """
+        vector = self.start_vector() if base is None else np.array(base, dtype=np.float64)
+        for name, value in values.items():
+            part, row = self.slice(name), self[name]
+            try:
+                array = np.asarray(value, dtype=np.float64)
+                array = array if array.shape == row.shape else np.broadcast_to(array, row.shape)
+            except (TypeError, ValueError):
+                raise InputError(f"{name} = {value!r}: allowed is a number or an array of shape {row.shape}") from None
+            row.check(array.ravel())
+            vector[part] = array.ravel()
+        return vector
+
+    def unpack(self, vector: Vector) -> dict[str, Any]:
+        """Values by name from a flat vector (or from an array of them: the last axis is the flat one)."""
+        vector = np.asarray(vector)
+        if vector.shape[-1] != self.size:
+            raise InputError(f"vector of length {vector.shape[-1]}: this table has {self.size} elements")
+        return {row.name: vector[..., self._slices[row.name]].reshape(vector.shape[:-1] + row.shape) for row in self.rows}
+
+    def symbols(self, flat: Any) -> SimpleNamespace:
+        """CasADi symbols by name, cut from the flat symbol vector: scalars, columns, or matrices."""
+        names = {}
+        for row in self.rows:
+            part = flat[self._slices[row.name]]
+            # CasADi stores by columns: read the row-major block transposed
+            names[row.name] = part.reshape((row.shape[1], row.shape[0])).T if len(row.shape) == 2 else part
+        return SimpleNamespace(**names)
+
+    def assemble(self, values: Mapping[str, Any]) -> Any:
+        """Flat CasADi vector from expressions by name.  Raises `ValueError` for an unknown or missing row or a wrong shape."""
+        import casadi as ca
+
+        if set(values) != set(self.names):
+            raise ValueError(f"rows {sorted(set(values) ^ set(self.names))} are unknown or missing")
+        parts = []
+        for row in self.rows:
+            value = ca.SX(values[row.name])
+            shape = (row.shape + (1, 1))[:2]
+            if value.shape != shape:
+                raise ValueError(f"row {row.name!r} has shape {row.shape}, not {value.shape}")
+            parts.append(ca.vec(value.T) if len(row.shape) == 2 else value)
+        return ca.vertcat(*parts) if parts else ca.SX(0, 1)

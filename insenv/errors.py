@@ -1,0 +1,25 @@
+"""The errors that insenv raises for what a caller can mend, with messages made for reading.
+
+Every message names the thing, the value it had and what is allowed.  At the command line they end the program with one line.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class InsenvError(Exception):
+    """Base of all errors raised on purpose: the work could not be done (exit status 1 at the command line)."""
+
+
+class InputError(InsenvError, ValueError):
+    """The call was wrong: a value, name or file that is not allowed (exit status 2 at the command line)."""
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """Tail of a message about an unknown `name`: the nearest allowed name, and all of them."""
+    allowed = list(allowed)
+    close = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
+    guess = f"; did you mean {close[0]!r}?" if close else ""
+    return f"{guess} (allowed: {', '.join(allowed) or 'none'})"

@@ -1,0 +1,357 @@
+"""`loosely-coupled`: strapdown navigation aided by GNSS positions and velocities, a 15-state Kalman filter with full feedback.
+
+Source: the airborne-navigation paper's GPS/SINS filter (15 states, first-order Gauss-Markov drift and bias), with the
+wander-azimuth mechanization of `insenv.estimators.strapdown` and the psi-angle error model of `insenv.estimators.error_model`.
+
+A GNSS fix is fused at its own time.  It comes with its age: the time from its validity to the end of the last inertial
+sample, which need not be a whole number of samples.  The antenna's place and velocity at that time follow from the present
+state and the present specific force, with the sensitivities that belong to them, so the fix may lie between two samples or
+be late by some tenths of a second.
+
+The mechanization runs at every sample, the covariance when `covariance_interval` has passed or a measurement comes: in
+between the integrals of specific force and attitude are kept, so nothing of the motion is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude, geodesy
+from insenv.attitude import skew
+from insenv.core import symmetric
+from insenv.core.elementary import select
+from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
+from insenv.estimators import strapdown
+from insenv.estimators.error_model import (
+    ACCEL,
+    GYRO,
+    POSITION,
+    TILT,
+    VELOCITY,
+    Interval,
+    N,
+    innovation_variance,
+    measure,
+    propagate,
+    transition,
+)
+from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.registry import Estimator, Knowledge
+
+_DEG = math.pi / 180
+GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
+
+PARAMETERS = strapdown.START + Table(
+    (
+        Row(
+            "position_sigma",
+            "Standard deviation of the start position, north, east, down",
+            "m",
+            (3,),
+            "n",
+            10.0,
+            lower=0,
+            upper=1e12,
+        ),
+        Row("velocity_sigma", "Standard deviation of the start velocity", "m/s", (3,), "n", 1.0, lower=0, upper=1e12),
+        Row("tilt_sigma", "Standard deviation of the start roll and pitch", "rad", start=1 * _DEG, lower=0, upper=1e12),
+        Row("heading_sigma", "Standard deviation of the start heading", "rad", start=5 * _DEG, lower=0, upper=1e12),
+        Row("start_gyro_bias", "Gyro bias at the start", "rad/s", (3,), "b", lower=-1, upper=1),
+        Row("start_accel_bias", "Accelerometer bias at the start", "m/s^2", (3,), "b", lower=-100, upper=100),
+        Row(
+            "gyro_bias_sigma",
+            "Standard deviation of the gyro bias, at the start and of its drift",
+            "rad/s",
+            start=1e-6,
+            lower=0,
+            upper=1e12,
+        ),
+        Row(
+            "accel_bias_sigma",
+            "Standard deviation of the accelerometer bias, as above",
+            "m/s^2",
+            start=1e-2,
+            lower=0,
+            upper=1e12,
+        ),
+        Row("gyro_correlation_time", "Correlation time of the gyro bias", "s", start=3600.0, lower=1e-3, upper=1e12),
+        Row("accel_correlation_time", "Correlation time of the accelerometer bias", "s", start=3600.0, lower=1e-3, upper=1e12),
+        Row("angle_random_walk", "White noise density of the gyros", "rad/s^0.5", start=1e-5, lower=0, upper=1e12),
+        Row("velocity_random_walk", "White noise density of the accelerometers", "m/s^1.5", start=1e-3, lower=0, upper=1e12),
+        Row("antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),
+        Row("covariance_interval", "Longest stretch between propagations of the covariance", "s", start=0.02, lower=0, upper=1),
+        Row(
+            "innovation_gate",
+            "Innovations beyond so many standard deviations are not used; 0: all are",
+            "1",
+            lower=0,
+            upper=1e12,
+        ),
+        Row(
+            "standing_sigma",
+            "Standard deviation of the velocity when said to be standing",
+            "m/s",
+            start=0.02,
+            lower=1e-9,
+            upper=1e3,
+        ),
+    )
+)
+
+INPUTS = SAMPLE_INPUTS + Table(
+    (
+        Row("gnss_valid", "1 when a fix has come with this sample", lower=0, upper=1),
+        Row("gnss_age", "Time from the fix's validity to the end of this sample", "s", lower=-1.0, upper=10.0),
+        Row("gnss_latitude", "Latitude of the antenna", "rad", lower=-math.pi / 2, upper=math.pi / 2),
+        Row("gnss_longitude", "Longitude of the antenna", "rad", lower=-2 * math.pi, upper=2 * math.pi),
+        Row("gnss_height", "Height of the antenna", "m", lower=-12e3, upper=1e6),
+        Row("gnss_position_sigma", "Standard deviation of the position", "m", (3,), "n", 1.0, lower=1e-6, upper=1e9),
+        Row("gnss_velocity_valid", "1 when the fix has a velocity", lower=0, upper=1),
+        Row("gnss_velocity_n", "Velocity of the antenna", "m/s", (3,), "n"),
+        Row("gnss_velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n", 1.0, lower=1e-6, upper=1e9),
+        Row("standing", "1 when the vehicle is known to stand", lower=0, upper=1),
+    )
+)
+
+STATE = strapdown.STATE + Table(
+    (
+        Row("gyro_bias", "Estimated gyro bias", "rad/s", (3,), "b"),
+        Row("accel_bias", "Estimated accelerometer bias", "m/s^2", (3,), "b"),
+        Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
+        Row("dt", "Interval of the last sample", "s", start=1.0),
+        Row("stretch", "Time since the covariance was propagated", "s"),
+        Row("stretch_velocity_w", "Integral of the specific force over that time", "m/s", (3,), "w"),
+        Row("stretch_C_wb", "Integral of the attitude matrix over that time", "s", (3, 3), "w"),
+        Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
+        Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
+        Row("covariance_due", "1 when the covariance is to be propagated"),
+        Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
+        Row("innovation", "Innovation of the last fix: position, then velocity", "m, m/s", (6,), "n"),
+        Row("test_ratio", "Innovation over its standard deviation, likewise", "1", (6,), "n"),
+        Row("rejected", "Scalar measurements not used because of the gate", "1"),
+    )
+)
+
+OUTPUTS = strapdown.OUTPUTS + Table(
+    (
+        Row("gyro_bias", "Estimated gyro bias", "rad/s", (3,), "b"),
+        Row("accel_bias", "Estimated accelerometer bias", "m/s^2", (3,), "b"),
+        Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
+        Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),
+        Row("attitude_sigma", "Standard deviation of the misalignment about north, east, down", "rad", (3,), "n"),
+        Row("innovation", "Innovation of the last fix: position, then velocity", "m, m/s", (6,), "n"),
+        Row("test_ratio", "Innovation over its standard deviation, likewise", "1", (6,), "n"),
+    )
+)
+
+
+def start(p: Any) -> dict[str, Any]:
+    """The start as given; w is NED there, so the covariance needs no turning."""
+    sigma = ca.vertcat(
+        p.position_sigma,
+        p.velocity_sigma,
+        p.tilt_sigma,
+        p.tilt_sigma,
+        p.heading_sigma,
+        ca.repmat(p.gyro_bias_sigma, 3, 1),
+        ca.repmat(p.accel_bias_sigma, 3, 1),
+    )
+    return {
+        **strapdown.start_state(p),
+        "gyro_bias": p.start_gyro_bias,
+        "accel_bias": p.start_accel_bias,
+        "covariance": symmetric.triangle(ca.diag(sigma * sigma)),
+    }
+
+
+def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One inertial sample: mechanization with the estimated biases taken off."""
+    delta_angle = u.delta_angle - x.gyro_bias * u.dt
+    delta_velocity = u.delta_velocity - x.accel_bias * u.dt
+    moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
+    stretch = x.stretch + u.dt
+    due = ca.logic_or(stretch + u.dt / 2 > p.covariance_interval, ca.logic_or(u.gnss_valid, u.standing))
+    return {
+        **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+        "dt": u.dt,
+        "stretch": stretch,
+        "stretch_velocity_w": x.stretch_velocity_w + moved.specific_force_w * u.dt,
+        "stretch_C_wb": x.stretch_C_wb + moved.C_wb * u.dt,
+        "omega_ie_w": moved.omega_ie_w,
+        "omega_ew_w": moved.omega_ew_w,
+        "covariance_due": select(due, 1.0, 0.0),
+        "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+    }
+
+
+def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """The covariance over the stretch of samples since the last time."""
+    interval = Interval(x.stretch, x.stretch_velocity_w, x.stretch_C_wb, x.omega_ie_w, x.omega_ew_w)
+    A = transition(interval, GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
+    noise = ca.vertcat(
+        ca.SX.zeros(3),
+        ca.repmat(p.velocity_random_walk**2, 3, 1),
+        ca.repmat(p.angle_random_walk**2, 3, 1),
+        ca.repmat(2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time, 3, 1),
+        ca.repmat(2 * p.accel_bias_sigma**2 / p.accel_correlation_time, 3, 1),
+    )
+    return {
+        "covariance": propagate(x.covariance, A, noise * x.stretch),
+        "stretch": 0,
+        "stretch_velocity_w": ca.SX.zeros(3),
+        "stretch_C_wb": ca.SX.zeros(3, 3),
+    }
+
+
+def predicted_fix(p: Any, x: Any, age: Any) -> tuple[Any, Any, Any, Any]:
+    """What an antenna would have shown `age` ago, and its sensitivities.
+
+    Returns (offset_w, velocity_w, H_position, H_velocity): the antenna's place relative to the present one of the inertial unit
+    (m, w), its velocity (m/s, w), and the derivatives (3x15) of the two with respect to the error state.
+    """
+    C_wb = attitude.to_dcm(x.q_wb)
+    force = x.acceleration_w  # of the vehicle; gravity's part does not tilt with psi
+    specific_force = x.acceleration_w - ca.vertcat(0, 0, geodesy.normal_gravity(-_down(x), x.height))
+    rate_b = x.previous_delta_angle / x.dt
+    arm = p.antenna_lever_arm
+    arm_then = arm - age * ca.cross(rate_b, arm)  # the arm as it stood `age` ago, in present b components
+    swing = ca.cross(rate_b, arm)
+    offset = -x.velocity_w * age + force * (age**2 / 2) + C_wb @ arm_then
+    velocity = x.velocity_w - force * age + C_wb @ swing
+    H_position, H_velocity = ca.SX(3, N), ca.SX(3, N)
+    H_position[:, POSITION] = ca.SX.eye(3)
+    H_position[:, VELOCITY] = -age * ca.SX.eye(3)
+    H_position[:, TILT] = skew(C_wb @ arm_then) + skew(specific_force) * (age**2 / 2)
+    H_position[:, GYRO] = age * (C_wb @ skew(arm))
+    H_position[:, ACCEL] = C_wb * (age**2 / 2)
+    H_velocity[:, VELOCITY] = ca.SX.eye(3)
+    H_velocity[:, TILT] = skew(C_wb @ swing) - skew(specific_force) * age
+    H_velocity[:, GYRO] = -(C_wb @ skew(arm))
+    H_velocity[:, ACCEL] = -C_wb * age
+    return offset, velocity, H_position, H_velocity
+
+
+def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One fix: position, and velocity if it has one, component by component in n, gated, with feedback."""
+    offset, velocity, H_position, H_velocity = predicted_fix(p, x, u.gnss_age)
+    C_nw = strapdown.C_nw(x.q_ew)
+    latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
+    measured = geodesy.ned_offset(u.gnss_latitude, u.gnss_longitude, u.gnss_height, latitude, longitude, x.height)
+    innovation = ca.vertcat(C_nw @ offset - measured, C_nw @ velocity - u.gnss_velocity_n)
+    H = ca.vertcat(C_nw @ H_position, C_nw @ H_velocity)
+    variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
+    present = ca.vertcat(1, 1, 1, *[u.gnss_velocity_valid] * 3)
+
+    stored, correction = x.covariance, ca.SX.zeros(N)
+    ratios, rejected = [], x.rejected
+    for i in range(6):
+        left = innovation[i] - H[i, :] @ correction
+        ratio = left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
+        beyond = ca.logic_and(p.innovation_gate > 0, ca.fabs(ratio) > p.innovation_gate)
+        accept = present[i] * select(beyond, 0.0, 1.0)
+        stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
+        ratios.append(ratio * present[i])
+        rejected = rejected + present[i] * select(beyond, 1.0, 0.0)
+    return {
+        **corrected(x, correction),
+        "covariance": stored,
+        "innovation": innovation * present,
+        "test_ratio": ca.vertcat(*ratios),
+        "rejected": rejected,
+    }
+
+
+def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """The vehicle is known to stand: its velocity is zero within `standing_sigma`."""
+    stored, correction = x.covariance, ca.SX.zeros(N)
+    for i in range(3):
+        H = ca.SX(1, N)
+        H[0, VELOCITY.start + i] = 1
+        stored, correction = measure(stored, correction, H, x.velocity_w[i], p.standing_sigma**2, 1)
+    return {**corrected(x, correction), "covariance": stored}
+
+
+def corrected(x: Any, correction: Any) -> dict[str, Any]:
+    """State rows with an estimated error state (15) taken out."""
+    dr, dv, psi = correction[POSITION], correction[VELOCITY], correction[TILT]
+    # moving the position turns the computed frame by -theta; the platform is then referred to the new one
+    theta = geodesy.transport_rate_w(dr, x.q_ew, x.height)
+    return {
+        "q_wb": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(psi + theta), x.q_wb)),
+        "velocity_w": x.velocity_w - dv,
+        "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
+        "height": x.height + dr[2],
+        "gyro_bias": x.gyro_bias + correction[GYRO],
+        "accel_bias": x.accel_bias + correction[ACCEL],
+    }
+
+
+def output(p: Any, x: Any) -> dict[str, Any]:
+    """Navigation in n, and standard deviations; psi stands for the misalignment (they differ by position error / R)."""
+    C_nw = strapdown.C_nw(x.q_ew)
+    P = symmetric.full(x.covariance, N)
+
+    def sigma(part: slice) -> Any:
+        return ca.sqrt(ca.diag(C_nw @ P[part, part] @ C_nw.T))
+
+    return {
+        **strapdown.navigation_outputs(x),
+        "gyro_bias": x.gyro_bias,
+        "accel_bias": x.accel_bias,
+        "position_sigma": sigma(POSITION),
+        "velocity_sigma": sigma(VELOCITY),
+        "attitude_sigma": sigma(TILT),
+        "innovation": x.innovation,
+        "test_ratio": x.test_ratio,
+    }
+
+
+def _down(x: Any) -> Any:
+    """Component of the Earth's axis along Down: minus the sine of the latitude."""
+    return geodesy.earth_rate_w(x.q_ew)[2] / geodesy.OMEGA_IE
+
+
+MODEL = Model(
+    id="loosely-coupled",
+    title="GNSS/INS, 15 states, position and velocity of GNSS loosely coupled",
+    parameters=PARAMETERS,
+    state=STATE,
+    inputs=INPUTS,
+    outputs=OUTPUTS,
+    steps={
+        "sample": Step(sample),
+        "covariance": Step(covariance, when="covariance_due"),
+        "gnss": Step(gnss, when="gnss_valid"),
+        "zero_velocity": Step(zero_velocity, when="standing"),
+    },
+    output=output,
+    start=start,
+)
+
+
+def prepare(known: Knowledge) -> dict[str, Any]:
+    """Parameters from what is known."""
+    sensors = known.sensors
+    return {
+        **strapdown.start_parameters(known),
+        "position_sigma": known.position_sigma,
+        "velocity_sigma": known.velocity_sigma,
+        "tilt_sigma": known.tilt_sigma,
+        "heading_sigma": known.heading_sigma,
+        "start_gyro_bias": known.gyro_bias,
+        "start_accel_bias": known.accel_bias,
+        "gyro_bias_sigma": sensors.gyro_bias_sigma,
+        "accel_bias_sigma": sensors.accel_bias_sigma,
+        "gyro_correlation_time": sensors.gyro_correlation_time,
+        "accel_correlation_time": sensors.accel_correlation_time,
+        "angle_random_walk": sensors.angle_random_walk,
+        "velocity_random_walk": sensors.velocity_random_walk,
+        "antenna_lever_arm": known.antenna_lever_arm,
+    }
+
+
+ESTIMATOR = Estimator(MODEL, kind="navigation", aided=True, prepare=prepare)

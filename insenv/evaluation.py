@@ -1,0 +1,147 @@
+"""Estimates against the truth (or a reference): errors, their statistics, and what is reported of a run.
+
+The names of the error channels are fixed: `CHANNELS`.  Angles in degrees, wrapped; positions in metres north, east and down
+of the truth; velocities in m/s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude, geodesy
+
+Array = NDArray[np.float64]
+
+ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
+POSITION = ("north_m", "east_m", "down_m")
+VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
+CHANNELS = ATTITUDE + POSITION + VELOCITY
+
+
+@dataclass(frozen=True)
+class Track:
+    """A motion at sampled times.
+
+    time (n,) s; q_nb (n, 4); velocity_n (n, 3) m/s; latitude, longitude (n,) rad, height (n,) m: None where not known.
+    """
+
+    time: Array
+    q_nb: Array | None = None
+    velocity_n: Array | None = None
+    latitude: Array | None = None
+    longitude: Array | None = None
+    height: Array | None = None
+
+    def euler_deg(self) -> Array:
+        """Roll, pitch, heading (n, 3), degrees."""
+        if self.q_nb is None:
+            raise ValueError("this track has no attitude")
+        return np.degrees(np.stack(attitude.numeric.to_euler(self.q_nb), axis=-1))
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one estimator did on one run.
+
+    time (n,) s: when outputs were recorded.  outputs: the estimator's outputs there, by row name.
+    errors: (n,) by channel.  sigma: standard deviations that the estimator states, (n,) by channel, where it does.
+    limit: theoretical 1-sigma error at the end of the run, by channel, where there is one.
+    from_s: statistics are taken from this time on.
+    us_per_sample: processor time of the estimator for one inertial sample, microseconds.
+    """
+
+    estimator: str
+    time: Array
+    outputs: dict[str, Array]
+    errors: dict[str, Array]
+    sigma: dict[str, Array]
+    limit: dict[str, float]
+    from_s: float
+    us_per_sample: float
+    notes: tuple[str, ...] = ()
+
+    def statistics(self) -> dict[str, dict[str, float]]:
+        """{"final", "rms", "max"}: by channel, over the times from `from_s` on (the largest magnitude for max)."""
+        late = self.time >= self.from_s - 1e-9
+        return {
+            "final": {name: float(e[-1]) for name, e in self.errors.items()},
+            "rms": {name: float(np.sqrt(np.mean(e[late] ** 2))) for name, e in self.errors.items()},
+            "max": {name: float(np.max(np.abs(e[late]))) for name, e in self.errors.items()},
+        }
+
+
+@dataclass(frozen=True)
+class Report:
+    """A whole run or replay: what was run, the truth (or reference) at the recorded times, and each estimator's result."""
+
+    scenario: str
+    title: str
+    seed: int | None
+    duration_s: float
+    imu_samples: int
+    truth: Track
+    results: tuple[Result, ...]
+    notes: tuple[str, ...] = ()
+    published: tuple[tuple[str, dict[str, float]], ...] = field(default=())
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "duration_s": self.duration_s,
+            "imu_samples": self.imu_samples,
+            "results": [
+                {
+                    "estimator": r.estimator,
+                    **r.statistics(),
+                    "limit": r.limit,
+                    "us_per_sample": r.us_per_sample,
+                    "statistics_from_s": r.from_s,
+                    "notes": list(r.notes),
+                }
+                for r in self.results
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def errors(estimate: Track, truth: Track) -> dict[str, Array]:
+    """Errors (estimate minus truth) by channel, for what both tracks have at the same times."""
+    found: dict[str, Array] = {}
+    if estimate.q_nb is not None and truth.q_nb is not None:
+        found.update(zip(ATTITUDE, _wrapped(estimate.euler_deg() - truth.euler_deg()).T, strict=True))
+    if estimate.latitude is not None and truth.latitude is not None:
+        places = [(t.latitude, t.longitude, t.height) for t in (estimate, truth)]
+        found.update(zip(POSITION, geodesy.numeric.ned_offset(*places[0], *places[1]).T, strict=True))
+    if estimate.velocity_n is not None and truth.velocity_n is not None:
+        found.update(zip(VELOCITY, (estimate.velocity_n - truth.velocity_n).T, strict=True))
+    return found
+
+
+def stated_sigma(outputs: dict[str, Array]) -> dict[str, Array]:
+    """Standard deviations by channel from an estimator's outputs `attitude_sigma` (rad about n), `position_sigma`,
+    `velocity_sigma`.
+
+    Misalignments about north and east are turned by the heading into roll and pitch (attitudes near vertical excepted).
+    """
+    found: dict[str, Array] = {}
+    if "attitude_sigma" in outputs:
+        heading = attitude.numeric.to_euler(outputs["q_nb"])[2]
+        north, east, down = np.degrees(outputs["attitude_sigma"]).T
+        c, s = np.cos(heading) ** 2, np.sin(heading) ** 2
+        found.update(
+            zip(ATTITUDE, (np.sqrt(north**2 * c + east**2 * s), np.sqrt(north**2 * s + east**2 * c), down), strict=True)
+        )
+    for names, row in ((POSITION, "position_sigma"), (VELOCITY, "velocity_sigma")):
+        if row in outputs:
+            found.update(zip(names, outputs[row].T, strict=True))
+    return found
+
+
+def _wrapped(angle_deg: Array) -> Array:
+    return (angle_deg + 180.0) % 360.0 - 180.0

@@ -1,0 +1,69 @@
+"""The Earth over CasADi symbols; ``geodesy.numeric`` holds the same functions over NumPy arrays.
+
+n = north-east-down, e = Earth-centred Earth-fixed, w = wander azimuth. Latitude, longitude and wander angle
+in radians, heights above the WGS-84 ellipsoid and positions in metres.
+"""
+
+from insenv.geodesy import numeric
+from insenv.geodesy.frames import (
+    C_en,
+    C_ew,
+    earth_rate_n,
+    earth_rate_w,
+    geodetic_from_q_ew,
+    q_ew_from_geodetic,
+    transport_rate_about_axis,
+    transport_rate_n,
+    transport_rate_w,
+)
+from insenv.geodesy.position import (
+    ecef_to_geodetic,
+    geodetic_from_ned_offset,
+    geodetic_to_ecef,
+    ned_offset,
+)
+from insenv.geodesy.wgs84 import (
+    E2,
+    GAMMA_EQUATOR,
+    GAMMA_POLE,
+    GM,
+    OMEGA_IE,
+    SOMIGLIANA,
+    A,
+    B,
+    F,
+    M,
+    normal_gravity,
+    normal_gravity_paper,
+    radii,
+)
+
+__all__ = [
+    "E2",
+    "GAMMA_EQUATOR",
+    "GAMMA_POLE",
+    "GM",
+    "OMEGA_IE",
+    "SOMIGLIANA",
+    "A",
+    "B",
+    "C_en",
+    "C_ew",
+    "F",
+    "M",
+    "earth_rate_n",
+    "earth_rate_w",
+    "ecef_to_geodetic",
+    "geodetic_from_ned_offset",
+    "geodetic_from_q_ew",
+    "geodetic_to_ecef",
+    "ned_offset",
+    "normal_gravity",
+    "normal_gravity_paper",
+    "numeric",
+    "q_ew_from_geodetic",
+    "radii",
+    "transport_rate_about_axis",
+    "transport_rate_n",
+    "transport_rate_w",
+]

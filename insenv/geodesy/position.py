@@ -1,0 +1,118 @@
+"""Positions: geodetic, Earth-centred, and metres from a reference point without loss of digits."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from insenv.core.elementary import Scalar, atan2, sin_cos, wrap_angle
+from insenv.geodesy.wgs84 import E2, A, B, F, radii
+
+_BOWRING_ITERATIONS = 2
+_OFFSET_ITERATIONS = 3
+
+
+def geodetic_to_ecef(latitude: Scalar, longitude: Scalar, height: Scalar) -> ca.SX:
+    """r_e (3x1, m). Groves 2013, eq. (2.112)."""
+    (s, c), (sl, cl) = sin_cos(latitude), sin_cos(longitude)
+    R_N = radii(s)[1]
+    p = (R_N + height) * c
+    return ca.vertcat(p * cl, p * sl, ((1.0 - E2) * R_N + height) * s)
+
+
+def ecef_to_geodetic(r_e: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Latitude, longitude in [-pi, pi] (0 at the poles) and height of r_e (3x1, m), from -10 km up.
+
+    Bowring's iteration (1976, "Transformation from spatial to geographical coordinates") on the direction
+    (cos, sin) of the reduced latitude rather than its tangent, so the poles are points like others. Three
+    rounds reach rounding up to 1000 km.
+    """
+    x, y, z = r_e[0], r_e[1], r_e[2]
+    p = ca.sqrt(x * x + y * y)
+    along, across = _unit(p * (1.0 - F), z)  # reduced latitude of a point on the ellipsoid; close for others
+    for _ in range(_BOWRING_ITERATIONS):
+        c, s = _unit(p - E2 * A * along * along * along, z + E2 / (1.0 - E2) * B * across * across * across)
+        along, across = _unit(c, (1.0 - F) * s)
+    R_N = radii(s)[1]
+    height = (p - R_N * c) * c + (z - (1.0 - E2) * R_N * s) * s
+    return atan2(s, c), atan2(y, x), height
+
+
+def _unit(x: Scalar, y: Scalar) -> tuple[Scalar, Scalar]:
+    length = ca.sqrt(x * x + y * y)
+    return x / length, y / length
+
+
+def _meridian_offset(
+    s0: Scalar, c0: Scalar, height0: Scalar, delta_latitude: Scalar, delta_height: Scalar
+) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Change of (distance from the axis, z) (m) on a meridian, free of cancellation; sine and cosine there.
+
+    From the latitude whose sine and cosine are s0, c0. Differences of sines and cosines are products with the
+    sine of half the difference, and that of R_N follows from
+    R_N - R_N0 = a e^2 (s^2 - s0^2) / (W W0 (W + W0)) with W = sqrt(1 - e^2 s^2) = a / R_N.
+    """
+    sin_half, cos_half = sin_cos(0.5 * delta_latitude)
+    delta_s = 2.0 * sin_half * (c0 * cos_half - s0 * sin_half)
+    delta_c = -2.0 * sin_half * (s0 * cos_half + c0 * sin_half)
+    s, c = s0 + delta_s, c0 + delta_c
+    R_N, R_N0 = radii(s)[1], radii(s0)[1]
+    delta_R_N = E2 / (A * A) * delta_s * (s + s0) * (R_N * R_N) * (R_N0 * R_N0) / (R_N + R_N0)
+    delta_p = (delta_R_N + delta_height) * c + (R_N0 + height0) * delta_c
+    delta_z = ((1.0 - E2) * delta_R_N + delta_height) * s + ((1.0 - E2) * R_N0 + height0) * delta_s
+    return delta_p, delta_z, s, c
+
+
+def ned_offset(
+    latitude: Scalar,
+    longitude: Scalar,
+    height: Scalar,
+    latitude0: Scalar,
+    longitude0: Scalar,
+    height0: Scalar,
+) -> ca.SX:
+    """C_en(latitude0, longitude0)^T (r_e - r_e0) (3x1, m): a position in the tangent frame of a reference.
+
+    Exact at any distance; near the reference it resolves what latitude and longitude themselves do (1e-9 m),
+    where the difference of two ECEF positions has lost 1e-9 m in each. The longitude's difference is taken
+    the short way round.
+    """
+    s0, c0 = sin_cos(latitude0)
+    delta_p, delta_z, _, _ = _meridian_offset(s0, c0, height0, latitude - latitude0, height - height0)
+    p = (radii(s0)[1] + height0) * c0 + delta_p
+    sin_half, cos_half = sin_cos(0.5 * wrap_angle(longitude - longitude0))
+    outward = delta_p - 2.0 * p * sin_half * sin_half  # along the reference's meridian, away from the axis
+    return ca.vertcat(
+        c0 * delta_z - s0 * outward,
+        2.0 * p * sin_half * cos_half,
+        -(c0 * outward + s0 * delta_z),
+    )
+
+
+def geodetic_from_ned_offset(
+    offset: ca.SX, latitude0: Scalar, longitude0: Scalar, height0: Scalar
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Latitude, longitude (rad), height (m) of a position (3x1, m) in a reference's frame; undoes ned_offset.
+
+    For offsets up to 100 km (error below 1e-9 m), over a pole or the date line too. The longitude is closed;
+    in the meridian's plane Newton's iteration on the local normal and radius of curvature converges
+    quadratically.
+    """
+    north, east, down = offset[0], offset[1], offset[2]
+    s0, c0 = sin_cos(latitude0)
+    p0 = (radii(s0)[1] + height0) * c0
+    outward = -s0 * north - c0 * down
+    # the distance p from the axis, as a difference: p^2 - p0^2 = 2 p0 outward + outward^2 + east^2
+    p = ca.sqrt((p0 + outward) * (p0 + outward) + east * east)
+    sum_p = p + p0
+    delta_p = (outward * (2.0 * p0 + outward) + east * east) / (sum_p + (sum_p == 0.0))
+    delta_z = c0 * north - s0 * down
+
+    s, c, delta_latitude, delta_height, rest_p, rest_z = s0, c0, 0.0, 0.0, delta_p, delta_z
+    for _ in range(_OFFSET_ITERATIONS):
+        radius = radii(s)[0] + height0 + delta_height
+        delta_latitude = delta_latitude + (c * rest_z - s * rest_p) / radius
+        delta_height = delta_height + (c * rest_p + s * rest_z)
+        reached_p, reached_z, s, c = _meridian_offset(s0, c0, height0, delta_latitude, delta_height)
+        rest_p, rest_z = delta_p - reached_p, delta_z - reached_z
+    longitude = wrap_angle(longitude0 + atan2(east, p0 + outward))
+    return latitude0 + delta_latitude, longitude, height0 + delta_height

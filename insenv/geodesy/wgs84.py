@@ -1,0 +1,59 @@
+"""The WGS-84 ellipsoid and its normal gravity. Constants: NIMA TR8350.2 (2000), tables 3.1, 3.3 and 3.4."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from insenv.core.elementary import Scalar
+
+A = 6378137.0
+"""Semi-major axis, m."""
+F = 1.0 / 298.257223563
+"""Flattening."""
+B = A * (1.0 - F)
+"""Semi-minor axis, m."""
+E2 = F * (2.0 - F)
+"""First eccentricity squared."""
+OMEGA_IE = 7.292115e-5
+"""Rotation rate of the Earth, rad/s."""
+GM = 3.986004418e14
+"""Gravitational constant of the Earth and its atmosphere, m^3/s^2."""
+GAMMA_EQUATOR = 9.7803253359
+"""Normal gravity on the ellipsoid at the equator, m/s^2."""
+GAMMA_POLE = 9.8321849378
+"""Normal gravity on the ellipsoid at the poles, m/s^2."""
+SOMIGLIANA = B * GAMMA_POLE / (A * GAMMA_EQUATOR) - 1.0
+"""k of Somigliana's formula."""
+M = OMEGA_IE * OMEGA_IE * A * A * B / GM
+"""m = omega^2 a^2 b / GM, about the ratio of centrifugal to gravitational acceleration at the equator."""
+
+
+def radii(sin_latitude: Scalar) -> tuple[Scalar, Scalar]:
+    """Radii of curvature (m) of the meridian and the prime vertical. Groves 2013, eqs. (2.105), (2.106)."""
+    square = 1.0 - E2 * sin_latitude * sin_latitude
+    R_N = A / ca.sqrt(square)
+    return R_N * (1.0 - E2) / square, R_N
+
+
+def normal_gravity(sin_latitude: Scalar, height: Scalar) -> Scalar:
+    """Magnitude of normal gravity (m/s^2) at a height (m) above the ellipsoid, centrifugal part included.
+
+    Somigliana's formula, closed on the ellipsoid, with the second-order height term: NIMA TR8350.2, eqs.
+    (4-1), (4-3); Heiskanen and Moritz 1967, eqs. (2-78), (2-123). Against the gradient of
+    the closed ellipsoidal potential: 6e-11 m/s^2 at height 0, 1.0e-7 at 1 km, 7e-7 at 10 km, 4.6e-6 at 30 km.
+    """
+    square = sin_latitude * sin_latitude
+    at_surface = GAMMA_EQUATOR * (1.0 + SOMIGLIANA * square) / ca.sqrt(1.0 - E2 * square)
+    relative = height / A
+    slope = 2.0 * (1.0 + F + M) - 4.0 * F * square
+    return at_surface * (1.0 - relative * (slope - 3.0 * relative))
+
+
+def normal_gravity_paper(sin_latitude: Scalar, height: Scalar) -> Scalar:
+    """The paper's formula (5) for gravity (m/s^2), a series in sin^2(latitude), linear in height (m).
+
+    As printed, digit for digit. Its 0.00527094 seems to be 0.00527904, of the series of 1980, with two digits
+    exchanged: against normal_gravity it is 8e-5 m/s^2 low at the poles and right at the equator.
+    """
+    square = sin_latitude * sin_latitude
+    return 9.7803267714 * (1.0 + 0.00527094 * square + 0.0000232718 * square * square) - 0.3086e-5 * height

@@ -1,0 +1,53 @@
+"""Theoretical limits of alignment: what the sensors' errors leave, whatever the method.
+
+Whatever the sensors add on average turns the felt vertical and east: no algorithm that knows only the place can tell it
+from attitude.  With the mean errors' components in n (biases turn with the body),
+
+    tilt about east = b_aN / g,  tilt about north = -b_aE / g,  heading = -(b_aE / g) tan L - b_gE / (omega_ie cos L)
+
+(ECEF fine-alignment paper (42), swaying-base paper (15)).  White noise adds, over an observation time T, with angle random
+walk N and velocity random walk V,
+
+    tilt = 2 V / (g sqrt(T)),   heading = sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (omega_ie cos L)
+
+the best linear unbiased estimates of a drift from a Brownian path (N) and of a line's end and slope from white noise (V).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import geodesy
+from insenv.evaluation import ATTITUDE
+
+Array = NDArray[np.float64]
+
+
+def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: float, height: float) -> Array:
+    """Attitude errors about north, east, down (3, rad) that the sensors' mean errors in n leave (3, rad/s; 3, m/s^2).
+
+    latitude rad, height m.  The sign is that of the rotation vector of estimate times inverse truth, in n.
+    """
+    g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
+    north, east = accel_error_n[1] / g, -accel_error_n[0] / g
+    down = -north * np.tan(latitude) - gyro_error_n[1] / (geodesy.OMEGA_IE * np.cos(latitude))
+    return np.array([north, east, down])
+
+
+def noise_tilts(angle_random_walk: float, velocity_random_walk: float, latitude: float, height: float, time: float) -> Array:
+    """Standard deviations about north, east, down (3, rad) that white noise leaves after `time` seconds."""
+    g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
+    tilt = 2 * velocity_random_walk / (g * np.sqrt(time))
+    drift = angle_random_walk**2 / time + 12 * velocity_random_walk**2 / (g**2 * time**3)
+    return np.array([tilt, tilt, np.sqrt(drift) / (geodesy.OMEGA_IE * np.cos(latitude))])
+
+
+def alignment_limit(bias: Array, noise: Array, heading: float) -> dict[str, float]:
+    """Limit by channel, degrees: root sum square of the bias part and the noise part; `heading` (rad) turns tilts to roll,
+    pitch.
+    """
+    c, s = np.cos(heading), np.sin(heading)
+    # tilts about the forward and right axes of the level body
+    bias = np.array([c * bias[0] + s * bias[1], c * bias[1] - s * bias[0], bias[2]])
+    return dict(zip(ATTITUDE, np.degrees(np.hypot(bias, noise)).tolist(), strict=True))

@@ -1,0 +1,94 @@
+"""Units, sensor axes and angles of recorded logs: what a description may say and what it means in SI and body
+FRD."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665
+"""The unit `g` of a data sheet [m/s2]; not the local gravity."""
+
+GYRO_UNITS: dict[str, dict[str, float]] = {
+    "rate": {
+        "rad/s": 1.0,
+        "deg/s": math.pi / 180.0,
+        "rad/h": 1.0 / 3600.0,
+        "deg/h": math.pi / 180.0 / 3600.0,
+    },
+    "increment": {"rad": 1.0, "deg": math.pi / 180.0},
+}
+"""kind -> unit -> factor to rad/s (rates) or rad (increments)."""
+
+ACCEL_UNITS: dict[str, dict[str, float]] = {
+    "rate": {"m/s2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY * 1e-3},
+    "increment": {"m/s": 1.0},
+}
+"""kind -> unit -> factor to m/s2 (rates) or m/s (increments)."""
+
+TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+"""unit -> seconds."""
+
+ANGLE_UNITS: dict[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
+"""unit -> radians."""
+
+_LETTERS = {"F": (0, 1), "B": (0, -1), "R": (1, 1), "L": (1, -1), "D": (2, 1), "U": (2, -1)}
+
+
+def axes_matrix(axes: str | Sequence[Sequence[float]], *, reflection_allowed: bool = False) -> Array:
+    """The matrix C_bs (3, 3) that takes sensor components to body components: v_b = C_bs v_s, b = FRD.
+
+    Three ways to write the same thing, here for a sensor whose x looks forward, y left and z up:
+
+    - ``"FLU"``: where the sensor's x, y and z axes point (Forward/Back, Right/Left, Down/Up);
+    - ``"+x-y-z"``: body forward, right and down in terms of the sensor's axes;
+    - ``[[1, 0, 0], [0, -1, 0], [0, 0, -1]]``: C_bs itself, any rotation (a mounting matrix).
+
+    Raises ValueError when it is none of these, not orthonormal (1e-3), or left-handed where that is not
+    allowed.
+    """
+    matrix = _from_string(axes) if isinstance(axes, str) else _from_rows(axes)
+    if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3):
+        raise ValueError("the axes must be orthonormal (each body axis from one sensor axis, no scale): C C^T = I within 1e-3")
+    if np.linalg.det(matrix) < 0 and not reflection_allowed:
+        raise ValueError("the axes are left-handed (determinant -1): check the signs; a right-handed sensor has +1")
+    return matrix
+
+
+def _from_string(axes: str) -> Array:
+    text = axes.strip()
+    matrix = np.zeros((3, 3))
+    if len(text) == 3 and all(letter in _LETTERS for letter in text.upper()):
+        for sensor_axis, letter in enumerate(text.upper()):
+            body_axis, sign = _LETTERS[letter]
+            matrix[body_axis, sensor_axis] = float(sign)
+        return matrix
+    signed = text.lower()
+    if len(signed) == 6 and all(signed[i] in "+-" and signed[i + 1] in "xyz" for i in (0, 2, 4)):
+        for row in range(3):
+            matrix[row, "xyz".index(signed[2 * row + 1])] = 1.0 if signed[2 * row] == "+" else -1.0
+        return matrix
+    raise ValueError(
+        'must be three letters of F/B, R/L, D/U ("FRD", "FLU", "RFU": where the sensor\'s x, y, z point), '
+        'a signed permutation ("+x-y-z": body forward, right, down in sensor axes) or a 3x3 matrix C_bs'
+    )
+
+
+def _from_rows(rows: Sequence[Sequence[float]]) -> Array:
+    try:
+        matrix = np.array(rows, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+        raise ValueError("a mounting matrix must have three rows of three finite numbers")
+    return matrix
+
+
+def wrap(angle: Array) -> Array:
+    """Angles [rad] wrapped into [-pi, pi); any shape."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi

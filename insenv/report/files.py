@@ -1,0 +1,171 @@
+"""Result files: every array of a run with its unit, frame and meaning, a summary, the figure; all of them, or none.
+
+A file is written under a temporary name in its folder and renamed when all are complete, so that an interrupted run leaves nothing
+under a final name, and files of an earlier run stay as they were.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.tables import Row
+from insenv.errors import InputError, InsenvError
+from insenv.evaluation import Report, Result
+from insenv.report.document import document, to_json
+
+FORMAT = "insenv-results"
+VERSION = 1
+NO_MATPLOTLIB = "no figure: matplotlib is not installed; pip install 'insenv[plot]' gives it"
+_TRUTH = ("time", "q_nb", "velocity_n", "latitude", "longitude", "height")
+_UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
+
+
+@dataclass(frozen=True)
+class FilesWritten:
+    """paths: what was written, in the order npz, json, png, svg.  note: what was left out and why, or empty."""
+
+    paths: tuple[Path, ...]
+    note: str = ""
+
+
+class OutputFolder:
+    """A folder to be written into, tried before the long work: raises `InputError` at once if it cannot be.
+
+    It is created by the first file, so that work that fails leaves no empty folder behind.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        try:
+            present = next(p for p in (self.path.absolute(), *self.path.absolute().parents) if p.exists())
+            if not present.is_dir():
+                raise InputError(f"cannot write to the output folder {str(path)!r}: {str(present)!r} is not a folder")
+            with tempfile.TemporaryFile(dir=present):
+                pass
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"cannot write to the output folder {str(path)!r}: {reason}") from None
+
+    @contextmanager
+    def staged(self) -> Iterator[Callable[[str], Path]]:
+        """Give a function from a final name to the temporary path to write; rename all at the end, or remove all.
+
+        Raises `InsenvError` if the disk does not take them.
+        """
+        parts: dict[Path, Path] = {}
+
+        def part(name: str) -> Path:
+            handle, path = tempfile.mkstemp(prefix=f".{name}.", suffix=".part", dir=self.path)
+            parts[Path(path)] = self.path / name
+            os.close(handle)
+            return Path(path)
+
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            yield part
+            for final in parts.values():
+                if final.is_dir():
+                    raise InsenvError(f"cannot write {str(final)!r}: it is a folder")
+            mask = os.umask(0)
+            os.umask(mask)
+            for temporary in parts:
+                temporary.chmod(0o666 & ~mask)  # mkstemp gives them to their owner alone
+            for temporary, final in parts.items():
+                temporary.replace(final)
+        except OSError as error:
+            raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
+        finally:
+            for temporary in parts:
+                with contextlib.suppress(OSError):
+                    temporary.unlink()
+
+
+def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+    """Write NAME.npz, NAME.json and, if `figure` and matplotlib is there, NAME.png and NAME.svg; NAME is the scenario's.
+
+    Raises `InsenvError` if that fails; then none of them is new.
+    """
+    name = file_name(report.scenario)
+    drawn = figure and importlib.util.find_spec("matplotlib") is not None
+    names = [f"{name}.npz", f"{name}.json", *((f"{name}.png", f"{name}.svg") if drawn else ())]
+    paths = tuple(folder.path / n for n in names)
+    arrays, described = collect(report)
+    meta = {
+        "format": FORMAT,
+        "version": VERSION,
+        "title": report.title,
+        "run": document(report),
+        "arrays": described,
+    }
+    with folder.staged() as part:
+        with part(names[0]).open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, meta=np.array(to_json(meta, indent=None)), **arrays)
+        text = to_json(document(report, [str(path) for path in paths])) + "\n"
+        part(names[1]).write_text(text, encoding="ascii")
+        if drawn:
+            from insenv.report.figures import draw, save
+
+            save(draw(report), {kind: part(f"{name}.{kind}") for kind in ("png", "svg")})
+    return FilesWritten(paths, NO_MATPLOTLIB if figure and not drawn else "")
+
+
+def file_name(scenario: str) -> str:
+    """The scenario's name as a file name that every system takes."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", scenario).strip("-.") or "run"
+
+
+def collect(report: Report) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
+    """All arrays of a report by key, and what each is: {"unit", "frame", "shape", "meaning"} by key."""
+    arrays: dict[str, NDArray[Any]] = {}
+    described: dict[str, dict[str, Any]] = {}
+
+    def add(key: str, array: NDArray[Any], unit: str, frame: str, meaning: str) -> None:
+        arrays[key] = np.asarray(array)
+        described[key] = {"unit": unit, "frame": frame, "shape": list(arrays[key].shape), "meaning": meaning}
+
+    rows = _truth_rows()
+    for name in _TRUTH:
+        value = getattr(report.truth, name)
+        if value is not None:
+            add(f"truth/{name}", value, rows[name].unit, rows[name].frame, rows[name].meaning)
+    for result in report.results:
+        prefix = result.estimator
+        outputs = _output_rows(result)
+        add(f"{prefix}/time", result.time, "s", "", "Times of the estimator's outputs, errors and sigmas")
+        for name, value in result.outputs.items():
+            row = outputs.get(name)
+            known = (row.unit, row.frame, row.meaning) if row else ("", "", "")
+            add(f"{prefix}/outputs/{name}", value, *known)
+        for kind, series, meaning in (
+            ("errors", result.errors, "Error, estimate minus truth"),
+            ("sigma", result.sigma, "Standard deviation that the estimator states"),
+        ):
+            for channel, value in series.items():
+                frame = "" if channel.endswith("_deg") else "n"
+                add(f"{prefix}/{kind}/{channel}", value, _UNITS[channel.rpartition("_")[2]], frame, meaning)
+    return arrays, described
+
+
+def _truth_rows() -> dict[str, Row]:
+    from insenv.vehicles import TRUTH_STATE
+
+    return {"time": Row("time", "Time since the start", "s"), **{row.name: row for row in TRUTH_STATE}}
+
+
+def _output_rows(result: Result) -> dict[str, Row]:
+    from insenv import estimators
+
+    known = estimators.registered()
+    return {row.name: row for row in known[result.estimator].model.outputs} if result.estimator in known else {}

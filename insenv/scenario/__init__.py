@@ -1,0 +1,23 @@
+"""Scenarios: a TOML file, checked, and the plant and the start knowledge made of it.
+
+    plant = build(load("ship-swaying"), seed=1)
+    runner = make_runner(plant.model, plant.parameters)
+"""
+
+from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build
+from insenv.scenario.description import Scenario
+from insenv.scenario.files import json_schema, load, names, parse, summaries
+from insenv.scenario.tuning import tuning
+
+__all__ = [
+    "KNOWLEDGE_STREAM",
+    "Plant",
+    "Scenario",
+    "build",
+    "json_schema",
+    "load",
+    "names",
+    "parse",
+    "summaries",
+    "tuning",
+]

@@ -1,0 +1,180 @@
+"""From a scenario to what runs: the plant's model and parameters, and what the estimators are told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from math import radians
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from insenv import attitude, geodesy
+from insenv.core import noise
+from insenv.core.model import Model
+from insenv.core.tables import Vector
+from insenv.errors import InputError
+from insenv.estimators.registry import Knowledge
+from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
+from insenv.scenario.imu import sensor_notes
+from insenv.scenario.legs import Structure
+from insenv.scenario.tuning import tuning
+from insenv.scenario.vehicles import make_vehicle
+from insenv.simulation import plant_model
+
+KNOWLEDGE_STREAM = 0xFFFFFFFE
+"""Stream of the start errors drawn: one uniform each for roll, pitch, heading, position and velocity N, E, D, at
+step 0 of the run's seed; the plant's own streams are other ones, so these draws change nothing else."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A scenario ready to run.
+
+    model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: advances to make.
+    knowledge: what the estimators are told.  in_place: the vehicle stays where it is, within metres.
+    has_gnss: the plant has a receiver.  estimator_tuning: parameter rows, SI, by estimator id.
+    """
+
+    scenario: Scenario
+    model: Model
+    parameters: dict[str, Any]
+    sample_interval: float
+    samples: int
+    duration_s: float
+    seed: int
+    knowledge: Knowledge
+    in_place: bool
+    has_gnss: bool
+    estimator_tuning: dict[str, dict[str, Any]]
+
+
+def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None) -> Plant:
+    """The plant of a scenario; `seed` and `duration_s` in place of the scenario's own.  Raises `InputError`."""
+    seed, duration = _run(scenario, seed, duration_s)
+    interval = 1.0 / scenario.rate_hz
+    model, parameters = plant_of(scenario)
+    parameters = {**parameters, "seed": float(seed)}
+    vector = model.parameters.pack(parameters)
+    return Plant(
+        scenario=scenario,
+        model=model,
+        parameters=parameters,
+        sample_interval=interval,
+        samples=round(duration * scenario.rate_hz),
+        duration_s=duration,
+        seed=seed,
+        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, seed),
+        in_place=scenario.vehicle.in_place,
+        has_gnss=scenario.gnss is not None,
+        estimator_tuning={name: tuning(name, table) for name, table in scenario.estimator.items()},
+    )
+
+
+def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
+    """The plant's model and its parameter rows, SI, but for the seed.  Raises `InputError` for what does not go together."""
+    interval, start = 1.0 / scenario.rate_hz, scenario.start
+    model = _model(scenario.vehicle.structure(), scenario.gnss is not None)
+    rows = {
+        "sample_interval": interval,
+        "start_latitude": radians(start.latitude_deg),
+        "start_longitude": radians(start.longitude_deg),
+        "start_height": start.height_m,
+        "start_heading": radians(start.heading_deg),
+        "mean_roll": radians(start.roll_deg),
+        "mean_pitch": radians(start.pitch_deg),
+        **scenario.vehicle.rows(start),
+        **scenario.imu.rows(scenario.rate_hz),
+    }
+    if scenario.gnss is not None:
+        rows |= scenario.gnss.rows(interval)
+    _check_speed_of_sinusoids(rows, interval)
+    model.parameters.pack(rows)
+    return model, rows
+
+
+@lru_cache(maxsize=64)
+def _model(structure: Structure, gnss: bool) -> Model:
+    return plant_model(make_vehicle(structure), gnss)
+
+
+def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tuple[int, float]:
+    """Seed and duration of a run, checked."""
+    seed = scenario.seed if seed is None else seed
+    duration = scenario.duration_s if duration_s is None else duration_s
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MAX_SEED:
+        raise InputError(f"seed = {seed!r}: allowed is a whole number from 0 to 2^53")
+    if not 0.0 < duration <= MAX_DURATION_S or round(duration * scenario.rate_hz) < 1:
+        least = 1.0 / scenario.rate_hz
+        raise InputError(f"duration_s = {duration:g} s: allowed is from one sample, {least:g} s, to {MAX_DURATION_S:g} s")
+    return int(seed), float(duration)
+
+
+def _check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
+    """Raise `InputError` for sinusoids too fast for the samples: two a period at least, and small turns in a sample."""
+    turned = 0.0
+    for name, value in rows.items():
+        if not name.endswith("_angular_frequency"):
+            continue
+        frequency = np.asarray(value) / (2.0 * np.pi)
+        if np.any(frequency * interval > 0.5):
+            raise InputError(
+                f"vehicle: a sinusoid of {np.max(frequency):g} Hz in {name.removesuffix('_angular_frequency')}: allowed is up to "
+                f"half of rate_hz, {0.5 / interval:g} Hz"
+            )
+        prefix = name.removesuffix("_angular_frequency")
+        for row in (prefix, *(f"{prefix}_{angle}" for angle in ("roll", "pitch", "yaw"))):
+            if prefix in ("north", "east", "down"):
+                continue
+            turned += float(np.sum(np.asarray(rows.get(f"{row}_amplitude", 0.0)) * np.asarray(value))) * interval / 2.0
+    if turned > 0.25:
+        raise InputError(f"vehicle: turns by up to {2 * turned:.2g} rad in a sample: allowed is 0.5 rad; use a higher rate_hz")
+
+
+def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
+    """State rows at time 0."""
+    drawn = noise.uniforms(seed, 0, noise.START_STREAM, model.start_uniforms)
+    return model.state.unpack(np.asarray(model.kernels["start"].function(vector, drawn)).ravel())
+
+
+def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], seed: int) -> Knowledge:
+    told = scenario.knowledge
+    error = _errors(told, seed)
+    roll, pitch, heading = np.array(attitude.numeric.to_euler(true["q_nb"])) + error[0:3]
+    latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
+        error[3:6], true["latitude"], true["longitude"], true["height"]
+    )
+    return Knowledge(
+        latitude=float(latitude),
+        longitude=float(longitude),
+        height=float(height),
+        sample_interval=1.0 / scenario.rate_hz,
+        velocity_n=true["velocity_n"] + error[6:9],
+        roll=float(roll),
+        pitch=float(pitch),
+        heading=float(heading),
+        position_sigma=np.array(told.position_sigma_m),
+        velocity_sigma=np.array(told.velocity_sigma_mps),
+        tilt_sigma=radians(told.tilt_sigma_deg),
+        heading_sigma=radians(told.heading_sigma_deg),
+        antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
+        sensors=sensor_notes(dict(parameters), scenario.vehicle.in_place),
+    )
+
+
+def _errors(told: KnowledgeSection, seed: int) -> Vector:
+    """Errors told less true: roll, pitch, heading (rad), position N, E, D (m), velocity N, E, D (m/s)."""
+    uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
+    normals = np.array([NormalDist().inv_cdf(u) for u in uniforms]) * told.draw_errors
+    tilt = radians(told.tilt_sigma_deg)
+    sigma = np.array([tilt, tilt, radians(told.heading_sigma_deg), *told.position_sigma_m, *told.velocity_sigma_mps])
+    errors = sigma * normals
+    for place, given in enumerate((told.roll_error_deg, told.pitch_error_deg, told.heading_error_deg)):
+        errors[place] = errors[place] if given is None else radians(given)
+    if told.position_error_m is not None:
+        errors[3:6] = told.position_error_m
+    if told.velocity_error_mps is not None:
+        errors[6:9] = told.velocity_error_mps
+    return errors

@@ -1,0 +1,74 @@
+"""Scenario files: by name from insenv's own folder or by path; listing; schema for editors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from insenv.errors import InputError, nearest
+from insenv.estimators import registry
+from insenv.resources import scenario_folder
+from insenv.scenario.build import plant_of
+from insenv.scenario.description import Scenario
+from insenv.scenario.tuning import tuning
+from insenv.toml_files import read_toml, validated
+
+
+def names() -> list[str]:
+    """Names of the scenarios that insenv ships."""
+    return sorted(path.stem for path in scenario_folder().glob("*.toml"))
+
+
+def load(name_or_path: str | Path) -> Scenario:
+    """The scenario of a name that insenv ships, or of a path to a file that ends in ``.toml``.
+
+    Raises `InputError`: unknown name, unreadable file, wrong key or value, things that do not go together.
+    """
+    text = str(name_or_path)
+    if isinstance(name_or_path, str) and not text.endswith(".toml"):
+        known = names()
+        if text not in known:
+            raise InputError(f"no scenario {text!r}{nearest(text, known)}; or give the path of a .toml file")
+        path = scenario_folder() / f"{text}.toml"
+    else:
+        path = Path(name_or_path)
+    return parse(read_toml(path), str(path), path.stem)
+
+
+def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:
+    """The scenario of a dict of TOML values; `label` begins each line of an error.  Raises `InputError`."""
+    scenario = validated(Scenario, data, label)
+    scenario._name = name
+    try:
+        plant_of(scenario)
+        for id in scenario.estimators:
+            registry.get(id)
+        for id, table in scenario.estimator.items():
+            tuning(id, table)
+    except InputError as error:
+        raise InputError(f"{label}: {error}") from None
+    return scenario
+
+
+def summaries() -> list[dict[str, Any]]:
+    """One row a shipped scenario: name, title, vehicle, duration_s, rate_hz, gnss, estimators."""
+    rows = []
+    for name in names():
+        scenario = load(name)
+        rows.append(
+            {
+                "name": name,
+                "title": scenario.title,
+                "vehicle": scenario.vehicle.kind,
+                "duration_s": scenario.duration_s,
+                "rate_hz": scenario.rate_hz,
+                "gnss": scenario.gnss is not None,
+                "estimators": list(scenario.estimators),
+            }
+        )
+    return rows
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema of a scenario file, for editors (``scenarios/schema.json``)."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}

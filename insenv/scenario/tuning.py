@@ -1,0 +1,86 @@
+"""Tuning of an estimator from a table of keys in data-sheet units: the same for scenarios and for recorded logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError, nearest
+from insenv.estimators import registry
+from insenv.sensors import units
+
+_UNITS: dict[str, dict[str, Callable[[Any], Any]]] = {
+    "rad": {"deg": units.deg_to_rad, "arcsec": units.arcsec_to_rad},
+    "rad/s": {"deg_h": units.deg_h_to_rad_s, "deg_s": units.deg_to_rad},
+    "m/s^2": {"ug": units.ug_to_m_s2, "mgal": units.mgal_to_m_s2, "g": units.g_to_m_s2},
+    "rad/s^0.5": {"deg_sqrt_h": units.deg_sqrt_h_to_rad_sqrt_s},
+    "m/s^1.5": {
+        "ug_sqrt_hz": units.ug_sqrt_hz_to_m_s_sqrt_s,
+        "mps_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s,
+        "m_s_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s,
+    },
+    "m": {"m": np.asarray},
+    "s": {"s": np.asarray},
+    "m/s": {"mps": np.asarray},
+    "1": {"": np.asarray},
+}
+"""Endings of a key by the SI unit of the row it sets; a row of another unit is set in SI by its own name."""
+_SHORT = {
+    "arw": ("angle_random_walk",),
+    "vrw": ("velocity_random_walk",),
+    "gyro_bias": ("gyro_bias_sigma",),
+    "accel_bias": ("accel_bias_sigma",),
+    "correlation_time": ("gyro_correlation_time", "accel_correlation_time"),
+}
+"""Short names of rows, where the model has them."""
+_TOLD = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
+
+
+def tuning(estimator_id: str, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameter rows, SI, of the estimator from `table`, such as ``{"arw_deg_sqrt_h": 0.3, "innovation_gate": 5}``.
+
+    A key is the row's name (or `_SHORT`) and the unit of its value.  Raises `InputError` for an unknown estimator
+    or key, a value that is no number or list of the row's shape, or one out of its bounds.
+    """
+    parameters = registry.get(estimator_id).model.parameters
+    known = _keys(parameters)
+    rows: dict[str, Any] = {}
+    for key, value in table.items():
+        if key not in known:
+            raise InputError(f"estimator.{estimator_id!r}: no key {key!r}{nearest(key, sorted(known))}")
+        for row, convert in known[key]:
+            if row.name in rows:
+                raise InputError(f"estimator.{estimator_id!r}: {key} sets {row.name}, which another key has set already")
+            try:
+                number = convert(np.asarray(value, dtype=np.float64))
+            except (TypeError, ValueError, OverflowError):
+                raise InputError(f"estimator.{estimator_id!r}: {key} = {value!r}: allowed is a number{_list_of(row)}") from None
+            try:
+                parameters.pack({row.name: number})
+            except InputError as error:
+                raise InputError(f"estimator.{estimator_id!r}: {key} = {value!r}: in SI, {error}") from None
+            rows[row.name] = number
+    return rows
+
+
+def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
+    """The keys allowed: the rows that each sets and the conversion to SI.  What `Knowledge` tells cannot be set."""
+    keys: dict[str, list[tuple[Row, Callable[[Any], Any]]]] = {}
+    for row in parameters:
+        if not row.name.startswith("start_") and row.name not in _TOLD:
+            for ending, convert in _UNITS.get(row.unit, {"": np.asarray}).items():
+                for name in _names(row.name):
+                    keys.setdefault(f"{name}_{ending}".rstrip("_"), []).append((row, convert))
+    return keys
+
+
+def _names(name: str) -> Iterator[str]:
+    yield name
+    yield from (short for short, names in _SHORT.items() if name in names)
+
+
+def _list_of(row: Row) -> str:
+    return f", or a list of {row.size}" if row.shape else ""

@@ -1,0 +1,266 @@
+"""The grades by name.  What a source does not state is left out or marked in `sources`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from insenv.errors import InputError, nearest
+from insenv.sensors.grades import GnssGrade, ImuGrade
+from insenv.sensors.units import m_s2_to_ug, one_sigma_from_cep, one_sigma_from_r50
+
+_BIAS = "Groves 2013, table 4.1 (typical biases by grade)"
+_DEMO = "Groves 2013, the book's MATLAB software, {}-grade IMU of its demos"
+_RFU = "The paper's equal biases on right, forward, up, turned into forward, right, down"
+_NO_TIME = "insenv's choice: the data sheet has no correlation time"
+_TABLE = "a table of sensors in NAVIGATION, the journal of the ION"
+_ONE_HOUR = f"1 h by {_TABLE}: not specified by the manufacturer"
+_UPPER = "insenv's choice: the aviation grade's figure, an upper bound"
+_UNSTATED = "insenv's choice, the paper states none: " + _DEMO.format("aviation")
+
+
+def _quaternion(accel_white_ug: float) -> ImuGrade:
+    return ImuGrade(
+        "paper-quaternion" if accel_white_ug == 50.0 else f"paper-quaternion-{accel_white_ug:.0f}ug",
+        f"Unit of the quaternion adaptive Kalman paper, {accel_white_ug:.0f} ug of white noise",
+        {
+            "": "Quaternion adaptive Kalman paper, simulation; white noises are std of a 200 Hz sample",
+            "gyro_bias_deg_h": _RFU,
+            "accel_bias_ug": _RFU,
+        },
+        gyro_bias_deg_h=(0.01, 0.01, -0.01),
+        gyro_white_deg_h=0.01,
+        accel_bias_ug=(50.0, 50.0, -50.0),
+        accel_white_ug=accel_white_ug,
+    )
+
+
+_CONSUMER = ImuGrade(
+    "consumer",
+    "Uncalibrated consumer MEMS",
+    {
+        "": _DEMO.format("consumer") + ", rms of the matrices, rounded",
+        "gyro_bias_sigma_deg_h": "Same software, rms of 180, 260, 160 deg/h; table 4.1: over 100 deg/h",
+        "accel_bias_sigma_ug": "Same software, rms of 9, 13, 8 mg; table 4.1: over 3 mg",
+    },
+    gyro_bias_sigma_deg_h=200.0,
+    gyro_arw_deg_sqrt_h=1.0,
+    gyro_scale_factor_sigma_ppm=30000.0,
+    gyro_misalignment_sigma_urad=12000.0,
+    gyro_g_sensitivity_deg_h_g=110.0,
+    accel_bias_sigma_ug=10000.0,
+    accel_vrw_ug_sqrt_hz=1000.0,
+    accel_scale_factor_sigma_ppm=45000.0,
+    accel_misalignment_sigma_urad=11000.0,
+)
+_INDUSTRIAL = ImuGrade(
+    "industrial",
+    "Factory-calibrated industrial MEMS, typical of the Analog Devices ADIS16488",
+    {
+        "": "Analog Devices ADIS16488 data sheet, typical values",
+        "gyro_instability_time_s": _NO_TIME,
+        "accel_instability_time_s": _NO_TIME,
+    },
+    gyro_bias_sigma_deg_h=720.0,
+    gyro_arw_deg_sqrt_h=0.3,
+    gyro_instability_deg_h=6.25,
+    gyro_instability_time_s=300.0,
+    gyro_range_deg_s=450.0,
+    accel_bias_sigma_ug=16000.0,
+    accel_vrw_m_s_sqrt_h=0.029,
+    accel_instability_ug=100.0,
+    accel_instability_time_s=300.0,
+    accel_range_g=18.0,
+)
+_TACTICAL = ImuGrade(
+    "tactical",
+    "Tactical MEMS, typical of the Safran (Sensonor) STIM300 with 10 g accelerometers",
+    {
+        "": "STIM300 data sheet, as quoted in the documentation of IS4S NavToolkit (stim300_model)",
+        "gyro_bias_sigma_deg_h": f"STIM300 bias repeatability by {_TABLE}",
+        "gyro_instability_time_s": _ONE_HOUR,
+        "accel_instability_time_s": _ONE_HOUR,
+        "gyro_range_deg_s": "STIM300 data sheet, input range",
+        "accel_range_g": "STIM300 data sheet, input range of the 10 g accelerometers",
+    },
+    gyro_bias_sigma_deg_h=4.0,
+    gyro_arw_deg_sqrt_h=0.15,
+    gyro_instability_deg_h=0.5,
+    gyro_scale_factor_sigma_ppm=500.0,
+    gyro_misalignment_sigma_urad=1000.0,
+    gyro_g_sensitivity_deg_h_g=1.0,
+    gyro_range_deg_s=400.0,
+    accel_bias_sigma_ug=750.0,
+    accel_vrw_m_s_sqrt_h=0.06,
+    accel_instability_ug=50.0,
+    accel_scale_factor_sigma_ppm=300.0,
+    accel_misalignment_sigma_urad=1000.0,
+    accel_range_g=10.0,
+)
+_NAVIGATION = ImuGrade(
+    "navigation",
+    "Aviation inertial reference unit (one nautical mile per hour)",
+    {
+        "": _DEMO.format("aviation") + ", rms of the matrices, rounded",
+        "gyro_bias_sigma_deg_h": _BIAS + ": aviation 0.01 deg/h",
+        "accel_bias_sigma_ug": _BIAS + ": aviation 30 to 100 ug, here 50",
+    },
+    gyro_bias_sigma_deg_h=0.01,
+    gyro_arw_deg_sqrt_h=0.002,
+    gyro_scale_factor_sigma_ppm=7.0,
+    gyro_misalignment_sigma_urad=100.0,
+    accel_bias_sigma_ug=50.0,
+    accel_vrw_ug_sqrt_hz=20.0,
+    accel_scale_factor_sigma_ppm=100.0,
+    accel_misalignment_sigma_urad=90.0,
+)
+_MARINE = ImuGrade(
+    "marine",
+    "Ship's inertial navigator",
+    {
+        "": _BIAS + ": marine 0.001 deg/h, 10 ug",
+        "gyro_arw_deg_sqrt_h": _UPPER,
+        "accel_vrw_ug_sqrt_hz": _UPPER,
+        "gyro_scale_factor_sigma_ppm": "Groves 2013, section 4.4: ring laser 1 to 100 ppm, the low end",
+        "accel_scale_factor_sigma_ppm": "Groves 2013, section 4.4: 100 to 1000 ppm, the low end",
+    },
+    gyro_bias_sigma_deg_h=0.001,
+    gyro_arw_deg_sqrt_h=0.002,
+    gyro_scale_factor_sigma_ppm=1.0,
+    accel_bias_sigma_ug=10.0,
+    accel_vrw_ug_sqrt_hz=20.0,
+    accel_scale_factor_sigma_ppm=100.0,
+)
+_ECEF = ImuGrade(
+    "paper-ecef",
+    "Unit of the ECEF fine alignment paper, without noise (its table 1)",
+    {"": "ECEF fine alignment paper, simulation: 0.002 deg/h, 2e-4 m/s^2 on every axis"},
+    gyro_bias_deg_h=0.002,
+    accel_bias_ug=float(m_s2_to_ug(2e-4)),
+)
+_AIRBORNE = ImuGrade(
+    "paper-airborne",
+    "Unit of the airborne navigation paper",
+    {"": "Airborne navigation paper, flight test: 0.1 deg/h, 1e-3 g; read as 1 sigma of the turn-on bias"},
+    gyro_bias_sigma_deg_h=0.1,
+    accel_bias_sigma_ug=1000.0,
+)
+_SWAYING = ImuGrade(
+    "paper-swaying",
+    "Ring-laser unit of the swaying-base paper",
+    {
+        "": "Swaying-base alignment paper, tests: 0.008 deg/h, 5e-5 g; read as 1 sigma of the turn-on bias",
+        "gyro_arw_deg_sqrt_h": _UNSTATED,
+        "accel_vrw_ug_sqrt_hz": _UNSTATED,
+    },
+    gyro_bias_sigma_deg_h=0.008,
+    gyro_arw_deg_sqrt_h=0.002,
+    accel_bias_sigma_ug=50.0,
+    accel_vrw_ug_sqrt_hz=20.0,
+)
+_LSSVM = ImuGrade(
+    "paper-lssvm",
+    "Unit of the LS-SVM large misalignment paper",
+    {
+        "": "LS-SVM paper, simulation; random parts read as std of a 200 Hz sample",
+        "gyro_bias_deg_h": _RFU,
+        "accel_bias_ug": _RFU,
+    },
+    gyro_bias_deg_h=(0.05, 0.05, -0.05),
+    gyro_white_deg_h=0.05,
+    accel_bias_ug=(50.0, 50.0, -50.0),
+    accel_white_ug=50.0,
+)
+_LEADOR = ImuGrade(
+    "leador",
+    "Synthetic Leador-grade unit of KF-GINS",
+    {"": "KF-GINS, settings of its Leador data: 0.027 deg/h, 15 mGal (15.3 ug), 300 ppm, 4 h"},
+    gyro_arw_deg_sqrt_h=0.003,
+    gyro_instability_deg_h=0.027,
+    gyro_instability_time_s=14400.0,
+    gyro_scale_factor_sigma_ppm=300.0,
+    accel_vrw_m_s_sqrt_h=0.03,
+    accel_instability_ug=float(m_s2_to_ug(15e-5)),
+    accel_instability_time_s=14400.0,
+    accel_scale_factor_sigma_ppm=300.0,
+)
+_N380 = ImuGrade(
+    "n380",
+    "As the Honeywell HGuide n380 log is filtered: a tuning, larger than the unit's own errors",
+    {"": "Settings used with KF-GINS on the n380 log: 50 deg/h, 500 mGal (510 ug), 1 h"},
+    gyro_arw_deg_sqrt_h=0.3,
+    gyro_instability_deg_h=50.0,
+    accel_vrw_m_s_sqrt_h=0.1,
+    accel_instability_ug=float(m_s2_to_ug(500e-5)),
+)
+
+IMU_GRADES: dict[str, ImuGrade] = {
+    grade.name: grade
+    for grade in (
+        ImuGrade("perfect", "No errors at all"),
+        *(_CONSUMER, _INDUSTRIAL, _TACTICAL, _NAVIGATION, _MARINE),
+        *(_ECEF, _AIRBORNE, _SWAYING, *map(_quaternion, (50.0, 0.0, 100.0, 200.0)), _LSSVM),
+        *(_LEADOR, _N380),
+    )
+}
+"""IMU grades by name."""
+
+
+def _single_point(name: str, title: str, cep: float) -> GnssGrade:
+    """A receiver of this CEP (m): half of the variance white, half correlated."""
+    horizontal = one_sigma_from_cep(cep) / 2.0**0.5
+    # 95 % bounds: 13 m down, 1.960 sigma of one axis; 8 m horizontally, 2.448 sigma of each of two
+    down = horizontal * (13.0 / 1.960) / (8.0 / 2.448)
+    position, velocity = (horizontal, horizontal, down), one_sigma_from_r50(0.05)
+    source = (
+        f"Typical of u-blox M8, data sheet: {cep} m CEP, 0.05 m/s (50 %); down by the ratio of the 95 % "
+        "bounds of the GPS SPS Performance Standard 2020 (13 m, 8 m); insenv's choice: half of the variance "
+        "white, half correlated over 60 s"
+    )
+    return GnssGrade(name, title, source, position, (velocity, velocity, velocity), position, 60.0)
+
+
+_RTK = GnssGrade(
+    "rtk",
+    "Real-time kinematic, fixed ambiguities",
+    "Typical of u-blox ZED-F9P, data sheet: 0.01 m CEP horizontally, 0.01 m R50 vertically (+ 1 ppm of the "
+    "baseline, not modelled), 0.05 m/s (50 %)",
+    (one_sigma_from_cep(0.01), one_sigma_from_cep(0.01), one_sigma_from_r50(0.01)),
+    (one_sigma_from_r50(0.05),) * 3,
+)
+_CENTIMETRE = GnssGrade(
+    "centimetre",
+    "Post-processed carrier phase, as in the airborne paper",
+    "Airborne navigation paper: centimetre grade; insenv's choice: 1, 1, 2 cm, as the RTK (1-2 cm) of "
+    "KF-GINS's data, and 1 cm/s",
+    (0.01, 0.01, 0.02),
+    (0.01, 0.01, 0.01),
+)
+
+GNSS_GRADES: dict[str, GnssGrade] = {
+    grade.name: grade
+    for grade in (
+        GnssGrade("perfect", "No errors", "", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        _single_point("spp", "Single-point positioning", 2.5),
+        _single_point("sbas", "Single-point positioning with SBAS corrections", 2.0),
+        _RTK,
+        _CENTIMETRE,
+    )
+}
+"""GNSS grades by name."""
+
+
+def imu_grade(name: str) -> ImuGrade:
+    """The IMU grade of that name; raises `InputError` naming the nearest if there is none."""
+    return _find(name, IMU_GRADES, "IMU grade")
+
+
+def gnss_grade(name: str) -> GnssGrade:
+    """The GNSS grade of that name; raises `InputError` naming the nearest if there is none."""
+    return _find(name, GNSS_GRADES, "GNSS grade")
+
+
+def _find(name: str, grades: Mapping[str, Any], what: str) -> Any:
+    if name not in grades:
+        raise InputError(f"{what} {name!r}: unknown{nearest(name, grades)}")
+    return grades[name]

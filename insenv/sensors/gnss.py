@@ -1,0 +1,258 @@
+"""GNSS receiver: fixes of the antenna's position and velocity, at their own rate, late and noisy.
+
+At the epoch, `gnss_epoch_offset` = tau before the sample on which it is taken, from the truth at the IMU:
+
+    r_antenna = C_nb l
+    v_antenna = v + C_nb (omega_eb x l)
+    a_antenna = a + C_nb (omega_eb x (omega_eb x l))
+    offset    = r_antenna - v_antenna tau + a_antenna tau^2 / 2    (m, tangent plane at the IMU)
+    velocity  = v_antenna - a_antenna tau
+
+l is the lever arm.  To the position come white noise, a first-order Gauss-Markov error stepped exactly from
+epoch to epoch, and outliers; to the velocity, white noise.  The sum of offset and errors becomes geodetic
+exactly. The fix waits `gnss_latency` and is then delivered with its age.  A sample without a fix costs a
+counter.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv.attitude import rotate
+from insenv.core.compose import Part
+from insenv.core.elementary import TWO_PI, exp, maximum, select, sin_cos
+from insenv.core.model import Step, Values
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError
+from insenv.geodesy import geodetic_from_ned_offset
+from insenv.sensors.imu import normals
+from insenv.sensors.imu_tables import HUGE
+
+OUTAGES = 16
+"""Number of outage windows that the parameters hold."""
+GNSS_UNIFORMS = 13
+START_UNIFORMS = 4
+SIGMA_FLOOR = 1e-3
+"""Smallest standard deviation that the receiver reports, m and m/s: an estimator may always divide by it."""
+
+GNSS_PARAMETERS = Table(
+    (
+        Row(
+            "gnss_interval",
+            "Time between fixes, a whole number of samples; the first comes one interval after the start",
+            "s",
+            start=1.0,
+            lower=1e-4,
+            upper=HUGE,
+        ),
+        Row(
+            "gnss_latency",
+            "Time from the sample of the epoch to delivery, a whole number of samples, below the interval",
+            "s",
+            lower=0.0,
+            upper=3600.0,
+        ),
+        Row(
+            "gnss_epoch_offset",
+            "Time by which the epoch precedes the sample on which it is taken, below one sample",
+            "s",
+            lower=0.0,
+            upper=1.0,
+        ),
+        Row(
+            "antenna_lever_arm_b",
+            "Position of the antenna relative to the IMU",
+            "m",
+            (3,),
+            "b",
+            lower=-1e3,
+            upper=1e3,
+        ),
+        Row("gnss_position_noise", "White position noise, standard deviation", "m", (3,), "n", lower=0.0),
+        Row("gnss_velocity_noise", "White velocity noise, standard deviation", "m/s", (3,), "n", lower=0.0),
+        Row(
+            "gnss_wander_sigma",
+            "Correlated position error (Gauss-Markov), standard deviation",
+            "m",
+            (3,),
+            "n",
+            lower=0.0,
+        ),
+        Row(
+            "gnss_wander_time",
+            "Correlated position error (Gauss-Markov), correlation time",
+            "s",
+            start=60.0,
+            lower=1e-3,
+            upper=HUGE,
+        ),
+        Row("gnss_outlier_probability", "Probability that a position is an outlier", lower=0.0, upper=1.0),
+        Row("gnss_outlier_size", "Length of an outlier's displacement, in a random direction", "m", lower=0.0),
+        Row(
+            "gnss_has_velocity",
+            "1 if the receiver measures velocity, 0 if not",
+            start=1.0,
+            lower=0.0,
+            upper=1.0,
+        ),
+        Row("gnss_outage_start", "Outage windows: first epoch lost, time since the start", "s", (OUTAGES,)),
+        Row(
+            "gnss_outage_end",
+            "Outage windows: first epoch no longer lost; a window that ends as it starts is empty",
+            "s",
+            (OUTAGES,),
+        ),
+    )
+)
+
+_FIX = (
+    ("latitude", "Latitude of the antenna", "rad", (), ""),
+    ("longitude", "Longitude of the antenna", "rad", (), ""),
+    ("height", "Height of the antenna above the ellipsoid", "m", (), ""),
+    ("velocity_n", "Velocity of the antenna relative to the Earth", "m/s", (3,), "n"),
+)
+
+GNSS_STATE = Table(
+    (
+        Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
+        Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
+        *(Row(f"gnss_{name}", f"{what}, latest fix delivered", unit, shape, frame) for name, what, unit, shape, frame in _FIX),
+        Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n"),
+        Row(
+            "gnss_velocity_sigma",
+            "Standard deviation of velocity that the receiver reports",
+            "m/s",
+            (3,),
+            "n",
+        ),
+        Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
+        *(
+            Row(f"gnss_pending_{name}", f"{what}, latest epoch, not yet delivered", unit, shape, frame)
+            for name, what, unit, shape, frame in _FIX
+        ),
+        Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
+        Row("gnss_wander", "Correlated position error at the latest epoch", "m", (3,), "n"),
+        Row("gnss_epochs", "Number of epochs so far"),
+        Row("gnss_counter", "Samples since the latest epoch"),
+        Row("gnss_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
+    )
+)
+
+
+def gnss_part() -> Part:
+    """The receiver as a part of a plant.
+
+    Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``,
+    ``longitude`` (rad), ``height`` (m), ``velocity_n`` (m/s), ``acceleration_n`` (m/s^2, rate of change of
+    velocity_n), ``q_nb`` and ``rate_eb_b`` (rad/s). Steps: "sample", "gnss" (when ``gnss_due``, 13
+    uniforms), "gnss_delivery" (when ``gnss_valid``); the start takes 4.
+    """
+    return Part(
+        parameters=GNSS_PARAMETERS,
+        state=GNSS_STATE,
+        steps={
+            "sample": Step(_sample),
+            "gnss": Step(_measure, when="gnss_due", uniforms=GNSS_UNIFORMS),
+            "gnss_delivery": Step(_deliver, when="gnss_valid"),
+        },
+        start=_start,
+        start_uniforms=START_UNIFORMS,
+    )
+
+
+def check_timing(sample_interval: float, interval: float, latency: float, epoch_offset: float = 0.0) -> None:
+    """Raise `InputError` unless a receiver with these times (s) can run on samples of `sample_interval`
+    (s).
+
+    The interval and the latency must be whole numbers of samples (to 1e-6 of one), the latency shorter than
+    the interval, for one fix only can be on its way, and the epoch offset less than one sample.
+    """
+    for name, value, least in (("gnss_interval", interval, 1), ("gnss_latency", latency, 0)):
+        samples = value / sample_interval
+        if round(samples) < least or abs(samples - round(samples)) > 1e-6 * max(1.0, samples):
+            raise InputError(
+                f"{name} = {value:g} s: allowed is a whole number of samples of {sample_interval:g} s, {least} or more"
+            )
+    if latency > interval - 0.5 * sample_interval:
+        raise InputError(f"gnss_latency = {latency:g} s: allowed is less than gnss_interval = {interval:g} s")
+    if not 0.0 <= epoch_offset < sample_interval:
+        raise InputError(
+            f"gnss_epoch_offset = {epoch_offset:g} s: allowed is from 0 to less than one sample of {sample_interval:g} s"
+        )
+
+
+def _start(p: Values, r: Any) -> dict[str, Any]:
+    return {"gnss_wander": p.gnss_wander_sigma * normals(r)[0:3]}
+
+
+def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
+    """The counter: whether the fix on its way arrives, whether another is due."""
+    counter = x.gnss_counter + 1.0
+    late = counter * p.sample_interval - p.gnss_latency
+    arrives = ca.fabs(late) < 0.5 * p.sample_interval
+    return {
+        "gnss_counter": counter,
+        "gnss_due": (counter + 0.5) * p.sample_interval > p.gnss_interval,
+        "gnss_valid": arrives * x.gnss_pending,
+        "gnss_velocity_valid": 0.0,
+    }
+
+
+def _measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+    """The measurement at an epoch: antenna, errors, outages."""
+    n = normals(r[0:10])
+    tau = p.gnss_epoch_offset
+    rate = x.rate_eb_b
+    speed = ca.cross(rate, p.antenna_lever_arm_b)
+    velocity = x.velocity_n + rotate(x.q_nb, speed)
+    acceleration = x.acceleration_n + rotate(x.q_nb, ca.cross(rate, speed))
+    offset = rotate(x.q_nb, p.antenna_lever_arm_b) - velocity * tau + acceleration * (0.5 * tau * tau)
+
+    decay = exp(-p.gnss_interval / p.gnss_wander_time)
+    wander = decay * x.gnss_wander + p.gnss_wander_sigma * ca.sqrt((1.0 - decay) * (1.0 + decay)) * n[3:6]
+    outlier = (r[10] < p.gnss_outlier_probability) * p.gnss_outlier_size * _direction(r[11], r[12])
+    latitude, longitude, height = geodetic_from_ned_offset(
+        offset + p.gnss_position_noise * n[0:3] + wander + outlier, x.latitude, x.longitude, x.height
+    )
+
+    epochs = x.gnss_epochs + 1.0
+    # a microsecond decides ties, which rounding would decide at random
+    time = epochs * p.gnss_interval - tau + 1e-6
+    lost = 0.0
+    for i in range(OUTAGES):
+        lost = lost + (time >= p.gnss_outage_start[i]) * (time < p.gnss_outage_end[i])
+    fix = lost == 0.0
+    return {
+        "gnss_pending": fix,
+        "gnss_pending_latitude": latitude,
+        "gnss_pending_longitude": longitude,
+        "gnss_pending_height": height,
+        "gnss_pending_velocity_n": velocity - acceleration * tau + p.gnss_velocity_noise * n[6:9],
+        "gnss_wander": wander,
+        "gnss_epochs": epochs,
+        "gnss_counter": 0.0,
+        "gnss_valid": fix * (p.gnss_latency < 0.5 * p.sample_interval),
+    }
+
+
+def _direction(u1: Any, u2: Any) -> Any:
+    """Unit vector (3) uniform over the sphere, from two uniforms."""
+    z = 2.0 * u1 - 1.0
+    sine, cosine = sin_cos(TWO_PI * u2)
+    radius = ca.sqrt(1.0 - z * z)
+    return ca.vertcat(radius * cosine, radius * sine, z)
+
+
+def _deliver(p: Values, x: Values, u: Values) -> dict[str, Any]:
+    """The pending fix becomes the latest one."""
+    state: dict[str, Any] = {f"gnss_{name}": getattr(x, f"gnss_pending_{name}") for name, *_ in _FIX}
+    position = ca.sqrt(p.gnss_position_noise**2 + p.gnss_wander_sigma**2)
+    delivered_at = select(p.gnss_latency < 0.5 * p.sample_interval, 0.0, x.gnss_counter)
+    return state | {
+        "gnss_position_sigma": maximum(position, SIGMA_FLOOR),
+        "gnss_velocity_sigma": maximum(p.gnss_velocity_noise, SIGMA_FLOOR),
+        "gnss_age": delivered_at * p.sample_interval + p.gnss_epoch_offset,
+        "gnss_velocity_valid": p.gnss_has_velocity,
+    }

@@ -1,0 +1,165 @@
+"""Inertial measurement unit: true increments of angle and velocity in, measured increments out.
+
+For each triad, s being the sensor axes, b the body and dt the length of a sample (Groves 2013, section
+4.4):
+
+    y_s   = (I + S + M) C(e)^T C_sb d_b + bias_s dt + G C_sb dv_b + N sqrt(dt) w
+    y_s   is limited to +-range dt, then counted: n = floor((residual + y_s) / quantum + 1/2)
+    out_b = C_bs n quantum, or 0 if the sample is lost
+
+S scale factor, M misalignment, e mounting error, G g-sensitivity (gyros only), w standard normal.  What is
+not a whole count is carried to the next sample.  Only w and the loss are drawn every sample.  The bias is
+the turn-on bias, a first-order Gauss-Markov process, a random walk and a thermal part; the step "drift"
+takes these over `drift_interval` by their exact discretisation, and the bias runs linearly from one such
+point to the next.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv.attitude import from_rotation_vector, normalize, to_dcm
+from insenv.core.compose import Part
+from insenv.core.elementary import exp, normal_pair, select
+from insenv.core.model import Step, Values
+from insenv.sensors.imu_tables import ACCEL, GYRO, IMU_PARAMETERS, IMU_STATE, Triad
+
+SAMPLE_UNIFORMS = 7
+DRIFT_UNIFORMS = 12
+START_UNIFORMS = 34
+
+
+def imu_part() -> Part:
+    """The sensor as a part of a plant.
+
+    Reads the parameter ``sample_interval`` (s) and the state rows ``true_delta_angle`` (3, rad, b) and
+    ``true_delta_velocity`` (3, m/s, b), the exact increments that the part before it has written in the
+    step "sample". Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 12 uniforms); the start takes
+    34.
+    """
+    return Part(
+        parameters=IMU_PARAMETERS,
+        state=IMU_STATE,
+        steps={
+            "sample": Step(_sample, uniforms=SAMPLE_UNIFORMS),
+            "drift": Step(_drift, when="drift_due", uniforms=DRIFT_UNIFORMS),
+        },
+        start=_start,
+        start_uniforms=START_UNIFORMS,
+    )
+
+
+def normals(uniforms: Any) -> Any:
+    """Independent standard normals (n) from an even number n of uniforms in (0, 1), as a column."""
+    pairs = [normal_pair(uniforms[i], uniforms[i + 1]) for i in range(0, uniforms.shape[0], 2)]
+    return ca.vertcat(*[number for pair in pairs for number in pair])
+
+
+def _of(values: Values, triad: Triad, row: str) -> Any:
+    """The triad's own row."""
+    return getattr(values, f"{triad.name}_{row}")
+
+
+def _start(p: Values, r: Any) -> dict[str, Any]:
+    """What is drawn once: turn-on biases, Gauss-Markov values (stationary), scale factors, misalignments,
+    mounting.
+    """
+    n = normals(r)
+    C_bs = to_dcm(normalize(p.q_bs))
+    C_error = to_dcm(from_rotation_vector(p.mounting_error + p.mounting_error_sigma * n[30:33]))
+    warm = p.imu_temperature_initial - p.imu_temperature_reference
+    state: dict[str, Any] = {
+        "imu_temperature": p.imu_temperature_initial,
+        "C_bs": C_bs,
+        "gyro_g_matrix": p.gyro_g_sensitivity @ C_bs.T,
+    }
+    for triad, own in ((GYRO, n[0:15]), (ACCEL, n[15:30])):
+        bias = _of(p, triad, "bias") + _of(p, triad, "bias_sigma") * own[0:3]
+        instability = _of(p, triad, "instability_sigma") * own[3:6]
+        scale = _of(p, triad, "scale_factor") + _of(p, triad, "scale_factor_sigma") * own[6:9]
+        coupling = _of(p, triad, "misalignment") + _of(p, triad, "misalignment_sigma") * own[9:15]
+        matrix = ca.vertcat(
+            ca.horzcat(1.0 + scale[0], coupling[0], coupling[1]),
+            ca.horzcat(coupling[2], 1.0 + scale[1], coupling[3]),
+            ca.horzcat(coupling[4], coupling[5], 1.0 + scale[2]),
+        )
+        state[f"{triad.name}_bias_turn_on"] = bias
+        state[f"{triad.name}_instability"] = instability
+        thermal = warm * _of(p, triad, "temperature_slope")
+        state[f"{triad.name}_bias_s"] = bias + instability + thermal
+        state[f"{triad.name}_bias_true"] = C_bs @ (bias + instability + thermal)
+        state[f"{triad.name}_error_matrix"] = matrix @ C_error.T @ C_bs.T
+    return state
+
+
+def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+    """One sample of both triads, and whether the slow errors are due."""
+    dt = p.sample_interval
+    root_dt = ca.sqrt(dt)
+    n = normals(r[0:6])
+    arrives = r[6] >= p.imu_drop_probability
+    state: dict[str, Any] = {"imu_valid": arrives}
+    for triad, true, extra, own, output in (
+        (GYRO, x.true_delta_angle, x.gyro_g_matrix @ x.true_delta_velocity, n[0:3], "delta_angle"),
+        (ACCEL, x.true_delta_velocity, ca.SX.zeros(3), n[3:6], "delta_velocity"),
+    ):
+        bias = _of(x, triad, "bias_s") + _of(x, triad, "bias_step_s")
+        sensed = _of(x, triad, "error_matrix") @ true + bias * dt + extra
+        sensed = sensed + _of(p, triad, "random_walk") * root_dt * own
+        counted, residual = _count(p, x, triad, sensed)
+        state[f"{triad.name}_bias_s"] = bias
+        state[f"{triad.name}_bias_true"] = _of(x, triad, "bias_true") + _of(x, triad, "bias_step_b")
+        state[f"{triad.name}_residual"] = residual
+        state[output] = select(arrives, x.C_bs @ counted, 0.0)
+    counter = x.drift_counter + 1.0
+    return state | {
+        "imu_temperature": x.imu_temperature + x.imu_temperature_step,
+        "drift_counter": counter,
+        "drift_due": (counter + 0.5) * dt > p.drift_interval,
+    }
+
+
+def _count(p: Values, x: Values, triad: Triad, sensed: Any) -> tuple[Any, Any]:
+    """Increments (3, s) limited and rounded to whole counts; what is left over for the next sample (3, s)."""
+    limit = _of(p, triad, "range") * p.sample_interval
+    quantum = _of(p, triad, "quantum")
+    per_count = 1.0 / (quantum + (quantum == 0.0))
+    # what lies beyond either limit is taken off: nothing, exactly, in between
+    above, below = sensed - limit, sensed + limit
+    limited = sensed - ((above > 0.0) * above + (below < 0.0) * below)
+    pending = _of(x, triad, "residual") + limited
+    counted = quantum * ca.floor(pending * per_count + 0.5) + (quantum == 0.0) * pending
+    return counted, pending - counted
+
+
+def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+    """Slow errors at the end of the drift interval that begins now, and the straight line that leads there.
+
+    Exact discretisation over h = count dt: Gauss-Markov b <- a b + sigma sqrt(1 - a^2) w, a = exp(-h/T)
+    (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; temperature T <- T_end + (T - T_end)
+    exp(-h/T_w).
+    """
+    n = normals(r)
+    count = ca.floor(p.drift_interval / p.sample_interval + 0.5)
+    count = select(count > 1.0, count, 1.0)
+    h = count * p.sample_interval
+    warming = exp(-h / p.imu_temperature_time)
+    temperature = p.imu_temperature_final + (x.imu_temperature - p.imu_temperature_final) * warming
+    state: dict[str, Any] = {
+        "drift_counter": 0.0,
+        "imu_temperature_step": (temperature - x.imu_temperature) / count,
+    }
+    for triad, own in ((GYRO, n[0:6]), (ACCEL, n[6:12])):
+        decay = exp(-h / _of(p, triad, "instability_time"))
+        drive = _of(p, triad, "instability_sigma") * ca.sqrt((1.0 - decay) * (1.0 + decay))
+        instability = decay * _of(x, triad, "instability") + drive * own[0:3]
+        walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * own[3:6]
+        thermal = (temperature - p.imu_temperature_reference) * _of(p, triad, "temperature_slope")
+        target = _of(x, triad, "bias_turn_on") + instability + walk + thermal
+        state[f"{triad.name}_instability"] = instability
+        state[f"{triad.name}_walk"] = walk
+        state[f"{triad.name}_bias_step_s"] = (target - _of(x, triad, "bias_s")) / count
+        state[f"{triad.name}_bias_step_b"] = (x.C_bs @ target - _of(x, triad, "bias_true")) / count
+    return state

@@ -1,0 +1,197 @@
+"""The rows of the inertial sensor: its parameters and its state, the gyro triad and the accelerometer triad
+alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from insenv.core.tables import Row, Table
+
+HUGE = 1e12
+"""Stands for "no limit": tables hold finite numbers only."""
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Three orthogonal sensors of one kind and the units of what they measure.
+
+    name: prefix of its rows; what: for the rows' meanings; increment, rate: units of the increment and of
+    the rate.
+    """
+
+    name: str
+    what: str
+    increment: str
+    rate: str
+
+    def parameters(self) -> tuple[Row, ...]:
+        """Parameter rows; every one of them in sensor axes, and all start as "no error"."""
+        name, what, unit = self.name, self.what, self.rate
+        root = f"{self.increment}/sqrt(s)"
+        pairs = "axis couplings xy, xz, yx, yz, zx, zy (measuring axis first)"
+        return (
+            Row(f"{name}_bias", f"{what} turn-on bias, fixed part", unit, (3,), "s"),
+            Row(
+                f"{name}_bias_sigma",
+                f"{what} turn-on bias, 1 sigma of the part drawn at the start",
+                unit,
+                (3,),
+                "s",
+                lower=0.0,
+            ),
+            Row(f"{name}_random_walk", f"{what} white noise density", root, (3,), "s", lower=0.0),
+            Row(
+                f"{name}_instability_sigma",
+                f"{what} in-run bias (Gauss-Markov), standard deviation",
+                unit,
+                (3,),
+                "s",
+                lower=0.0,
+            ),
+            Row(
+                f"{name}_instability_time",
+                f"{what} in-run bias (Gauss-Markov), correlation time",
+                "s",
+                (3,),
+                "s",
+                start=3600.0,
+                lower=1e-3,
+                upper=HUGE,
+            ),
+            Row(
+                f"{name}_rate_random_walk",
+                f"{what} bias random walk density",
+                f"{unit}/sqrt(s)",
+                (3,),
+                "s",
+                lower=0.0,
+            ),
+            Row(f"{name}_scale_factor", f"{what} scale factor error, fixed part", "1", (3,), "s"),
+            Row(
+                f"{name}_scale_factor_sigma",
+                f"{what} scale factor error, 1 sigma of the part drawn at the start",
+                "1",
+                (3,),
+                "s",
+                lower=0.0,
+            ),
+            Row(f"{name}_misalignment", f"{what} misalignment, fixed part, {pairs}", "rad", (6,), "s"),
+            Row(
+                f"{name}_misalignment_sigma",
+                f"{what} misalignment, 1 sigma of the part drawn at the start, {pairs}",
+                "rad",
+                (6,),
+                "s",
+                lower=0.0,
+            ),
+            Row(
+                f"{name}_temperature_slope",
+                f"{what} bias per kelvin from the reference temperature",
+                f"{unit}/K",
+                (3,),
+                "s",
+            ),
+            Row(f"{name}_quantum", f"{what} increment of one count, 0 for none", self.increment, lower=0.0),
+            Row(f"{name}_range", f"{what} full scale", unit, start=HUGE, lower=1e-9, upper=HUGE),
+        )
+
+    def state(self) -> tuple[Row, ...]:
+        """State rows; others than this model want ``*_bias_true``."""
+        name, what, unit = self.name, self.what, self.rate
+        identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        in_force = "bias in force over the latest sample, all parts"
+        step = "bias, change per sample until the next drift update"
+        return (
+            Row(f"{name}_bias_true", f"{what} {in_force}", unit, (3,), "b"),
+            Row(f"{name}_bias_s", f"{what} {in_force}", unit, (3,), "s"),
+            Row(f"{name}_bias_step_b", f"{what} {step}", unit, (3,), "b"),
+            Row(f"{name}_bias_step_s", f"{what} {step}", unit, (3,), "s"),
+            Row(f"{name}_bias_turn_on", f"{what} turn-on bias, fixed and drawn", unit, (3,), "s"),
+            Row(f"{name}_instability", f"{what} in-run bias at the next drift update", unit, (3,), "s"),
+            Row(f"{name}_walk", f"{what} bias random walk at the next drift update", unit, (3,), "s"),
+            Row(
+                f"{name}_error_matrix",
+                f"{what} errors of scale, alignment and mounting: takes body increments to sensed ones",
+                "1",
+                (3, 3),
+                "s",
+                start=identity,
+            ),
+            Row(f"{name}_residual", f"{what} part of a count kept for the next sample", self.increment, (3,), "s"),
+        )
+
+
+GYRO = Triad("gyro", "Gyro", "rad", "rad/s")
+ACCEL = Triad("accel", "Accelerometer", "m/s", "m/s^2")
+
+_KELVIN: dict[str, Any] = {"start": 293.15, "lower": 1.0, "upper": 1000.0}
+
+IMU_PARAMETERS = Table(
+    (
+        *GYRO.parameters(),
+        Row("gyro_g_sensitivity", "Gyro bias per specific force", "(rad/s)/(m/s^2)", (3, 3), "s"),
+        *ACCEL.parameters(),
+        Row(
+            "q_bs",
+            "Nominal mounting: takes sensor to body components; the output is in body axes by it",
+            "1",
+            (4,),
+            "b",
+            start=(1.0, 0.0, 0.0, 0.0),
+            lower=-1.0,
+            upper=1.0,
+        ),
+        Row(
+            "mounting_error",
+            "Rotation vector from the nominal to the actual sensor axes, fixed part",
+            "rad",
+            (3,),
+            "s",
+        ),
+        Row(
+            "mounting_error_sigma",
+            "Rotation vector of the mounting, 1 sigma of the part drawn at the start",
+            "rad",
+            (3,),
+            "s",
+            lower=0.0,
+        ),
+        Row("imu_temperature_reference", "Temperature at which the thermal bias is zero", "K", **_KELVIN),
+        Row("imu_temperature_initial", "Sensor temperature at the start", "K", **_KELVIN),
+        Row("imu_temperature_final", "Sensor temperature after warming up", "K", **_KELVIN),
+        Row("imu_temperature_time", "Time constant of warming up", "s", start=600.0, lower=1e-3, upper=HUGE),
+        Row("imu_drop_probability", "Probability that a sample is lost", lower=0.0, upper=1.0),
+        Row(
+            "drift_interval",
+            "Time between updates of the slow errors, linear in between",
+            "s",
+            start=1.0,
+            lower=1e-4,
+            upper=3600.0,
+        ),
+    )
+)
+
+IMU_STATE = Table(
+    (
+        Row("delta_angle", "Measured angle increment over the sample; 0 if it was lost", "rad", (3,), "b"),
+        Row(
+            "delta_velocity",
+            "Measured specific-force increment over the sample; 0 if it was lost",
+            "m/s",
+            (3,),
+            "b",
+        ),
+        Row("imu_valid", "1 if the sample arrived, 0 if it was lost", lower=0.0, upper=1.0),
+        *GYRO.state(),
+        *ACCEL.state(),
+        Row("gyro_g_matrix", "Gyro bias per specific force in body axes", "(rad/s)/(m/s^2)", (3, 3), "s"),
+        Row("C_bs", "Nominal mounting: takes sensor to body components", "1", (3, 3), "b"),
+        Row("imu_temperature", "Sensor temperature", "K", **_KELVIN),
+        Row("imu_temperature_step", "Sensor temperature, change per sample until the next drift update", "K"),
+        Row("drift_counter", "Samples since the latest drift update", start=HUGE),
+        Row("drift_due", "1 on a sample that ends with a drift update", lower=0.0, upper=1.0),
+    )
+)

@@ -1,0 +1,159 @@
+"""Car: parked (engine, wind, people getting in) or driving (speed, turns, grades, stops), by script or by
+command.
+
+The path is that of a wheeled vehicle: heading rate = curvature * speed, so that turning ends when the speed
+does; no side slip. The body
+stands on its suspension: it leans out of turns, squats under acceleration, yields to wind and load, and
+shakes with the engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.elementary import clamp, maximum, select
+from insenv.core.model import Values
+from insenv.core.tables import Row, Table
+from insenv.vehicles.gusts import Gusts
+from insenv.vehicles.nodes import PLACES
+from insenv.vehicles.phasors import Phasors
+from insenv.vehicles.script import Script
+from insenv.vehicles.tracker import Tracker, along_all, derivative_all
+from insenv.vehicles.truth import SineCosine, Vehicle
+
+SCRIPT = Script((
+    Row("speed", "Speed to reach, over ground", "m/s", lower=0.0, upper=100.0),
+    Row("acceleration", "Largest acceleration on the way to it; negative: brake to a stop at that rate", "m/s^2", start=2.0,
+        lower=-15.0, upper=15.0),
+    Row("yaw_rate", "Heading rate, reached by steering", "rad/s", lower=-2.0, upper=2.0),
+    Row("slope", "Slope of the road, rise over run", lower=-0.4, upper=0.4),
+    Row("load_roll", "Roll by load (people getting in)", "rad", lower=-0.2, upper=0.2),
+    Row("load_pitch", "Pitch by load", "rad", lower=-0.2, upper=0.2),
+    Row("load_down", "Sinking by load", "m", lower=-0.2, upper=0.2),
+))  # fmt: skip
+
+_SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed over ground", "m/s")
+_CURVATURE = Tracker(("curvature", "curvature_rate", "curvature_second"), "Curvature of the path, positive to the right", "1/m")
+_SLOPE = Tracker(("slope", "slope_rate", "slope_second"), "Slope of the road, rise over run", "1")
+_ROLL = Tracker(("suspension_roll", "suspension_roll_rate", "suspension_roll_second"), "Roll on the suspension", "rad")
+_PITCH = Tracker(("suspension_pitch", "suspension_pitch_rate", "suspension_pitch_second"), "Pitch on the suspension", "rad")
+_SINK = Tracker(("sinking", "sinking_rate", "sinking_second"), "Sinking of the suspension", "m")
+_TRACKERS = (_SPEED, _CURVATURE, _SLOPE, _ROLL, _PITCH, _SINK)
+_WIND = Gusts("wind", (("wind_roll", "rad"), ("wind_pitch", "rad")))
+_MOVING = (*_TRACKERS, *_WIND.trackers)
+
+PARAMETERS = Table((
+    Row("mean_roll", "Roll of the ground", "rad", lower=-0.5, upper=0.5),
+    Row("mean_pitch", "Pitch of the body on level ground at rest", "rad", lower=-0.5, upper=0.5),
+    Row("start_heading", "Heading at time 0", "rad"),
+    Row("start_speed", "Speed at time 0", "m/s", lower=0.0, upper=100.0),
+    Row("speed_bandwidth", "Bandwidth of the speed's following its command", "rad/s", start=3.0, lower=1e-2, upper=20.0),
+    Row("steering_bandwidth", "Bandwidth of the steering", "rad/s", start=4.0, lower=1e-2, upper=20.0),
+    Row("road_bandwidth", "Bandwidth of the slope's following its command", "rad/s", start=1.5, lower=1e-2, upper=20.0),
+    Row("suspension_bandwidth", "Bandwidth of the suspension", "rad/s", start=9.0, lower=1e-1, upper=60.0),
+    Row("curvature_limit", "Largest curvature of the path", "1/m", start=0.2, lower=1e-6, upper=1.0),
+    Row("roll_per_acceleration", "Lean out of turns by acceleration", "rad/(m/s^2)", start=0.006, lower=0, upper=0.05),
+    Row("pitch_per_acceleration", "Squat by forward acceleration", "rad/(m/s^2)", start=0.004, lower=0.0, upper=0.05),
+))  # fmt: skip
+
+_STEERING_SPEED = 2.0  # m/s: below it a commanded heading rate is not reached any more
+
+
+def car(engine_components: int = 1) -> Vehicle:
+    """A car.
+
+    engine_components: number of angular frequencies of the engine's vibration in roll, pitch (rad) and down
+    (m).
+
+    Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and
+    ``engine_<roll|pitch|down>_amplitude``, ``_phase``, wind (``wind_time_constant``, ``wind_roll_sigma``,
+    ``wind_pitch_sigma``), script (``segments``, ``segments_repeat``). Built in physical terms by
+    `insenv.vehicles.routes.car_route`.
+    """
+    engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
+    state = Table((Row("path_heading", "Heading, not wrapped", "rad"),)) + engine.state + _WIND.state + SCRIPT.state
+    state = sum((tracker.state for tracker in _TRACKERS), state)
+
+    def start(p: Values, r: Any) -> dict[str, Any]:
+        moving = {"path_heading": p.start_heading, "speed": p.start_speed}
+        return moving | engine.start(p) | _WIND.start(p, r) | SCRIPT.start(p, {"speed": p.start_speed})
+
+    def along(p: Values, x: Values) -> list[dict[str, Any]]:
+        places = engine.along(x)
+        for rows, place in zip(places, PLACES, strict=True):
+            t = place * p.sample_interval
+            rows |= along_all(_MOVING, x, t)
+            rows["path_heading"] = x.path_heading + _turned(x, t)
+        return places
+
+    def derivative(p: Values, x: Values) -> dict[str, Any]:
+        return {**engine.derivative(p, x), **derivative_all(_MOVING, x), "path_heading": x.curvature * x.speed}
+
+    def angles(p: Values, x: Values) -> list[Any]:
+        return [
+            p.mean_roll + x.suspension_roll + x.wind_roll + engine.value(x, "roll"),
+            p.mean_pitch + climb_angle(x.slope) + x.suspension_pitch + x.wind_pitch + engine.value(x, "pitch"),
+            x.path_heading,
+        ]
+
+    def velocity_n(p: Values, x: Values, pairs: Sequence[SineCosine]) -> Any:
+        sine, cosine = pairs[2]
+        down = x.sinking_rate - x.speed * x.slope + engine.rate(p, x, "down")
+        return ca.vertcat(x.speed * cosine, x.speed * sine, down)
+
+    return Vehicle(
+        id="car",
+        title="Car",
+        parameters=PARAMETERS + engine.parameters + _WIND.parameters + SCRIPT.parameters,
+        state=state,
+        along=along,
+        derivative=derivative,
+        angles=angles,
+        velocity_n=velocity_n,
+        start=start,
+        start_uniforms=_WIND.uniforms,
+        hold=_hold,
+        hold_uniforms=_WIND.uniforms,
+        inputs=SCRIPT.inputs,
+        steps=SCRIPT.steps,
+    )
+
+
+def climb_angle(slope: Any) -> Any:
+    """Angle (rad) of a slope: atan to 2e-6 rad for slopes up to 0.2, a polynomial."""
+    square = slope * slope
+    return slope * (1.0 - square * (1.0 / 3.0 - square * 0.2))
+
+
+def _turned(x: Values, t: Any) -> Any:
+    """Integral of curvature * speed, both parabolas, over the first t seconds of the sample."""
+    k0, k1, k2 = x.curvature, x.curvature_rate, 0.5 * x.curvature_second
+    v0, v1, v2 = x.speed, x.speed_rate, 0.5 * x.speed_second
+    terms = (k0 * v0, k0 * v1 + k1 * v0, k0 * v2 + k1 * v1 + k2 * v0, k1 * v2 + k2 * v1, k2 * v2)
+    total: Any = 0.0
+    for power in reversed(range(5)):
+        total = t * (terms[power] / (power + 1.0) + total)
+    return total
+
+
+def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+    h, suspension = p.sample_interval, p.suspension_bandwidth
+    braking = x.commanded_acceleration < 0.0
+    target = select(braking, 0.0, maximum(x.commanded_speed, 0.0))
+    curvature = x.commanded_yaw_rate / maximum(x.speed, _STEERING_SPEED)
+    lateral = x.curvature * x.speed * x.speed
+    roll = x.commanded_load_roll - p.roll_per_acceleration * lateral
+    pitch = x.commanded_load_pitch + p.pitch_per_acceleration * x.speed_rate
+    return {
+        **_SPEED.hold(x, h, target, p.speed_bandwidth, ca.fabs(x.commanded_acceleration)),
+        **_CURVATURE.hold(x, h, clamp(curvature, -p.curvature_limit, p.curvature_limit), p.steering_bandwidth),
+        **_SLOPE.hold(x, h, x.commanded_slope, p.road_bandwidth),
+        **_ROLL.hold(x, h, roll, suspension),
+        **_PITCH.hold(x, h, pitch, suspension),
+        **_SINK.hold(x, h, x.commanded_load_down, suspension),
+        **_WIND.hold(p, x, suspension, r),
+        **SCRIPT.count(p, x),
+    }

@@ -1,0 +1,145 @@
+"""Scripts: a vehicle's commands from a table of segments, or from outside, step by step.
+
+A segment is a duration and a value for each command. The segments lie in a parameter of fixed size; loading
+the next one is a step of its own that runs only when one has ended, so that going through 64 rows costs
+nothing in between. A command from outside (input ``command_valid`` not zero) replaces the commands and ends
+the script.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.elementary import select
+from insenv.core.model import Step, Values
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError, nearest
+
+N_SEGMENTS = 64
+"""Rows of the table of segments."""
+NEVER = 1e15
+"""Duration of the last command, s."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """The commands of a vehicle.
+
+    commands: rows named after the quantity commanded (``"speed"``), with unit, meaning, start value and
+    bounds. Each gives a state row ``commanded_<name>``, an input row ``command_<name>`` and a column of the
+    parameter ``segments`` after the duration.
+    """
+
+    commands: tuple[Row, ...]
+
+    @property
+    def parameters(self) -> Table:
+        """Table of segments, whether to repeat it."""
+        columns = ", ".join(f"{row.name} {row.unit}" for row in self.commands)
+        meaning = f"Script, one segment a row: duration s, {columns}; a duration of 0 ends it"
+        shape = (N_SEGMENTS, 1 + len(self.commands))
+        return Table((
+            Row("segments", meaning, "1", shape),
+            Row("segments_repeat", "Whether the script starts again at its end (1) or holds the last (0)", lower=0, upper=1),
+        ))  # fmt: skip
+
+    @property
+    def state(self) -> Table:
+        """Commands in force, and where the script stands."""
+        commands = tuple(
+            replace(row, name=f"commanded_{row.name}", meaning=f"Command in force: {row.meaning}") for row in self.commands
+        )
+        return Table((
+            *commands,
+            Row("segment_number", "Number of the segment to load next"),
+            Row("segment_left", "Time left of the segment", "s"),
+            Row("segment_due", "Whether the next segment is to be loaded (1) or not (0)"),
+        ))  # fmt: skip
+
+    @property
+    def inputs(self) -> Table:
+        """Commands from outside."""
+        rows = [replace(row, name=f"command_{row.name}", meaning=f"Command: {row.meaning}") for row in self.commands]
+        return Table((*rows, Row("command_valid", "Whether the commands are to be taken (1) or not (0)")))
+
+    def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
+        """The first segment in force, or where there is none the commands `otherwise` (by name; else their start values)."""
+        duration = p.segments[0, 0]
+        given = duration > 0.0
+        state = {
+            f"commanded_{row.name}": select(given, p.segments[0, 1 + i], otherwise.get(row.name, row.start))
+            for i, row in enumerate(self.commands)
+        }
+        return state | {
+            "segment_number": 1.0,
+            "segment_left": select(given, duration, NEVER),
+            "segment_due": ca.SX(0),
+        }
+
+    def count(self, p: Values, x: Values) -> dict[str, Any]:
+        """One sample less of the segment in force."""
+        left = x.segment_left - p.sample_interval
+        return {"segment_left": left, "segment_due": left < 0.5 * p.sample_interval}
+
+    @property
+    def steps(self) -> Mapping[str, Step]:
+        """The rare steps, to stand before the vehicle's step ``sample``."""
+        return {"segment": Step(self._load, when="segment_due"), "command": Step(self._take, when="command_valid")}
+
+    def _load(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
+        columns = 1 + len(self.commands)
+        row = [ca.SX(0)] * columns
+        for number in range(N_SEGMENTS):
+            here = x.segment_number == float(number)
+            row = [value + select(here, p.segments[number, i], 0.0) for i, value in enumerate(row)]
+        over = row[0] <= 0.0
+        again = ca.logic_and(over, p.segments_repeat > 0.0)
+        row = [select(again, p.segments[0, i], value) for i, value in enumerate(row)]
+        held = ca.logic_and(over, ca.logic_not(again))
+        state = {
+            f"commanded_{name.name}": select(held, getattr(x, f"commanded_{name.name}"), row[1 + i])
+            for i, name in enumerate(self.commands)
+        }
+        return state | {
+            "segment_number": select(again, 1.0, x.segment_number + 1.0),
+            "segment_left": select(held, NEVER, x.segment_left + row[0]),
+            "segment_due": ca.SX(0),
+        }
+
+    def _take(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
+        commands = {f"commanded_{row.name}": getattr(u, f"command_{row.name}") for row in self.commands}
+        return commands | {"segment_left": ca.SX(NEVER), "segment_due": ca.SX(0)}
+
+    def table(self, segments: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
+        """Value of the parameter ``segments`` (N_SEGMENTS, 1 + commands) from segments by name, SI units,
+        each with ``duration``.
+
+        A command that a segment does not name keeps its value. Raises `InputError` for an unknown name, a
+        value that is not finite or out of its bounds, a duration that is not positive, or more than
+        N_SEGMENTS segments.
+        """
+        if len(segments) > N_SEGMENTS:
+            raise InputError(f"{len(segments)} segments: allowed are at most {N_SEGMENTS}")
+        rows = {"duration": Row("duration", "duration of a segment", "s", lower=1e-3, upper=1e9)}
+        rows |= {row.name: row for row in self.commands}
+        now = {row.name: float(row.start) for row in self.commands}
+        table = np.zeros((N_SEGMENTS, 1 + len(self.commands)))
+        for i, segment in enumerate(segments):
+            if "duration" not in segment:
+                raise InputError(f"segment {i + 1}: duration is missing (allowed is a positive number of s)")
+            for name, value in segment.items():
+                if name not in rows:
+                    raise InputError(f"segment {i + 1}: no command named {name!r}{nearest(name, rows)}")
+                try:
+                    rows[name].check(np.array([float(value)]))
+                except (TypeError, ValueError) as error:
+                    raise InputError(f"segment {i + 1}: {error}") from None
+            now |= {name: float(value) for name, value in segment.items() if name != "duration"}
+            table[i] = [float(segment["duration"]), *now.values()]
+        return table

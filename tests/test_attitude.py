@@ -1,0 +1,138 @@
+"""Attitude against SciPy's Rotation, at every attitude."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from insenv import attitude
+from insenv.attitude import numeric
+
+RNG = np.random.default_rng(2)
+CORNERS = np.array([q for q in np.ndindex(3, 3, 3, 3) if q != (1, 1, 1, 1)], float) - 1.0  # w = 0, half turns, ...
+QUATERNIONS = np.concatenate([RNG.normal(size=(2000, 4)), CORNERS, CORNERS + 1e-9 * RNG.normal(size=(80, 4))])
+QUATERNIONS /= np.linalg.norm(QUATERNIONS, axis=1, keepdims=True)
+VECTORS = RNG.normal(size=(len(QUATERNIONS), 3))
+
+angle = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi, -np.pi, np.pi / 2, -np.pi / 2]))
+pitch_angle = st.one_of(
+    st.floats(-np.pi / 2, np.pi / 2),
+    st.sampled_from([np.pi / 2, -np.pi / 2, 0.0]),
+    st.floats(-1e-6, 1e-6).map(lambda x: np.pi / 2 - abs(x)),
+)
+vector = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)
+
+
+def scipy_of(q):
+    return Rotation.from_quat(q, scalar_first=True)
+
+
+def distance(q, p):
+    """Of two rotations: the sign of a quaternion is immaterial."""
+    return np.minimum(np.linalg.norm(q - p, axis=-1), np.linalg.norm(q + p, axis=-1)).max()
+
+
+def test_matrices_and_rotation():
+    C = scipy_of(QUATERNIONS).as_matrix()
+    np.testing.assert_allclose(numeric.to_dcm(QUATERNIONS), C, atol=1e-15)
+    np.testing.assert_allclose(numeric.rotate(QUATERNIONS, VECTORS), np.einsum("nij,nj->ni", C, VECTORS), atol=5e-15)
+    back = numeric.rotate_inverse(QUATERNIONS, numeric.rotate(QUATERNIONS, VECTORS))
+    np.testing.assert_allclose(back, VECTORS, atol=5e-15)
+
+
+def test_products():
+    a, b = QUATERNIONS, RNG.permutation(QUATERNIONS)
+    assert distance(numeric.multiply(a, b), (scipy_of(a) * scipy_of(b)).as_quat(scalar_first=True)) < 2e-15
+    identity = numeric.multiply(a, numeric.conjugate(a))
+    np.testing.assert_allclose(identity, np.broadcast_to([1, 0, 0, 0], a.shape), atol=1e-15)
+    np.testing.assert_allclose(numeric.normalize(3.7 * a), a, atol=1e-15)
+    u, v = VECTORS[:100], VECTORS[100:200]
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", numeric.skew(u), v), np.cross(u, v), atol=1e-15)
+
+
+def test_from_dcm_at_every_attitude():
+    q = numeric.from_dcm(scipy_of(QUATERNIONS).as_matrix())
+    assert distance(q, QUATERNIONS) < 2e-15
+    assert (q[:, 0] >= 0).all()
+
+
+def test_rotation_vectors_of_any_length():
+    direction = VECTORS[:500] / np.linalg.norm(VECTORS[:500], axis=1, keepdims=True)
+    for length in (0.0, 1e-300, 1e-160, 1e-12, 1e-3, 0.49999, 0.50001, 1.0, np.pi, 6.0, 50.0):
+        phi = length * direction
+        q = numeric.from_rotation_vector(phi)
+        assert distance(q, Rotation.from_rotvec(phi).as_quat(scalar_first=True)) < 1e-14
+        if length <= 0.5:
+            np.testing.assert_allclose(numeric.from_small_rotation_vector(phi), q, atol=1.2e-16)
+        if length < 3.0:
+            np.testing.assert_allclose(numeric.to_rotation_vector(q), phi, rtol=1e-15, atol=2e-15 * length)
+            np.testing.assert_array_equal(numeric.to_rotation_vector(-q), numeric.to_rotation_vector(q))
+
+
+def test_rotation_vector_at_nothing_and_at_half_a_turn():
+    np.testing.assert_array_equal(numeric.from_rotation_vector(np.zeros(3)), [1, 0, 0, 0])
+    np.testing.assert_array_equal(numeric.to_rotation_vector([1, 0, 0, 0]), np.zeros(3))
+    half_turns = np.c_[np.zeros(3), np.eye(3)]
+    np.testing.assert_allclose(np.abs(numeric.to_rotation_vector(half_turns)), np.pi * np.eye(3), rtol=1e-15)
+
+
+def test_rotation_vectors_are_differentiable_everywhere():
+    phi, q = ca.SX.sym("phi", 3), ca.SX.sym("q", 4)
+    forward = ca.Function("f", [phi], [ca.jacobian(attitude.from_rotation_vector(phi), phi)])
+    np.testing.assert_array_equal(forward([0, 0, 0]).full(), [[0, 0, 0], *(0.5 * np.eye(3))])
+    backward = ca.Function("f", [q], [ca.jacobian(attitude.to_rotation_vector(q), q)])
+    np.testing.assert_array_equal(backward([1, 0, 0, 0]).full()[:, 1:], 2 * np.eye(3))
+    for length in (0.4, 0.6, 2.0):
+        direction = np.array([0.36, 0.48, 0.8])
+        q_of_phi = numeric.from_rotation_vector(length * direction)
+        chain = backward(q_of_phi).full() @ forward(length * direction).full()
+        np.testing.assert_allclose(chain, np.eye(3), atol=1e-14)
+    assert np.isfinite(backward([0, 0.6, 0, 0.8]).full()).all()
+
+
+def test_euler_angles_against_scipy():
+    roll, pitch, heading = RNG.uniform([[-np.pi], [-1.5], [-np.pi]], [[np.pi], [1.5], [np.pi]], (3, 2000))
+    q = numeric.from_euler(roll, pitch, heading)
+    oracle = Rotation.from_euler("ZYX", np.c_[heading, pitch, roll])
+    assert distance(q, oracle.as_quat(scalar_first=True)) < 1e-15
+    np.testing.assert_allclose(numeric.to_euler(q), [roll, pitch, heading], atol=2e-14)
+    np.testing.assert_allclose(numeric.to_euler(-q), [roll, pitch, heading], atol=2e-14)
+
+
+@settings(deadline=None)  # the first call traces
+@given(angle, pitch_angle, angle)
+def test_euler_round_trip(roll, pitch, heading):
+    q = numeric.from_euler(roll, pitch, heading)
+    euler = np.array(numeric.to_euler(q))
+    assert np.isfinite(euler).all()
+    assert (np.abs(euler) <= [np.nextafter(np.pi, 4), np.pi / 2, np.nextafter(np.pi, 4)]).all()
+    assert euler[1] == pytest.approx(pitch, abs=1e-15)  # where asin would be 1e-8 out
+    assert distance(numeric.from_euler(*euler), q) < 2e-15
+
+
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])
+def test_euler_straight_up_and_down(pitch):
+    roll, heading = RNG.uniform(-np.pi, np.pi, (2, 1000))
+    got_roll, got_pitch, got_heading = numeric.to_euler(numeric.from_euler(roll, pitch, heading))
+    np.testing.assert_array_equal(got_roll, 0.0)
+    np.testing.assert_allclose(got_pitch, pitch, atol=1e-15)
+    rest = heading - np.sign(pitch) * roll
+    np.testing.assert_allclose(np.sin((got_heading - rest) / 2), 0.0, atol=2e-15)
+
+
+def test_euler_rates():
+    """Against differences of the attitude: C_nb' = C_nb skew(omega)."""
+    euler, rates, step = np.array([0.4, -0.7, 2.1]), np.array([0.3, -0.2, 0.5]), 1e-4
+    before, after = (numeric.from_euler(*(euler + sign * step * rates)) for sign in (-1, 1))
+    omega = numeric.to_rotation_vector(numeric.multiply(numeric.conjugate(before), after)) / (2 * step)
+    np.testing.assert_allclose(numeric.euler_rates_to_body_rate(*euler[:2], *rates), omega, atol=1e-8)
+
+
+@settings(deadline=None)  # the first call traces
+@given(vector, st.integers(0, len(QUATERNIONS) - 1))
+def test_error_rotation_vector(phi, i):
+    q_true = QUATERNIONS[i]
+    q_estimate = numeric.multiply(numeric.from_rotation_vector(phi), q_true)
+    np.testing.assert_allclose(numeric.error_rotation_vector(q_estimate, q_true), phi, atol=5e-15)

@@ -1,0 +1,176 @@
+"""Elementary functions against NumPy's extended precision, and the operations that they are made of."""
+
+import inspect
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from insenv import attitude, geodesy
+from insenv.core import elementary
+from insenv.core.numeric import vectorized
+
+LD = np.longdouble
+pytestmark = pytest.mark.skipif(np.finfo(LD).nmant < 63, reason="the oracle needs extended precision")
+
+N = 50_000
+RNG = np.random.default_rng(1)
+sin_cos = vectorized(elementary.sin_cos, ())
+atan2 = vectorized(elementary.atan2, (), ())
+asin = vectorized(elementary.asin, ())
+acos = vectorized(elementary.acos, ())
+exp = vectorized(elementary.exp, ())
+log = vectorized(elementary.log, ())
+normal_pair = vectorized(elementary.normal_pair, (), ())
+wrap_angle = vectorized(elementary.wrap_angle, ())
+
+
+def error(got, exact, relative=False):
+    difference = np.abs(got.astype(LD) - exact)
+    return float(np.max(difference / np.abs(exact) if relative else difference))
+
+
+@pytest.mark.parametrize("reach, bound", [(0.8, 1.7e-16), (100.0, 1.7e-16), (1e6, 2e-16)])
+def test_sin_cos(reach, bound):
+    x = RNG.uniform(-reach, reach, N)
+    s, c = sin_cos(x)
+    assert error(s, np.sin(x.astype(LD))) < bound
+    assert error(c, np.cos(x.astype(LD))) < bound
+
+
+def test_sin_cos_at_quarter_turns():
+    k = np.arange(-400, 401)
+    s, c = sin_cos(k * (np.pi / 2))
+    assert np.max(np.abs(s - np.array([0, 1, 0, -1])[k % 4])) < 1e-13
+    assert np.max(np.abs(c - np.array([1, 0, -1, 0])[k % 4])) < 1e-13
+    assert sin_cos(0.0) == (0.0, 1.0)
+
+
+def test_derivatives_are_as_good():
+    x = ca.SX.sym("x")
+    derivative = elementary.sin(x)
+    for _ in range(4):
+        derivative = ca.jacobian(derivative, x)
+    f = ca.Function("f", [x], [derivative])
+    grid = np.linspace(-10, 10, 2001)
+    assert np.max(np.abs(np.array(f(grid)).ravel() - np.sin(grid))) < 1e-12
+
+
+@pytest.mark.parametrize("decades", [0, 10, 100])
+def test_atan2(decades):
+    y, x = RNG.normal(size=(2, N)) * 10 ** RNG.uniform(-decades, decades, (2, N))
+    assert error(atan2(y, x), np.arctan2(y.astype(LD), x.astype(LD))) < 5e-16
+
+
+def test_atan2_on_the_axes_and_diagonals():
+    y, x = (v.ravel() for v in np.meshgrid([-2.0, 0.0, 2.0], [-2.0, 0.0, 2.0]))
+    np.testing.assert_array_equal(atan2(y, x), np.arctan2(y, x))
+    assert atan2(0.0, 0.0) == 0.0
+
+
+def test_asin_acos():
+    x = np.concatenate([RNG.uniform(-1, 1, N), 1 - 10 ** RNG.uniform(-16, -1, 1000), [-1.0, 0.0, 1.0]])
+    assert error(asin(x), np.arcsin(x.astype(LD))) < 5e-16
+    assert error(acos(x), np.arccos(x.astype(LD))) < 5e-16
+    assert asin(1 + 1e-9) == np.pi / 2 and acos(-1 - 1e-9) == np.pi
+
+
+def test_exp():
+    x = np.concatenate([RNG.uniform(-1, 1, N), RNG.uniform(-700, 700, N)])
+    assert error(exp(x), np.exp(x.astype(LD)), relative=True) < 2.3e-16
+    assert exp(0.0) == 1.0 and exp(1000.0) == exp(700.0) and np.isnan(exp(np.nan))
+
+
+def test_log():
+    x = np.concatenate([RNG.uniform(0.5, 2, N), 10 ** RNG.uniform(-307, 308, N), 1 + RNG.normal(size=N) * 1e-6])
+    x = x[x != 1.0]
+    assert error(log(x), np.log(x.astype(LD)), relative=True) < 5e-16
+    assert log(1.0) == 0.0
+
+
+@settings(deadline=None)  # the first call traces
+@given(st.floats(-1e3, 1e3))
+def test_wrap_angle(x):
+    wrapped = wrap_angle(x)
+    assert -np.pi <= wrapped <= np.nextafter(np.pi, 4)
+    assert abs(np.sin((wrapped - x) / 2)) < 1e-12
+    assert wrapped == x or not -np.pi < x <= np.pi
+
+
+def test_normal_pair():
+    word = np.concatenate([RNG.integers(0, 2**32, N), np.arange(100), 2**32 - 1 - np.arange(100)])
+    u1, u2 = (word + 0.5) * 2.0**-32, (RNG.permutation(word) + 0.5) * 2.0**-32
+    cosine_part, sine_part = normal_pair(u1, u2)
+    radius, angle = np.sqrt(-2 * np.log(u1.astype(LD))), 8 * np.arctan(LD(1)) * u2
+    assert error(cosine_part, radius * np.cos(angle)) < 1e-9
+    assert error(sine_part, radius * np.sin(angle)) < 1e-9
+
+
+def test_normal_pair_is_lean():
+    u1, u2 = ca.SX.sym("u1"), ca.SX.sym("u2")
+    f = ca.Function("f", [u1, u2], elementary.normal_pair(u1, u2))
+    free = {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+    assert sum(f.instruction_id(i) not in free for i in range(f.n_instructions())) == 70
+
+
+def test_floats_and_matrices_are_taken_too():
+    assert elementary.sin(0.5) == pytest.approx(np.sin(0.5), abs=2e-16)
+    assert elementary.atan2(0.0, 0.0) == 0.0 and elementary.clamp(3.0, 0.0, 2.0) == 2.0
+    assert elementary.exp(1.0) == pytest.approx(np.e, rel=3e-16) and elementary.log(np.e) == 1.0
+    v = ca.SX.sym("v", 3)
+    f = ca.Function("f", [v], [elementary.clamp(v, -1.0, 1.0), elementary.cos(v)])
+    clamped, cosine = (np.array(out).ravel() for out in f([-2.0, 0.5, 2.0]))
+    np.testing.assert_array_equal(clamped, [-1.0, 0.5, 1.0])
+    np.testing.assert_allclose(cosine, np.cos([-2.0, 0.5, 2.0]), atol=3e-16)
+
+
+SIZES = {
+    "q": 4,
+    "p": 4,
+    "q_ew": 4,
+    "q_estimate": 4,
+    "q_true": 4,
+    "v": 3,
+    "phi": 3,
+    "velocity_n": 3,
+    "velocity_w": 3,
+}
+SIZES |= {"r_e": 3, "offset": 3, "C": (3, 3)}
+FUNCTIONS = [
+    getattr(module, name)
+    for module, names in (
+        (attitude, attitude.__all__),
+        (geodesy, geodesy.__all__),
+        (
+            elementary,
+            ["sin_cos", "atan2", "asin", "acos", "exp", "log", "normal_pair", "wrap_angle", "clamp"],
+        ),
+    )
+    for name in names
+    if inspect.isfunction(getattr(module, name))
+]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_only_exactly_rounded_operations(function):
+    arguments = []
+    for name in inspect.signature(function).parameters:
+        size = SIZES.get(name, 1)
+        arguments.append(ca.SX.sym(name, *size) if isinstance(size, tuple) else ca.SX.sym(name, size))
+    returned = function(*arguments)
+    returned = [ca.SX(r) for r in (returned if isinstance(returned, tuple) else (returned,))]
+    jacobian = ca.jacobian(ca.vertcat(*(ca.vec(r) for r in returned)), ca.vertcat(*map(ca.vec, arguments)))
+    assert elementary.inexact_operations(ca.Function("f", arguments, [*returned, jacobian])) == set()
+
+
+def test_inexact_operations_are_found():
+    x, m = ca.SX.sym("x"), ca.MX.sym("m")
+    f = ca.Function("f", [x], [ca.sin(x) + ca.exp(x) * x**0.3 + ca.fmin(x, 1)])
+    found = {"OP_SIN", "OP_EXP", "OP_CONSTPOW", "OP_FMIN"}
+    assert elementary.inexact_operations(f) == found
+    caller = ca.Function("g", [m], [f(2 * m)])
+    assert elementary.inexact_operations(caller) == found
+    assert elementary.inexact_operations(f.map(3)) == found
+    assert elementary.inexact_operations(ca.Function("h", [m], [ca.sqrt(m) * 2])) == set()
