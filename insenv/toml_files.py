@@ -6,7 +6,6 @@ descriptions of recorded logs.
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -47,7 +46,7 @@ def check_three(value: object) -> object:
 def _check_parameter(value: object) -> object:
     items = value if isinstance(value, list) else [value]
     for item in items:
-        if isinstance(item, (int, float)) and not math.isfinite(item):
+        if isinstance(item, (int, float)) and not abs(item) <= sys.float_info.max:
             raise ValueError("must be finite")
     if not all(isinstance(item, (str, bool, int, float)) for item in items):
         raise ValueError("must be a number, true or false, text, or a list of numbers")
@@ -128,17 +127,18 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
             return f"{prefix}{part}", f": unknown key{nearest(part, models[0].model_fields)}"
         elif (value := _dict_value(here)) is not None and part != "[key]":
             dotted, here = f"{dotted}.{part}", value
-    return _message(fault, dotted, unit)
+    return _message(fault, dotted, unit, _sections(here))
 
 
-def _message(fault: dict[str, Any], dotted: str, unit: str) -> tuple[str, str]:
+def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[BaseModel]]) -> tuple[str, str]:
     value, context = fault["input"], fault.get("ctx", {})
     if fault["type"] == "union_tag_invalid":
         return f"{dotted}.kind", f" = {shown(context.get('tag'))}: must be one of {context.get('expected_tags')}"
     if fault["type"] == "union_tag_not_found":
-        return f"{dotted}.kind", " is missing: what kind it is"
+        kinds = ", ".join(repr(tag) for model in models for tag in _tags(model))
+        return f"{dotted}.kind", f" is missing: must be one of {kinds}"
     message = str(fault["msg"]).removeprefix("Value error, ")
-    message = message.replace("Input should be", "must be")
+    message = message.replace("Input should be", "must be").replace("a valid tuple", "a list")
     if fault["type"] in ("dict_type", "model_type", "model_attributes_type"):
         message = "must be a table of keys"
     if isinstance(value, (dict, BaseModel)):
@@ -187,17 +187,21 @@ Sections = list[tuple[str, str, type[BaseModel], list[str]]]
 """Title, remark (or empty), section, and names of its keys to print."""
 
 
-def key_table(sections: Sections, special: dict[str, str] | None = None) -> str:
+def key_table(sections: Sections, special: dict[str, str] | None = None, limits: bool = False) -> str:
     """Markdown: for each section its keys, values, units, defaults and meanings.
 
     special: what to print for the type of a key, by its name, where its annotation does not tell.
+    limits: whether there is a column of what is allowed.
     """
     parts: list[str] = []
     for title, remark, model, names in sections:
         parts.append(f"### {title}\n")
         parts += [f"{remark}\n"] if remark else []
-        parts.append("| key | value | unit | default | meaning |\n|---|---|---|---|---|")
-        parts += [_row(name, model.model_fields[name], special or {}) for name in names]
+        head = ["key", "value", "unit", *(["allowed"] if limits else []), "default", "meaning"]
+        parts.append(_line(head) + "\n|" + "---|" * len(head))
+        for name in names:
+            cells = _cells(name, model.model_fields[name], special or {})
+            parts.append(_line([cell for cell, title in zip(cells, _HEAD, strict=True) if title in head]))
         parts.append("")
     return "\n".join(parts).rstrip() + "\n"
 
@@ -215,7 +219,14 @@ def renew_page(path: str | Path, renew: Callable[[str], str]) -> None:
     page.write_text(renew(page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
-def _row(name: str, field: Any, special: dict[str, str]) -> str:
+_HEAD = ("key", "value", "unit", "allowed", "default", "meaning")
+
+
+def _line(cells: list[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _cells(name: str, field: Any, special: dict[str, str]) -> list[str]:
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     default = field.default
     if default is PydanticUndefined:
@@ -225,8 +236,21 @@ def _row(name: str, field: Any, special: dict[str, str]) -> str:
     else:
         text = f"`{default}`"
     value = special.get(name) or _type(field.annotation)
-    cells = [f"`{name}`", value, str(extra.get("unit", "")) or "-", text, str(field.description)]
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    allowed = _limits(field.metadata, field.annotation)
+    return [f"`{name}`", value, str(extra.get("unit", "")) or "-", allowed or "-", text, str(field.description)]
+
+
+_SIGNS = {"gt": "above {:.16g}", "ge": "from {:.16g}", "lt": "below {:.16g}", "le": "to {:.16g}"}
+
+
+def _limits(metadata: Any, annotation: Any = None) -> str:
+    """What the limits of a key allow: those of `key` and of validators whose function has the attribute `limits`."""
+    parts = [
+        text.format(float(getattr(item, name))) for name, text in _SIGNS.items() for item in metadata if hasattr(item, name)
+    ]
+    parts += [item.func.limits for item in metadata if hasattr(getattr(item, "func", None), "limits")]
+    inner = [_limits(getattr(part, "__metadata__", ()), part) for part in get_args(annotation)]
+    return " ".join(parts) or next((text for text in inner if text), "")
 
 
 def _type(annotation: Any) -> str:

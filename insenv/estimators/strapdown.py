@@ -109,10 +109,11 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
     rough_rate = ca.vertcat(x.velocity_w[1], -x.velocity_w[0], 0) / geodesy.A
     axis = axis + ca.cross(axis, rough_rate) * (dt / 2)
     gravity_w = ca.vertcat(0, 0, geodesy.normal_gravity(-axis[2], x.height - x.velocity_w[2] * dt / 2))
-    middle = x.velocity_w + (increment_w + gravity_w * dt) / 2
+    omega_ie = geodesy.OMEGA_IE * axis
+    rough_coriolis = ca.cross(2 * omega_ie + rough_rate, x.velocity_w)
+    middle = x.velocity_w + (increment_w + (gravity_w - rough_coriolis) * dt) / 2
     height_middle = x.height - (x.velocity_w[2] + middle[2]) * dt / 4
     omega_ew = geodesy.transport_rate_about_axis(middle, axis, height_middle)
-    omega_ie = geodesy.OMEGA_IE * axis
     coriolis = ca.cross(2 * omega_ie + omega_ew, middle)
 
     # The w frame turns by `turn` in the sample: on average the increment is seen from half-way

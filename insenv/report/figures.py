@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation import ATTITUDE, CHANNELS, POSITION, VELOCITY, Report, Result, Track
+from insenv.report.scales import set_scale
 from insenv.report.tables import label
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 # Okabe and Ito's colours without yellow: told apart by colour-blind readers, and legible on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LIMIT, TRUTH, PALE = "#555555", "#bbbbbb", "#888888"
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same everywhere
     "font.size": 9,
     "axes.titlesize": 9,
@@ -38,7 +39,6 @@ STYLE: dict[str, Any] = {
     "path.simplify_threshold": 0.5,
     "svg.hashsalt": "insenv",  # ids in an SVG are the same in every run
 }
-_WIDE = 10.0  # an error that falls by more than this along the run is drawn on a symmetric logarithmic scale
 
 
 def save(figure: Figure, paths: Mapping[str, Path]) -> None:
@@ -52,7 +52,10 @@ def save(figure: Figure, paths: Mapping[str, Path]) -> None:
 
 
 def draw(report: Report) -> Figure:
-    """The figure of a run or replay, all its estimators in one; needs no display and changes no global state of matplotlib."""
+    """The figure of a run or replay, all its estimators in one; needs no display and changes no global state of matplotlib.
+
+    `drawable` says whether there is anything to draw.
+    """
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -61,7 +64,9 @@ def draw(report: Report) -> Figure:
         figure = Figure(layout="constrained")
         FigureCanvasAgg(figure)
         shown = [name for name in CHANNELS if any(name in r.errors for r in report.results)]
-        handles = _attitude_page(figure, report, shown) if set(shown) <= set(ATTITUDE) else _navigation_page(figure, report, shown)
+        handles = (
+            _attitude_page(figure, report, shown) if set(shown) <= set(ATTITUDE) else _navigation_page(figure, report, shown)
+        )
         seed = "" if report.seed is None else f", seed {report.seed}"
         figure.suptitle(f"{_title(report)}\n{report.scenario}{seed}, {report.duration_s:g} s", fontsize=10.5)
         figure.legend(
@@ -73,7 +78,12 @@ def draw(report: Report) -> Figure:
         return figure
 
 
-def _defaults() -> dict[str, Any]:
+def drawable(report: Report) -> bool:
+    """Whether there are errors, or at least a track, to draw."""
+    return any(len(r.time) and (r.errors or _track(r) is not None) for r in report.results)
+
+
+def _defaults() -> Any:
     """matplotlib's own defaults, whatever the user's settings file says."""
     from matplotlib import rcParamsDefault
 
@@ -125,6 +135,7 @@ def _navigation_page(figure: Figure, report: Report, shown: list[str]) -> dict[s
     first: Axes | None = None
     begin = min(float(r.time[0]) for r in report.results)
     end = max(float(r.time[-1]) for r in report.results)
+    begin = 0.0 if 0 < begin < 0.02 * end else begin
     for group in groups:
         for channel in group:
             axis = axes[channel]
@@ -144,6 +155,12 @@ def _navigation_page(figure: Figure, report: Report, shown: list[str]) -> dict[s
     return handles
 
 
+def _track_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
+    """A log without a reference: the tracks alone."""
+    figure.set_size_inches(8.0, 7.0)
+    return _plan(figure.subplots(), report)
+
+
 # --- panels ------------------------------------------------------------------------------------------
 
 
@@ -161,6 +178,7 @@ def _channel(axis: Axes, report: Report, channel: str, from_s: float, bands: boo
         late = result.time >= from_s - 1e-9
         time, error = result.time[late], result.errors[channel][late]
         drawn.append(error)
+        reach.append(0.0)
         (handles[result.estimator],) = axis.plot(time, error, color=colour, label=result.estimator, zorder=3)
         if bands and channel in result.sigma:
             sigma = result.sigma[channel][late]
@@ -169,8 +187,9 @@ def _channel(axis: Axes, report: Report, channel: str, from_s: float, bands: boo
             handles[name] = axis.fill_between(
                 times, -widest, widest, color=colour, alpha=0.16, linewidth=0, zorder=2, label=name
             )
-            reach.append(3.0 * float(np.median(sigma)))
+            reach[-1] = 3.0 * float(np.median(sigma))
         elif channel in result.limit:
+            reach[-1] = result.limit[channel]
             limits.setdefault(round(result.limit[channel], 12), colour)
     for limit, colour in limits.items():
         for sign in (-1, 1):
@@ -179,8 +198,7 @@ def _channel(axis: Axes, report: Report, channel: str, from_s: float, bands: boo
             )
         line.set_label("theoretical limit, ±1 sigma")
         handles[str(line.get_label())] = line
-    _scale(axis, drawn, [*reach, *limits])
-    return handles
+    return handles | set_scale(axis, drawn, reach)
 
 
 def _envelope(time: Array, value: Array, points: int = 600) -> tuple[Array, Array]:
@@ -192,54 +210,22 @@ def _envelope(time: Array, value: Array, points: int = 600) -> tuple[Array, Arra
     return time[np.minimum(begins + stride // 2, len(time) - 1)], np.maximum.reduceat(value, begins)
 
 
-def _scale(axis: Axes, errors: list[Array], reach: list[float]) -> None:
-    """Vertical scale: linear about the errors and limits; symmetric logarithmic where the errors fall by orders.
-
-    A logarithmic one is linear within the errors of the last quarter, so that its end can be read as well as its beginning.
-    """
-    from matplotlib.ticker import MaxNLocator
-
-    finite = [e[np.isfinite(e)] for e in errors]
-    finite = [e for e in finite if e.size]
-    largest = max((float(np.abs(e).max()) for e in finite), default=0.0)
-    settled = max((float(np.abs(e[len(e) * 3 // 4 :]).max()) for e in finite), default=0.0)
-    settled = max([settled, *reach, 1e-300])
-    if largest <= _WIDE * settled:
-        top = 1.12 * max(largest, settled)
-        axis.set_ylim(-top, top)
-        axis.yaxis.set_major_locator(MaxNLocator(5))
-        return
-    threshold = 10.0 ** math.ceil(math.log10(settled) - 1e-9)
-    decades = math.ceil(math.log10(largest) - 1e-9)
-    lowest, highest = min(float(e.min()) for e in finite), max(float(e.max()) for e in finite)
-    axis.set_yscale("symlog", linthresh=threshold, linscale=1.3)
-    axis.set_ylim(min(1.8 * lowest, -1.3 * threshold), max(1.8 * highest, 1.3 * threshold))
-    first = round(math.log10(threshold))
-    stride = 1 + (decades - first) // 4
-    marks = [10.0**power for power in range(first, decades + 1, stride)]
-    ticks = [*(-m for m in reversed(marks)), 0.0, *marks]
-    axis.set_yticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
-    axis.set_yticks([], minor=True)
-    axis.axhspan(-threshold, threshold, color="#f1f6fa", linewidth=0, zorder=0)
-
-
 def _plan(axis: Axes, report: Report) -> dict[str, Any]:
     """The tracks seen from above, north up, from the start of the truth."""
-    truth = report.truth
-    east, north = _ground(truth, truth)
-    span = max(float(np.ptp(east)), float(np.ptp(north)))
-    scale, unit = (1e-3, "km") if span > 5000 else (1.0, "m")
+    tracks = [_track(result) for result in report.results]
+    colours = [COLOURS[i % len(COLOURS)] for i, track in enumerate(tracks) if track is not None]
+    known = [track for track in (report.truth, *tracks) if track is not None and track.latitude is not None]
+    grounds = [_ground(track, known[0]) for track in known]
+    scale, unit = (1e-3, "km") if max(float(np.ptp(arc)) for ground in grounds for arc in ground) > 5000 else (1.0, "m")
+    lines = [(scale * east, scale * north) for east, north in grounds]
     handles: dict[str, Any] = {}
-    name = "truth" if report.seed is not None else "reference"
-    (handles[name],) = axis.plot(east * scale, north * scale, color=TRUTH, linewidth=4.0, zorder=2, label=name)
-    for index, result in enumerate(report.results):
-        track = _track(result)
-        if track is not None:
-            easting, northing = _ground(track, truth)
-            axis.plot(easting * scale, northing * scale, color=COLOURS[index % len(COLOURS)], linewidth=1.0, zorder=3)
-    (handles["start"],) = axis.plot(
-        [0], [0], marker="o", linestyle="", markersize=6, markerfacecolor="white", markeredgecolor="black", zorder=5, label="start"
-    )
+    if report.truth.latitude is not None:
+        name = "truth" if report.seed is not None else "reference"
+        (handles[name],) = axis.plot(*lines.pop(0), color=TRUTH, linewidth=4.0, zorder=2, label=name)
+    for colour, line in zip(colours, lines, strict=True):
+        axis.plot(*line, color=colour, linewidth=1.0, zorder=3)
+    circle = {"marker": "o", "linestyle": "", "markersize": 6, "markerfacecolor": "white", "markeredgecolor": "black"}
+    (handles["start"],) = axis.plot([0.0], [0.0], **circle, zorder=5, label="start")  # type: ignore[arg-type]
     axis.set_aspect("equal", adjustable="datalim")
     axis.set_title("Track seen from above", loc="left")
     axis.set_xlabel(f"east [{unit}]")
@@ -252,12 +238,12 @@ def _track(result: Result) -> Track | None:
     return None if any(value is None for value in place.values()) else Track(result.time, **place)
 
 
-def _ground(track: Track, truth: Track) -> tuple[Array, Array]:
-    """East and north (n,) of a track, m, from the truth's first place: arcs along the ellipsoid, so that a long track stays in scale."""
+def _ground(track: Track, origin: Track) -> tuple[Array, Array]:
+    """East and north (n,) of a track, m, from the first known place of `origin`: arcs along the ellipsoid."""
     assert track.latitude is not None and track.longitude is not None
-    assert truth.latitude is not None and truth.longitude is not None
-    origin = float(truth.latitude[0]), float(truth.longitude[0])
-    meridian, transverse = (float(radius) for radius in geodesy.numeric.radii(math.sin(origin[0])))
-    north = (track.latitude - origin[0]) * meridian
-    turned = (track.longitude - origin[1] + math.pi) % (2 * math.pi) - math.pi
-    return turned * transverse * math.cos(origin[0]), north
+    assert origin.latitude is not None and origin.longitude is not None
+    latitude, longitude = (float(a[np.isfinite(a)][0]) for a in (origin.latitude, origin.longitude))
+    there = np.isfinite(track.latitude) & np.isfinite(track.longitude)
+    meridian, transverse = (float(radius) for radius in geodesy.numeric.radii(math.sin(latitude)))
+    turned = (track.longitude[there] - longitude + math.pi) % (2 * math.pi) - math.pi
+    return turned * transverse * math.cos(latitude), (track.latitude[there] - latitude) * meridian

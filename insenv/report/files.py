@@ -1,19 +1,19 @@
 """Result files: every array of a run with its unit, frame and meaning, a summary, the figure; all of them, or none.
 
-A file is written under a temporary name in its folder and renamed when all are complete, so that an interrupted run leaves nothing
-under a final name, and files of an earlier run stay as they were.
+A file is written under a temporary name in its folder and renamed when all are complete: an interrupted run leaves nothing
+under a final name, and the files of an earlier run stay as they were.
 """
 
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import os
 import re
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,12 @@ from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation import Report, Result
 from insenv.report.document import document, to_json
+from insenv.report.figures import draw, drawable, save
 
 FORMAT = "insenv-results"
 VERSION = 1
 NO_MATPLOTLIB = "no figure: matplotlib is not installed; pip install 'insenv[plot]' gives it"
+NOTHING_TO_DRAW = "no figure: there is neither a reference to compare with nor a track"
 _TRUTH = ("time", "q_nb", "velocity_n", "latitude", "longitude", "height")
 _UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 
@@ -98,7 +100,10 @@ def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> Fi
     Raises `InsenvError` if that fails; then none of them is new.
     """
     name = file_name(report.scenario)
-    drawn = figure and importlib.util.find_spec("matplotlib") is not None
+    note = ""
+    if figure:
+        note = NOTHING_TO_DRAW if not drawable(report) else NO_MATPLOTLIB if not find_spec("matplotlib") else ""
+    drawn = figure and not note
     names = [f"{name}.npz", f"{name}.json", *((f"{name}.png", f"{name}.svg") if drawn else ())]
     paths = tuple(folder.path / n for n in names)
     arrays, described = collect(report)
@@ -115,15 +120,14 @@ def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> Fi
         text = to_json(document(report, [str(path) for path in paths])) + "\n"
         part(names[1]).write_text(text, encoding="ascii")
         if drawn:
-            from insenv.report.figures import draw, save
-
             save(draw(report), {kind: part(f"{name}.{kind}") for kind in ("png", "svg")})
-    return FilesWritten(paths, NO_MATPLOTLIB if figure and not drawn else "")
+    return FilesWritten(paths, note)
 
 
 def file_name(scenario: str) -> str:
-    """The scenario's name as a file name that every system takes."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", scenario).strip("-.") or "run"
+    """The scenario's name (of a file: without its folder and ending) as a file name that every system takes."""
+    name = Path(scenario).stem if scenario.endswith(".toml") else scenario
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.") or "run"
 
 
 def collect(report: Report) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
@@ -139,7 +143,8 @@ def collect(report: Report) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str
     for name in _TRUTH:
         value = getattr(report.truth, name)
         if value is not None:
-            add(f"truth/{name}", value, rows[name].unit, rows[name].frame, rows[name].meaning)
+            meaning = rows[name].meaning if report.seed is not None else f"Of the log's reference: {name}"
+            add(f"truth/{name}", value, rows[name].unit, rows[name].frame, meaning)
     for result in report.results:
         prefix = result.estimator
         outputs = _output_rows(result)

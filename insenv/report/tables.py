@@ -56,7 +56,7 @@ def comparison(report: Report) -> Iterator[RenderableType]:
         yield Text()
         yield from _of_result(result, report)
     yield Text()
-    yield Text("final: error at the end; rms, max: over the statistics' time; limit: theoretical 1 sigma", "dim")
+    yield Text("final: at the end; rms, max: over the statistics' time; limit: theory's 1 sigma", "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
 
@@ -71,7 +71,9 @@ def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
     shown = [name for name in CHANNELS if name in result.errors]
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     room = (WIDTH - _CHANNEL - 5 * (_NUMBER + _GAP)) // (_NUMBER + _GAP)
-    table = _table("error", "final", "rms", "max", "limit", "rms/limit", *(f"{n} rms" for n, _ in published[:room]))
+    numbers = [""] if len(published) == 1 else [f" {place + 1}" for place in range(len(published))]
+    headings = [f"published{number}" for number in numbers]
+    table = _table("error", "final", "rms", "max", "limit", "rms/limit", *headings[:room])
     statistics = result.statistics()
     for name in shown:
         final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
@@ -86,12 +88,12 @@ def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
             Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
             *(number(figures.get(name)) for _, figures in published[:room]),
         )
-    yield table
-    for name, figures in published[room:]:
-        listed = ", ".join(f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures)
-        yield Text(f"  {name} rms: {listed}")
+    yield table if shown else Text("no reference to compare with")
+    for place, (heading, (name, figures)) in enumerate(zip(headings, published, strict=False)):
+        listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
+        yield Text(f"{heading}: rms of {name}" + (f": {', '.join(listed)}" if place >= room else ""))
     for note in result.notes:
-        yield Text(f"  note: {note}")
+        yield Text(f"note: {note}")
 
 
 def _table(first: str, *columns: str) -> Table:

@@ -1,7 +1,7 @@
 """Scenarios: a TOML file, checked, and the plant and the start knowledge made of it.
 
-    plant = build(load("ship-swaying"), seed=1)
-    runner = make_runner(plant.model, plant.parameters)
+plant = build(load("ship-swaying"), seed=1)
+runner = make_runner(plant.model, plant.parameters)
 """
 
 from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build

@@ -23,10 +23,14 @@ from insenv.scenario.legs import Structure
 from insenv.scenario.tuning import tuning
 from insenv.scenario.vehicles import make_vehicle
 from insenv.simulation import plant_model
+from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE
 """Stream of the start errors drawn: one uniform each for roll, pitch, heading, position and velocity N, E, D, at
 step 0 of the run's seed; the plant's own streams are other ones, so these draws change nothing else."""
+
+SMALLEST_AMPLITUDE = 1e-30
+"""Sinusoids below it (rad, m) are none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +94,9 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     }
     if scenario.gnss is not None:
         rows |= scenario.gnss.rows(interval)
+    for name in rows:
+        if name.endswith("_amplitude"):  # a sinusoid is divided by the square of its amplitude, which must not vanish
+            rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
     _check_speed_of_sinusoids(rows, interval)
     model.parameters.pack(rows)
     return model, rows
@@ -114,21 +121,20 @@ def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tupl
 
 def _check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
     """Raise `InputError` for sinusoids too fast for the samples: two a period at least, and small turns in a sample."""
-    turned = 0.0
+    turned = 0.0  # in half a sample, at most
     for name, value in rows.items():
-        if not name.endswith("_angular_frequency"):
-            continue
-        frequency = np.asarray(value) / (2.0 * np.pi)
-        if np.any(frequency * interval > 0.5):
-            raise InputError(
-                f"vehicle: a sinusoid of {np.max(frequency):g} Hz in {name.removesuffix('_angular_frequency')}: allowed is up to "
-                f"half of rate_hz, {0.5 / interval:g} Hz"
-            )
         prefix = name.removesuffix("_angular_frequency")
-        for row in (prefix, *(f"{prefix}_{angle}" for angle in ("roll", "pitch", "yaw"))):
-            if prefix in ("north", "east", "down"):
-                continue
-            turned += float(np.sum(np.asarray(rows.get(f"{row}_amplitude", 0.0)) * np.asarray(value))) * interval / 2.0
+        if prefix == name:
+            continue
+        omega = np.asarray(value)
+        if np.any(omega * interval > np.pi):
+            raise InputError(
+                f"vehicle: a sinusoid of {np.max(omega) / (2 * np.pi):g} Hz in {prefix}: allowed is up to half of rate_hz, "
+                f"{0.5 / interval:g} Hz"
+            )
+        angles = (prefix,) if prefix in ANGLES else tuple(f"{prefix}_{angle}" for angle in ANGLES)
+        for angle in angles:
+            turned += float(np.sum(np.asarray(rows.get(f"{angle}_amplitude", 0.0)) * omega)) * interval / 2.0
     if turned > 0.25:
         raise InputError(f"vehicle: turns by up to {2 * turned:.2g} rad in a sample: allowed is 0.5 rad; use a higher rate_hz")
 

@@ -20,7 +20,9 @@ class CarLeg(Section):
         None, "change to this speed; ends when it is reached, or after duration_s", "m/s", ge=0, le=100
     )
     drive_s: Number | None = key(None, "straight on for so long", "s", gt=0, le=86400)
-    turn_deg: Number | None = key(None, "turn by this angle, right positive, with duration_s or radius_m", "deg", ge=-3600, le=3600)
+    turn_deg: Number | None = key(
+        None, "turn by this angle, right positive, with duration_s or radius_m", "deg", ge=-3600, le=3600
+    )
     stop_s: Number | None = key(None, "brake, then stand for so long", "s", gt=0, le=86400)
     wait_s: Number | None = key(None, "stay as it is for so long", "s", gt=0, le=86400)
     duration_s: Number | None = key(None, "how long the turn or the change of speed takes", "s", gt=0, le=86400)

@@ -10,9 +10,9 @@ from pydantic import PrivateAttr, Strict, field_validator, model_validator
 
 from insenv.errors import InputError
 from insenv.scenario.imu import ImuSection
-from insenv.scenario.values import LeverArm, NotNegative, Sigmas, within
+from insenv.scenario.values import LeverArm, NotNegative, Sigmas, Window, one_of, within
 from insenv.scenario.vehicles import VehicleSection
-from insenv.sensors import check_timing, gnss_grade
+from insenv.sensors import GNSS_GRADES, check_timing, gnss_grade
 from insenv.sensors.gnss import OUTAGES
 from insenv.toml_files import Number, Parameter, Section, Vector3, key
 
@@ -35,7 +35,7 @@ class StartSection(Section):
 class GnssSection(Section):
     """The GNSS receiver; without this section there is none."""
 
-    grade: str = key("spp", "grade of the catalogue (docs/sensors.md)")
+    grade: Annotated[str, one_of(GNSS_GRADES)] = key("spp", "grade of the catalogue (docs/sensors.md)")
     interval_s: Number = key(1.0, "time between fixes, a whole number of samples", "s", gt=0, le=3600)
     latency_s: Number = key(0.0, "how late a fix comes, a whole number of samples, below the interval", "s", ge=0, le=3600)
     epoch_offset_s: Number = key(0.0, "time by which the epoch precedes its sample, below one sample", "s", ge=0, le=1)
@@ -45,7 +45,7 @@ class GnssSection(Section):
     velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity, likewise", "m/s")
     wander_sigma_m: NotNegative | None = key(None, "correlated error of position, standard deviation, likewise", "m")
     wander_time_s: Number | None = key(None, "its correlation time; the grade's if absent", "s", gt=0, le=1e9)
-    outages_s: tuple[tuple[Number, Number], ...] = key((), "times without fixes, pairs of begin and end", "s", max_length=OUTAGES)
+    outages_s: tuple[Window, ...] = key((), "times without fixes, pairs of begin and end", "s", max_length=OUTAGES)
     outlier_probability: Number = key(0.0, "probability that a position is an outlier", "", ge=0, le=1)
     outlier_size_m: Number = key(0.0, "length of an outlier", "m", ge=0, le=1e7)
 
@@ -60,7 +60,7 @@ class GnssSection(Section):
     def _windows(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         for begin, end in value:
             if not 0.0 <= begin < end:
-                raise ValueError(f"outage from {begin:g} s to {end:g} s: must begin at 0 or later and end after its begin")
+                raise ValueError(f"the outage from {begin:g} s to {end:g} s must begin at 0 or later and end after it begins")
         return value
 
     def rows(self, sample_interval: float) -> dict[str, Any]:
@@ -99,8 +99,12 @@ class KnowledgeSection(Section):
     roll_error_deg: Number | None = key(None, "roll as told less the true one", "deg", ge=-360, le=360)
     pitch_error_deg: Number | None = key(None, "pitch as told less the true one", "deg", ge=-360, le=360)
     heading_error_deg: Number | None = key(None, "heading as told less the true one", "deg", ge=-360, le=360)
-    position_error_m: Annotated[Vector3, within(-1e5, 1e5)] | None = key(None, "position as told less the true one, north, east, down", "m")
-    velocity_error_mps: Annotated[Vector3, within(-1e3, 1e3)] | None = key(None, "velocity as told less the true one, north, east, down", "m/s")
+    position_error_m: Annotated[Vector3, within(-1e5, 1e5)] | None = key(
+        None, "position as told less the true one, north, east, down", "m"
+    )
+    velocity_error_mps: Annotated[Vector3, within(-1e3, 1e3)] | None = key(
+        None, "velocity as told less the true one, north, east, down", "m/s"
+    )
     tilt_sigma_deg: Number = key(0.5, "standard deviation told of roll and pitch", "deg", gt=0, le=180)
     heading_sigma_deg: Number = key(2.0, "standard deviation told of the heading", "deg", gt=0, le=360)
     position_sigma_m: Sigmas = key((1.0, 1.0, 1.0), "standard deviation told of the position, north, east, down", "m")

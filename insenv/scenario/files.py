@@ -41,13 +41,21 @@ def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scen
     scenario._name = name
     try:
         plant_of(scenario)
-        for id in scenario.estimators:
-            registry.get(id)
+        for number, id in enumerate(scenario.estimators):
+            _registered(f"estimators[{number}]", id)
         for id, table in scenario.estimator.items():
+            _registered("estimator", id)
             tuning(id, table)
     except InputError as error:
         raise InputError(f"{label}: {error}") from None
     return scenario
+
+
+def _registered(where: str, id: str) -> None:
+    try:
+        registry.get(id)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def summaries() -> list[dict[str, Any]]:
@@ -71,4 +79,24 @@ def summaries() -> list[dict[str, Any]]:
 
 def json_schema() -> dict[str, Any]:
     """JSON schema of a scenario file, for editors (``scenarios/schema.json``)."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    schema = _plain(Scenario.model_json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "insenv scenario", **schema}
+
+
+def _plain(schema: Any) -> Any:
+    """A schema without the titles that pydantic makes of the names, and without null, which TOML does not have."""
+    if isinstance(schema, list):
+        return [_plain(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    kept = {
+        name: _plain(value)
+        for name, value in schema.items()
+        if (name, value) not in (("default", None), ("unit", "")) and not (name == "title" and isinstance(value, str))
+    }
+    choices = [choice for choice in kept.get("anyOf", []) if choice != {"type": "null"}]
+    if len(choices) == 1:
+        kept = {**choices[0], **{name: value for name, value in kept.items() if name != "anyOf"}}
+    elif choices:
+        kept["anyOf"] = choices
+    return kept

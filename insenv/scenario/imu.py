@@ -10,10 +10,10 @@ from pydantic import create_model, field_validator
 
 from insenv.errors import InputError
 from insenv.estimators.registry import SensorNotes
-from insenv.scenario.values import LeverArm, PerAxis, within
-from insenv.sensors import IMU_PARAMETERS, imu_grade, units
+from insenv.scenario.values import LeverArm, PerAxis, Rotation, one_of, within
+from insenv.sensors import IMU_GRADES, IMU_PARAMETERS, imu_grade, units
 from insenv.sensors.grades import CONVERSIONS, ImuGrade
-from insenv.toml_files import Number, Section, Vector3, key
+from insenv.toml_files import Number, Section, key
 
 LARGEST = 1e9
 """Bound of every figure, in its data-sheet unit."""
@@ -23,7 +23,8 @@ _WAYS = (("gyro_arw_deg_sqrt_h", "gyro_white_deg_h"), ("accel_vrw_ug_sqrt_hz", "
 _SUFFIXES = {
     "_deg_h_sqrt_h": "deg/h/sqrt(h)", "_deg_sqrt_h": "deg/sqrt(h)", "_deg_h_g": "deg/h/g", "_deg_h_k": "deg/h/K",
     "_m_s_sqrt_h": "m/s/sqrt(h)", "_ug_sqrt_hz": "ug/sqrt(Hz)", "_ug_sqrt_h": "ug/sqrt(h)", "_ug_k": "ug/K", "_deg_h": "deg/h",
-    "_deg_s": "deg/s", "_m_s": "m/s", "_ug": "ug", "_ppm": "ppm", "_urad": "urad", "_arcsec": "arcsec", "_time_s": "s", "_g": "g",
+    "_deg_s": "deg/s", "_m_s": "m/s", "_ug": "ug", "_ppm": "ppm", "_urad": "urad", "_arcsec": "arcsec", "_time_s": "s",
+    "_g": "g",
 }  # fmt: skip
 
 
@@ -35,10 +36,13 @@ def unit_of(figure: str) -> str:
 class _ImuSection(Section):
     """The inertial unit: a grade, figures of the grade replaced, mounting."""
 
-    grade: str = key("perfect", "grade of the catalogue (docs/sensors.md)")
+    grade: Annotated[str, one_of(IMU_GRADES)] = key("perfect", "grade of the catalogue (docs/sensors.md)")
     lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit, forward, right, down", "m")
-    mounting_error_deg: Vector3 = key((0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg")
+    mounting_error_deg: Rotation = key((0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg")
     drop_probability: Number = key(0.0, "probability that a sample is lost", "", ge=0, le=1)
+    temperature_start_degc: Number = key(20.0, "temperature at time 0; thermal biases are 0 at 20", "deg C", ge=-100, le=200)
+    temperature_end_degc: Number = key(20.0, "temperature after warming up", "deg C", ge=-100, le=200)
+    warm_up_s: Number = key(600.0, "time constant of warming up", "s", ge=1e-3, le=1e9)
 
     @field_validator("grade")
     @classmethod
@@ -64,6 +68,9 @@ class _ImuSection(Section):
             "imu_lever_arm_b": np.array(self.lever_arm_m),
             "mounting_error": np.radians(self.mounting_error_deg),
             "imu_drop_probability": self.drop_probability,
+            "imu_temperature_initial": units.deg_c_to_k(self.temperature_start_degc),
+            "imu_temperature_final": units.deg_c_to_k(self.temperature_end_degc),
+            "imu_temperature_time": self.warm_up_s,
         }
 
 
@@ -112,7 +119,11 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
             motion = gravity * max(largest["misalignment_sigma"], 0.0 if in_place else largest["scale_factor_sigma"])
         in_run = largest["instability_sigma"]
         variance = largest["bias"] ** 2 + largest["bias_sigma"] ** 2 + in_run**2 + motion**2
-        drive = 2 * in_run**2 / max(largest["instability_time"], 1e-3) + largest["rate_random_walk"] ** 2 + 2 * motion**2 / units.HOUR
+        drive = (
+            2 * in_run**2 / max(largest["instability_time"], 1e-3)
+            + largest["rate_random_walk"] ** 2
+            + 2 * motion**2 / units.HOUR
+        )
         sigma = max(variance**0.5, floor)
         notes[white] = max(largest["random_walk"], floor)
         notes[f"{triad}_bias_sigma"] = sigma

@@ -11,17 +11,14 @@ from insenv.core.tables import Row, Table
 from insenv.errors import InputError, nearest
 from insenv.estimators import registry
 from insenv.sensors import units
+from insenv.toml_files import shown
 
 _UNITS: dict[str, dict[str, Callable[[Any], Any]]] = {
-    "rad": {"deg": units.deg_to_rad, "arcsec": units.arcsec_to_rad},
-    "rad/s": {"deg_h": units.deg_h_to_rad_s, "deg_s": units.deg_to_rad},
-    "m/s^2": {"ug": units.ug_to_m_s2, "mgal": units.mgal_to_m_s2, "g": units.g_to_m_s2},
+    "rad": {"deg": units.deg_to_rad},
+    "rad/s": {"deg_h": units.deg_h_to_rad_s},
+    "m/s^2": {"ug": units.ug_to_m_s2, "mgal": units.mgal_to_m_s2},
     "rad/s^0.5": {"deg_sqrt_h": units.deg_sqrt_h_to_rad_sqrt_s},
-    "m/s^1.5": {
-        "ug_sqrt_hz": units.ug_sqrt_hz_to_m_s_sqrt_s,
-        "mps_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s,
-        "m_s_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s,
-    },
+    "m/s^1.5": {"ug_sqrt_hz": units.ug_sqrt_hz_to_m_s_sqrt_s, "mps_sqrt_h": units.m_s_sqrt_h_to_m_s_sqrt_s},
     "m": {"m": np.asarray},
     "s": {"s": np.asarray},
     "m/s": {"mps": np.asarray},
@@ -49,19 +46,21 @@ def tuning(estimator_id: str, table: Mapping[str, Any]) -> dict[str, Any]:
     known = _keys(parameters)
     rows: dict[str, Any] = {}
     for key, value in table.items():
+        where = f"estimator.{estimator_id!r}.{key}"
         if key not in known:
-            raise InputError(f"estimator.{estimator_id!r}: no key {key!r}{nearest(key, sorted(known))}")
+            raise InputError(f"{where}: unknown key{nearest(key, sorted(known))}")
         for row, convert in known[key]:
             if row.name in rows:
-                raise InputError(f"estimator.{estimator_id!r}: {key} sets {row.name}, which another key has set already")
+                raise InputError(f"{where}: another key has set {row.name} already")
             try:
                 number = convert(np.asarray(value, dtype=np.float64))
-            except (TypeError, ValueError, OverflowError):
-                raise InputError(f"estimator.{estimator_id!r}: {key} = {value!r}: allowed is a number{_list_of(row)}") from None
-            try:
                 parameters.pack({row.name: number})
-            except InputError as error:
-                raise InputError(f"estimator.{estimator_id!r}: {key} = {value!r}: in SI, {error}") from None
+            except (TypeError, ValueError, OverflowError):
+                scale = float(convert(1.0))
+                raise InputError(
+                    f"{where} = {shown(value)}: allowed is a finite number{_list_of(row)} from {row.lower / scale:g} to "
+                    f"{row.upper / scale:g} ({row.meaning})"
+                ) from None
             rows[row.name] = number
     return rows
 
@@ -83,4 +82,4 @@ def _names(name: str) -> Iterator[str]:
 
 
 def _list_of(row: Row) -> str:
-    return f", or a list of {row.size}" if row.shape else ""
+    return f", or a list of {row.size}," if row.shape else ""

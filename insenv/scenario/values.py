@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
@@ -16,10 +17,18 @@ def _check_axes(value: object) -> object:
     return (value,) * 3 if number else tuple(value)  # type: ignore[arg-type]
 
 
+def _check_pair(value: object) -> object:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise ValueError("must be a list of two, begin and end")
+    return tuple(value)
+
+
 PerAxis = Annotated[
     tuple[Number, Number, Number],
     BeforeValidator(_check_axes),
-    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]}),
+    WithJsonSchema(
+        {"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]}
+    ),
 ]
 """One number for all three axes, or three."""
 
@@ -27,14 +36,25 @@ PerAxis = Annotated[
 def within(lower: float, upper: float, above: bool = False) -> AfterValidator:
     """Validator: each of the numbers from `lower` (or above it) to `upper`."""
 
+    limits = f"{'above' if above else 'from'} {lower:.16g} to {upper:.16g}"
+
     def check(value: tuple[float, ...]) -> tuple[float, ...]:
         if any(not lower <= number <= upper or (above and number == lower) for number in value):
-            raise ValueError(f"each must be {f'above {lower:g}, at most' if above else f'from {lower:g} to'} {upper:g}")
+            raise ValueError(f"each must be {limits}")
         return value
 
+    check.limits = limits  # type: ignore[attr-defined]  # for the table of keys
     return AfterValidator(check)
 
 
+Rotation = Annotated[Vector3, within(-180.0, 180.0)]
 LeverArm = Annotated[Vector3, within(-1e3, 1e3)]
 NotNegative = Annotated[PerAxis, within(0.0, 1e5)]
 Sigmas = Annotated[PerAxis, within(0.0, 1e5, above=True)]
+
+Window = Annotated[tuple[Number, Number], BeforeValidator(_check_pair)]
+
+
+def one_of(names: Iterable[str]) -> WithJsonSchema:
+    """Marks a key that names one of `names`, which editors then offer; whether it does is checked elsewhere."""
+    return WithJsonSchema({"type": "string", "enum": list(names)})

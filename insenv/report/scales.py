@@ -1,0 +1,58 @@
+"""The vertical scale of an error panel: linear, or symmetric logarithmic where one scale would hide what matters."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+FALL, SPREAD = 10.0, 50.0
+"""Errors that fall by more along the run, or estimators that differ by more, get a logarithmic scale."""
+
+
+def set_scale(axis: Axes, errors: list[Array], reach: list[float]) -> dict[str, Any]:
+    """Set it; give the legend's handle of what a logarithmic one needs told.
+
+    errors, reach: of each estimator, its errors and how far its limit or stated accuracy reaches.  A logarithmic scale is
+    linear within the last quarter's errors of the best estimator: they can be read as well as the first of the worst.
+    """
+    from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+
+    finite = [(e[np.isfinite(e)], r) for e, r in zip(errors, reach, strict=True)]
+    finite = [(e, r) for e, r in finite if e.size]
+    largest = max((float(np.abs(e).max()) for e, _ in finite), default=0.0)
+    settled = [max(float(np.abs(e[len(e) * 3 // 4 :]).max()), r, 1e-300) for e, r in finite] or [1.0]
+    if largest <= FALL * max(settled) and max(settled) <= SPREAD * min(settled):
+        top = 1.12 * max(largest, *settled)
+        axis.set_ylim(-top, top)
+        axis.yaxis.set_major_locator(MaxNLocator(5))
+        return {}
+    threshold = _round_up(min(settled))
+    lowest, highest = min(float(e.min()) for e, _ in finite), max(float(e.max()) for e, _ in finite)
+    bottom, top = min(1.8 * lowest, -1.3 * max(settled)), max(1.8 * highest, 1.3 * max(settled))
+    powers = range(math.ceil(math.log10(4.0 * threshold)), math.floor(math.log10(max(top, -bottom))) + 1)
+    stride = -(-len(powers) // 3) or 1
+    marks = [threshold, *(10.0**power for power in powers[stride - 1 :: stride])]
+    if not powers and (near := _round_up(max(top, -bottom) / 2.6)) > threshold:
+        marks.append(near)
+    ticks = [*(-m for m in reversed(marks)), 0.0, *marks]
+    axis.set_yscale("symlog", linthresh=threshold, linscale=1.3)
+    axis.yaxis.set_major_locator(FixedLocator(ticks))
+    axis.yaxis.set_minor_locator(NullLocator())
+    axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
+    axis.set_ylim(bottom, top)
+    name = "scale: linear here, logarithmic beyond"
+    return {name: axis.axhspan(-threshold, threshold, color="#f1f0e6", linewidth=0, zorder=0, label=name)}
+
+
+def _round_up(value: float) -> float:
+    """The next of 1, 2, 5, 10, ..."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if value <= step * power * (1 + 1e-9))

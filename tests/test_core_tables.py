@@ -1,0 +1,90 @@
+"""Tables: layout, checks, symbols."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from insenv.core import symmetric
+from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError
+
+TABLE = Table(
+    (
+        Row("speed", "Speed", "m/s", start=1.0, lower=0.0, upper=10.0),
+        Row("q", "Attitude", shape=(4,), start=(1, 0, 0, 0)),
+        Row("M", "Matrix", shape=(2, 3), start=((1, 2, 3), (4, 5, 6))),
+    )
+)
+
+
+def test_layout_is_row_after_row_and_matrices_row_major():
+    assert TABLE.size == 11
+    assert TABLE.start_vector().tolist() == [1, 1, 0, 0, 0, 1, 2, 3, 4, 5, 6]
+    assert TABLE.unpack(TABLE.start_vector())["M"].tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_symbols_and_assemble_agree_with_pack_and_unpack():
+    flat = ca.SX.sym("x", TABLE.size)
+    values = TABLE.symbols(flat)
+    function = ca.Function("f", [flat], [values.M, TABLE.assemble(vars(values))])
+    matrix, again = function(np.arange(11.0))
+    assert np.array_equal(matrix.full(), TABLE.unpack(np.arange(11.0))["M"])
+    assert again.full().ravel().tolist() == list(range(11))
+
+
+def test_unpack_of_many_rows_keeps_leading_axes():
+    assert TABLE.unpack(np.zeros((5, 7, 11)))["M"].shape == (5, 7, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"speed": 11}, "speed = 11 m/s"),
+        ({"speed": float("nan")}, "speed = nan m/s"),
+        ({"q": (1, 0, float("inf"), 0)}, r"q\[2\] = inf"),
+        ({"q": (1, 0, 0)}, "shape"),
+        ({"q": "north"}, "allowed"),
+        ({"sped": 1}, "did you mean 'speed'"),
+    ],
+)
+def test_a_wrong_value_is_named_with_what_is_allowed(values, said):
+    with pytest.raises(InputError, match=said):
+        TABLE.pack(values)
+
+
+def test_two_rows_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="two rows"):
+        Table((Row("a", ""), Row("a", "")))
+
+
+def test_assemble_refuses_missing_rows_and_wrong_shapes():
+    with pytest.raises(ValueError, match="missing"):
+        TABLE.assemble({"speed": 1})
+    with pytest.raises(ValueError, match="shape"):
+        TABLE.assemble({"speed": 1, "q": ca.SX.zeros(3), "M": ca.SX.zeros(2, 3)})
+
+
+def test_a_condition_must_be_one_row():
+    with pytest.raises(ValueError, match="must be one state or one input row"):
+        Model("m", "", Table(), TABLE, Table(), Table(), {"s": Step(lambda p, x, u: {}, when="nowhere")}, lambda p, x: {})
+
+
+def test_a_random_model_needs_a_seed_and_a_step():
+    with pytest.raises(ValueError, match="seed"):
+        Model("m", "", Table(), TABLE, Table(), Table(), {"s": Step(lambda p, x, u, r: {}, uniforms=1)}, lambda p, x: {})
+
+
+def test_a_step_that_gives_an_unknown_row_is_refused():
+    model = Model("m", "", Table(), TABLE, Table(), Table(), {"s": Step(lambda p, x, u: {"nothing": 1})}, lambda p, x: {})
+    with pytest.raises(ValueError, match="nothing"):
+        _ = model.kernels
+
+
+def test_symmetric_triangle_round_trip():
+    matrix = np.array([[1.0, 2, 4], [2, 3, 5], [4, 5, 6]])
+    stored = ca.DM(symmetric.triangle(ca.SX(matrix))).full().ravel()
+    assert stored.tolist() == [1, 2, 3, 4, 5, 6]
+    assert np.array_equal(symmetric.full_array(stored, 3), matrix)
+    assert np.array_equal(ca.DM(symmetric.full(ca.SX(stored), 3)).full(), matrix)
+    assert symmetric.triangle_of_diagonal([1, 2]).tolist() == [1, 0, 2]
