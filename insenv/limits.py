@@ -3,10 +3,13 @@
 Whatever the sensors add on average turns the felt vertical and east: no algorithm that knows only the place can tell it
 from attitude.  With the mean errors' components in n (biases turn with the body),
 
-    tilt about east = b_aN / g,  tilt about north = -b_aE / g,  heading = -(b_aE / g) tan L - b_gE / (omega_ie cos L)
+    about north = -b_aE / g,   about east = b_aN / g,   about down = (b_aE / g) tan L - b_gE / (omega_ie cos L)
 
-(ECEF fine-alignment paper (42), swaying-base paper (15)).  White noise adds, over an observation time T, with angle random
-walk N and velocity random walk V,
+in the sense of estimate minus truth.  This is (42) of the ECEF fine-alignment paper and (15) of the swaying-base paper, except
+that (42) gives the two parts of heading one sign: the balance omega_ie x phi = -b_g of its own error equation gives them
+opposite ones, and its simulated heading (-0.00944 deg) agrees with that limit (-0.0096), not with the one printed (-0.01195).
+
+White noise adds, over an observation time T, with angle random walk N and velocity random walk V,
 
     tilt = 2 V / (g sqrt(T)),   heading = sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (omega_ie cos L)
 
@@ -30,7 +33,7 @@ def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: float, heigh
     latitude rad, height m.  The sign is that of the rotation vector of estimate times inverse truth, in n.
     """
     g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
-    north, east = accel_error_n[1] / g, -accel_error_n[0] / g
+    north, east = -accel_error_n[1] / g, accel_error_n[0] / g
     down = -north * np.tan(latitude) - gyro_error_n[1] / (geodesy.OMEGA_IE * np.cos(latitude))
     return np.array([north, east, down])
 

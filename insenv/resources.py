@@ -25,14 +25,10 @@ def fmu_folder() -> Path:
 
 def _folder(name: str, package: Path) -> Path:
     candidates = [package / "_data" / name]
-    if (
-        package.parent / "pyproject.toml"
-    ).is_file():  # else this is site-packages: the folder is a stranger's
+    if (package.parent / "pyproject.toml").is_file():  # else this is site-packages: the folder is a stranger's
         candidates.append(package.parent / name)
     for candidate in candidates:
         if candidate.is_dir():
             return candidate
     looked = " and ".join(str(candidate) for candidate in candidates)
-    raise InsenvError(
-        f"this installation of insenv lacks its folder {name!r}: looked for {looked}; reinstall it"
-    )
+    raise InsenvError(f"this installation of insenv lacks its folder {name!r}: looked for {looked}; reinstall it")

@@ -26,7 +26,9 @@ def _sample(p, x, u, r):
 TOY = Model(
     id="toy",
     title="noise, a rare step by state, one by input, a matrix",
-    parameters=Table((SEED, Row("gain", "Gain of the push", start=2.0), Row("period", "Advances between rare steps", start=3.0))),
+    parameters=Table(
+        (SEED, Row("gain", "Gain of the push", start=2.0), Row("period", "Advances between rare steps", start=3.0))
+    ),
     state=Table(
         (
             STEP,
@@ -39,7 +41,9 @@ TOY = Model(
         )
     ),
     inputs=Table((Row("push", "Push", "m", (3,)), Row("kick", "1 to kick"))),
-    outputs=Table((Row("place", "Where it is", "m", (3,)), Row("sum", "Rare steps, kicks, untouched"), Row("corner", "Upper right"))),
+    outputs=Table(
+        (Row("place", "Where it is", "m", (3,)), Row("sum", "Rare steps, kicks, untouched"), Row("corner", "Upper right"))
+    ),
     steps={
         "sample": Step(_sample, uniforms=3),
         "rare": Step(lambda p, x, u, r: {"rare": x.rare + 1, "position": x.position * r[0]}, when="rare_due", uniforms=1),

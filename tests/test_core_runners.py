@@ -158,7 +158,11 @@ def test_without_a_compiler_it_says_so_once_and_interprets(toy, monkeypatch):
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [({"rows": 0}, "rows = 0"), ({"rows": 2, "threads": 0}, "threads = 0"), ({"rows": 2, "parameters": np.zeros((3, 3))}, "shape")],
+    [
+        ({"rows": 0}, "rows = 0"),
+        ({"rows": 2, "threads": 0}, "threads = 0"),
+        ({"rows": 2, "parameters": np.zeros((3, 3))}, "shape"),
+    ],
 )
 def test_wrong_batches_are_named(toy, arguments, said):
     with pytest.raises(InputError, match=said):

@@ -73,7 +73,7 @@ def test_unknown_numbers_are_a_dash(value):
 @pytest.mark.parametrize("published", [0, 1, 2, 4])
 def test_table_fits_80_columns_and_cuts_nothing(size, published):
     peers = tuple((f"Package number {i}, from the reference state", dict.fromkeys(CHANNELS, size)) for i in range(published))
-    text = printed(report(result(size=-size), published=peers))
+    text = printed(report(result(size=-size, limit=dict.fromkeys(CHANNELS, size)), published=peers))
     assert max(map(len, text.splitlines())) <= 80
     assert "…" not in text
     assert all(f"Package number {i}" in text for i in range(published))
@@ -87,7 +87,7 @@ def test_table_says_what_was_run():
         "seed 7",
         "100 s",
         "20000",
-        "75 s on",
+        "from 75 s on",
         "0.432 us",
         "one remark",
         "another",
@@ -103,7 +103,9 @@ def test_table_says_what_was_run():
 
 def test_table_without_limits_or_errors():
     assert re.search(r"^roll \[deg\] .* - +-$", printed(report(result(limit={}))).replace("  \n", "\n"), re.MULTILINE)
-    assert "no reference" in printed(report(result(errors={})))
+    text = printed(report(result(errors={}, sigma={"heading_deg": np.full(200, 0.1), "north_m": np.full(200, 3.0)})))
+    assert re.search(r"^heading \[deg\] +0.0000 +0.100$", text.replace(" \n", "\n"), re.MULTILINE) and "rms" not in text
+    assert re.search(r"^latitude \[deg\] +28.6536\d+ +3.00 m$", text.replace(" \n", "\n"), re.MULTILINE)
 
 
 # --- JSON --------------------------------------------------------------------------------------------

@@ -62,7 +62,8 @@ def _tell(error: BaseException, as_json: bool) -> int:
     elif isinstance(error, MemoryError):
         message = "out of memory"
     elif isinstance(error, OSError):
-        message = str(error)
+        message = error.strerror or str(error)
+        message = f"{error.filename}: {message}" if error.filename else message
     else:
         message = f"internal error: {kind}: {error} (INSENV_DEBUG=1 shows where; please report it)"
     try:

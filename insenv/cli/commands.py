@@ -139,7 +139,7 @@ def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json:
 
     def finish() -> None:
         if written and written.note:
-            print_line(written.note, stderr=True)
+            print_line(f"insenv: {written.note}", stderr=True)
         if as_json:
             print_json(document(report, paths))
             return

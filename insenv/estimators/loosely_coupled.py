@@ -43,6 +43,7 @@ from insenv.estimators.increments import SAMPLE_INPUTS
 from insenv.estimators.registry import Estimator, Knowledge
 
 _DEG = math.pi / 180
+PATIENCE = 10  # fixes refused in a row before the gate opens
 GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
 
 PARAMETERS = strapdown.START + Table(
@@ -87,7 +88,7 @@ PARAMETERS = strapdown.START + Table(
         Row(
             "innovation_gate",
             "Innovations beyond so many standard deviations are not used; 0: all are",
-            "1",
+            start=5.0,
             lower=0,
             upper=1e12,
         ),
@@ -133,6 +134,7 @@ STATE = strapdown.STATE + Table(
         Row("innovation", "Innovation of the last fix: position, then velocity", "m, m/s", (6,), "n"),
         Row("test_ratio", "Innovation over its standard deviation, likewise", "1", (6,), "n"),
         Row("rejected", "Scalar measurements not used because of the gate", "1"),
+        Row("refusals", "Fixes in a row with an innovation beyond the gate", "1"),
     )
 )
 
@@ -247,21 +249,24 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     present = ca.vertcat(1, 1, 1, *[u.gnss_velocity_valid] * 3)
 
     stored, correction = x.covariance, ca.SX.zeros(N)
-    ratios, rejected = [], x.rejected
+    # A filter that finds fix after fix wrong is itself wrong: then it must listen, until fixes and estimate agree again
+    deaf = select(x.refusals < PATIENCE, 1.0, 0.0)
+    ratios, outside = [], ca.SX(0)
     for i in range(6):
         left = innovation[i] - H[i, :] @ correction
-        ratio = left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
-        beyond = ca.logic_and(p.innovation_gate > 0, ca.fabs(ratio) > p.innovation_gate)
-        accept = present[i] * select(beyond, 0.0, 1.0)
+        ratio = present[i] * left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
+        beyond = select(ca.logic_and(p.innovation_gate > 0, ca.fabs(ratio) > p.innovation_gate), 1.0, 0.0)
+        accept = present[i] * (1 - deaf * beyond)
         stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
-        ratios.append(ratio * present[i])
-        rejected = rejected + present[i] * select(beyond, 1.0, 0.0)
+        ratios.append(ratio)
+        outside = outside + beyond
     return {
         **corrected(x, correction),
         "covariance": stored,
         "innovation": innovation * present,
         "test_ratio": ca.vertcat(*ratios),
-        "rejected": rejected,
+        "rejected": x.rejected + deaf * outside,
+        "refusals": select(outside > 0, x.refusals + 1, 0),
     }
 
 
@@ -278,11 +283,12 @@ def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def corrected(x: Any, correction: Any) -> dict[str, Any]:
     """State rows with an estimated error state (15) taken out."""
     dr, dv, psi = correction[POSITION], correction[VELOCITY], correction[TILT]
-    # moving the position turns the computed frame by -theta; the platform is then referred to the new one
+    # moving the position turns the computed frame by -theta; platform and velocity are then referred to the new one
     theta = geodesy.transport_rate_w(dr, x.q_ew, x.height)
+    velocity = x.velocity_w - dv
     return {
         "q_wb": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(psi + theta), x.q_wb)),
-        "velocity_w": x.velocity_w - dv,
+        "velocity_w": velocity + ca.cross(theta, velocity),
         "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
         "height": x.height + dr[2],
         "gyro_bias": x.gyro_bias + correction[GYRO],

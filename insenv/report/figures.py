@@ -64,9 +64,8 @@ def draw(report: Report) -> Figure:
         figure = Figure(layout="constrained")
         FigureCanvasAgg(figure)
         shown = [name for name in CHANNELS if any(name in r.errors for r in report.results)]
-        handles = (
-            _attitude_page(figure, report, shown) if set(shown) <= set(ATTITUDE) else _navigation_page(figure, report, shown)
-        )
+        page = _track_page if not shown else _attitude_page if set(shown) <= set(ATTITUDE) else _navigation_page
+        handles = page(figure, report, shown)
         seed = "" if report.seed is None else f", seed {report.seed}"
         figure.suptitle(f"{_title(report)}\n{report.scenario}{seed}, {report.duration_s:g} s", fontsize=10.5)
         figure.legend(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from insenv.evaluation import CHANNELS, Report, Result
+from insenv.evaluation import ATTITUDE, CHANNELS, VELOCITY, Report, Result, Track
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 WIDTH = 80
 _CHANNEL, _NUMBER, _GAP = 13, 8, 2
 _NAMES = {
-    **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading")},
-    **{f"{name}_m": f"{name} [m]" for name in ("north", "east", "down")},
+    **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading", "latitude", "longitude")},
+    **{f"{name}_m": f"{name} [m]" for name in ("north", "east", "down", "height")},
     **{f"{name}_mps": f"{name} [m/s]" for name in ("vn", "ve", "vd")},
 }
 
@@ -56,7 +56,8 @@ def comparison(report: Report) -> Iterator[RenderableType]:
         yield Text()
         yield from _of_result(result, report)
     yield Text()
-    yield Text("final: at the end; rms, max: over the statistics' time; limit: theory's 1 sigma", "dim")
+    if any(result.errors for result in report.results):
+        yield Text("final: at the end; rms, max: over the statistics' time; limit: theory's 1 sigma", "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
 
@@ -65,15 +66,13 @@ def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
     from rich.text import Text
 
     line = Text(result.estimator, "bold")
-    start = "whole run" if result.from_s <= 0 else f"{result.from_s:g} s on"
-    line.append(f"   statistics: {start}   {number(result.us_per_sample)} us a sample", "not bold")
-    yield line
     shown = [name for name in CHANNELS if name in result.errors]
+    start = "over the whole run" if result.from_s <= 0 else f"from {result.from_s:g} s on"
+    statistics_of = f"statistics {start}, " if shown else ""
+    line.append(f"   {statistics_of}{number(result.us_per_sample)} us a sample", "not bold")
+    yield line
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
-    room = (WIDTH - _CHANNEL - 5 * (_NUMBER + _GAP)) // (_NUMBER + _GAP)
-    numbers = [""] if len(published) == 1 else [f" {place + 1}" for place in range(len(published))]
-    headings = [f"published{number}" for number in numbers]
-    table = _table("error", "final", "rms", "max", "limit", "rms/limit", *headings[:room])
+    table = _table("error", "final", "rms", "max", "limit", "rms/limit", *["published"][: len(published)])
     statistics = result.statistics()
     for name in shown:
         final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
@@ -86,14 +85,34 @@ def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
             number(largest),
             number(limit),
             Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
-            *(number(figures.get(name)) for _, figures in published[:room]),
+            *(number(figures.get(name)) for _, figures in published[:1]),
         )
-    yield table if shown else Text("no reference to compare with")
-    for place, (heading, (name, figures)) in enumerate(zip(headings, published, strict=False)):
+    yield table if shown else _estimate(result)
+    for place, (name, figures) in enumerate(published):  # more columns than one would not fit
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
-        yield Text(f"{heading}: rms of {name}" + (f": {', '.join(listed)}" if place >= room else ""))
+        yield Text(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     for note in result.notes:
         yield Text(f"note: {note}")
+
+
+def _estimate(result: Result) -> RenderableType:
+    """Where there is no reference: the estimate at the end, and how good the estimator says it is."""
+    last = {name: value[-1:] for name, value in result.outputs.items()} if len(result.time) else {}
+    found: dict[str, str] = {}
+    if "q_nb" in last:
+        angles = Track(result.time[-1:], last["q_nb"]).euler_deg()[0]
+        found |= {name: f"{angle:.4f}" for name, angle in zip(ATTITUDE, angles, strict=True)}
+    found |= {f"{n}_deg": f"{math.degrees(last[n][0]):.7f}" for n in ("latitude", "longitude") if n in last}
+    found |= {"height_m": f"{last['height'][0]:.3f}"} if "height" in last else {}
+    if "velocity_n" in last:
+        found |= {name: f"{speed:.4f}" for name, speed in zip(VELOCITY, last["velocity_n"][0], strict=True)}
+    table = _table("no reference", "at the end", "stated sigma")
+    sigmas = {"latitude_deg": "north_m", "longitude_deg": "east_m", "height_m": "down_m"}
+    for name, text in found.items():
+        channel = sigmas.get(name, name)
+        stated = number(result.sigma[channel][-1]) if channel in result.sigma else "-"
+        table.add_row(label(name), text, f"{stated} m" if channel != name else stated)
+    return table
 
 
 def _table(first: str, *columns: str) -> Table:
@@ -103,5 +122,5 @@ def _table(first: str, *columns: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, _GAP, 0, 0))
     table.add_column(first, no_wrap=True, min_width=_CHANNEL)
     for name in columns:
-        table.add_column(name, justify="right", min_width=_NUMBER - 1, max_width=_NUMBER + 1, overflow="fold")
+        table.add_column(name, justify="right", min_width=_NUMBER - 1, no_wrap=True)
     return table
