@@ -67,11 +67,11 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
     from insenv.bench import speed, truth
 
     return {
-        "native.propagate15": lambda: speed.single("native", 0.02),
+        "native.propagate15": lambda: speed.single("native", 0.05),
         "native.propagate15-each": lambda: speed.single("native", 0.0),
-        "interpreter.propagate15": lambda: speed.single("interpreter", 0.02),
+        "interpreter.propagate15": lambda: speed.single("interpreter", 0.05),
         "interpreter.propagate15-each": lambda: speed.single("interpreter", 0.0),
-        "batch.propagate15": lambda: speed.batch(0.02),
+        "batch.propagate15": lambda: speed.batch(0.05),
         "batch.propagate15-each": lambda: speed.batch(0.0),
         "truth.drift.ship": lambda: truth.drift("ship"),
         "truth.drift.car": lambda: truth.drift("car"),

@@ -84,7 +84,7 @@ PARAMETERS = strapdown.START + Table(
         Row("angle_random_walk", "White noise density of the gyros", "rad/s^0.5", start=1e-5, lower=0, upper=1e12),
         Row("velocity_random_walk", "White noise density of the accelerometers", "m/s^1.5", start=1e-3, lower=0, upper=1e12),
         Row("antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),
-        Row("covariance_interval", "Longest stretch between propagations of the covariance", "s", start=0.02, lower=0, upper=1),
+        Row("covariance_interval", "Longest stretch between propagations of the covariance", "s", start=0.05, lower=0, upper=1),
         Row(
             "innovation_gate",
             "Innovations beyond so many standard deviations are not used; 0: all are",

@@ -2,7 +2,8 @@
  *
  * Written once for both; `generated code` above has defined
  *   N_PARAMETER, N_STATE, N_OUTPUT, N_UNIFORMS (the largest number that a function takes), SEED_PLACE (in p), STEP_PLACE (in x),
- *   START_UNIFORMS, and the table of the schedule SCHEDULE[N_STEPS].
+ *   and START_UNIFORMS.  The line SCHEDULE below is where the generator puts the model's schedule as functions:
+ *   `advance(p, x, u)`, the steps in order, each if its condition is not zero, and `run_step(k, p, x, u)`, one of them.
  */
 #include <stdint.h>
 #include <string.h>
@@ -42,49 +43,25 @@ static void uniforms(real seed, real step, uint32_t stream, int count, real *r) 
   }
 }
 
-typedef int (*function_t)(const real **, real **, long long *, real *, int);
-typedef struct {
-  int start, stop;
-} span_t;
-typedef struct {
-  function_t function;
-  int condition; /* -1: always, 0: element of the inputs, 1: element of the state */
-  int place;
-  int uniforms;
-  const span_t *spans; /* where the result's pieces go in the state; ends with an empty span */
-} step_t;
+/* Run step number k where `mask` is not zero.  The function gives only what it changes; `lay` puts that into the state. */
+#define RUN_STEP(k, function, lay, count, mask)                                        \
+  do {                                                                                 \
+    real r[(count) + 1], changed[N_STATE + 1];                                         \
+    if (count) uniforms(p[SEED_PLACE], x[STEP_PLACE], (uint32_t)(k), (count), r);      \
+    const real *arg[4] = {p, x, u, r};                                                 \
+    real *res[1] = {changed};                                                          \
+    function(arg, res, 0, 0, 0);                                                       \
+    lay(x, changed, mask);                                                             \
+  } while (0)
 
-static const step_t SCHEDULE[];
+/* Elements [start, stop) of the state from the next ones of `changed`. */
+#define LAY(start, stop, from)                                                         \
+  if (whole)                                                                           \
+    memcpy(x + (start), changed + (from), ((stop) - (start)) * sizeof(real));          \
+  else                                                                                 \
+    for (int i = (start); i < (stop); ++i) x[i] = blend(mask, changed[i - (start) + (from)], x[i]);
 
-/* Run one step where `mask` is not zero: the function gives only what it changes, which is then laid into the state. */
-static void run_step(int k, const real *p, real *x, const real *u, real mask) {
-  const step_t *s = &SCHEDULE[k];
-  real r[N_UNIFORMS + 1], changed[N_STATE + 1];
-  if (s->uniforms) uniforms(p[SEED_PLACE], x[STEP_PLACE], (uint32_t)k, s->uniforms, r);
-  const real *arg[4] = {p, x, u, r};
-  real *res[1] = {changed};
-  s->function(arg, res, 0, 0, 0);
-  const real *from = changed;
-  if (all(mask))
-    for (const span_t *span = s->spans; span->stop > span->start; from += span->stop - span->start, ++span)
-      memcpy(x + span->start, from, (size_t)(span->stop - span->start) * sizeof(real));
-  else
-    for (const span_t *span = s->spans; span->stop > span->start; ++span)
-      for (int i = span->start; i < span->stop; ++i, ++from) x[i] = blend(mask, *from, x[i]);
-}
-
-/* One advance: the schedule in order, each step if its condition is not zero. */
-static void advance(const real *p, real *x, const real *u) {
-  for (int k = 0; k < N_STEPS; ++k) {
-    const step_t *s = &SCHEDULE[k];
-    real mask = 1.0;
-    if (s->condition >= 0) {
-      mask = s->condition ? x[s->place] : u[s->place];
-      if (!any(mask)) continue;
-    }
-    run_step(k, p, x, u, mask);
-  }
-}
+SCHEDULE
 
 static void outputs(const real *p, const real *x, real *y) {
   const real *arg[2] = {p, x};
@@ -126,7 +103,7 @@ EXPORT void insenv_output(int64_t blocks, const real *p, const real *x, real *y)
 EXPORT void insenv_advance_at(void *const at[4]) { advance((const real *)at[0], (real *)at[1], (const real *)at[2]); }
 EXPORT void insenv_output_at(void *const at[4]) { outputs((const real *)at[0], (const real *)at[1], (real *)at[3]); }
 EXPORT void insenv_step_at(void *const at[4], int k) {
-  run_step(k, (const real *)at[0], (real *)at[1], (const real *)at[2], 1.0);
+  run_step(k, (const real *)at[0], (real *)at[1], (const real *)at[2]);
 }
 
 EXPORT int insenv_lanes(void) { return LANES; }

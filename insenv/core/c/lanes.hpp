@@ -75,6 +75,7 @@ LANE_INLINE real floor(real a) {
   return r;
 }
 
+#define ONE real(1.0)
 #define LANE(number, i) ((number).v[i])
 LANE_INLINE int any(real mask) {
   int found = 0;
