@@ -9,6 +9,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 VENV := .venv/.stamp-venv
 PLOT := .venv/.stamp-plot
 TEST := .venv/.stamp-test
+BENCH := .venv/.stamp-bench
 
 .PHONY: help demo test check format bench clean
 
@@ -31,7 +32,7 @@ format: $(TEST) ## put the source in order (ruff)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(PLOT) ## the benchmarks, each beside its floor
+bench: $(BENCH) ## the benchmarks, each beside its floor and, where it installs, a peer
 	$(BIN)/insenv bench
 
 clean: ## remove all that make and the checks made, .venv too
@@ -55,4 +56,10 @@ $(PLOT): pyproject.toml $(VENV)
 $(TEST): pyproject.toml $(VENV)
 	@echo "installing insenv and its checks into .venv (once; some minutes)"
 	@$(PIP) install --quiet -e '.[test,plot]'
+	@touch $@
+
+$(BENCH): pyproject.toml $(VENV)
+	@echo "installing insenv and the peer of its benchmarks into .venv (once; some minutes)"
+	@$(PIP) install --quiet -e '.[plot,bench]' || { \
+	  echo "pyins (python-ins) does not install here: figures without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
 	@touch $@

@@ -49,7 +49,8 @@ class Result:
 
     time (n,) s: when outputs were recorded.  outputs: the estimator's outputs there, by row name.
     errors: (n,) by channel.  sigma: standard deviations that the estimator states, (n,) by channel, where it does.
-    limit: theoretical 1-sigma error at the end of the run, by channel, where there is one.
+    limit: theoretical 1-sigma error by channel, where there is one: at the end of an alignment, over the statistics' time of a
+        navigation (what the covariance of an optimal filter says).
     from_s: statistics are taken from this time on.
     us_per_sample: processor time of the estimator for one inertial sample, microseconds.
     """

@@ -15,7 +15,7 @@ from insenv.core.runner import Runner, make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator, Knowledge
 from insenv.estimators.feeding import bridge_lost, input_rows
-from insenv.evaluation import Report, Result, Track, errors, stated_sigma
+from insenv.evaluation import POSITION, Report, Result, Track, errors, stated_sigma
 from insenv.scenario import Plant, Scenario, build
 
 Array = NDArray[np.float64]
@@ -24,6 +24,14 @@ Progress = Callable[[int, int], None]
 
 CHUNK = 20_000  # samples simulated before the estimators see them: some 10 MB
 RECORDS = 3_000  # at most so many recorded times a run, about
+
+
+def recording_interval(samples: int, records: int = RECORDS) -> int:
+    """Every how many samples outputs are recorded: at most about `records` times, if possible so that the last sample is
+    one.
+    """
+    least = max(1, -(-samples // records))
+    return next((every for every in range(least, 4 * least) if samples % every == 0), least)
 
 
 @dataclass
@@ -76,7 +84,7 @@ def run(
         if estimator.kind == "alignment" and not plant.in_place:
             raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {scenario.name!r} moves")
 
-    every = max(1, -(-plant.samples // RECORDS))
+    every = recording_interval(plant.samples)
     runner = make_runner(plant.model, plant.parameters)
     followers = [Follower.started(e, plant.knowledge, plant.estimator_tuning.get(e.id, {}), every) for e in chosen]
     # the covariance of the 15-state filter without fixes is the limit of free-inertial navigation
@@ -133,7 +141,7 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
         from_s = 0.75 * float(track.time[-1])
         limit = _alignment_limit(plant, track, sensor_error_n)
     elif estimator.aided:
-        limit = _stated(sigma)
+        limit = _aided_limit(plant, sigma)
     else:
         limit = _stated(stated_sigma(predictor.named())) if predictor is not None else {}
     return Result(
@@ -151,6 +159,15 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
 def _stated(sigma: dict[str, Array]) -> dict[str, float]:
     """Root mean square of the covariance's standard deviations: what an optimal filter leaves on average."""
     return {name: float(np.sqrt(np.mean(value**2))) for name, value in sigma.items()}
+
+
+def _aided_limit(plant: Plant, sigma: dict[str, Array]) -> dict[str, float]:
+    """What the covariance says, and for position the part of the fixes' error that changes too slowly to be averaged."""
+    limit = _stated(sigma)
+    wander = np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3)
+    for name, slow in zip(POSITION, wander, strict=True):
+        limit[name] = float(np.hypot(limit[name], slow))
+    return limit
 
 
 def _alignment_limit(plant: Plant, track: Track, sensor_error_n: Array) -> dict[str, float]:

@@ -109,7 +109,9 @@ def test_euler_round_trip(roll, pitch, heading):
     assert np.isfinite(euler).all()
     assert (np.abs(euler) <= [np.nextafter(np.pi, 4), np.pi / 2, np.nextafter(np.pi, 4)]).all()
     assert euler[1] == pytest.approx(pitch, abs=1e-15)  # where asin would be 1e-8 out
-    assert distance(numeric.from_euler(*euler), q) < 2e-15
+    # within 1.4e-14 rad of the vertical roll is said to be 0: up to that much of the attitude is then given up
+    near_vertical = np.pi / 2 - abs(pitch)
+    assert distance(numeric.from_euler(*euler), q) < (2e-15 if near_vertical > 2e-14 else 1.6e-14)
 
 
 @pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2])

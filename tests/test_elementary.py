@@ -136,6 +136,7 @@ SIZES = {
     "phi": 3,
     "velocity_n": 3,
     "velocity_w": 3,
+    "axis_w": 3,
 }
 SIZES |= {"r_e": 3, "offset": 3, "C": (3, 3)}
 FUNCTIONS = [

@@ -196,7 +196,9 @@ def position_error(columns, y):
     ],
 )
 def test_a_fix_between_samples_or_late_is_as_good_as_one_on_time(timing):
-    """At 12 to 20 m/s a fix taken 3.7 ms off would be wrong by some 5 cm, one 0.2 s late by metres: the fixes are good to 2 cm."""
+    """At 12 to 20 m/s a fix taken 3.7 ms off would be wrong by some 5 cm, one 0.2 s late by metres: the fixes are good to 2
+    cm.
+    """
     exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
 
     def rms(**gnss):

@@ -15,8 +15,8 @@ from insenv.errors import InputError
 class Figure:
     """One measured figure.
 
-    name; value in unit; floor: the same for no work, in the same unit; n: repetitions (or samples) it rests on; note: what it is.
-    peer: another package measured in the same run, (name, value), where it is installed.
+    name; value in unit; floor: the same for no work, in the same unit; n: repetitions (or samples) it rests on; note: what
+    it is. peer: another package measured in the same run, (name, value), where it is installed.
     """
 
     name: str

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from insenv.bench import peers
 from insenv.bench.figures import Figure
 from insenv.core.batch import make_batch
 from insenv.core.model import Model, Step
@@ -41,7 +42,10 @@ def single(backend: str, covariance_interval: float) -> Figure:
     runner.advance(_at_rest(model))
     empty = make_runner(EMPTY, None, backend)
     value, floor = (_median(r._advance, SAMPLES) / SAMPLES * 1e6 for r in (runner, empty))
-    return Figure(_name(backend, covariance_interval), value, "us", floor, REPETITIONS, _covariance_note(covariance_interval))
+    # pyins propagates over batches of samples: at each sample it would be used against its grain
+    peer = peers.propagate15(covariance_interval) if backend == "native" and covariance_interval else None
+    note = _covariance_note(covariance_interval)
+    return Figure(_name(backend, covariance_interval), value, "us", floor, REPETITIONS, note, peer)
 
 
 def batch(covariance_interval: float) -> Figure:

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from insenv import attitude, geodesy
+from insenv.bench import peers
 from insenv.bench.figures import Figure
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.feeding import input_rows
-from insenv.scenario import build, load
+from insenv.scenario import Plant, build, load
 
 SCENARIOS = {"ship": "ship-swaying", "car": "car-city-drive", "aircraft": "aircraft-survey"}
 DURATION_S = 600.0
@@ -19,23 +20,34 @@ DURATION_S = 600.0
 
 def drift(vehicle: str, rate_hz: float = 200.0) -> Figure:
     """Largest position error of `wander-sins` on the true increments of the vehicle's scenario, over the axes and the time."""
-    largest = drift_ned(vehicle, rate_hz).max()
+    plant, start, truth = _simulated(vehicle, rate_hz, disturbed=True)
+    largest = _drift_ned(plant, start, truth).max()
     spacing = float(np.spacing(np.pi)) * geodesy.A * 1e3
     note = f"{SCENARIOS[vehicle]}, 600 s at {rate_hz:g} Hz; floor: spacing of doubles in longitude"
-    return Figure(f"truth.drift.{vehicle}", float(largest), "mm", spacing, int(DURATION_S * rate_hz), note)
+    poses = {name: np.concatenate([[start[name]], truth[name]]) for name in ("q_nb", "latitude", "longitude", "height")}
+    peer = peers.drift(plant.sample_interval, **poses)
+    return Figure(f"truth.drift.{vehicle}", float(largest), "mm", spacing, int(DURATION_S * rate_hz), note, peer)
 
 
 def drift_ned(vehicle: str, rate_hz: float, disturbed: bool = True) -> np.ndarray:
     """Largest error north, east, down (3, mm); `disturbed` False leaves out the engine's vibration, which
     low rates cannot sample, and the gusts, whose driving noise differs from rate to rate."""
+    return _drift_ned(*_simulated(vehicle, rate_hz, disturbed))
+
+
+def _simulated(vehicle: str, rate_hz: float, disturbed: bool) -> tuple[Plant, dict[str, Any], dict[str, Any]]:
+    """The vehicle's plant, its state at the start, and its true outputs by name."""
     scenario = load(SCENARIOS[vehicle])
     motion = scenario.vehicle if disturbed else _undisturbed(scenario.vehicle)
     scenario = scenario.model_copy(update={"rate_hz": rate_hz, "gnss": None, "vehicle": motion})
     plant = build(scenario, duration_s=DURATION_S)
     runner = make_runner(plant.model, plant.parameters)
     start = plant.model.state.unpack(runner.x.copy())
-    truth = plant.model.outputs.unpack(runner.run(plant.samples))
+    return plant, start, plant.model.outputs.unpack(runner.run(plant.samples))
 
+
+def _drift_ned(plant: Plant, start: dict[str, Any], truth: dict[str, Any]) -> np.ndarray:
+    """Largest error north, east, down (3, mm) of `wander-sins` on true increments."""
     estimator = get("wander-sins").model
     roll, pitch, heading = attitude.numeric.to_euler(start["q_nb"])
     navigator = make_runner(
@@ -62,7 +74,23 @@ def drift_ned(vehicle: str, rate_hz: float, disturbed: bool = True) -> np.ndarra
 
 def _undisturbed(motion: Any) -> Any:
     """A [vehicle] section with its engine off and no wind."""
-    still = {name: 0.0 for name in type(motion).model_fields if name.startswith(("wind_", "gust_")) and "sigma" in name}
+    still: dict[str, object] = {
+        name: 0.0 for name in type(motion).model_fields if name.startswith(("wind_", "gust_")) and "sigma" in name
+    }
     if "gust_velocity_sigma_mps" in still:
         still["gust_velocity_sigma_mps"] = (0.0, 0.0, 0.0)
     return motion.model_copy(update={**still, **({"engine": ()} if "engine" in type(motion).model_fields else {})})
+
+
+def table() -> str:
+    """The table of docs/truth.md: drift without disturbances at four rates (python -m insenv.bench.truth prints it)."""
+    rates = (50.0, 100.0, 200.0, 400.0)
+    lines = ["| | " + " | ".join(f"{rate:g} Hz" for rate in rates) + " |", "|---|---|---|---|---|"]
+    for vehicle in SCENARIOS:
+        cells = [f"{drift_ned(vehicle, rate, disturbed=False).max():.2g}" for rate in rates]
+        lines.append(f"| {vehicle} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(table())

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from insenv.core.codegen import batch_source
-from insenv.core.compile import CompileError, compile_library, find_compiler
 from insenv.core.model import Model
-from insenv.core.runner import InterpreterRunner, _ByIdentity, check_inputs, load, pointer, resolve_backend
+from insenv.core.native import batch_library_path, load, pointer
+from insenv.core.runner import InterpreterRunner, check_inputs, resolve_backend
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 
@@ -99,7 +98,7 @@ class NativeBatch(Batch):
 
     def __init__(self, model: Model, p: Vector, threads: int, lanes: int | None) -> None:
         super().__init__(model, p, threads)
-        self._library = load(_batch_library(_ByIdentity(model), lanes))
+        self._library = load(batch_library_path(model, lanes))
         self.lanes = int(self._library.insenv_lanes())
         self._blocks = -(-self.rows // self.lanes)
         self._p = self._into_lanes(p)
@@ -193,11 +192,3 @@ class InterpreterBatch(Batch):
 @functools.cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="insenv")
-
-
-@functools.lru_cache(maxsize=64)
-def _batch_library(model: _ByIdentity, lanes: int | None) -> str:
-    compiler = find_compiler("c++")
-    if compiler is None:
-        raise CompileError("no C++ compiler found")
-    return str(compile_library(batch_source(model.value, lanes), compiler))

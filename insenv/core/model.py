@@ -44,9 +44,9 @@ class Step:
     uniforms: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
-    """Tables, schedule and output function of a sampled system.
+    """Tables, schedule and output function of a sampled system.  Two models are the same only if they are one object.
 
     id: short name, unique in its registry (``"q-method"``).
     title: one line for listings.

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from insenv.core import noise
-from insenv.core.codegen import native_source
-from insenv.core.compile import CompileError, compile_library, find_compiler
+from insenv.core.compile import find_compiler
 from insenv.core.model import Model
+from insenv.core.native import library_path, load, pointer
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
 
@@ -214,7 +214,7 @@ class NativeRunner(Runner):
 
     def __init__(self, model: Model, parameters: Mapping[str, Any] | Vector | None = None) -> None:
         super().__init__(model, parameters)
-        path = native_library(model)
+        path = library_path(model)
         self._library = load(path)
         # single calls are shorter than giving up the GIL would take
         quick = ctypes.PyDLL(path)
@@ -251,50 +251,6 @@ def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
         place = np.argwhere(~np.isfinite(array))[0].tolist()
         raise InputError(f"inputs{place} = {array[tuple(place)]}: allowed is a finite number")
     return array
-
-
-@functools.lru_cache(maxsize=64)
-def _native_library(model: _ByIdentity) -> str:
-    compiler = find_compiler("c")
-    if compiler is None:
-        raise CompileError("no C compiler found")
-    return str(compile_library(native_source(model.value), compiler))
-
-
-class _ByIdentity:
-    """Hash key for a model: the object itself (its tables may hold arrays)."""
-
-    def __init__(self, value: Model) -> None:
-        self.value = value
-
-    def __hash__(self) -> int:
-        return id(self.value)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByIdentity) and other.value is self.value
-
-
-def native_library(model: Model) -> str:
-    """Path of the compiled library of a model (compiled at the first call in the process, or taken from the cache)."""
-    return _native_library(_ByIdentity(model))
-
-
-@functools.cache
-def load(path: str) -> ctypes.CDLL:
-    """The library with the driver's functions declared; calls release the GIL."""
-    library = ctypes.CDLL(path)
-    address, whole = ctypes.c_void_p, ctypes.c_int64
-    library.insenv_run.argtypes = [whole, address, address, address, whole, whole, address, whole, whole]
-    library.insenv_start.argtypes = [whole, address, address]
-    library.insenv_output.argtypes = [whole, address, address, address]
-    for name in ("insenv_run", "insenv_start", "insenv_output"):
-        getattr(library, name).restype = None
-    return library
-
-
-def pointer(array: Vector) -> int:
-    """Address of an array's first element."""
-    return array.ctypes.data
 
 
 def _prepared(function: Any, arguments: tuple[Vector, ...], result: Vector) -> Callable[[], None]:

@@ -61,15 +61,11 @@ class Row:
         if bad.any():
             place = "" if self.size == 1 else f"[{int(np.argmax(bad))}]"
             shown = float(value[np.argmax(bad)])
+            unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
-                f"{self.name}{place} = {shown:g} {self.unit_text}: allowed is a finite number "
-                f"from {self.lower:g} to {self.upper:g} {self.unit_text} ({self.meaning})"
+                f"{self.name}{place} = {shown:g}{unit}: allowed is a finite number "
+                f"from {self.lower:g} to {self.upper:g}{unit} ({self.meaning})"
             )
-
-    @property
-    def unit_text(self) -> str:
-        """The unit as printed: empty for a pure number."""
-        return "" if self.unit == "1" else self.unit
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from insenv.evaluation import Report, Result, Track, errors, stated_sigma
 from insenv.logs import RecordedLog, Reference, load
 from insenv.replay.columns import sample_columns
 from insenv.replay.start import from_log, from_reference, with_initial
-from insenv.run import CHUNK, RECORDS, Follower, Progress, track_of
+from insenv.run import CHUNK, RECORDS, Follower, Progress, recording_interval, track_of
 from insenv.scenario import tuning
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ def replay(
     columns, dropped = sample_columns(log, slice(first, None))
     count = len(log.imu_time) - first
     # the reference is compared where it stands: often enough, but not at every sample of a long log
-    every = max(1, -(-count // (10 * RECORDS)))
+    every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
     followers = [
         Follower.started(e, _known(log, e, start, first), tuning(e.id, description.estimator.get(e.id, {})), every)
@@ -143,6 +143,11 @@ def _result(follower: Follower, reference: Track, times: Array, from_s: float, t
     inside = (times <= to_s) & np.all([np.isfinite(e) for e in found.values()] or [np.ones(len(times), bool)], axis=0)
     sigma = stated_sigma(outputs)
     late = inside & (times >= from_s)
+    if found and not late.any():
+        raise InputError(
+            f"nothing to compare: the replay covers {times[0]:.3f} to {times[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
+            f"{to_s:g} s, and the reference must cover some of that"
+        )
     limit = {name: float(np.sqrt(np.mean(value[late] ** 2))) for name, value in sigma.items()} if late.any() else {}
     return Result(
         estimator=follower.estimator.id,

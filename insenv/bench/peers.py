@@ -1,0 +1,102 @@
+"""Peers: what another package shows for the same work, measured in the same run on the same machine.
+
+The peer is pyins (https://github.com/nmayorov/pyins, MIT), whose package on PyPI is called `python-ins`
+(``pip install 'insenv[bench]'``).  Each function returns (what was measured, value in the figure's unit), or
+None where pyins is not installed.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+import warnings
+from importlib.metadata import PackageNotFoundError, version
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude
+
+Array = NDArray[np.float64]
+Peer = tuple[str, float]
+
+SAMPLES = 1000  # 5 s at 200 Hz: its cost a sample grows with the length of a run, so a short one is kind to it
+INTERVAL = 0.005
+REPETITIONS = 3
+
+
+def drift(sample_interval: float, q_nb: Array, latitude: Array, longitude: Array, height: Array) -> Peer | None:
+    """The poses turned to increments by pyins and integrated by pyins: largest axis of the position error, mm.
+
+    q_nb (n, 4); latitude, longitude (n,) rad; height (n,) m: poses every sample_interval s, the start included.  pyins lays
+    splines through them, and its drift is counted from the same poses: its synthesis against its own mechanization.
+    """
+    pyins = _pyins()
+    if pyins is None:
+        return None
+    times = sample_interval * np.arange(len(height))
+    places = np.stack([np.degrees(latitude), np.degrees(longitude), height], axis=-1)
+    angles = np.degrees(np.stack(attitude.numeric.to_euler(q_nb), axis=-1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        trajectory, imu = pyins.sim.generate_imu(times, places, angles, sensor_type="increment")
+        increments = pyins.strapdown.compute_increments_from_imu(imu, "increment")
+        found = pyins.strapdown.Integrator(trajectory.iloc[0]).integrate(increments)
+        columns = ["lat", "lon", "alt"]
+        error_ned = pyins.transform.compute_lla_difference(found[columns].values, trajectory[columns].values)
+    return f"pyins {_version()}, its own increments and integration", float(np.abs(error_ned).max() * 1e3)
+
+
+def propagate15(covariance_interval: float) -> Peer | None:
+    """One inertial sample of pyins' 15-state feedback filter at rest without fixes, us.
+
+    pyins has no call for one sample: `run_feedback_filter` takes the whole run and gives back trajectory and covariances.
+    covariance_interval: s, its `time_step`, as in `loosely-coupled`.
+    """
+    pyins = _pyins()
+    if pyins is None:
+        return None
+    import pandas as pd
+
+    times = INTERVAL * np.arange(1, SAMPLES + 1)
+    rows = np.tile([INTERVAL, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8 * INTERVAL], (SAMPLES, 1))
+    increments = pd.DataFrame(rows, times, ["dt", "theta_x", "theta_y", "theta_z", "dv_x", "dv_y", "dv_z"])
+    start = pd.Series([30.0, 114.0] + [0.0] * 7, ["lat", "lon", "alt", "VN", "VE", "VD", "roll", "pitch", "heading"], name=0.0)
+    # the filter must be given a measurement: a fix before the start is never used
+    early = pd.DataFrame([[30.0, 114.0, 0.0]], [-1.0], ["lat", "lon", "alt"])
+
+    def run(count: int) -> float:
+        model = pyins.inertial_sensor.EstimationModel
+        begin = time.perf_counter()
+        pyins.filters.run_feedback_filter(
+            start,
+            *(1.0, 0.1, 0.1, 0.5),
+            increments.iloc[:count],
+            model(bias_sd=1e-6, noise=1e-5, bias_walk=1e-9),
+            model(bias_sd=1e-2, noise=1e-3, bias_walk=1e-6),
+            [pyins.measurements.Position(early, 1.0)],
+            time_step=covariance_interval + INTERVAL / 2,  # between samples, where rounding does not matter
+        )
+        return time.perf_counter() - begin
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        run(40)  # numba compiles
+        taken = statistics.median(run(SAMPLES) for _ in range(REPETITIONS))
+    return f"pyins {_version()} feedback filter without fixes, a batch run", taken / SAMPLES * 1e6
+
+
+def _pyins() -> ModuleType | Any:
+    """pyins, or None."""
+    try:
+        version("python-ins")
+        import pyins
+    except (ImportError, PackageNotFoundError):
+        return None
+    return pyins
+
+
+def _version() -> str:
+    return version("python-ins")

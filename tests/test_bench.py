@@ -1,0 +1,35 @@
+"""Benchmarks: the names are there and each figure has its floor; no time is asserted."""
+
+import pytest
+
+from insenv.bench import figures, machine
+from insenv.errors import InputError
+
+NAMES = {
+    "native.propagate15": "us",
+    "interpreter.propagate15": "us",
+    "batch.propagate15": "ns",
+    "truth.drift.ship": "mm",
+    "truth.drift.car": "mm",
+    "truth.drift.aircraft": "mm",
+    "import.insenv": "s",
+}
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_every_documented_figure_is_measured(name, monkeypatch):
+    monkeypatch.setattr("insenv.bench.speed.REPETITIONS", 1)
+    monkeypatch.setattr("insenv.bench.speed.SAMPLES", 20)
+    found = {figure.name: figure for figure in figures(name)}
+    assert found[name].unit == NAMES[name]
+    assert 0 < found[name].floor < found[name].value
+    assert found[name].n > 0
+
+
+def test_an_unknown_figure_is_named():
+    with pytest.raises(InputError, match=r"no figure starts with .nativ\.."):
+        next(iter(figures("nativ.")))
+
+
+def test_the_machine_is_described():
+    assert {"processor", "cores", "system", "python", "compilers"} <= set(machine())
