@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -86,8 +88,19 @@ def get(id: str) -> Estimator:
     return known[id]
 
 
+MODULES = (
+    "q_method",
+    "wander_sins",
+    "loosely_coupled",
+)
+"""The modules of this package that define an `ESTIMATOR` (or several, `ESTIMATORS`), in the order of listings."""
+
+
+@functools.cache
 def registered() -> dict[str, Estimator]:
     """All estimators by id."""
-    from insenv.estimators import loosely_coupled, q_method, wander_sins
-
-    return {e.id: e for e in (q_method.ESTIMATOR, wander_sins.ESTIMATOR, loosely_coupled.ESTIMATOR)}
+    found: list[Estimator] = []
+    for name in MODULES:
+        module = import_module(f"insenv.estimators.{name}")
+        found += getattr(module, "ESTIMATORS", None) or [module.ESTIMATOR]
+    return {estimator.id: estimator for estimator in found}

@@ -1,0 +1,60 @@
+"""The examples: each script runs from an empty folder, each description is read and agrees with its sibling."""
+
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from insenv.run import run
+from insenv.scenario import load
+from insenv.toml_files import read_toml
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = ROOT / "examples"
+SAID = {  # what each script must print
+    "align_a_ship.py": ("heading_deg", "limit"),
+    "navigate_a_log.py": ("vd_mps", "KF-GINS"),
+    "step_by_step.py": ("90 s", "stated sigma"),
+}
+
+
+def test_each_script_is_named_here():
+    assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
+
+
+@pytest.mark.parametrize("name", sorted(SAID))
+def test_script(name, tmp_path):
+    if name == "navigate_a_log.py" and find_spec("onavdata") is None:
+        pytest.skip("the log is in the package onavdata, which is not installed")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", EXAMPLES / name],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert all(text in done.stdout for text in SAID[name]), done.stdout
+    assert "nan" not in done.stdout
+    assert done.stderr == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_own_scenario():
+    report = run(load(EXAMPLES / "own_scenario.toml"), duration_s=5.0)
+    assert [result.estimator for result in report.results] == ["q-method"]
+
+
+def test_the_two_descriptions_of_the_car_log_differ_in_the_velocities_alone():
+    both, positions = (read_toml(EXAMPLES / f"n380-car{kind}.toml") for kind in ("", "-position-only"))
+    for name in ("velocity", "velocity_sigma"):
+        assert both["gnss"].pop(name)
+        assert name not in positions["gnss"]
+    both["imu"].pop("rate_hz")  # the same as the median step
+    for section in ("imu", "gnss", "reference", "initial", "estimator"):
+        assert positions[section] == both[section]
+    assert positions["evaluation"]["published"] == both["evaluation"]["published"]
