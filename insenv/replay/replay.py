@@ -14,7 +14,7 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation import Report, Result, Track, errors, stated_sigma
 from insenv.logs import RecordedLog, Reference, load
 from insenv.replay.columns import sample_columns
-from insenv.replay.start import from_log, from_reference, with_initial
+from insenv.replay.start import from_log, from_reference
 from insenv.run import CHUNK, RECORDS, Follower, Progress, recording_interval, track_of
 from insenv.scenario import tuning
 
@@ -97,7 +97,7 @@ def _known(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Kn
         return from_reference(log, first)
     if estimator.kind == "alignment":
         return _place(log)
-    return with_initial(from_log(log, first), log)
+    return from_log(log, first)
 
 
 def _place(log: RecordedLog) -> Knowledge:

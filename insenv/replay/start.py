@@ -7,8 +7,6 @@ heading carried is the heading at rest.  This needs no gyro good enough for the 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +15,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Knowledge, get
 from insenv.estimators.feeding import input_rows
-from insenv.logs import RecordedLog
+from insenv.logs import GnssFixes, RecordedLog
 
 Array = NDArray[np.float64]
 
@@ -65,7 +63,15 @@ def from_log(log: RecordedLog, first: int) -> Knowledge:
     pitch = float(np.arctan2(force[0], np.hypot(force[1], force[2])))
     latitude, longitude, height, sigma = _rest_position(log, rest)
 
-    heading = _heading_from_motion(log, first, roll, pitch, rate)
+    initial = log.description.initial
+    roll, pitch = (
+        found if said is None else float(np.radians(said))
+        for found, said in ((roll, initial.roll_deg), (pitch, initial.pitch_deg))
+    )
+    if initial.heading_deg is None:
+        heading = _heading_from_motion(log, first, roll, pitch, rate)
+    else:
+        heading = float(np.radians(initial.heading_deg))
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, heading))
     antenna = C_nb @ log.lever_arm_b
     place = geodesy.numeric.geodetic_from_ned_offset(-antenna, latitude, longitude, height)
@@ -120,14 +126,17 @@ def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, flo
 
 def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float, rest_rate: Array) -> float:
     """Heading where sample `first` begins, from the course of the first fixes in motion."""
-    gnss = log.gnss
-    if gnss is None or gnss.velocity_n is None:
-        raise InputError("heading from motion: the log's [gnss] must give velocities; or use --start reference")
-    speed = np.hypot(gnss.velocity_n[:, 0], gnss.velocity_n[:, 1])
-    moving = np.flatnonzero((speed > COURSE_SPEED) & (gnss.time > log.imu_time[first]))[:COURSE_FIXES]
+    if log.gnss is None:
+        raise InputError("heading from motion needs [gnss]; or give [initial] heading_deg, or use --start reference")
+    gnss, (time, velocity) = log.gnss, _ground_velocity(log.gnss)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    moving = np.flatnonzero((speed > COURSE_SPEED) & (time > log.imu_time[first]) & (time < log.imu_time[-1]))[:COURSE_FIXES]
     if len(moving) < COURSE_FIXES:
-        raise InsenvError(f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s")
-    last = int(np.searchsorted(log.imu_time, gnss.time[moving[-1]]))
+        raise InsenvError(
+            f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s; "
+            "give [initial] heading_deg, or use --start reference"
+        )
+    last = int(np.searchsorted(log.imu_time, time[moving[-1]]))
     window = slice(first, last + 1)
     # any estimator that carries the attitude will do; the place is of no account for some minutes
     model = get("wander-sins").model
@@ -139,21 +148,15 @@ def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float
     }
     outputs = model.outputs.unpack(runner.run(last + 1 - first, input_rows(model, columns, last + 1 - first)))
     carried = attitude.numeric.to_euler(outputs["q_nb"])[2]
-    at = np.searchsorted(log.imu_time[window], gnss.time[moving])
-    course = np.arctan2(gnss.velocity_n[moving, 1], gnss.velocity_n[moving, 0])
+    at = np.searchsorted(log.imu_time[window], time[moving])
+    course = np.arctan2(velocity[moving, 1], velocity[moving, 0])
     return float(np.angle(np.mean(np.exp(1j * (course - carried[at])))))
 
 
-def with_initial(known: Knowledge, log: RecordedLog) -> Knowledge:
-    """What the log's [initial] says outright takes precedence."""
-    initial = log.description.initial
-
-    def chosen(given_deg: float | None, found: float) -> float:
-        return found if given_deg is None else float(np.radians(given_deg))
-
-    return replace(
-        known,
-        roll=chosen(initial.roll_deg, known.roll),
-        pitch=chosen(initial.pitch_deg, known.pitch),
-        heading=chosen(initial.heading_deg, known.heading),
-    )
+def _ground_velocity(gnss: GnssFixes) -> tuple[Array, Array]:
+    """Times (s) and velocities over the ground (m/s, n): the receiver's, or differences of its positions at mid-time."""
+    if gnss.velocity_n is not None:
+        return gnss.time, gnss.velocity_n
+    place = np.stack([gnss.latitude, gnss.longitude, gnss.height], axis=1)
+    moved = geodesy.numeric.ned_offset(*place[1:].T, *place[:-1].T)
+    return (gnss.time[1:] + gnss.time[:-1]) / 2, moved / np.diff(gnss.time)[:, None]

@@ -119,13 +119,14 @@ GNSS_STATE = Table(
         Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
         Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
         *(Row(f"gnss_{name}", f"{what}, latest fix delivered", unit, shape, frame) for name, what, unit, shape, frame in _FIX),
-        Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n"),
+        Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
         Row(
             "gnss_velocity_sigma",
             "Standard deviation of velocity that the receiver reports",
             "m/s",
             (3,),
             "n",
+            1.0,
         ),
         Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
         *(
