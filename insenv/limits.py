@@ -14,6 +14,8 @@ White noise adds, over an observation time T, with angle random walk N and veloc
     tilt = 2 V / (g sqrt(T)),   heading = sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (omega_ie cos L)
 
 the best linear unbiased estimates of a drift from a Brownian path (N) and of a line's end and slope from white noise (V).
+`noise_bound` is the Cramer-Rao bound of both noises together, at all times: the covariance of the optimal filter that knows the
+vehicle to be at rest, from the tilt rows of the navigation filters' own symbolic error model.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ from insenv import geodesy
 from insenv.evaluation import ATTITUDE
 
 Array = NDArray[np.float64]
+
+BOUND_STEPS = 3000
 
 
 def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: float, height: float) -> Array:
@@ -44,6 +48,41 @@ def noise_tilts(angle_random_walk: float, velocity_random_walk: float, latitude:
     tilt = 2 * velocity_random_walk / (g * np.sqrt(time))
     drift = angle_random_walk**2 / time + 12 * velocity_random_walk**2 / (g**2 * time**3)
     return np.array([tilt, tilt, np.sqrt(drift) / (geodesy.OMEGA_IE * np.cos(latitude))])
+
+
+def noise_bound(angle_random_walk: float, velocity_random_walk: float, latitude: float, height: float, times: Array) -> Array:
+    """Cramer-Rao bound of alignment at rest: standard deviations about north, east, down (n, 3, rad) at `times` (n, s, rising).
+
+    """Limit by channel, degrees: root sum square of the bias and noise parts; `heading` (rad) turns tilts to roll, pitch."""
+    white noise N, and nothing is known of the attitude at time 0.
+    """
+    tilt_rate, force_per_tilt = _tilt_model(latitude, height)
+    step = float(times[-1]) / BOUND_STEPS
+    carry = np.eye(3) + tilt_rate * step
+    grown = np.eye(3) * angle_random_walk**2 * step
+    # the information that one step's force gives on the tilts; a floor keeps a noiseless sensor finite
+    gained = force_per_tilt.T @ force_per_tilt * step / max(velocity_random_walk, 1e-12) ** 2
+    P, found = np.eye(3) * np.pi**2, np.empty((BOUND_STEPS + 1, 3))
+    found[0] = np.sqrt(np.diag(P))
+    for k in range(BOUND_STEPS):
+        P = carry @ P @ carry.T + grown
+        P = P @ np.linalg.inv(np.eye(3) + gained @ P)
+        P = (P + P.T) / 2
+        found[k + 1] = np.sqrt(np.diag(P))
+    grid = np.linspace(0.0, float(times[-1]), BOUND_STEPS + 1)
+    return np.stack([np.interp(times, grid, column) for column in found.T], axis=1)
+
+
+def _tilt_model(latitude: float, height: float) -> tuple[Array, Array]:
+    """d(tilt rate)/d(tilt) (1/s) and d(specific force error)/d(tilt) (m/s^2) at rest in n, from `error_model.transition`."""
+    import casadi as ca
+
+    from insenv.estimators.error_model import TILT, VELOCITY, Interval, transition
+
+    g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
+    rest = Interval(1.0, ca.SX([0, 0, -g]), ca.SX.eye(3), ca.SX(ca.DM(geodesy.numeric.earth_rate_n(latitude))), ca.SX.zeros(3))
+    A = ca.DM(ca.evalf(transition(rest, g, 1e9, 1e9))).full()
+    return A[TILT, TILT], A[VELOCITY, TILT]
 
 
 def alignment_limit(bias: Array, noise: Array, heading: float) -> dict[str, float]:

@@ -173,8 +173,7 @@ def _aided_limit(plant: Plant, sigma: dict[str, Array]) -> dict[str, float]:
 def _alignment_limit(plant: Plant, track: Track, sensor_error_n: Array) -> dict[str, float]:
     known, sensors = plant.knowledge, plant.knowledge.sensors
     bias = limits.bias_tilts(sensor_error_n[:3], sensor_error_n[3:], known.latitude, known.height)
-    noise = limits.noise_tilts(
-        sensors.angle_random_walk, sensors.velocity_random_walk, known.latitude, known.height, plant.duration_s
-    )
+    noises = sensors.angle_random_walk, sensors.velocity_random_walk
+    noise = limits.noise_bound(*noises, known.latitude, known.height, np.array([plant.duration_s]))[0]
     heading = np.radians(track.euler_deg()[:, 2])
     return limits.alignment_limit(bias, noise, float(np.angle(np.mean(np.exp(1j * heading)))))
