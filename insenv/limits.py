@@ -11,9 +11,11 @@ opposite ones, and its simulated heading (-0.00944 deg) agrees with that limit (
 
 White noise adds, over an observation time T, with angle random walk N and velocity random walk V,
 
-    tilt = 2 V / (g sqrt(T)),   heading = sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (omega_ie cos L)
+    about north = V / (g sqrt(T)),   about east = 2 V / (g sqrt(T)),
+    about down = sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (omega_ie cos L)
 
-the best linear unbiased estimates of a drift from a Brownian path (N) and of a line's end and slope from white noise (V).
+the best linear unbiased estimates of a drift from a Brownian path (N), and of a constant, a line's end and its slope from white
+noise (V): the tilt about east runs along a line whose slope is the heading error times the horizontal Earth rate.
 `noise_bound` is the Cramer-Rao bound of both noises together, at all times: the covariance of the optimal filter that knows the
 vehicle to be at rest, from the tilt rows of the navigation filters' own symbolic error model.
 """
@@ -47,14 +49,14 @@ def noise_tilts(angle_random_walk: float, velocity_random_walk: float, latitude:
     g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
     tilt = 2 * velocity_random_walk / (g * np.sqrt(time))
     drift = angle_random_walk**2 / time + 12 * velocity_random_walk**2 / (g**2 * time**3)
-    return np.array([tilt, tilt, np.sqrt(drift) / (geodesy.OMEGA_IE * np.cos(latitude))])
+    return np.array([tilt / 2, tilt, np.sqrt(drift) / (geodesy.OMEGA_IE * np.cos(latitude))])
 
 
 def noise_bound(angle_random_walk: float, velocity_random_walk: float, latitude: float, height: float, times: Array) -> Array:
     """Cramer-Rao bound of alignment at rest: standard deviations about north, east, down (n, 3, rad) at `times` (n, s, rising).
 
-    """Limit by channel, degrees: root sum square of the bias and noise parts; `heading` (rad) turns tilts to roll, pitch."""
-    white noise N, and nothing is known of the attitude at time 0.
+    The vehicle is at rest and known to be; its specific force is measured with white noise V, its attitude is carried by
+    gyros with white noise N, and nothing is known of the attitude at time 0.
     """
     tilt_rate, force_per_tilt = _tilt_model(latitude, height)
     step = float(times[-1]) / BOUND_STEPS

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from insenv import attitude, geodesy, limits
+from insenv.core.batch import make_batch
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import get
@@ -106,7 +107,8 @@ def test_noise_limits_are_those_of_a_straight_line_and_a_brownian_path():
     horizontal = 7.292115e-5 * np.cos(latitude)
     assert by_gyro[2] == pytest.approx((path[:, -1] / T).std() / horizontal, rel=0.05)
     assert by_accel[2] == pytest.approx(fit[1].std() / g / horizontal, rel=0.05)
-    assert by_accel[0] == pytest.approx((fit[0] + fit[1] * T).std() / g, rel=0.05)
+    assert by_accel[1] == pytest.approx((fit[0] + fit[1] * T).std() / g, rel=0.05)
+    assert by_accel[0] == pytest.approx(white.mean(axis=1).std() / g, rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -135,3 +137,33 @@ def test_profile_and_davenport_signs():
     q = eigenvector(np.array(ca.DM(davenport(ca.SX(profile)))))
     expected = rotation.as_quat(scalar_first=True)
     assert abs(abs(q @ expected) - 1) < 1e-14
+
+
+@pytest.mark.parametrize(("N", "V"), [(1e-5, 1e-9), (1e-12, 1e-3)])
+def test_the_bound_is_the_closed_form_where_one_noise_rules(N, V):
+    times = np.array([100.0, 300.0])
+    bound = limits.noise_bound(N, V, 0.6, 0.0, times)
+    for row, time in zip(bound, times, strict=True):
+        expected = limits.noise_tilts(N, V, 0.6, 0.0, time)
+        assert row[2] == pytest.approx(expected[2], rel=0.03)
+        if V > 1e-6:
+            assert row[:2] == pytest.approx(expected[:2], rel=0.03)
+
+
+def test_no_estimator_beats_the_bound_and_q_method_comes_near_it():
+    """White noise alone, no bias, at rest: scatter of heading over 200 seeds at 100 s beside the bound."""
+    rng, dt, n, rows = np.random.default_rng(8), 0.1, 1000, 200
+    N, V, latitude = 2e-6, 3e-5, 0.6
+    rate, g = geodesy.numeric.earth_rate_n(latitude), float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))
+    model = get("q-method").model
+    u = np.tile(model.inputs.start_vector(), (rows, n, 1))
+    u[..., model.inputs.slice("delta_angle")] = rate * dt + rng.normal(size=(rows, n, 3)) * N * np.sqrt(dt)
+    u[..., model.inputs.slice("delta_velocity")] = [0, 0, -g * dt] + rng.normal(size=(rows, n, 3)) * V * np.sqrt(dt)
+    u[..., model.inputs.slice("dt")] = dt
+    batch = make_batch(model, rows, {"latitude": latitude, "smoothing_time": 0.0})
+    batch.run(n, u)
+    q_nb = model.outputs.unpack(batch.output())["q_nb"]
+    heading = attitude.numeric.error_rotation_vector(q_nb, np.tile([1.0, 0, 0, 0], (rows, 1)))[:, 2]
+    bound = limits.noise_bound(N, V, latitude, 0.0, np.array([n * dt]))[0, 2]
+    # 200 seeds know a standard deviation to 5 %
+    assert 0.85 < np.sqrt(np.mean(heading**2)) / bound < 1.35
