@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from insenv import attitude, estimators
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
-from insenv.errors import InsenvError
+from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator
 from insenv.run import recording_interval
 from insenv.scenario import Plant, Scenario, build
@@ -25,9 +25,9 @@ SAMPLES_AT_ONCE = 200_000  # rows times samples simulated before the estimators 
 class Ensemble:
     """What an ensemble gave at the recorded times.
 
-    time (records,) s; truth: the plant's outputs by row name, (seeds, records, ...); outputs: by estimator id, the estimator's outputs
-    by row name, likewise; plants: one of each seed; sensor_error_n (seeds, 6): mean excess of gyros (rad/s) and accelerometers (m/s^2)
-    over the truth in n, along the whole run.
+    time (records,) s; truth: the plant's outputs by row name, (seeds, records, ...); outputs: by estimator id, the
+    estimator's outputs by row name, likewise; plants: one of each seed; sensor_error_n (seeds, 6): mean excess of gyros
+    (rad/s) and accelerometers (m/s^2) over the truth in n, along the whole run.
     """
 
     time: Array
@@ -38,9 +38,7 @@ class Ensemble:
 
     def attitude_errors_deg(self, id: str) -> Array:
         """Roll, pitch and heading of estimate minus truth (seeds, records, 3), degrees."""
-        found, true = (
-            np.stack(attitude.numeric.to_euler(q), axis=-1) for q in (self.outputs[id]["q_nb"], self.truth["q_nb"])
-        )
+        found, true = (np.stack(attitude.numeric.to_euler(q), axis=-1) for q in (self.outputs[id]["q_nb"], self.truth["q_nb"]))
         return (np.degrees(found - true) + 180.0) % 360.0 - 180.0
 
 
@@ -60,6 +58,9 @@ def ensemble(
     tuning: parameter rows by estimator id, on top of the scenario's.  Lost samples are not bridged here.
     """
     chosen = [estimators.get(id) for id in estimator_ids]
+    for estimator in chosen:
+        if estimator.smooths:
+            raise InputError(f"estimator {estimator.id!r} goes back over a whole run: insenv.run.run takes it, seed by seed")
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)
@@ -88,8 +89,8 @@ def ensemble(
             progress(begin + count, total)
 
     truth = model.outputs.unpack(np.concatenate(kept, axis=1))
-    outputs = {e.id: e.model.outputs.unpack(np.concatenate(found[e.id], axis=1)) for e in chosen}
-    return Ensemble(truth["time"][0], truth, outputs, plants, excess / (total * interval))
+    estimated = {e.id: e.model.outputs.unpack(np.concatenate(found[e.id], axis=1)) for e in chosen}
+    return Ensemble(truth["time"][0], truth, estimated, plants, excess / (total * interval))
 
 
 def _rows(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Array:
@@ -97,9 +98,7 @@ def _rows(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Array:
 
 
 def _batch(estimator: Estimator, plants: Sequence[Plant], tuning: Mapping[str, Any], threads: int) -> Batch:
-    parameters = [
-        {**estimator.prepare(p.knowledge), **p.estimator_tuning.get(estimator.id, {}), **tuning} for p in plants
-    ]
+    parameters = [{**estimator.prepare(p.knowledge), **p.estimator_tuning.get(estimator.id, {}), **tuning} for p in plants]
     return make_batch(estimator.model, len(plants), _rows(estimator.model, parameters), threads=threads)
 
 

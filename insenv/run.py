@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, estimators, limits
-from insenv.core.runner import Runner, make_runner
-from insenv.errors import InputError, InsenvError
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
-from insenv.estimators.feeding import bridge_lost, input_rows
+from insenv.estimators.feeding import bridge_lost
 from insenv.evaluation import POSITION, Report, Result, Track, errors, stated_sigma
+from insenv.follower import Follower
 from insenv.scenario import Plant, Scenario, build
+from insenv.smoothing import SmoothingFollower
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -34,34 +34,14 @@ def recording_interval(samples: int, records: int = RECORDS) -> int:
     return next((every for every in range(least, 4 * least) if samples % every == 0), least)
 
 
-@dataclass
-class Follower:
-    """One estimator along a run: its runner, what it has given so far, and the time it took."""
+def follower_of(estimator: Estimator, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]], every: int) -> Follower:
+    """The estimator started from what is known, with outputs every `every` samples.
 
-    estimator: Estimator
-    runner: Runner
-    every: int
-    outputs: list[Array] = field(default_factory=list)
-    seconds: float = 0.0
-
-    @classmethod
-    def started(cls, estimator: Estimator, known: Knowledge, tuning: dict[str, Any], every: int) -> Follower:
-        """The estimator started from what is known, with its tuning on top; outputs every `every` samples."""
-        return cls(estimator, make_runner(estimator.model, {**estimator.prepare(known), **tuning}), every)
-
-    def follow(self, columns: dict[str, Array], count: int) -> None:
-        """Take `count` samples (a multiple of `every`).  Raises `InsenvError` when the estimate is no longer finite."""
-        rows = input_rows(self.estimator.model, columns, count)
-        begin = time.process_time()
-        outputs = self.runner.run(count, rows, self.every)
-        self.seconds += time.process_time() - begin
-        if not np.isfinite(outputs).all():
-            raise InsenvError(f"estimator {self.estimator.id!r} diverged: its outputs are no longer finite numbers")
-        self.outputs.append(outputs)
-
-    def named(self) -> dict[str, Array]:
-        """All outputs so far by row name, time along the first axis."""
-        return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
+    tunings: parameter rows by estimator id; a smoother takes those of the filter it smooths, and its own on top.
+    """
+    tuning = {**tunings.get(estimator.smooths, {}), **tunings.get(estimator.id, {})}
+    kind = SmoothingFollower if estimator.smooths else Follower
+    return kind.started(estimator, known, tuning, every)
 
 
 def run(
@@ -86,12 +66,12 @@ def run(
 
     every = recording_interval(plant.samples)
     runner = make_runner(plant.model, plant.parameters)
-    followers = [Follower.started(e, plant.knowledge, plant.estimator_tuning.get(e.id, {}), every) for e in chosen]
+    followers = [follower_of(e, plant.knowledge, plant.estimator_tuning, every) for e in chosen]
     # the covariance of the 15-state filter without fixes is the limit of free-inertial navigation
     predictor = None
     if any(e.kind == "navigation" and not e.aided for e in chosen):
         filter15 = estimators.get("loosely-coupled")
-        predictor = Follower.started(filter15, plant.knowledge, {}, every)
+        predictor = follower_of(filter15, plant.knowledge, {}, every)
 
     kept: list[Array] = []
     bridged, sensor_error_n = 0, np.zeros(6)

@@ -98,7 +98,12 @@ def test_version_and_help():
         assert (status, err) == (0, "") and "Usage" in out
     status, out, _ = call()
     assert status == 2 and "Usage" in out
-    assert not re.search(r"reproduce|campaign|fmu|stream", out)
+    assert not re.search(r"campaign|fmu|stream", out)
+
+
+def test_an_unknown_paper_is_named():
+    status, _, err = call("reproduce", "quaternions")
+    assert status == 2 and "did you mean 'quaternion'" in err
 
 
 def test_replay(tmp_path):

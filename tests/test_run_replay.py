@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
+from insenv.errors import InputError, InsenvError
 from insenv.evaluation import ATTITUDE, CHANNELS, Track, errors
 from insenv.replay import replay
 from insenv.run import run
@@ -134,7 +134,7 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "ids", "start", "said"),
     [
-        ({}, ["loosely-coupled"], "coarse", "must give velocities"),
+        ({}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
         ({}, ["loosely-coupled"], "reference", "must give position, velocity and attitude"),
         ({}, ["loosely-coupled"], "guess", "allowed is coarse or reference"),
         ({"gnss": ""}, ["loosely-coupled"], "coarse", "needs GNSS"),
@@ -144,5 +144,5 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
     ],
 )
 def test_a_log_that_cannot_start_an_estimator_says_what_is_missing(tmp_path, changes, ids, start, said):
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InsenvError, match=said):
         replay(synthetic_log(tmp_path, **changes), ids, start=start)

@@ -31,6 +31,7 @@ else:
 ROOT = Path(__file__).parents[1]
 IN_PLACE = {
     "ship-swaying", "ship-irregular-sea", "car-parked", "aircraft-parked", "static-ecef", "turntable-quaternion",
+    "large-misalignment", "large-misalignment-extreme", "ship-moored-paper", "car-parked-paper",
 }  # fmt: skip
 DEG = math.pi / 180.0
 

@@ -64,7 +64,7 @@ def _processor() -> str:
 
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
-    from insenv.bench import speed, truth
+    from insenv.bench import smoothing, speed, truth
 
     return {
         "native.propagate15": lambda: speed.single("native", 0.05),
@@ -76,5 +76,6 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "truth.drift.ship": lambda: truth.drift("ship"),
         "truth.drift.car": lambda: truth.drift("car"),
         "truth.drift.aircraft": lambda: truth.drift("aircraft"),
+        "smoother.flight": smoothing.flight,
         "import.insenv": speed.import_time,
     }

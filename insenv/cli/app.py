@@ -116,3 +116,13 @@ def bench(
 def schema(json: Annotated[bool, typer.Option("--json", help="The same: the schema is JSON.")] = False) -> Work:
     """Print the JSON schema of a scenario file, for editors."""
     return commands.schema
+
+
+@app.command()
+def reproduce(
+    paper: Annotated[Optional[str], typer.Argument(metavar="[PAPER]", help="One paper; all of them if left out.")] = None,  # noqa: UP045
+    out: Out = None,
+    json: Json = False,
+) -> Work:
+    """Measure the papers' tests again: published beside ours beside the theoretical limit."""
+    return partial(commands.reproduce, paper, out=out, as_json=json)

@@ -97,10 +97,16 @@ def measure(stored: Any, correction: Any, H: Any, innovation: Any, variance: Any
     """
     P = symmetric.full(stored, N)
     PHt = ca.densify(P @ H.T)
-    S = (H @ PHt) + variance
-    K = PHt * (accept / S)
+    K = PHt * (accept / ((H @ PHt) + variance))
     correction = correction + K * (innovation - H @ correction)
     return symmetric.triangle(P - K @ PHt.T), correction
+
+
+def weight_and_gain(stored: Any, H: Any, variance: Any, accept: Any) -> tuple[Any, Any]:
+    """What `measure` uses: the weight of the innovation, accept over its variance, and the gain K = P H^T weight (15)."""
+    PHt = ca.densify(symmetric.full(stored, N) @ H.T)
+    weight = accept / ((H @ PHt) + variance)
+    return weight, PHt * weight
 
 
 def innovation_variance(stored: Any, H: Any, variance: Any) -> Any:

@@ -39,12 +39,12 @@ def compensated(x: Any, delta_angle: Any, delta_velocity: Any) -> tuple[Any, Any
     """
     # The first sample has no predecessor; the second makes up for it: by the same fit of linear rates to the two samples, the
     # coning and sculling of the first equal its own.
-    weight = select(x.samples == 1, 2.0, 1.0) / 12
+    weight = select(x.samples == 1, 2 / 12, 1 / 12)
     before_angle, before_velocity = x.previous_delta_angle, x.previous_delta_velocity
     rotation = delta_angle + weight * ca.cross(before_angle, delta_angle)
     turned = ca.cross(delta_angle, delta_velocity)
     sculling = ca.cross(before_angle, delta_velocity) + ca.cross(before_velocity, delta_angle)
-    return rotation, delta_velocity + turned / 2 + ca.cross(delta_angle, turned) / 6 + weight * sculling
+    return rotation, delta_velocity + 0.5 * turned + (1 / 6) * ca.cross(delta_angle, turned) + weight * sculling
 
 
 def remembered(x: Any, delta_angle: Any, delta_velocity: Any) -> dict[str, Any]:

@@ -14,6 +14,7 @@ between the integrals of specific force and attitude are kept, so nothing of the
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -74,12 +75,12 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
         "dt": u.dt,
         "stretch": stretch,
-        "stretch_velocity_w": x.stretch_velocity_w + moved.specific_force_w * u.dt,
+        "stretch_velocity_w": x.stretch_velocity_w + moved.delta_velocity_w,
         "stretch_C_wb": x.stretch_C_wb + moved.C_wb * u.dt,
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
         "covariance_due": select(due, 1.0, 0.0),
-        "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+        "acceleration_w": (moved.velocity_w - x.velocity_w) * (1 / u.dt),
     }
 
 
@@ -130,8 +131,32 @@ def predicted_fix(p: Any, x: Any, age: Any) -> tuple[Any, Any, Any, Any]:
     return offset, velocity, H_position, H_velocity
 
 
-def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One fix: position, and velocity if it has one, component by component in n, gated, with feedback."""
+@dataclass(frozen=True)
+class Scalar:
+    """One scalar measurement as it was used.
+
+    stored: covariance triangle before it.  H: row (1x15).  left: innovation less what the scalars before it explained.
+    variance: of its noise.  accept: 1 if it was used, 0 if not.
+    """
+
+    stored: Any
+    H: Any
+    left: Any
+    variance: Any
+    accept: Any
+
+
+@dataclass(frozen=True)
+class Update:
+    """Scalars in the order used, the estimated error state (15), and the covariance triangle after them."""
+
+    scalars: tuple[Scalar, ...]
+    correction: Any
+    stored: Any
+
+
+def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
+    """One fix: position, and velocity if it has one, component by component in n, gated; and the rows that report it."""
     offset, velocity, H_position, H_velocity = predicted_fix(p, x, u.gnss_age)
     C_nw = strapdown.C_nw(x.q_ew)
     latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
@@ -144,33 +169,47 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     stored, correction = x.covariance, ca.SX.zeros(N)
     # A filter that finds fix after fix wrong is itself wrong: then it must listen, until fixes and estimate agree again
     deaf = select(x.refusals < PATIENCE, 1.0, 0.0)
-    ratios, outside = [], ca.SX(0)
+    scalars, ratios, outside = [], [], ca.SX(0)
     for i in range(6):
         left = innovation[i] - H[i, :] @ correction
         ratio = present[i] * left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
         beyond = select(ca.logic_and(p.innovation_gate > 0, ca.fabs(ratio) > p.innovation_gate), 1.0, 0.0)
         accept = present[i] * (1 - deaf * beyond)
+        scalars.append(Scalar(stored, H[i, :], left, variance[i], accept))
         stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
         ratios.append(ratio)
         outside = outside + beyond
-    return {
-        **corrected(x, correction),
-        "covariance": stored,
+    told = {
         "innovation": innovation * present,
         "test_ratio": ca.vertcat(*ratios),
         "rejected": x.rejected + deaf * outside,
         "refusals": select(outside > 0, x.refusals + 1, 0),
     }
+    return Update(tuple(scalars), correction, stored), told
 
 
-def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One fix, with feedback."""
+    update, told = gnss_update(p, x, u)
+    return {**corrected(x, update.correction), "covariance": update.stored, **told}
+
+
+def standing_update(p: Any, x: Any) -> Update:
     """The vehicle is known to stand: its velocity is zero within `standing_sigma`."""
     stored, correction = x.covariance, ca.SX.zeros(N)
+    scalars = []
     for i in range(3):
         H = ca.SX(1, N)
         H[0, VELOCITY.start + i] = 1
+        scalars.append(Scalar(stored, H, x.velocity_w[i] - H @ correction, p.standing_sigma**2, 1))
         stored, correction = measure(stored, correction, H, x.velocity_w[i], p.standing_sigma**2, 1)
-    return {**corrected(x, correction), "covariance": stored}
+    return Update(tuple(scalars), correction, stored)
+
+
+def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Zero velocity, with feedback."""
+    update = standing_update(p, x)
+    return {**corrected(x, update.correction), "covariance": update.stored}
 
 
 def corrected(x: Any, correction: Any) -> dict[str, Any]:

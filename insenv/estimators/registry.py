@@ -67,12 +67,15 @@ class Estimator:
 
     model: its equations.  kind: "alignment" (attitude of a vehicle that stays in place) or "navigation" (position and
     velocity too). aided: whether it takes GNSS fixes. prepare: its parameters, by row name, from what is known.
+    smooths: id of the filter whose whole run `insenv.smoothing` goes back over to give this one's results, or empty: the
+    model's own outputs are the results. It is tuned as that filter is, with its own tuning on top.
     """
 
     model: Model
     kind: str
     aided: bool
     prepare: Callable[[Knowledge], Mapping[str, Any]]
+    smooths: str = ""
 
     @property
     def id(self) -> str:
@@ -89,9 +92,18 @@ def get(id: str) -> Estimator:
 
 
 MODULES = (
+    "analytic",
+    "ecef_kf",
     "q_method",
+    "inertial_fir",
+    "gyrocompass",
+    "qakf",
     "wander_sins",
+    "wander_sins_plain",
     "loosely_coupled",
+    "aqe_ekf",
+    "aqe_sukf",
+    "smoother",
 )
 """The modules of this package that define an `ESTIMATOR` (or several, `ESTIMATORS`), in the order of listings."""
 

@@ -74,7 +74,7 @@ class Moved:
     """Result of one mechanization step: new state and what error models need.
 
     q_wb, velocity_w, q_ew, height: the new state.
-    specific_force_w: mean specific force over the sample in w, m/s^2.  C_wb: attitude at the sample's start.
+    delta_velocity_w: integral of the specific force over the sample in w, m/s.  C_wb: attitude at the sample's start.
     omega_ie_w, omega_ew_w: Earth and transport rate at mid-sample, rad/s.
     """
 
@@ -82,7 +82,7 @@ class Moved:
     velocity_w: Any
     q_ew: Any
     height: Any
-    specific_force_w: Any
+    delta_velocity_w: Any
     C_wb: Any
     omega_ie_w: Any
     omega_ew_w: Any
@@ -106,7 +106,7 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
 
     # Height, place (the Earth's axis as seen from it) and velocity at mid-sample, predicted from the sample's start
     axis = _axis_w(x.q_ew)
-    rough_rate = ca.vertcat(x.velocity_w[1], -x.velocity_w[0], 0) / geodesy.A
+    rough_rate = ca.vertcat(x.velocity_w[1], -x.velocity_w[0], 0) * (1 / geodesy.A)
     axis = axis + ca.cross(axis, rough_rate) * (dt / 2)
     gravity_w = ca.vertcat(0, 0, geodesy.normal_gravity(-axis[2], x.height - x.velocity_w[2] * dt / 2))
     omega_ie = geodesy.OMEGA_IE * axis
@@ -131,7 +131,7 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
         velocity_w=velocity,
         q_ew=attitude.renormalize(q_ew),
         height=x.height - mean_velocity[2] * dt,
-        specific_force_w=increment_w / dt,
+        delta_velocity_w=increment_w,
         C_wb=C_wb,
         omega_ie_w=omega_ie,
         omega_ew_w=omega_ew,

@@ -12,10 +12,11 @@ from insenv import attitude, estimators
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation import Report, Result, Track, errors, stated_sigma
+from insenv.follower import Follower
 from insenv.logs import RecordedLog, Reference, load
 from insenv.replay.columns import sample_columns
 from insenv.replay.start import from_log, from_reference
-from insenv.run import CHUNK, RECORDS, Follower, Progress, recording_interval, track_of
+from insenv.run import CHUNK, RECORDS, Progress, follower_of, recording_interval, track_of
 from insenv.scenario import tuning
 
 Array = NDArray[np.float64]
@@ -53,10 +54,8 @@ def replay(
     # the reference is compared where it stands: often enough, but not at every sample of a long log
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
-    followers = [
-        Follower.started(e, _known(log, e, start, first), tuning(e.id, description.estimator.get(e.id, {})), every)
-        for e in chosen
-    ]
+    tunings = {id: tuning(id, table) for id, table in description.estimator.items()}
+    followers = [follower_of(e, _known(log, e, start, first), tunings, every) for e in chosen]
     chunk = max(every, CHUNK // every * every)
     for begin in range(0, total, chunk):
         size = min(chunk, total - begin)

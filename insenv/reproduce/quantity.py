@@ -10,9 +10,9 @@ from typing import Any
 class Quantity:
     """A row of a paper's table.
 
-    paper: short name ("ecef", "navigation", "swaying", "quaternion", "large-misalignment").  quantity: what, under which conditions.
-    unit; published: the paper's number, None if it gives none; ours: measured here; limit: what theory leaves, None if there is none;
-    seeds: over how many (1 where nothing is random).  note: what must be known to read it.
+    paper: short name ("ecef", "navigation", "swaying", "quaternion", "large-misalignment").  quantity: what, under which
+    conditions. unit; published: the paper's number, None if it gives none; ours: measured here; limit: what theory leaves,
+    None if there is none; seeds: over how many (1 where nothing is random).  note: what must be known to read it.
     """
 
     paper: str

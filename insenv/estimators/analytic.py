@@ -1,0 +1,96 @@
+"""`analytic`: the textbook coarse alignment of a vehicle at rest, from two mean vectors (TRIAD).
+
+The mean specific force is minus gravity and the mean rate is the Earth's; down and east follow:
+
+    down^b = -f^b / |f^b|,   east^b = down^b x omega^b / |down^b x omega^b|,   north^b = east^b x down^b,   C_nb = [N E D]^T
+
+Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), gravity being the trusted vector.  Any
+attitude, both hemispheres, not at the poles.  The attitude is taken to be constant: sway, people and engines go straight into
+the means, and the heading's noise falls only as the root of time.  The latitude serves the stated accuracy alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude, geodesy
+from insenv.core.elementary import cos, maximum, minimum
+from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
+from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.registry import Estimator, Knowledge
+
+GRAVITY = 9.8  # m/s^2, in the stated accuracy
+LARGEST_SIGMA = math.pi  # rad: no heading at all
+
+PARAMETERS = Table((
+    Row("latitude", "Geodetic latitude", "rad", lower=-math.pi / 2, upper=math.pi / 2),
+    Row("gyro_bias_sigma", "Gyro bias that the stated accuracy counts with", "rad/s", lower=0.0, upper=1.0),
+    Row("accel_bias_sigma", "Accelerometer bias that the stated accuracy counts with", "m/s^2", lower=0.0, upper=100.0),
+    Row("angle_random_walk", "White noise density of the gyros, likewise", "rad/s^0.5", lower=0.0, upper=1e3),
+    Row("velocity_random_walk", "White noise density of the accelerometers, likewise", "m/s^1.5", lower=0.0, upper=1e3),
+))  # fmt: skip
+
+STATE = Table((
+    Row("angle", "Sum of the delta angles", "rad", (3,), "b"),
+    Row("velocity", "Sum of the delta velocities", "m/s", (3,), "b"),
+    Row("time", "Time since the start", "s"),
+))  # fmt: skip
+
+OUTPUTS = Table((
+    Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),
+    Row("attitude_sigma", "Stated accuracy about north, east, down: biases and white noise", "rad", (3,), "n"),
+))  # fmt: skip
+
+
+def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One inertial sample."""
+    return {"angle": x.angle + u.delta_angle, "velocity": x.velocity + u.delta_velocity, "time": x.time + u.dt}
+
+
+def triad(force_b: Any, rate_b: Any) -> Any:
+    """C_nb (3x3) from specific force and rate at rest (3 each, b, any unit)."""
+    down = -_unit(force_b)
+    east = _unit(ca.cross(down, rate_b))
+    return ca.horzcat(ca.cross(east, down), east, down).T
+
+
+def _unit(v: Any) -> Any:
+    length = ca.sqrt(ca.sumsqr(v))
+    return v / (length + (length == 0))
+
+
+def output(p: Any, x: Any) -> dict[str, Any]:
+    """Attitude from the means so far."""
+    time = maximum(x.time, 1e-6)
+    tilt = ca.sqrt(p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time) / GRAVITY
+    rate = ca.sqrt(p.gyro_bias_sigma**2 + p.angle_random_walk**2 / time)
+    heading = rate / (geodesy.OMEGA_IE * maximum(ca.fabs(cos(p.latitude)), 1e-9))
+    return {
+        "q_nb": attitude.from_dcm(triad(x.velocity, x.angle)),
+        "attitude_sigma": ca.vertcat(tilt, tilt, minimum(heading, LARGEST_SIGMA)),
+    }
+
+
+MODEL = Model(
+    id="analytic",
+    title="textbook static coarse alignment from mean specific force and rate",
+    parameters=PARAMETERS,
+    state=STATE,
+    inputs=SAMPLE_INPUTS,
+    outputs=OUTPUTS,
+    steps={"sample": Step(sample)},
+    output=output,
+)
+
+
+def prepare(known: Knowledge) -> dict[str, Any]:
+    """Parameters from what is known."""
+    names = ("gyro_bias_sigma", "accel_bias_sigma", "angle_random_walk", "velocity_random_walk")
+    return {"latitude": known.latitude, **{name: getattr(known.sensors, name) for name in names}}
+
+
+ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=prepare)

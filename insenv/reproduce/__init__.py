@@ -1,0 +1,46 @@
+"""`reproduce`: each paper's published numbers beside ours and beside the theoretical limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+
+from insenv.errors import InputError, nearest
+from insenv.reproduce.quantity import Quantity
+
+PAPERS = {
+    "ecef": "ECEF fine alignment, 12-state Kalman filter",
+    "navigation": "airborne wander-azimuth navigation, loosely coupled GPS and smoothing",
+    "swaying": "inertial-frame alignment on a swaying base with FIR filters",
+    "quaternion": "quaternion adaptive Kalman alignment",
+    "large-misalignment": "large misalignment: additive quaternion error, EKF and simplified UKF",
+}
+"""Papers by short name, and their titles; each is a module of this package with `quantities` and `figure`."""
+
+Progress = Callable[[str], None]
+
+
+def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
+    """(paper, its quantities), one paper after the other; all of them if None.  Raises `InputError` for an unknown one."""
+    for name in chosen(paper):
+        yield name, _module(name).quantities()
+
+
+def figure(paper: str, folder: Path) -> list[Path]:
+    """Draw the paper's figure into `folder`; the paths written."""
+    return _module(paper).figure(folder / f"reproduce-{paper}")
+
+
+def chosen(paper: str | None) -> list[str]:
+    """The papers meant.  Raises `InputError` for an unknown one."""
+    if paper is not None and paper not in PAPERS:
+        raise InputError(f"no paper {paper!r}{nearest(paper, PAPERS)}")
+    return [paper] if paper else list(PAPERS)
+
+
+def _module(paper: str):  # type: ignore[no-untyped-def]
+    return import_module(f"insenv.reproduce.{paper.replace('-', '_')}")
+
+
+__all__ = ["PAPERS", "Quantity", "chosen", "figure", "reproduce"]

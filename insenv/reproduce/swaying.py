@@ -1,0 +1,188 @@
+"""The swaying-base paper: inertial-frame alignment behind FIR filters beside gyrocompassing, boat and vehicle.
+
+Published (section 3, figure 5): unit of 0.008 deg/h and 5e-5 g; 4 min in all (3 min of filter, 1 min of levelling) against
+about 10 min, heading 0.03 deg (1 sigma) with both, also from -150 deg.  The paper tells neither place, nor motion, nor white
+noise: the scenarios `ship-moored-paper` and `car-parked-paper` say what is taken for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude, limits
+from insenv.ensemble import Ensemble, ensemble
+from insenv.estimators import inertial_fir
+from insenv.estimators.fir_design import BLOCK_S
+from insenv.reproduce.quantity import Quantity
+from insenv.scenario import Scenario, load
+
+Array = NDArray[np.float64]
+
+FIR, GYRO = "inertial-fir", "gyrocompass"
+BASES = {"boat": "ship-moored-paper", "vehicle": "car-parked-paper"}
+SEEDS = 104
+FIR_END, GYRO_END = 240.0, 640.0
+NO_WHITE = {"gyro_arw_deg_sqrt_h": 0.0, "accel_vrw_ug_sqrt_hz": 0.0}
+
+
+def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
+    """The paper's figures beside ours: about a minute on two cores."""
+    told = progress or (lambda text: None)
+    first = inertial_fir.SPAN * BLOCK_S
+    found = [
+        _row("time to the first fix", "s", 180.0, first, None, 1),
+        _row("time in all, levelling included", "s", 240.0, FIR_END, None, 1, "1 min of levelling after the first fix"),
+    ]
+    for base in BASES:
+        told(f"{base}: both methods")
+        both = _both(base)
+        ours, limit = _heading(both, FIR, first)
+        note = "before levelling; the limit is that of 180 s"
+        found.append(_row(f"{FIR}, {base}, heading at the first fix, 1 sigma", "deg", None, ours, limit, SEEDS, note))
+        ours, limit = _heading(both, FIR, FIR_END)
+        note = "white noise is insenv's choice; the biases alone leave 0.035 deg"
+        found.append(_row(f"{FIR}, {base}, heading at 240 s, 1 sigma", "deg", 0.03, ours, limit, SEEDS, note))
+        level, level_limit = _level(both, FIR, FIR_END)
+        found.append(_row(f"{FIR}, {base}, roll and pitch at 240 s, 1 sigma", "deg", None, level, level_limit, SEEDS))
+        spread, noise = _repeatability(both, FIR, FIR_END)
+        note = "heading less what each unit's biases leave: the spread of one unit's alignments"
+        found.append(_row(f"{FIR}, {base}, repeatability at 240 s", "deg", 0.03, spread, noise, SEEDS, note))
+        gyro, limit = _heading(both, GYRO, 600.0)
+        found.append(_row(f"{GYRO}, {base}, heading at 600 s, 1 sigma", "deg", 0.03, gyro, limit, SEEDS))
+        note = f"until heading stays below {FIR}'s at 240 s, from 5 deg (1 sigma)"
+        found.append(_row(f"{GYRO}, {base}, time to the same accuracy", "s", 600.0, _time_below(both, ours), None, SEEDS, note))
+        told(f"{base}: without white noise")
+        quiet = _ensemble(BASES[base], FIR_END, SEEDS, (FIR,), imu=tuple(NO_WHITE.items()))
+        ours, limit = _heading(quiet, FIR, FIR_END, white=False)
+        note = "only the errors that the paper states"
+        found.append(_row(f"{FIR}, {base}, heading at 240 s without white noise", "deg", 0.03, ours, limit, SEEDS, note))
+    told("boat: from -150 deg")
+    ours, limit = _heading(_wrong_fir(), FIR, FIR_END)
+    found.append(_row(f"{FIR}, boat, heading at 240 s from -150 deg", "deg", 0.03, ours, limit, SEEDS))
+    time = _time_below(_wrong_gyro(), 0.1)
+    found.append(_row(f"{GYRO}, boat, time to 0.1 deg from -150 deg, no coarse alignment", "s", None, time, None, 16))
+    return found
+
+
+def figure(path_stem: Path) -> list[Path]:
+    """Like the paper's figure 5: gyrocompassing, inertial-frame alignment from -150 deg, its levelling; PNG and SVG."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from insenv.report.figures import COLOURS, LIMIT, STYLE, save
+
+    both, wrong = _both("boat"), _wrong_fir()
+    with rc_context(STYLE):
+        page = Figure(figsize=(7.5, 7.5), layout="constrained")
+        FigureCanvasAgg(page)
+        top, middle, bottom = page.subplots(3, 1)
+        _lines(top, both.time, both.attitude_errors_deg(GYRO)[:16, :, 2], COLOURS[1])
+        _lines(middle, wrong.time, wrong.attitude_errors_deg(FIR)[:16, :, 2], COLOURS[0])
+        for channel, colour, name in ((0, COLOURS[2], "roll"), (1, COLOURS[4], "pitch")):
+            _lines(bottom, wrong.time, 60 * wrong.attitude_errors_deg(FIR)[:16, :, channel], colour, name)
+        limit = _heading(both, FIR, FIR_END)[1]
+        for axes, end in ((top, GYRO_END), (middle, FIR_END)):
+            axes.axhspan(-limit, limit, color=LIMIT, alpha=0.3, lw=0, label="limit at 240 s, 1 sigma")
+            axes.set(yscale="symlog", xlim=(0, end), ylabel="heading error, deg")
+            axes.set_yscale("symlog", linthresh=0.1)
+            axes.legend(loc="lower right", frameon=False)
+        middle.set_ylim(-300, 3)
+        top.set_title("gyrocompass: 1 min of levelling, then the heading loop; from 5 deg (1 sigma)")
+        middle.set_title("inertial-fir: from -150 deg; first fix at 180 s")
+        bottom.set(xlim=(180, FIR_END), ylim=(-0.8, 0.8), xlabel="time, s", ylabel="tilt error, arcmin")
+        bottom.set_title("inertial-fir: first fix and fine levelling by velocity feedback")
+        bottom.legend(loc="lower right", frameon=False)
+        page.suptitle("Moored boat, 0.008 deg/h and 5e-5 g, 16 seeds", fontsize=10.5)
+        paths = {kind: path_stem.with_name(f"{path_stem.name}.{kind}") for kind in ("png", "svg")}
+        save(page, paths)
+    return list(paths.values())
+
+
+def _lines(axes: Any, time: Array, errors: Array, colour: str, name: str = "") -> None:
+    axes.plot(time, errors.T, color=colour, lw=0.7)
+    if name:
+        axes.plot([], [], color=colour, label=name)
+
+
+def _row(
+    quantity: str, unit: str, published: float | None, ours: float, limit: float | None, seeds: int, note: str = ""
+) -> Quantity:
+    return Quantity("swaying", quantity, unit, published, ours, limit, seeds, note)
+
+
+def _both(base: str) -> Ensemble:
+    return _ensemble(BASES[base], GYRO_END, SEEDS, (FIR, GYRO))
+
+
+def _wrong_fir() -> Ensemble:
+    """The vehicle at 150 deg: until the first fix inertial-fir shows 0, wrong by -150 deg."""
+    return _ensemble(BASES["boat"], FIR_END, SEEDS, (FIR,), start=(("heading_deg", 150.0),))
+
+
+def _wrong_gyro() -> Ensemble:
+    """Gyrocompassing told a heading that is wrong by -150 deg."""
+    return _ensemble(BASES["boat"], 1200.0, 16, (GYRO,), knowledge=(("heading_error_deg", -150.0),))
+
+
+@cache
+def _ensemble(
+    name: str, duration: float, seeds: int, ids: tuple[str, ...], **changes: tuple[tuple[str, float], ...]
+) -> Ensemble:
+    """A scenario over `seeds` seeds, some keys of its sections changed, recorded every second."""
+    scenario: Scenario = load(name)
+    sections = {part: getattr(scenario, part).model_copy(update=dict(values)) for part, values in changes.items()}
+    scenario = scenario.model_copy(update=sections)
+    return ensemble(scenario, ids, range(1, seeds + 1), duration_s=duration, records=round(duration))
+
+
+def _at(found: Ensemble, time: float) -> int:
+    return int(np.argmin(np.abs(found.time - time)))
+
+
+def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
+    """What each unit's biases leave about n (seeds, 3), and the deviations (3) that white noise over `time` leaves: degrees."""
+    known = found.plants[0].knowledge
+    C_nb = attitude.numeric.to_dcm(found.truth["q_nb"][:, : _at(found, time) + 1])
+    gyro, accel = (
+        np.einsum("rtij,rj->ri", C_nb, found.truth[name][:, 0]) / C_nb.shape[1]
+        for name in ("gyro_bias_true", "accel_bias_true")
+    )
+    bias = [limits.bias_tilts(g, a, known.latitude, known.height) for g, a in zip(gyro, accel, strict=True)]
+    walks = known.sensors.angle_random_walk, known.sensors.velocity_random_walk
+    return np.degrees(bias), np.degrees(limits.noise_tilts(*walks, known.latitude, known.height, time))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _heading(found: Ensemble, id: str, time: float, white: bool = True) -> tuple[float, float]:
+    """RMS of heading over the seeds at a time, and its limit there."""
+    bias, noise = _limits(found, time)
+    ours = _rms(found.attitude_errors_deg(id)[:, _at(found, time), 2])
+    return ours, float(np.hypot(_rms(bias[:, 2]), noise[2] if white else 0.0))
+
+
+def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+    bias, noise = _limits(found, time)
+    ours = _rms(found.attitude_errors_deg(id)[:, _at(found, time), :2])
+    return ours, float(np.hypot(_rms(bias[:, :2]), noise[0]))
+
+
+def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+    bias, noise = _limits(found, time)
+    return _rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias[:, 2]), float(noise[2])
+
+
+def _time_below(found: Ensemble, bound: float) -> float:
+    """Time after which gyrocompassing's heading RMS over the seeds is not above `bound` for the first time."""
+    rms = np.sqrt(np.mean(found.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
+    below = np.flatnonzero(rms <= bound)
+    return float(found.time[below[0]]) if below.size else float("nan")
