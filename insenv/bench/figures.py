@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from insenv.errors import InputError
@@ -64,8 +65,10 @@ def _processor() -> str:
 
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
-    from insenv.bench import smoothing, speed, truth
+    from insenv.bench import smoothing, speed, step, truth
+    from insenv.estimators import registered
 
+    stepped = [e.id for e in registered().values() if not e.smooths]
     return {
         "native.propagate15": lambda: speed.single("native", 0.05),
         "native.propagate15-each": lambda: speed.single("native", 0.0),
@@ -78,4 +81,5 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "truth.drift.aircraft": lambda: truth.drift("aircraft"),
         "smoother.flight": smoothing.flight,
         "import.insenv": speed.import_time,
+        **{f"step.{id}": partial(step.step, id) for id in stepped},
     }
