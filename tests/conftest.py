@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import casadi as ca
 import pytest
+from hypothesis import settings
 
 from insenv.core.elementary import normal_pair, sin_cos
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table
+
+# the same examples on every machine: a run that passes here passes there
+settings.register_profile("same", derandomize=True)
+settings.load_profile("same")
 
 
 def _sample(p, x, u, r):

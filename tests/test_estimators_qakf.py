@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from insenv import attitude, geodesy
@@ -43,6 +43,8 @@ quaternions = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm
 @given(quaternions, quaternions, st.floats(-85, 85))
 def test_any_attitude_from_any_start(q, start, latitude_deg):
     q = np.array(q) / np.linalg.norm(q)
+    # a start exactly half a turn off is an equilibrium that only noise leaves: test_start_opposite_to_the_truth
+    assume(abs(np.dot(q, start)) > 0.01 * np.linalg.norm(start))
     for id, bound in (("qakf", 1e-4), ("qakf-improved", 1e-4)):
         found = error(at_rest(id, q, np.radians(latitude_deg), start_quaternion=start), q)
         assert np.abs(found).max() < bound, (id, found)
