@@ -43,9 +43,10 @@ from insenv.core.model import Model, Step
 from insenv.estimators import strapdown
 from insenv.estimators.aqe_algebra import Nonlinear, Spread, U, Y, left, right, sensitivity
 from insenv.estimators.aqe_feedback import begun, fused, placed
-from insenv.estimators.aqe_tables import ACCEL, DQ, GYRO, INPUTS, OUTPUTS, PARAMETERS, POSITION, STATE, VELOCITY, N, prepare
+from insenv.estimators.aqe_tables import ACCEL, DQ, GYRO, INPUTS, OUTPUTS, PARAMETERS, POSITION, STATE, VELOCITY, N
 from insenv.estimators.error_model import EARTH_RADIUS
 from insenv.estimators.increments import compensated
+from insenv.estimators.loosely_coupled import prepare
 from insenv.estimators.registry import Estimator
 
 GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model

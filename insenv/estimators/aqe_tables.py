@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from insenv.core import symmetric
 from insenv.core.tables import Row, Table
 from insenv.estimators import loosely_coupled_tables, strapdown
-from insenv.estimators.registry import Knowledge
 
 N = 16
 DQ, GYRO, ACCEL, VELOCITY, POSITION = slice(0, 4), slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
@@ -47,24 +44,3 @@ STATE = strapdown.STATE + Table((
 ))  # fmt: skip
 
 OUTPUTS = loosely_coupled_tables.OUTPUTS
-
-
-def prepare(known: Knowledge) -> dict[str, Any]:
-    """Parameters from what is known."""
-    sensors = known.sensors
-    return {
-        **strapdown.start_parameters(known),
-        "position_sigma": known.position_sigma,
-        "velocity_sigma": known.velocity_sigma,
-        "tilt_sigma": known.tilt_sigma,
-        "heading_sigma": known.heading_sigma,
-        "start_gyro_bias": known.gyro_bias,
-        "start_accel_bias": known.accel_bias,
-        "gyro_bias_sigma": sensors.gyro_bias_sigma,
-        "accel_bias_sigma": sensors.accel_bias_sigma,
-        "gyro_correlation_time": sensors.gyro_correlation_time,
-        "accel_correlation_time": sensors.accel_correlation_time,
-        "angle_random_walk": sensors.angle_random_walk,
-        "velocity_random_walk": sensors.velocity_random_walk,
-        "antenna_lever_arm": known.antenna_lever_arm,
-    }
