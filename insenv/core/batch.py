@@ -7,15 +7,16 @@ outside as (rows, elements); inside, a block of rows lies lane by lane so that o
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv.core.model import Model
 from insenv.core.native import batch_library_path, load, pointer
-from insenv.core.runner import InterpreterRunner, check_inputs, resolve_backend
+from insenv.core.runner import InterpreterRunner, check_inputs, resolve_backend, round_size, watched_spans
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 
@@ -63,6 +64,21 @@ class Batch:
 
     def start(self) -> None:
         """Every row to the start state that its parameters give."""
+        raise NotImplementedError
+
+    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
+        """Give some rows other parameters, p (k, parameters.size), and start them afresh; their states (k, state.size)."""
+        raise NotImplementedError
+
+    def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
+        """Give some rows other parameters, p (k, parameters.size), and leave their states."""
+        raise NotImplementedError
+
+    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+        """Run `step` in every row whatever its condition, then advance n times with the inputs held.
+
+        Returns (rows, n * watched elements + outputs.size): the state rows `watched` after each advance, then the outputs.
+        """
         raise NotImplementedError
 
     def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
@@ -129,12 +145,47 @@ class NativeBatch(Batch):
                 n,
             )
 
+        self._shared(work)
+        return y.transpose(0, 3, 1, 2).reshape(self._blocks * self.lanes, *y.shape[1:3])[: self.rows]
+
+    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
+        self.set_parameters(rows, p)
+        blocks = -(-len(rows) // self.lanes)
+        compact, x = self._into_lanes(p), np.empty((blocks, self.model.state.size, self.lanes))
+        self._library.insenv_start(blocks, pointer(compact), pointer(x))
+        states = x.transpose(0, 2, 1).reshape(blocks * self.lanes, -1)[: len(rows)]
+        self._x[rows // self.lanes, :, rows % self.lanes] = states
+        return states
+
+    def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
+        self._p[rows // self.lanes, :, rows % self.lanes] = p
+
+    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+        u, number, width = (
+            self._into_lanes(self._held(n, inputs)[:, 0]),
+            list(self.model.steps).index(step),
+            self.model.inputs.size,
+        )
+        spans = watched_spans(self.model, watched)
+        y = np.empty((self._blocks, round_size(self.model, watched, n), self.lanes))
+
+        def work(first: int, last: int) -> None:
+            state, given = pointer(self._x[first:]), pointer(y[first:])
+            self._library.insenv_round(
+                last - first, number, pointer(self._p[first:]), state, pointer(u[first:]), width, spans.ctypes.data, len(spans),
+                n, given,
+            )  # fmt: skip
+
+        self._shared(work)
+        return self._from_lanes(y)
+
+    def _shared(self, work: Callable[[int, int], None]) -> None:
+        """`work` on all blocks, from a first to before a last, parted over the threads."""
         edges = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int).tolist()
         if len(edges) == 2:
             work(*edges)
         else:
             list(_pool(self.threads).map(work, edges[:-1], edges[1:]))
-        return y.transpose(0, 3, 1, 2).reshape(self._blocks * self.lanes, *y.shape[1:3])[: self.rows]
 
     def output(self) -> Vector:
         y = np.empty((self._blocks, self.model.outputs.size, self.lanes))
@@ -151,8 +202,9 @@ class NativeBatch(Batch):
 
     def _into_lanes(self, array: Vector) -> Vector:
         """(rows, elements) as blocks (blocks, elements, lanes); the last row fills a block that is not full."""
-        padded = np.concatenate([array, np.repeat(array[-1:], self._blocks * self.lanes - self.rows, axis=0)])
-        return np.ascontiguousarray(padded.reshape(self._blocks, self.lanes, -1).transpose(0, 2, 1))
+        missing = -len(array) % self.lanes
+        padded = np.concatenate([array, np.repeat(array[-1:], missing, axis=0)]) if missing else array
+        return np.ascontiguousarray(padded.reshape(len(padded) // self.lanes, self.lanes, -1).transpose(0, 2, 1))
 
     def _from_lanes(self, array: Vector) -> Vector:
         return array.transpose(0, 2, 1).reshape(self._blocks * self.lanes, -1)[: self.rows].copy()
@@ -168,6 +220,25 @@ class InterpreterBatch(Batch):
     def start(self) -> None:
         for runner in self._runners:
             runner.start()
+
+    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
+        self.set_parameters(rows, p)
+        for row in rows:
+            self._runners[row].start()
+        return np.array([self._runners[row].x for row in rows])
+
+    def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
+        for row, values in zip(rows, p, strict=True):
+            self._runners[row].p[:] = values
+
+    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+        found = np.empty((self.rows, round_size(self.model, watched, n)))
+        for runner, u, y in zip(self._runners, self._held(n, inputs), found, strict=True):
+            call, buffer = runner.round(step, watched, n)
+            runner._set_inputs(u[0])
+            call()
+            y[:] = buffer
+        return found
 
     def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
         held = self._held(n, inputs)

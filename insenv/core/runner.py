@@ -11,10 +11,11 @@ import ctypes
 import functools
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv.core import noise
 from insenv.core.compile import find_compiler
@@ -24,6 +25,8 @@ from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
 
 BACKENDS = ("native", "interpreter")
+LONG_ROUND = 50
+"""Advances of a round from which on it gives up the GIL."""
 
 
 def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> Runner:
@@ -107,6 +110,14 @@ class Runner:
         """
         raise NotImplementedError
 
+    def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
+        """A call to make again and again, and the buffer (n * watched elements + outputs.size,) that it fills.
+
+        The call runs `step` whatever its condition, advances n times with the inputs as they stand, and leaves in the buffer
+        the state rows `watched` after each advance, then the outputs.
+        """
+        raise NotImplementedError
+
     def output(self) -> Vector:
         """The outputs of the present state (a fresh vector)."""
         self._output()
@@ -173,6 +184,23 @@ class InterpreterRunner(Runner):
                 outputs[k // every] = self._y
         return outputs
 
+    def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
+        spans = watched_spans(self.model, watched)
+        buffer = np.zeros(round_size(self.model, watched, n))
+
+        def call() -> None:
+            self._step(step)
+            done = 0
+            for _ in range(n):
+                self._advance()
+                for start, stop in spans:
+                    buffer[done : done + stop - start] = self.x[start:stop]
+                    done += int(stop - start)
+            self._output()
+            buffer[done:] = self._y
+
+        return call, buffer
+
     def _x_or_u(self, name: str) -> Vector:
         """A view of the one element that a condition looks at."""
         if name in self.model.state:
@@ -238,8 +266,37 @@ class NativeRunner(Runner):
             self._u[:] = rows[-1] if rows.ndim == 2 else rows
         return outputs
 
+    def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
+        spans = watched_spans(self.model, watched)
+        buffer = np.zeros(round_size(self.model, watched, n))
+        places = (ctypes.c_void_p * 5)(*(a.ctypes.data for a in (self.p, self.x, self._u, spans, buffer)))
+        # the kept tuple lives as long as the call: the addresses in it stay good
+        kept = (places, spans, buffer, self.p, self.x, self._u)
+        number = list(self.model.steps).index(step)
+        sizes = (ctypes.c_int64(number), ctypes.c_int64(len(spans)), ctypes.c_int64(n))
+        # a short call is shorter than giving up the GIL would take
+        library = ctypes.PyDLL(self._library._name) if n < LONG_ROUND else self._library
+        call = functools.partial(library.insenv_round_at, ctypes.c_void_p(ctypes.addressof(places)), *sizes)
+        call.kept = kept  # type: ignore[attr-defined]
+        return call, buffer
+
     def _step(self, name: str) -> None:
         self._steps[name]()
+
+
+def watched_spans(model: Model, watched: Sequence[str]) -> NDArray[np.int64]:
+    """Start and stop of the state rows `watched` in the state vector, (k, 2); neighbours as one."""
+    spans: list[tuple[int, int]] = []
+    for name in watched:
+        part = model.state.slice(name)
+        joined = bool(spans) and spans[-1][1] == part.start
+        spans.append((spans.pop()[0] if joined else part.start, part.stop))
+    return np.array(spans, dtype=np.int64).reshape(-1, 2)
+
+
+def round_size(model: Model, watched: Sequence[str], n: int) -> int:
+    """Elements that a round of n advances gives."""
+    return n * sum(model.state[name].size for name in watched) + model.outputs.size
 
 
 def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
