@@ -60,12 +60,15 @@ Errors
 What a caller can mend raises `insenv.errors.InputError` with the name, the value, the unit and what is
 allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
-Submodules load on first use: ``import insenv`` is cheap, and ``insenv.attitude`` then works.
+Submodules load on first use: ``import insenv`` is cheap, and ``insenv.attitude`` then works.  It registers the
+environments with Gymnasium.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+from insenv.registration import register as _register
 
 __version__ = "0.1.0"
 
@@ -84,3 +87,6 @@ if not TYPE_CHECKING:  # a type checker sees the submodules that are imported, a
         from pkgutil import iter_modules
 
         return sorted({*globals(), *(m.name for m in iter_modules(__path__) if not m.name.startswith("_"))})
+
+
+_register()

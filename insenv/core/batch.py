@@ -94,8 +94,17 @@ class Batch:
         raise NotImplementedError
 
     @property
+    def p(self) -> Vector:
+        """The parameters, (rows, parameters.size): a copy; `set_parameters` sets them."""
+        raise NotImplementedError
+
+    @property
     def x(self) -> Vector:
         """The states, (rows, state.size): a copy; assign the whole to set them."""
+        raise NotImplementedError
+
+    @x.setter
+    def x(self, value: Vector) -> None:
         raise NotImplementedError
 
     def _held(self, n: int, inputs: Vector | None) -> Vector:
@@ -193,6 +202,10 @@ class NativeBatch(Batch):
         return self._from_lanes(y)
 
     @property
+    def p(self) -> Vector:
+        return self._from_lanes(self._p)
+
+    @property
     def x(self) -> Vector:
         return self._from_lanes(self._x)
 
@@ -207,7 +220,8 @@ class NativeBatch(Batch):
         return np.ascontiguousarray(padded.reshape(len(padded) // self.lanes, self.lanes, -1).transpose(0, 2, 1))
 
     def _from_lanes(self, array: Vector) -> Vector:
-        return array.transpose(0, 2, 1).reshape(self._blocks * self.lanes, -1)[: self.rows].copy()
+        rows = np.array(array.transpose(0, 2, 1), order="C")  # a copy also where one lane would make it a view
+        return rows.reshape(self._blocks * self.lanes, array.shape[1])[: self.rows]
 
 
 class InterpreterBatch(Batch):
@@ -249,6 +263,10 @@ class InterpreterBatch(Batch):
 
     def output(self) -> Vector:
         return np.array([runner.output() for runner in self._runners])
+
+    @property
+    def p(self) -> Vector:
+        return np.array([runner.p for runner in self._runners])
 
     @property
     def x(self) -> Vector:

@@ -33,6 +33,12 @@ class Part:
     start_uniforms: int = 0
 
 
+def as_part(model: Model) -> Part:
+    """A whole model as a part, for others to stand beside it; its outputs are left behind."""
+    m = model
+    return Part(m.parameters, m.state, m.inputs, m.steps, m.start, m.start_uniforms)
+
+
 def merge(
     id: str,
     title: str,

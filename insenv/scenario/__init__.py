@@ -4,7 +4,7 @@ plant = build(load("ship-swaying"), seed=1)
 runner = make_runner(plant.model, plant.parameters)
 """
 
-from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build
+from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build, plant_of, reseeded, start_errors
 from insenv.scenario.description import Scenario
 from insenv.scenario.files import json_schema, load, names, parse, summaries
 from insenv.scenario.tuning import tuning
@@ -18,6 +18,9 @@ __all__ = [
     "load",
     "names",
     "parse",
+    "plant_of",
+    "reseeded",
+    "start_errors",
     "summaries",
     "tuning",
 ]

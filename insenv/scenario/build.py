@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import radians
 from statistics import NormalDist
@@ -77,6 +77,19 @@ def build(scenario: Scenario, seed: int | None = None, duration_s: float | None 
     )
 
 
+def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
+    """The plants that `build` gives for the same scenario and duration with other seeds; the scenario is read only once."""
+    vector, place = plant.model.parameters.pack(plant.parameters), plant.model.parameters.slice("seed").start
+    plants = []
+    for number in seeds:
+        seed, _ = _run(plant.scenario, number, plant.duration_s)
+        vector[place] = seed
+        parameters = {**plant.parameters, "seed": float(seed)}
+        knowledge = _knowledge(plant.scenario, _true_start(plant.model, vector, seed), parameters, seed)
+        plants.append(replace(plant, parameters=parameters, seed=seed, knowledge=knowledge))
+    return plants
+
+
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     """The plant's model and its parameter rows, SI, but for the seed.  Raises `InputError` for what does not go together."""
     interval, start = 1.0 / scenario.rate_hz, scenario.start
@@ -97,7 +110,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     for name in rows:
         if name.endswith("_amplitude"):  # a sinusoid is divided by the square of its amplitude, which must not vanish
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
-    _check_speed_of_sinusoids(rows, interval)
+    check_speed_of_sinusoids(rows, interval)
     model.parameters.pack(rows)
     return model, rows
 
@@ -119,7 +132,7 @@ def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tupl
     return int(seed), float(duration)
 
 
-def _check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
+def check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
     """Raise `InputError` for sinusoids too fast for the samples: two a period at least, and small turns in a sample."""
     turned = 0.0  # in half a sample, at most
     for name, value in rows.items():
@@ -147,7 +160,7 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
 
 def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], seed: int) -> Knowledge:
     told = scenario.knowledge
-    error = _errors(told, seed)
+    error = start_errors(told, seed)
     roll, pitch, heading = np.array(attitude.numeric.to_euler(true["q_nb"])) + error[0:3]
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
         error[3:6], true["latitude"], true["longitude"], true["height"]
@@ -170,7 +183,7 @@ def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[
     )
 
 
-def _errors(told: KnowledgeSection, seed: int) -> Vector:
+def start_errors(told: KnowledgeSection, seed: int) -> Vector:
     """Errors told less true: roll, pitch, heading (rad), position N, E, D (m), velocity N, E, D (m/s)."""
     uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
     normals = np.array([NormalDist().inv_cdf(u) for u in uniforms]) * told.draw_errors

@@ -1,0 +1,29 @@
+"""Gymnasium environments: alignment and navigation as tasks for an agent.
+
+    import gymnasium, insenv
+    env = gymnasium.make("insenv/ShipAlignment-v0")
+
+Ids: `IDS`.  The action is the agent's estimate, the observation what a navigator has; the truth is in the info alone.
+"""
+
+from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
+from insenv.envs.single import InertialEnv, Snapshot
+from insenv.envs.task import Task, estimate_action
+from insenv.envs.told import knowledge_of
+from insenv.envs.vector import InertialVectorEnv
+from insenv.registration import IDS, register
+
+__all__ = [
+    "IDS",
+    "AlignmentEnv",
+    "AlignmentVectorEnv",
+    "InertialEnv",
+    "InertialVectorEnv",
+    "NavigationEnv",
+    "NavigationVectorEnv",
+    "Snapshot",
+    "Task",
+    "estimate_action",
+    "knowledge_of",
+    "register",
+]

@@ -1,0 +1,96 @@
+"""From the arguments of an environment to the task and the starts: shared by its two faces, single and vector."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from insenv.core.tables import Table
+from insenv.envs.starts import Ranges, Starts
+from insenv.envs.task import Task
+from insenv.errors import InputError
+from insenv.scenario import Scenario, load
+from insenv.scenario.description import MAX_DURATION_S
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What an environment is made of.
+
+    task, starts: see there.  samples: inertial samples a step.  rounds: steps in an episode.  interval: time of a sample, s.
+    """
+
+    scenario: Scenario
+    task: Task
+    starts: Starts
+    samples: int
+    rounds: int
+    interval: float
+
+    @property
+    def layout(self) -> Table:
+        """Rows of an observation."""
+        return self.task.layout(self.samples)
+
+    def spaces(self) -> tuple[spaces.Box, spaces.Box]:
+        """Action space and observation space of one environment."""
+        low, high = self.task.bounds(self.samples)
+        size = self.task.actions.size
+        return spaces.Box(-1.0, 1.0, (size,), np.float64), spaces.Box(low, high, dtype=np.float64)
+
+
+def chosen_scenario(scenario: str | Path | Scenario | Mapping[str, Any], vehicle: str) -> Scenario:
+    """The scenario by name, path or object, of the kind of vehicle that an environment is for ("ship", "car", "aircraft", or
+    empty for any).  Raises `InputError`.
+    """
+    if isinstance(scenario, Mapping):
+        scenario = Scenario.model_validate(scenario)
+    found = scenario if isinstance(scenario, Scenario) else load(str(scenario))
+    if vehicle and found.vehicle.kind != vehicle:
+        raise InputError(
+            f"scenario {found.name or found.title!r} has a vehicle of kind {found.vehicle.kind!r}: this environment is for "
+            f"{vehicle!r}"
+        )
+    return found
+
+
+def make_setup(
+    scenario: Scenario, task: Task, ranges: Ranges, samples_per_step: int, duration_s: float | None, time_weight: float,
+    max_episode_steps: int | None,
+) -> Setup:  # fmt: skip
+    """Raises `InputError` for times that do not go together."""
+    if isinstance(samples_per_step, bool) or not isinstance(samples_per_step, (int, np.integer)) or samples_per_step < 1:
+        raise InputError(f"samples_per_step = {samples_per_step!r}: allowed is a whole number from 1")
+    duration = scenario.duration_s if duration_s is None else duration_s
+    step = samples_per_step / scenario.rate_hz
+    rounds = int(duration / step * (1.0 + 1e-12)) if 0.0 < duration <= MAX_DURATION_S else 0
+    if rounds < 1:
+        raise InputError(f"duration_s = {duration:g} s: allowed is from one step, {step:g} s, to {MAX_DURATION_S:g} s")
+    if max_episode_steps is not None:
+        if max_episode_steps < 1:
+            raise InputError(f"max_episode_steps = {max_episode_steps}: allowed is a whole number from 1")
+        rounds = min(rounds, max_episode_steps)
+    starts = Starts(scenario, task, ranges, rounds, time_weight, rounds * step)
+    return Setup(scenario, task, starts, int(samples_per_step), rounds, 1.0 / scenario.rate_hz)
+
+
+def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
+    """The action as float64.  Raises `InputError` for a wrong shape or a number that is not finite."""
+    try:
+        array = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"action = {action!r}: allowed is an array of shape {shape}") from None
+    if array.shape != shape:
+        raise InputError(f"action of shape {array.shape}: allowed is {shape}")
+    if not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise InputError(f"action{place} = {array[tuple(place)]}: allowed is a finite number from -1 to 1")
+    return array

@@ -1,0 +1,192 @@
+"""The conformance kit: what every environment of insenv keeps, as functions that raise `AssertionError` with what they found.
+
+For one's own environments too: ``check(lambda **kw: MyEnv(**kw), lambda n, **kw: MyVectorEnv(n, **kw))``, or by a registered id,
+``check_id("my/Env-v0")``.  Each check stands alone; `check` runs all of them.
+"""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+Make = Callable[..., Any]
+
+
+def check_id(id: str, **kwargs: Any) -> None:
+    """All checks of a registered environment made with `kwargs`."""
+    check_spec(id, **kwargs)
+
+    def vector(num_envs: int, **more: Any) -> Any:
+        return gymnasium.make_vec(id, num_envs, **kwargs, **more)
+
+    check(partial(gymnasium.make, id, **kwargs), vector)
+
+
+def check(make: Make, make_vector: Make | None = None) -> None:
+    """All checks of environments that `make()` gives, and of batches that `make_vector(num_envs, autoreset_mode=...)` gives."""
+    check_contract(make)
+    check_deterministic(make)
+    check_snapshot(make)
+    check_pickling(make)
+    if make_vector is not None:
+        check_rows(make, make_vector)
+        check_disabled_autoreset(make_vector)
+
+
+def check_contract(make: Make) -> None:
+    """Gymnasium's own checker, its warnings being errors; finite bounds; actions in [-1, 1]; the same keys of info always."""
+    env = make()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # the checker wants a spec to make copies by; renders are looked at one by one elsewhere
+        check_env(env.unwrapped, skip_render_check=True)
+    for space in (env.action_space, env.observation_space):
+        assert isinstance(space, gymnasium.spaces.Box), f"space {space}: a Box is expected"
+        assert np.isfinite(space.low).all() and np.isfinite(space.high).all(), f"space {space} has bounds that are not finite"
+        assert space.dtype == np.float64, f"space {space} is not of float64"
+    assert np.all(env.action_space.low == -1.0) and np.all(env.action_space.high == 1.0), "actions are not in [-1, 1]"
+    observation, info = env.reset(seed=0)
+    keys, inside = set(info), env.observation_space.contains(observation)
+    for action in _actions(env.action_space, 20):
+        observation, reward, terminated, truncated, info = env.step(action)
+        inside = inside and env.observation_space.contains(observation)
+        assert set(info) == keys, f"info has {sorted(info)} after step and {sorted(keys)} after reset"
+        assert np.isfinite(reward), f"reward {reward}"
+        if terminated or truncated:
+            env.reset()
+    assert inside, "an observation lies outside its space"
+
+
+def check_deterministic(make: Make) -> None:
+    """The same seed and actions give the same to the bit, another seed something else; seed None goes on, not back."""
+    one, other = (_episodes(make(), 7) for _ in range(2))
+    _assert_same(one, other, "two environments with one seed")
+    assert not _same(one, _episodes(make(), 8)), "seeds 7 and 8 give the same episodes: the seed is not used"
+    env = make()
+    env.reset(seed=3)
+    first = _rollout(env, 5)
+    env.reset()
+    assert not _same(first, _rollout(env, 5)), "reset() without a seed repeats the episode"
+
+
+def check_snapshot(make: Make) -> None:
+    """A snapshot restored, here and in another environment, goes on to the bit."""
+    env, other = make(), make()
+    env.reset(seed=5)
+    _rollout(env, 3)
+    snapshot = env.unwrapped.snapshot()
+    expected = _rollout(env, 6), _episodes(env, None)
+    other.reset(seed=99)
+    for restored in (env, other):
+        restored.unwrapped.restore(pickle.loads(pickle.dumps(snapshot)))
+        _assert_same(expected[0], _rollout(restored, 6), "a restored environment")
+        _assert_same(expected[1], _episodes(restored, None), "the episodes after a restored one")
+
+
+def check_pickling(make: Make) -> None:
+    """A pickled environment goes on to the bit."""
+    env = make()
+    env.reset(seed=11)
+    _rollout(env, 2)
+    copied = pickle.loads(pickle.dumps(env.unwrapped))
+    _assert_same(_rollout(env, 6), _rollout(copied, 6), "a pickled environment")
+
+
+def check_spec(id: str, **kwargs: Any) -> None:
+    """The spec goes to JSON and back, and makes the same environment."""
+    env = gymnasium.make(id, **kwargs)
+    assert env.spec is not None
+    spec = gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json())
+    _assert_same(_episodes(env, 2), _episodes(gymnasium.make(spec), 2), "an environment made of its spec's JSON")
+
+
+def check_rows(make: Make, make_vector: Make, num_envs: int = 5, steps: int = 12) -> None:
+    """Row i of a batch, row i of a SyncVectorEnv and the single environment reset with seed + i are the same to the bit, over
+    the ends of episodes, whatever the width of the batch.
+    """
+    faces = {
+        "make_vec": make_vector(num_envs),
+        "make_vec, one row more": make_vector(num_envs + 1),
+        "SyncVectorEnv": SyncVectorEnv([make] * num_envs, autoreset_mode=AutoresetMode.NEXT_STEP),
+    }
+    space = faces["make_vec"].single_action_space
+    actions = np.stack([_actions(space, steps, seed) for seed in range(num_envs + 1)], axis=1)
+    shown = {}
+    for name, face in faces.items():
+        rows = face.num_envs
+        observations, infos = face.reset(seed=40)
+        found = [(observations, np.zeros(rows), np.zeros(rows), np.zeros(rows), infos)]
+        found += [face.step(action[:rows]) for action in actions]
+        shown[name] = [_row_of(step, slice(0, num_envs)) for step in found]
+        face.close()
+    _assert_same(shown["make_vec"], shown["SyncVectorEnv"], "make_vec and SyncVectorEnv")
+    _assert_same(shown["make_vec"], shown["make_vec, one row more"], "batches of other widths")
+
+
+def check_disabled_autoreset(make_vector: Make, num_envs: int = 4) -> None:
+    """With autoreset DISABLED, ended rows are started by their mask; the others go on untouched."""
+    venv = make_vector(num_envs, autoreset_mode=AutoresetMode.DISABLED)
+    venv.reset(seed=1)
+    action = np.stack([_actions(venv.single_action_space, 1, seed)[0] for seed in range(num_envs)])
+    for _ in range(100_000):
+        _, _, terminated, truncated, _ = venv.step(action)
+        if np.any(over := terminated | truncated):
+            break
+    before = venv.snapshot()
+    venv.reset(options={"reset_mask": over})
+    after = venv.snapshot()
+    assert np.array_equal(before.state[~over], after.state[~over]), "reset_mask changed rows outside the mask"
+    assert not np.array_equal(before.state[over], after.state[over]), "reset_mask left rows of the mask as they were"
+    venv.step(action)
+
+
+def _actions(space: Any, count: int, seed: int = 0) -> Any:
+    """Actions inside the space, small enough that few episodes end by them."""
+    generator = np.random.default_rng(seed)
+    actions = generator.uniform(-1.0, 1.0, (count, *space.shape))
+    actions[..., -1] = -np.abs(actions[..., -1])
+    return actions
+
+
+def _rollout(env: Any, steps: int) -> list[Any]:
+    found = []
+    for action in _actions(env.action_space, steps):
+        found.append(env.step(action))
+        if found[-1][2] or found[-1][3]:
+            found.append(env.reset())
+    return found
+
+
+def _episodes(env: Any, seed: int | None) -> list[Any]:
+    found: list[Any] = []
+    for again in (seed, None):
+        found += [env.reset(seed=again), *_rollout(env, 4)]
+    return found
+
+
+def _row_of(step: tuple[Any, ...], rows: slice) -> list[Any]:
+    *arrays, infos = step
+    told = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and key != "final_info"}
+    return [np.asarray(array)[rows] for array in arrays] + [told]
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, dict):
+        return set(one) == set(other) and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, (list, tuple)):
+        return len(one) == len(other) and all(_same(a, b) for a, b in zip(one, other, strict=True))
+    return bool(np.array_equal(np.asarray(one, dtype=float), np.asarray(other, dtype=float)))
+
+
+def _assert_same(one: list[Any], other: list[Any], what: str) -> None:
+    assert len(one) == len(other), f"{what}: {len(one)} and {len(other)} steps"
+    for k, (a, b) in enumerate(zip(one, other, strict=True)):
+        assert _same(a, b), f"{what}: step {k} differs: {a} and {b}"
