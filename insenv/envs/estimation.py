@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gymnasium.vector import AutoresetMode
-
 from insenv.envs.setup import Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import IMU_RANGE, Range, Ranges
 from insenv.envs.task import estimation_task
-from insenv.envs.vector import InertialVectorEnv
+from insenv.envs.vector import FACE, InertialVectorEnv
 from insenv.errors import InputError
 from insenv.scenario import Scenario, plant_of
 
@@ -32,7 +30,6 @@ def _setup(
     initial_error: Range | None = None,
     gnss_outages_s: tuple[Range, ...] | None = None,
     time_weight: float = 1.0,
-    max_episode_steps: int | None = None,
 ) -> Setup:
     """The setup that the arguments of both faces ask for; they are explained in the classes below."""
     found = chosen_scenario(scenario, vehicle)
@@ -42,7 +39,8 @@ def _setup(
         raise InputError(f"time_weight = {time_weight!r}: allowed is a number from 0 to 1e6")
     ranges = Ranges(imu, tuple(imu_range), heading_deg, sea_state, initial_error, gnss_outages_s)  # type: ignore[arg-type]
     task = estimation_task(plant_of(found)[0], navigates)
-    return make_setup(found, task, ranges, samples_per_step, duration_s, time_weight, max_episode_steps)
+    constants = {"time_weight": float(time_weight)}
+    return make_setup(found, task, ranges, samples_per_step, duration_s, constants)
 
 
 class AlignmentEnv(InertialEnv):
@@ -99,11 +97,12 @@ class AlignmentEnv(InertialEnv):
     - `imu`: a grade of `insenv list`, or "random": between the two grades `imu_range`, drawn at each reset.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway, engine
       and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows, s.
-    - `time_weight`: see Rewards. `max_episode_steps`: fewer steps than the time allows.
+    - `time_weight`: see Rewards.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
     `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and `run_seed`: the
-    seed of `insenv run`, which then makes the same samples.
+    seed of `insenv run`, which then makes the same samples. `gymnasium.make(..., max_episode_steps=)` truncates earlier,
+    without the last step's part of the reward.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is the single environment reset with seed + i, to the bit.
@@ -179,18 +178,14 @@ class NavigationEnv(InertialEnv):
 class AlignmentVectorEnv(InertialVectorEnv):
     """Many `AlignmentEnv` at once: its arguments, and those of `InertialVectorEnv`."""
 
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", *, threads: int = 1, backend: str | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None, **given: Any,
-    ) -> None:  # fmt: skip
-        super().__init__(_setup(False, scenario, **given), num_envs, autoreset_mode, threads, backend, render_mode)
+    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", **given: Any) -> None:
+        face = {name: given.pop(name) for name in FACE if name in given}
+        super().__init__(_setup(False, scenario, **given), num_envs, **face)
 
 
 class NavigationVectorEnv(InertialVectorEnv):
     """Many `NavigationEnv` at once: its arguments, and those of `InertialVectorEnv`."""
 
-    def __init__(
-        self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, threads: int = 1, backend: str | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None, **given: Any,
-    ) -> None:  # fmt: skip
-        super().__init__(_setup(True, scenario, **given), num_envs, autoreset_mode, threads, backend, render_mode)
+    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", **given: Any) -> None:
+        face = {name: given.pop(name) for name in FACE if name in given}
+        super().__init__(_setup(True, scenario, **given), num_envs, **face)

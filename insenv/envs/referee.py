@@ -16,7 +16,7 @@ import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core.compose import Part
-from insenv.core.elementary import log, minimum, select
+from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.envs.told import TOLD
@@ -124,16 +124,17 @@ class Referee:
         return Part(parameters=parameters, state=state, inputs=self.actions, steps={"judge": Step(self._judge, when="never")})
 
     def _judge(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
-        square = ca.dot(u.estimate_q_nb, u.estimate_q_nb)
-        q_nb = u.estimate_q_nb / ca.sqrt(select(square < SHORT, 1.0, square))
-        rotation = attitude.error_rotation_vector(select(square < SHORT, ca.SX([1, 0, 0, 0]), q_nb), x.q_nb)
-        error = rotation
-        if self.navigates:
-            velocity = u.estimate_velocity * VELOCITY_RANGE - x.velocity_n
-            error = ca.vertcat(rotation, velocity, u.estimate_position * POSITION_RANGE - true_position(p, x))
-        action = ca.vertcat(*(getattr(u, row.name) for row in self.actions))
-        outside = ca.sumsqr(select(ca.fabs(action) > 1.0 + 1e-9, 1.0, 0.0)) > 0.0
+        given = ca.vertcat(*(getattr(u, row.name) for row in self.actions))
+        outside = ca.sumsqr(select(ca.fabs(given) > 1.0 + 1e-9, 1.0, 0.0)) > 0.0
+        # what is outside must not overflow in what follows
+        action = self.actions.symbols(clamp(given, -1.0, 1.0))
+        square = ca.dot(action.estimate_q_nb, action.estimate_q_nb)
         garbage = ca.logic_or(square < SHORT, outside)
+        q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), action.estimate_q_nb)
+        error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
+        if self.navigates:
+            velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
+            error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - true_position(p, x))
         ratio = error / p.limit
         measure = minimum(log(1.0 + ca.sqrt(ca.sumsqr(ratio) / self.components)), WORST)
 
@@ -145,7 +146,7 @@ class Referee:
             declared = ca.SX(0)
             paid, forfeit = share * measure, left * WORST
         else:
-            declared = ca.logic_and(u.declare > 0.0, ca.logic_not(garbage))
+            declared = ca.logic_and(action.declare > 0.0, ca.logic_not(garbage))
             over = ca.logic_or(declared, last)
             paid = share * (p.time_weight + measure) + select(over, measure, 0.0)
             forfeit = left * (p.time_weight + WORST) + WORST

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -63,27 +64,34 @@ def chosen_scenario(scenario: str | Path | Scenario | Mapping[str, Any], vehicle
 
 
 def make_setup(
-    scenario: Scenario, task: Task, ranges: Ranges, samples_per_step: int, duration_s: float | None, time_weight: float,
-    max_episode_steps: int | None,
+    scenario: Scenario, task: Task, ranges: Ranges, samples_per_step: int, duration_s: float | None,
+    constants: Mapping[str, float], make_starts: Callable[..., Starts] = Starts,
 ) -> Setup:  # fmt: skip
-    """Raises `InputError` for times that do not go together."""
-    if isinstance(samples_per_step, bool) or not isinstance(samples_per_step, (int, np.integer)) or samples_per_step < 1:
-        raise InputError(f"samples_per_step = {samples_per_step!r}: allowed is a whole number from 1")
+    """constants: parameter rows of the task, the same in all episodes.  make_starts: the class of the starts, or what stands
+    for it.  Raises `InputError` for times that do not go together.
+    """
+    check_samples(samples_per_step)
     duration = scenario.duration_s if duration_s is None else duration_s
     step = samples_per_step / scenario.rate_hz
     rounds = int(duration / step * (1.0 + 1e-12)) if 0.0 < duration <= MAX_DURATION_S else 0
     if rounds < 1:
         raise InputError(f"duration_s = {duration:g} s: allowed is from one step, {step:g} s, to {MAX_DURATION_S:g} s")
-    if max_episode_steps is not None:
-        if max_episode_steps < 1:
-            raise InputError(f"max_episode_steps = {max_episode_steps}: allowed is a whole number from 1")
-        rounds = min(rounds, max_episode_steps)
-    starts = Starts(scenario, task, ranges, rounds, time_weight, rounds * step)
+    starts = make_starts(scenario, task, ranges, {"round_limit": float(rounds), **constants}, rounds * step)
     return Setup(scenario, task, starts, int(samples_per_step), rounds, 1.0 / scenario.rate_hz)
+
+
+def check_samples(samples_per_step: Any) -> None:
+    """Raises `InputError` for a number of samples in a step that is none."""
+    if isinstance(samples_per_step, bool) or not isinstance(samples_per_step, (int, np.integer)) or samples_per_step < 1:
+        raise InputError(f"samples_per_step = {samples_per_step!r}: allowed is a whole number from 1")
 
 
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
     """The action as float64.  Raises `InputError` for a wrong shape or a number that is not finite."""
+    # quick for a short row: a number that is not finite makes a sum that is not
+    plain = type(action) is np.ndarray and action.dtype == np.float64 and action.shape == shape and len(shape) == 1
+    if plain and isfinite(sum(action.tolist())):
+        return action
     try:
         array = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):

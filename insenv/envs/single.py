@@ -24,7 +24,7 @@ class Snapshot:
     """The complete state of an environment: restored, it goes on to the bit.
 
     parameters, state, inputs: vectors of the model ((rows, elements) of a vector environment); over: whether the episode has
-    ended; generators: states of the generators of episodes; last: the observation and info as they were.
+    ended; generators: states of the generators of episodes; elapsed: steps made in the episode, of a vector environment.
     """
 
     parameters: Array
@@ -32,6 +32,7 @@ class Snapshot:
     inputs: Array
     over: Any
     generators: tuple[Mapping[str, Any], ...]
+    elapsed: Any = 0
 
 
 class Remade:
@@ -81,8 +82,9 @@ class InertialEnv(Remade, gymnasium.Env[Array, Array]):
         places = {name: slice(s.start + before, s.stop + before) for name in outputs.names for s in [outputs.slice(name)]}
         self._observed = places["reward"].start
         self._reward, self._terminated, self._truncated = (places[name].start for name in ("reward", "terminated", "truncated"))
-        self._info = [(row.name, places[row.name] if row.shape else places[row.name].start) for row in task.info]
-        self._action = self._runner._u[: task.actions.size]
+        self._vectors = [(row.name, places[row.name]) for row in task.info if row.shape]
+        self._scalars = [(row.name, places[row.name].start) for row in task.info if not row.shape]
+        self._action = self._runner._u[task.place]
         self._shape = (task.actions.size,)
         self._over: bool | None = None
         self.history: list[tuple[Array, dict[str, Any]]] | None = None if render_mode is None else []
@@ -104,6 +106,8 @@ class InertialEnv(Remade, gymnasium.Env[Array, Array]):
         runner.p[:] = p[0]
         runner.start()
         runner.p[:] = starts.tell(p, runner.x[None], options)[0]
+        if self.setup.task.starts_as_told:
+            runner.start()
         runner._u[:] = self.setup.task.model.inputs.start_vector()
         self._over = False
         self._buffer[:] = 0.0
@@ -121,15 +125,18 @@ class InertialEnv(Remade, gymnasium.Env[Array, Array]):
         self._action[:] = checked_action(action, self._shape)
         self._call()
         shown = self._buffer.copy()
-        terminated, truncated = shown[self._terminated] != 0.0, shown[self._truncated] != 0.0
-        self._over = bool(terminated or truncated)
+        terminated, truncated = shown.item(self._terminated) != 0.0, shown.item(self._truncated) != 0.0
+        self._over = terminated or truncated
         observation, info = shown[: self._observed], self._told(shown)
         if self.history is not None:
             self.history.append((observation, info))
-        return observation, shown.item(self._reward), bool(terminated), bool(truncated), info
+        return observation, shown.item(self._reward), terminated, truncated, info
 
     def _told(self, shown: Array) -> dict[str, Any]:
-        return {name: shown[place] for name, place in self._info}
+        info: dict[str, Any] = {name: shown[place] for name, place in self._vectors}
+        for name, place in self._scalars:
+            info[name] = shown.item(place)
+        return info
 
     def snapshot(self) -> Snapshot:
         """The complete state, for `restore` of this or another environment made with the same arguments."""

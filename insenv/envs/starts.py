@@ -92,13 +92,12 @@ class Starts:
     """Draws the parameters of episodes of a task in a scenario.
 
     Each episode draws from the generator of its own row and from nothing else, always the same count of numbers.
+    constants: parameter rows that all episodes have.  duration: of an episode, s.
     """
 
-    def __init__(
-        self, scenario: Scenario, task: Task, ranges: Ranges, rounds: int, time_weight: float, duration: float
-    ) -> None:
-        self.scenario, self.task, self.ranges = scenario, task, ranges
-        self.rounds, self.time_weight, self.duration = rounds, time_weight, duration
+    def __init__(self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float) -> None:
+        self.scenario, self.task, self.ranges, self.duration = scenario, task, ranges, duration
+        self._constants = task.model.parameters.pack(constants)
         self._plant = plant_of(scenario)[0]
         self._vehicle = make_vehicle(scenario.vehicle.structure()).parameters
         if ranges.sea_state is not None:
@@ -127,11 +126,8 @@ class Starts:
                 _scale(rows, self._vehicle, _at(ranges.sea_state, sea))
         if options and "run_seed" in options:
             vectors[:, parameters.slice("seed")] = _run_seeds(options["run_seed"], len(vectors))[:, None]
-        model = self.task.model
-        p = np.tile(model.parameters.start_vector(), (len(vectors), 1))
+        p = np.tile(self._constants, (len(vectors), 1))
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
-        p[:, model.parameters.slice("round_limit")] = self.rounds
-        p[:, model.parameters.slice("time_weight")] = self.time_weight
         return p
 
     def tell(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
@@ -147,7 +143,8 @@ class Starts:
         notes = sheets if len(sheets) == len(p) else sheets * len(p)
         first, last = model.parameters.slice(TOLD.names[0]), model.parameters.slice(TOLD.names[-1])
         p[:, first.start : last.stop] = told_rows(scenario, rows, model.state.unpack(x), notes)
-        p[:, model.parameters.slice("limit")] = limits_of(self.task, scenario, rows, notes, self.duration)
+        if "limit" in model.parameters:
+            p[:, model.parameters.slice("limit")] = limits_of(self.task, scenario, rows, notes, self.duration)
         return p
 
     def _sheet(self, rows: Mapping[str, Array], i: int) -> Any:

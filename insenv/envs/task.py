@@ -38,7 +38,8 @@ class Task:
 
     model: its outputs are the rows of `observation`, then reward, terminated, truncated, then the rows of `info`.
     actions: rows of its inputs that an action is, each element in [-1, 1].  watched: state rows that an observation has for
-    every sample, with their bounds.  judge: the step that scores the action, run before the samples of a step.
+    every sample, with their bounds.  judge: the step that takes the action, run before the samples of a step.
+    starts_as_told: whether the start state depends on what is told (an estimator is inside).
     """
 
     model: Model
@@ -47,6 +48,13 @@ class Task:
     observation: Table
     info: Table
     judge: str = "judge"
+    starts_as_told: bool = False
+
+    @property
+    def place(self) -> slice:
+        """Where the action stands among the model's inputs (a plant has inputs of its own)."""
+        first = self.model.inputs.slice(self.actions.names[0]).start
+        return slice(first, first + self.actions.size)
 
     def layout(self, samples: int) -> Table:
         """The rows of an observation over `samples` inertial samples: ``imu`` (samples, 7) and those of `observation`."""

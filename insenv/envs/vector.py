@@ -24,19 +24,23 @@ from insenv.errors import InputError
 Array = NDArray[np.float64]
 Infos = dict[str, Any]
 
+FACE = ("autoreset_mode", "threads", "backend", "render_mode", "max_episode_steps")
+"""Arguments of the vector face itself."""
+
 
 class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
     """Many environments of a task at once.
 
     autoreset_mode: NEXT_STEP (an ended row starts afresh on the next step, whose action for it is ignored, with reward 0) or
     DISABLED (``reset(options={"reset_mask": mask})`` starts the rows of the mask afresh).  threads: over the rows.
+    max_episode_steps: truncates as the wrapper TimeLimit does.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self, setup: Setup, num_envs: int, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1,
-        backend: str | None = None, render_mode: str | None = None,
+        backend: str | None = None, render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         if render_mode is not None:
             raise InputError(f"render_mode = {render_mode!r}: many environments at once are not drawn; make a single one")
@@ -46,7 +50,11 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
             raise InputError(f"autoreset_mode = {autoreset_mode!r}: allowed are {', '.join(str(m) for m in allowed)}")
         if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
             raise InputError(f"num_envs = {num_envs!r}: allowed is a whole number from 1")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise InputError(f"max_episode_steps = {max_episode_steps}: allowed is a whole number from 1")
         self.setup, self.num_envs = setup, int(num_envs)
+        self._most = np.inf if max_episode_steps is None else max_episode_steps
+        self._elapsed = np.zeros(self.num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.single_action_space, self.single_observation_space = setup.spaces()
         self.action_space, self.observation_space = (
@@ -109,7 +117,7 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
         """Judge every row's action, then go on to the next; ended rows as the autoreset mode says."""
         if self._over is None:
             raise ResetNeeded("step() before reset(): call reset() first")
-        self._inputs[:, : self.setup.task.actions.size] = checked_action(actions, self.action_space.shape)  # type: ignore[arg-type]
+        self._inputs[:, self.setup.task.place] = checked_action(actions, self.action_space.shape)  # type: ignore[arg-type]
         over = np.flatnonzero(self._over)
         if len(over) and self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
             raise ResetNeeded(f'rows {over[:8].tolist()} have ended: reset(options={{"reset_mask": mask}}) starts them afresh')
@@ -120,7 +128,10 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
             shown[over] = 0.0
             shown[over, self._observed_outputs] = self._batch.output()[over]
         reward, terminated, truncated = (shown[:, self._places[name].start] for name in ("reward", "terminated", "truncated"))
-        terminated, truncated = terminated != 0.0, truncated != 0.0
+        self._elapsed += 1
+        self._elapsed[over] = 0
+        # what the wrapper TimeLimit does to a single environment
+        terminated, truncated = terminated != 0.0, (truncated != 0.0) | (self._elapsed >= self._most)
         self._over = terminated | truncated
         return shown[:, : self._observed], reward.copy(), terminated, truncated, self._told(shown)
 
@@ -130,9 +141,14 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
         starts = self.setup.starts
         p = starts.draw([self._generators[i] for i in rows], options)
         states = self._batch.start_rows(rows, p)
-        self._batch.set_parameters(rows, starts.tell(p, states, options))
+        told = starts.tell(p, states, options)
+        if self.setup.task.starts_as_told:
+            self._batch.start_rows(rows, told)
+        else:
+            self._batch.set_parameters(rows, told)
         assert self._over is not None
         self._over[rows] = False
+        self._elapsed[rows] = 0
 
     def _told(self, shown: Array) -> Infos:
         infos: Infos = {}
@@ -153,7 +169,7 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
         """The complete state, for `restore` of this or another environment made with the same arguments."""
         states = tuple(generator.bit_generator.state for generator in self._generators)
         over = None if self._over is None else self._over.copy()
-        return Snapshot(self._batch.p, self._batch.x, self._inputs.copy(), over, states)
+        return Snapshot(self._batch.p, self._batch.x, self._inputs.copy(), over, states, self._elapsed.copy())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back (or over) to a snapshot.  Raises `InputError` for one of another environment."""
@@ -168,6 +184,7 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
         self._batch.set_parameters(np.arange(self.num_envs), snapshot.parameters)
         self._batch.x = snapshot.state
         self._inputs[:] = snapshot.inputs
+        self._elapsed[:] = snapshot.elapsed
         self._over = None if snapshot.over is None else snapshot.over.copy()
         self._generators = [seeding.np_random(0)[0] for _ in snapshot.generators]
         for generator, state in zip(self._generators, snapshot.generators, strict=True):
