@@ -175,18 +175,18 @@ class NativeBatch(Batch):
             list(self.model.steps).index(step),
             self.model.inputs.size,
         )
-        spans = watched_spans(self.model, watched)
-        y = np.empty((self._blocks, round_size(self.model, watched, n), self.lanes))
+        spans, size = watched_spans(self.model, watched), round_size(self.model, watched, n)
+        y = np.empty((self._blocks * self.lanes, size))
 
         def work(first: int, last: int) -> None:
-            state, given = pointer(self._x[first:]), pointer(y[first:])
+            state, given = pointer(self._x[first:]), pointer(y[first * self.lanes :])
             self._library.insenv_round(
                 last - first, number, pointer(self._p[first:]), state, pointer(u[first:]), width, spans.ctypes.data, len(spans),
-                n, given,
+                n, size, given,
             )  # fmt: skip
 
         self._shared(work)
-        return self._from_lanes(y)
+        return y[: self.rows]
 
     def _shared(self, work: Callable[[int, int], None]) -> None:
         """`work` on all blocks, from a first to before a last, parted over the threads."""

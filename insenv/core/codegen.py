@@ -23,6 +23,11 @@ def native_source(model: Model) -> str:
     return _source(model, "scalar.h", '#define EXPORT __attribute__((visibility("default")))')
 
 
+def embedded_source(model: Model) -> str:
+    """C source of the model for one row, to be included by other C code: nothing in it is seen from outside."""
+    return _source(model, "scalar.h", "#define EXPORT static inline")
+
+
 def batch_source(model: Model, lanes: int | None = None) -> str:
     """C++ source of the model for blocks of `lanes` rows (None: what the processor's vector registers hold)."""
     define = f"#define LANES {lanes}\n" if lanes else ""

@@ -38,7 +38,7 @@ def load(path: str) -> ctypes.CDLL:
     library.insenv_run.argtypes = [whole, address, address, address, whole, whole, address, whole, whole]
     library.insenv_start.argtypes = [whole, address, address]
     library.insenv_output.argtypes = [whole, address, address, address]
-    library.insenv_round.argtypes = [whole, whole, address, address, address, whole, address, whole, whole, address]
+    library.insenv_round.argtypes = [whole, whole, address, address, address, whole, address, whole, whole, whole, address]
     for name in ("insenv_run", "insenv_start", "insenv_output", "insenv_round"):
         getattr(library, name).restype = None
     return library

@@ -162,7 +162,7 @@ class InterpreterRunner(Runner):
             self._steps[name] = (call, r, pieces)
         self._output = _prepared(model.kernels["output"].function, (self.p, self.x), self._y)  # type: ignore[method-assign]
         self._schedule = [(name, None if step.when is None else self._x_or_u(step.when)) for name, step in model.steps.items()]
-        self._noise: dict[str, tuple[int, Vector]] = {}
+        self._noise: dict[str, tuple[float, int, Vector]] = {}
         self.start()
 
     def start(self) -> None:
@@ -225,13 +225,13 @@ class InterpreterRunner(Runner):
         return float(self.p[self.model.parameters.slice("seed")][0]) if self.model.is_random else 0.0
 
     def _draw(self, name: str, r: Vector) -> None:
-        """Fill in the step's uniforms; they are computed for many steps ahead, being a function of the step's number."""
-        now = int(self.x[self.model.state.slice("step")][0])
-        first, block = self._noise.get(name, (0, np.zeros((0, 0))))
-        if not first <= now < first + len(block):
+        """Fill in the step's uniforms; they are computed for many steps ahead, being a function of seed and step's number."""
+        now, seed = int(self.x[self.model.state.slice("step")][0]), self._seed
+        known, first, block = self._noise.get(name, (seed, 0, np.zeros((0, 0))))
+        if known != seed or not first <= now < first + len(block):
             first, stream = now, list(self.model.steps).index(name)
-            block = noise.uniforms(self._seed, now + np.arange(256), stream, r.size)
-            self._noise[name] = (first, block)
+            block = noise.uniforms(seed, now + np.arange(256), stream, r.size)
+            self._noise[name] = (seed, first, block)
         r[:] = block[now - first]
 
 

@@ -83,18 +83,24 @@ EXPORT void insenv_run(int64_t blocks, const real *p, real *x, const real *u, in
   }
 }
 
-/* A round of each block, its input held: step number k whatever its condition (none if negative), then n advances.  To y go, after
- * each advance, the spans [spans[2j], spans[2j + 1]) of the state, and at last the outputs. */
+/* A round of each block, its input held: step number k whatever its condition (none if negative), then n advances.  To each row
+ * of y (LANES of a block, each `width` long) go, after each advance, the spans [spans[2j], spans[2j + 1]) of the state, and at
+ * last the outputs. */
 EXPORT void insenv_round(int64_t blocks, int64_t k, const real *p, real *x, const real *u, int64_t u_block, const int64_t *spans,
-                         int64_t count, int64_t n, real *y) {
-  for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE, u += u_block, y += N_OUTPUT) {
+                         int64_t count, int64_t n, int64_t width, double *y) {
+  for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE, u += u_block, y += LANES * width) {
+    real told[N_OUTPUT + 1];
+    double *at = y;
     if (k >= 0) run_step((int)k, p, x, u);
     for (int64_t i = 0; i < n; ++i) {
       advance(p, x, u);
       for (int64_t j = 0; j < 2 * count; j += 2)
-        for (int64_t from = spans[j]; from < spans[j + 1]; ++from) *y++ = x[from];
+        for (int64_t from = spans[j]; from < spans[j + 1]; ++from, ++at)
+          for (int lane = 0; lane < LANES; ++lane) at[lane * width] = LANE(x[from], lane);
     }
-    outputs(p, x, y);
+    outputs(p, x, told);
+    for (int64_t i = 0; i < N_OUTPUT; ++i, ++at)
+      for (int lane = 0; lane < LANES; ++lane) at[lane * width] = LANE(told[i], lane);
   }
 }
 
@@ -122,7 +128,8 @@ EXPORT void insenv_step_at(void *const at[4], int k) {
 }
 
 EXPORT void insenv_round_at(void *const at[5], int64_t k, int64_t count, int64_t n) {
-  insenv_round(1, k, (const real *)at[0], (real *)at[1], (const real *)at[2], 0, (const int64_t *)at[3], count, n, (real *)at[4]);
+  insenv_round(1, k, (const real *)at[0], (real *)at[1], (const real *)at[2], 0, (const int64_t *)at[3], count, n, 0,
+               (double *)at[4]);
 }
 
 EXPORT int insenv_lanes(void) { return LANES; }

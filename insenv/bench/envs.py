@@ -1,0 +1,152 @@
+"""Speed of the environments: one through `gymnasium.make`, many in a batch, a paper estimator in the loop; their making.
+
+Floors: an environment with the same spaces that returns a copy of a constant observation; a batch of the empty model.  Peers:
+Gymnasium's own CartPole and Pendulum, and EnvPool's CartPole where it is installed, stepped by the same loops.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from insenv import agents
+from insenv.bench.figures import Figure
+from insenv.bench.speed import EMPTY
+from insenv.core.batch import make_batch
+from insenv.envs import AlignmentEnv
+
+ID = "insenv/ShipAlignment-v0"
+REPETITIONS = 9
+ROWS = 1024
+SAMPLES = 100
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
+LONG = 86_400.0
+"""s of an episode: none ends while it is measured."""
+
+
+class Constant(gymnasium.Env[Any, Any]):
+    """Has the spaces of another environment and does nothing."""
+
+    def __init__(self, like: Any) -> None:
+        self.action_space, self.observation_space = like.action_space, like.observation_space
+        self._shown = np.zeros(like.observation_space.shape)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """A copy of the constant."""
+        super().reset(seed=seed)
+        return self._shown.copy(), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Another."""
+        return self._shown.copy(), 0.0, False, False, {}
+
+
+def _seconds(call: Callable[[], Any], count: int) -> float:
+    """Median time of a call, over repetitions of `count` calls."""
+    times = []
+    for _ in range(REPETITIONS):
+        begin = time.perf_counter()
+        for _ in range(count):
+            call()
+        times.append((time.perf_counter() - begin) / count)
+    return statistics.median(times)
+
+
+def _step_time(env: Any, action: Any, count: int) -> float:
+    env.reset(seed=1)
+    return _seconds(lambda: env.step(action), count)
+
+
+def single() -> Figure:
+    """One inertial sample a step, native, flat observation."""
+    env = gymnasium.make(ID, samples_per_step=1, duration_s=LONG)
+    floor = gymnasium.wrappers.OrderEnforcing(Constant(env))
+    value, least, peer = _step_time(env, LEVEL, 4000), _step_time(floor, LEVEL, 4000), _classic("CartPole-v1", 0)
+    note = "gym.make, 1 sample a step; floor: an empty environment"
+    return Figure("env.single", 1 / value, "steps/s", 1 / least, REPETITIONS, note, ("CartPole-v1", 1 / peer))
+
+
+def hundred() -> Figure:
+    """A hundred inertial samples a step."""
+    env = gymnasium.make(ID, samples_per_step=SAMPLES, duration_s=LONG)
+    floor = gymnasium.wrappers.OrderEnforcing(Constant(env))
+    value, least = (_step_time(e, LEVEL, 300) * 1e6 for e in (env, floor))
+    peer = _classic("Pendulum-v1", np.zeros(1, dtype=np.float32)) * 1e6
+    return Figure("env.hundred", value, "us", least, REPETITIONS, "gym.make, 100 samples a step", ("Pendulum-v1", peer))
+
+
+def _classic(id: str, action: Any) -> float:
+    """Time of a step of a classic environment, its resets with it."""
+    env = gymnasium.make(id)
+    env.reset(seed=1)
+
+    def step() -> None:
+        _, _, terminated, truncated, _ = env.step(action)
+        if terminated or truncated:
+            env.reset()
+
+    return _seconds(step, 3000)
+
+
+def _vector(samples: int) -> Any:
+    venv = gymnasium.make_vec(ID, ROWS, samples_per_step=samples, duration_s=LONG)
+    venv.reset(seed=1)
+    return venv
+
+
+def plant() -> Figure:
+    """1024 rows on one core, no estimator."""
+    venv, actions = _vector(SAMPLES), np.tile(LEVEL, (ROWS, 1))
+    value = ROWS * SAMPLES / _seconds(lambda: venv.step(actions), 1)
+    empty = make_batch(EMPTY, ROWS)
+    least = ROWS * SAMPLES / _seconds(lambda: empty.run(SAMPLES), 1)
+    cart = gymnasium.make_vec("CartPole-v1", ROWS, vectorization_mode="vector_entry_point")
+    cart.reset(seed=1)
+    push = np.zeros(ROWS, dtype=np.int64)
+    peer = ("CartPole-v1 of Gymnasium, 1024 rows, steps/s", ROWS / _seconds(lambda: cart.step(push), 30))
+    note = f"make_vec, {ROWS} rows, {SAMPLES} samples a step, one core" + _envpool()
+    return Figure("vector.plant", value, "samples/s", least, REPETITIONS, note, peer)
+
+
+def _envpool() -> str:
+    if find_spec("envpool") is None:
+        return ""
+    import envpool
+
+    pool = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=ROWS, num_threads=1)
+    pool.reset()
+    push = np.zeros(ROWS, dtype=np.int32)
+    return f"; EnvPool CartPole-v1: {ROWS / _seconds(lambda: pool.step(push), 10):.3g} steps/s"
+
+
+def q_method() -> Figure:
+    """1024 rows on one core, the q-method agent in the loop."""
+    venv = _vector(SAMPLES)
+    agent = agents.make("q-method", venv)
+    observation, _ = venv.reset(seed=1)
+    seen = [observation]
+
+    def step() -> None:
+        seen[0] = venv.step(agent.act(seen[0]))[0]
+
+    step()
+    value = ROWS * SAMPLES / _seconds(step, 1)
+    least = plant().value
+    return Figure(
+        "vector.q-method", value, "samples/s", least, REPETITIONS, f"{ROWS} rows, {SAMPLES} samples a step; floor: no agent"
+    )
+
+
+def making() -> Figure:
+    """The making of 1024 rows, their code compiled before."""
+    gymnasium.make_vec(ID, ROWS)
+    value, least = _seconds(lambda: gymnasium.make_vec(ID, ROWS), 1), _seconds(lambda: AlignmentEnv("ship-swaying"), 1)
+    return Figure(
+        "vector.make", value, "s", least, REPETITIONS, f"make_vec of {ROWS} rows, warm; floor: one single environment"
+    )
