@@ -9,6 +9,8 @@ SPECS: dict[str, tuple[str, dict[str, object]]] = {
     "insenv/ShipNavigation-v0": ("Navigation", {"scenario": "ship-underway", "vehicle": "ship"}),
     "insenv/VehicleNavigation-v0": ("Navigation", {"scenario": "car-city-drive", "vehicle": "car"}),
     "insenv/AircraftNavigation-v0": ("Navigation", {"scenario": "aircraft-survey", "vehicle": "aircraft"}),
+    "insenv/Tuning-v0": ("Tuning", {"scenario": "car-city-drive"}),
+    "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading", "heading_deg": (0.0, 360.0)}),
 }
 IDS = tuple(SPECS)
 """The ids of all environments."""
@@ -28,3 +30,16 @@ def register() -> None:
                 disable_env_checker=True,
                 kwargs=kwargs,
             )
+
+
+def titles() -> dict[str, str]:
+    """One line on each environment, by id."""
+    return {id: f"{_TASKS[name]}, by default in {kwargs['scenario']}" for id, (name, kwargs) in SPECS.items()}
+
+
+_TASKS = {
+    "Alignment": "find the attitude of a vehicle in place, and say when",
+    "Navigation": "track attitude, velocity and position of a vehicle with GNSS",
+    "Tuning": "tune a filter's noise while it runs",
+    "Manoeuvre": "drive such that the filter finds the heading",
+}

@@ -129,6 +129,7 @@ def reproduce(paper: str | None, *, out: Path | None, as_json: bool) -> None:
 def list_all(*, as_json: bool) -> None:
     """What there is, by kind."""
     from insenv import estimators
+    from insenv.registration import titles
     from insenv.cli.output import print_json, print_line, print_table
     from insenv.scenario import summaries
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
@@ -142,7 +143,8 @@ def list_all(*, as_json: bool) -> None:
         "gnss_grades": [{"name": name, "title": grade.title} for name, grade in GNSS_GRADES.items()],
     }
     if as_json:
-        print_json({"scenarios": scenarios, "estimators": known, **grades})
+        environments = [{"id": id, "title": title} for id, title in titles().items()]
+        print_json({"scenarios": scenarios, "estimators": known, **grades, "environments": environments})
         return
     print_table(("scenario", "duration", "title"), [(s["name"], f"{s['duration_s']:g} s", s["title"]) for s in scenarios])
     print_line()
@@ -151,6 +153,8 @@ def list_all(*, as_json: bool) -> None:
     for key, name in (("imu_grades", "IMU grade"), ("gnss_grades", "GNSS grade")):
         print_line()
         print_table((name, "title"), [(g["name"], g["title"]) for g in grades[key]])
+    print_line()
+    print_table(("environment", "title"), list(titles().items()))
 
 
 def schema() -> None:
