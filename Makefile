@@ -10,17 +10,31 @@ VENV := .venv/.stamp-venv
 PLOT := .venv/.stamp-plot
 TEST := .venv/.stamp-test
 BENCH := .venv/.stamp-bench
+MAVPROXY := .venv/.stamp-mavproxy
 
-.PHONY: help demo test check format bench clean
+.PHONY: help demo test test-mavlink test-fmu test-rl check format consistency bench clean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
 
 demo: $(PLOT) ## align a swaying ship: a table, and a figure in demo/
 	$(BIN)/insenv run ship-swaying -e q-method --out demo
 
 test: check ## set up, then every check: ruff, mypy, import-linter, pytest
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+
+test-mavlink: $(TEST) $(MAVPROXY) ## the heavy tests of MAVLink: MAVProxy in an environment of its own, long streams
+	INSENV_TEST_MAVLINK=1 INSENV_MAVPROXY=.venv/mavproxy/bin/python \
+	  $(BIN)/python -m pytest tests/test_mavlink_heavy.py tests/test_mavlink_link.py $(PYTEST_ARGS)
+
+test-fmu: $(TEST) ## the long checks of FMUs: every one of them, 60,000 steps, all platforms (minutes)
+	@$(PIP) install --quiet -e '.[test,plot,fmu]' || echo "ziglang does not install here: this machine's platform alone" >&2
+	INSENV_TEST_FMU=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/test_fmu_*.py $(PYTEST_ARGS)
+
+test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and compare it on held-out seeds (minutes)
+	@$(PIP) install --quiet 'torch==2.13.0+cpu' 2>/dev/null || echo "no wheel of torch without CUDA here: that with it" >&2
+	@$(PIP) install --quiet -e '.[test,plot,rl]'
+	INSENV_TEST_RL=1 $(BIN)/python -m pytest tests/test_rl.py $(PYTEST_ARGS)
 
 check: $(TEST) ## the static checks alone
 	$(BIN)/ruff check --output-format concise .
@@ -31,6 +45,9 @@ check: $(TEST) ## the static checks alone
 format: $(TEST) ## put the source in order (ruff)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+consistency: $(TEST) ## NEES of every filter over 56 seeds, some minutes (docs/consistency.md)
+	$(BIN)/python -m insenv.consistency
 
 bench: $(BENCH) ## the benchmarks, each beside its floor and, where it installs, a peer
 	$(BIN)/insenv bench
@@ -62,4 +79,13 @@ $(BENCH): pyproject.toml $(VENV)
 	@echo "installing insenv and the peer of its benchmarks into .venv (once; some minutes)"
 	@$(PIP) install --quiet -e '.[plot,bench]' || { \
 	  echo "pyins (python-ins) does not install here: figures without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
+	@touch $@
+
+# MAVProxy without what only its windows need: a third of the size
+
+$(MAVPROXY): $(VENV)
+	@echo "installing MAVProxy into .venv/mavproxy (once)"
+	@$(PYTHON) -m venv --clear .venv/mavproxy
+	@.venv/mavproxy/bin/python -m pip --disable-pip-version-check install --quiet --no-deps \
+	  MAVProxy pymavlink pyserial fastcrc lxml numpy
 	@touch $@

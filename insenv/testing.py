@@ -1,6 +1,6 @@
 """The conformance kit: what every environment of insenv keeps, as functions that raise `AssertionError` with what they found.
 
-For one's own environments too: ``check(lambda **kw: MyEnv(**kw), lambda n, **kw: MyVectorEnv(n, **kw))``, or by a registered id,
+For one's own environments too: ``check(MyEnv, lambda n, **given: MyVectorEnv(n, **given))``, or by a registered id,
 ``check_id("my/Env-v0")``.  Each check stands alone; `check` runs all of them.
 """
 

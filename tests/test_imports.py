@@ -22,8 +22,9 @@ def test_import_loads_nothing_heavy(statement):
     assert loaded_by(statement).isdisjoint(HEAVY)
 
 
-def test_import_of_the_package_alone_loads_no_numpy():
-    assert loaded_by("import insenv").isdisjoint({"numpy", "casadi", "gymnasium"})
+def test_import_of_the_package_alone_registers_the_environments_and_loads_none():
+    loaded = loaded_by("import insenv")
+    assert "gymnasium" in loaded and loaded.isdisjoint({"casadi", "scipy", "insenv.envs", "insenv.core"})
 
 
 def test_submodules_load_on_first_use():

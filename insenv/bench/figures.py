@@ -65,7 +65,7 @@ def _processor() -> str:
 
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
-    from insenv.bench import smoothing, speed, step, truth
+    from insenv.bench import campaign, envs, fmu, lockstep, mavlink, smoothing, speed, step, truth, update
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -80,6 +80,25 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "truth.drift.car": lambda: truth.drift("car"),
         "truth.drift.aircraft": lambda: truth.drift("aircraft"),
         "smoother.flight": smoothing.flight,
+        "env.single": envs.single,
+        "env.hundred": envs.hundred,
+        "vector.plant": envs.plant,
+        "vector.q-method": envs.q_method,
+        "vector.make": envs.making,
+        "campaign.q-method": campaign.q_method,
+        "fmu.c-host": fmu.c_host,
+        "fmu.fmpy": fmu.fmpy,
+        "fmu.pythonfmu": fmu.pythonfmu,
+        "fmu.export": fmu.export_time,
+        "fmu.size": fmu.size,
+        "mavlink.message": mavlink.message,
+        "mavlink.rate": mavlink.rate,
+        "mavlink.lateness.p99": mavlink.lateness,
+        "mavlink.cpu": mavlink.cpu,
+        "mavlink.lockstep": lockstep.px4,
         "import.insenv": speed.import_time,
         **{f"step.{id}": partial(step.step, id) for id in stepped},
+        "step.aqe-sukf.update": update.sukf,
+        "step.lssvm.update": update.lssvm,
+        "step.lssvm.infer": update.lssvm_infer,
     }

@@ -51,7 +51,7 @@ def _tell(error: BaseException, as_json: bool) -> int:
 
     kind, status, hint = type(error).__name__, FAILED, ""
     if isinstance(error, KeyboardInterrupt) or kind == "Abort":
-        kind, status, message = "Interrupted", INTERRUPTED, "interrupted, nothing written"
+        kind, status, message = "Interrupted", INTERRUPTED, str(error) or "interrupted, nothing written"
     elif hasattr(error, "format_message"):  # the parser's UsageError, whose module differs between versions of typer
         kind, status, message = "InputError", WRONG, error.format_message()
         context = getattr(error, "ctx", None)

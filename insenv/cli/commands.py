@@ -129,8 +129,8 @@ def reproduce(paper: str | None, *, out: Path | None, as_json: bool) -> None:
 def list_all(*, as_json: bool) -> None:
     """What there is, by kind."""
     from insenv import estimators
-    from insenv.registration import titles
     from insenv.cli.output import print_json, print_line, print_table
+    from insenv.registration import titles
     from insenv.scenario import summaries
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
 

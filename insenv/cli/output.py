@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from insenv.report.document import to_json
 from insenv.report.tables import WIDTH, comparison
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
     from rich.progress import Progress
 
     from insenv.evaluation import Report
@@ -38,8 +38,13 @@ def print_line(text: str = "", stderr: bool = False) -> None:
 
 def print_report(report: Report) -> None:
     """The report's tables on stdout."""
+    print_parts(comparison(report))
+
+
+def print_parts(parts: Iterable[RenderableType]) -> None:
+    """Tables and lines on stdout."""
     console = _console()
-    for part in comparison(report):
+    for part in parts:
         console.print(part)
 
 

@@ -1,0 +1,115 @@
+"""MAVLink: what a message costs, and how the stream keeps its pace on the wall clock."""
+
+from __future__ import annotations
+
+import socket
+import statistics
+import time
+from contextlib import closing
+from functools import lru_cache
+
+from insenv.bench.figures import Figure
+
+SCENARIO = "car-city-drive"
+SIMULATED_S = 30.0
+STREAMED_S = 10.0
+REPETITIONS = 5
+
+
+def message() -> Figure:
+    """Making, converting, packing and sending of a message, of the default mix; the floor is the sending of as many bytes."""
+    from insenv.mavlink.link import open_link
+    from insenv.mavlink.vehicle import Vehicle
+    from insenv.scenario import load
+
+    vehicle = Vehicle(load(SCENARIO), rates={}, speed=0.0)
+    silent = Vehicle(load(SCENARIO), rates=dict.fromkeys(vehicle.schedule.rates, 0.0), speed=0.0)
+    steps = round(SIMULATED_S / REPETITIONS / vehicle.simulation.interval)
+    costs, floors, total = [], [], 0
+    with closing(_sink()) as sink, open_link(f"udpout:127.0.0.1:{sink.getsockname()[1]}") as link:
+        for _ in range(REPETITIONS):
+            begin = time.process_time()
+            for _ in range(steps):
+                silent.step()
+            simulated = time.process_time() - begin
+            sent, sizes = 0, 0
+            begin = time.process_time()
+            for _ in range(steps):
+                for made in vehicle.step():
+                    sizes += len(link.send(made))
+                    sent += 1
+            taken = time.process_time() - begin
+            costs.append((taken - simulated) / sent * 1e6)
+            floors.append(_sending(sink, sizes // sent))
+            total += sent
+    return Figure(
+        "mavlink.message", statistics.median(costs), "us", statistics.median(floors), total,
+        "processor time to make, convert, pack and send one, the simulation's own taken off",
+    )  # fmt: skip
+
+
+def _sending(sink: socket.socket, size: int, count: int = 2000) -> float:
+    """Microseconds to send a datagram of `size` bytes."""
+    data = bytes(size)
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as out:
+        begin = time.process_time()
+        for _ in range(count):
+            out.sendto(data, sink.getsockname())
+        return (time.process_time() - begin) / count * 1e6
+
+
+def _sink() -> socket.socket:
+    sink = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sink.bind(("127.0.0.1", 0))
+    return sink
+
+
+@lru_cache(maxsize=1)
+def _streamed() -> tuple[float, float, float, float]:
+    """Rate of HIL_SENSOR (Hz), lateness p50 and p99 (ms) and processor share (%) of the default stream in real time."""
+    from insenv.mavlink.link import open_link
+    from insenv.mavlink.stream import Stream
+    from insenv.mavlink.vehicle import Vehicle
+    from insenv.scenario import load
+
+    vehicle = Vehicle(load(SCENARIO))
+    with closing(_sink()) as sink, open_link(f"udpout:127.0.0.1:{sink.getsockname()[1]}") as link:
+        stream = Stream(vehicle, link)
+        stream.run(STREAMED_S)
+        share, rate = stream.cpu_share, stream.sent["HIL_SENSOR"] / stream.wall_s
+    late = stream.pacer.lateness
+    return rate, late(0.5) * 1e3, late(0.99) * 1e3, share * 100.0
+
+
+@lru_cache(maxsize=1)
+def _empty() -> tuple[float, float, float, float]:
+    """The same of a loop that waits for its deadlines and does nothing."""
+    from insenv.mavlink.pacing import Pacer
+
+    pacer = Pacer(0.005, 1.0)
+    begin, busy = time.monotonic(), time.process_time()
+    for _ in range(round(STREAMED_S / 0.005)):
+        pacer.wait(lambda: None)
+    wall = time.monotonic() - begin
+    rate, share = STREAMED_S / 0.005 / wall, (time.process_time() - busy) / wall
+    return rate, pacer.lateness(0.5) * 1e3, pacer.lateness(0.99) * 1e3, share * 100.0
+
+
+def _figure(name: str, place: int, unit: str, note: str) -> Figure:
+    return Figure(name, _streamed()[place], unit, _empty()[place], round(STREAMED_S * 200), note)
+
+
+def rate() -> Figure:
+    """Achieved rate of HIL_SENSOR at 200 Hz, with the default telemetry; the floor is an empty loop with the same deadlines."""
+    return _figure("mavlink.rate", 0, "Hz", "HIL_SENSOR asked for at 200 Hz, with the default telemetry")
+
+
+def lateness() -> Figure:
+    """99th percentile of how late a sample is; the median is in the note."""
+    note = f"99 % of samples are no later than this; half of them than {_streamed()[1]:.2g} ms"
+    return _figure("mavlink.lateness.p99", 2, "ms", note)
+
+
+def cpu() -> Figure:
+    """Processor share of the default stream in real time."""
+    return _figure("mavlink.cpu", 3, "%", f"share of a core of the default stream of {SCENARIO} in real time")

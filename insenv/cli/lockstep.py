@@ -1,0 +1,120 @@
+"""`insenv stream --lockstep`: the simulated vehicle under an autopilot, sample by sample."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from insenv.errors import InputError
+
+if TYPE_CHECKING:
+    from insenv.mavlink.lockstep import Progress
+    from insenv.mavlink.vehicle import Vehicle
+
+_CHUNK = 20
+PX4_CHANNELS = (1, 0, 3, 2)
+ARDUPILOT_CHANNELS = (1, 0, 2, 3)
+"""Channels, from 0, of pitch, roll, throttle and yaw: PX4's order is roll, pitch, yaw, throttle; ArduPilot's has throttle
+before rudder."""
+
+
+def lockstep(
+    scenario: str,
+    estimator: str | None,
+    *,
+    kind: str,
+    to: str | None,
+    seed: int | None,
+    duration_s: float | None,
+    tlog: Path | None,
+    rates: Sequence[str],
+    as_json: bool,
+) -> None:
+    """Go on in step with an autopilot until the duration is over or Ctrl-C; print how it went."""
+    from insenv.cli.output import print_json, print_line, quiet_warnings, working
+    from insenv.cli.stream import checked_duration
+    from insenv.mavlink.lockstep_px4 import px4_rates
+    from insenv.mavlink.schedule import parse_rates
+    from insenv.mavlink.vehicle import Vehicle
+    from insenv.scenario import load
+
+    loaded = load(scenario)
+    duration = checked_duration(duration_s)
+    chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates))}
+    with ExitStack() as stack:
+        stack.enter_context(quiet_warnings())
+        vehicle = Vehicle(loaded, estimator, seed=seed, rates=chosen, speed=0.0)
+        run, address = _prepared(stack, kind, vehicle, to, tlog)
+        progress = stack.enter_context(working(f"lockstep with {kind} on {address}"))
+        begun, interrupted = time.monotonic(), False
+        if sys.stderr.isatty():
+            print_line(f"waiting for {kind} on {address}; Ctrl-C ends it", stderr=True)
+        total = None if duration is None else max(1, round(duration / vehicle.simulation.interval))
+        done: Progress | None = None
+        try:
+            while total is None or vehicle.simulation.samples < total:
+                left = _CHUNK if total is None else min(_CHUNK, total - vehicle.simulation.samples)
+                done = run(left)
+                if total is not None:
+                    progress(vehicle.simulation.samples, total)
+        except KeyboardInterrupt:
+            interrupted = True
+        wall = time.monotonic() - begun
+    summary = {
+        "scenario": loaded.name, "estimator": vehicle.simulation.estimator.id, "state": vehicle.view.state,
+        "lockstep": kind, "address": address, "simulated_s": vehicle.simulation.time, "wall_s": wall,
+        "interrupted": interrupted, "progress": {} if done is None else dict(vars(done)),
+        "tlog": None if tlog is None else str(tlog),
+    }  # fmt: skip
+    if as_json:
+        print_json(summary)
+        return
+    print_line(f"{loaded.name}: {vehicle.simulation.time:.1f} s simulated in step with {kind} in {wall:.1f} s")
+    if done is not None:
+        print_line(", ".join(f"{name} {count}" for name, count in vars(done).items()))
+
+
+def _prepared(
+    stack: ExitStack, kind: str, vehicle: Vehicle, to: str | None, tlog: Path | None
+) -> tuple[Callable[[int], Progress], str]:
+    """What goes so many steps on, and the address that is listened on."""
+    from insenv.mavlink.motion import VehicleMotion, steering
+
+    if kind == "px4":
+        from insenv.mavlink.lockstep_px4 import ADDRESS, Px4Lockstep
+
+        messages = vehicle.step if tlog is None else _recorded(stack, vehicle, tlog)
+        interval, act = vehicle.simulation.interval, steering(vehicle, PX4_CHANNELS)
+        px4 = stack.enter_context(Px4Lockstep(messages, interval, act, address=to or ADDRESS))
+        return px4.run, str(px4.link.address)
+    from insenv.mavlink.lockstep_ardupilot import ADDRESS as JSON_ADDRESS
+    from insenv.mavlink.lockstep_ardupilot import ArduPilotLockstep
+
+    if tlog is not None:
+        raise InputError("--tlog: ArduPilot's JSON back end sends no MAVLink; --lockstep px4 does")
+    act = steering(vehicle, ARDUPILOT_CHANNELS)
+    ardupilot = stack.enter_context(ArduPilotLockstep(VehicleMotion(vehicle), act, address=to or JSON_ADDRESS))
+    return ardupilot.run, str(ardupilot.address)
+
+
+def _recorded(stack: ExitStack, vehicle: Vehicle, tlog: Path) -> Callable[[], list[Any]]:
+    """The vehicle's step, with its messages written to a log that counts for itself."""
+    from insenv.mavlink.frames import dialect
+    from insenv.mavlink.lockstep_px4 import COMPONENT
+    from insenv.mavlink.tlog import TlogWriter
+
+    recorder = stack.enter_context(TlogWriter(tlog))
+    packer = dialect().MAVLink(None, 1, COMPONENT)
+
+    def step() -> list[Any]:
+        messages = vehicle.step()
+        for message in messages:
+            recorder.write(vehicle.view.unix_us, bytes(message.pack(packer)))
+            packer.seq = (packer.seq + 1) % 256
+        return messages
+
+    return step

@@ -1,0 +1,171 @@
+"""`insenv stream`: the simulated vehicle on a MAVLink, with a dashboard on stderr."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from insenv.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from insenv.mavlink.stream import Stream
+
+_ACROSS = 3
+_OVER_S = 2.0
+_SHOWN_CLIENTS = 4
+
+
+def stream(
+    scenario: str,
+    estimator: str | None,
+    *,
+    to: str,
+    seed: int | None,
+    speed: float,
+    duration_s: float | None,
+    tlog: Path | None,
+    rates: Sequence[str],
+    signing_key_file: Path | None,
+    as_json: bool,
+) -> None:
+    """Stream until the duration is over or Ctrl-C; print what was sent."""
+    from insenv.cli.output import print_json, quiet_warnings
+    from insenv.mavlink.link import open_link
+    from insenv.mavlink.schedule import parse_rates
+    from insenv.mavlink.signing import Signing
+    from insenv.mavlink.stream import Stream
+    from insenv.mavlink.tlog import TlogWriter
+    from insenv.mavlink.vehicle import Vehicle
+    from insenv.scenario import load
+
+    loaded = load(scenario)
+    wanted = parse_rates(list(rates))
+    duration = checked_duration(duration_s)
+    if duration is None and speed == 0.0:
+        duration = loaded.duration_s
+    with ExitStack() as stack:
+        stack.enter_context(quiet_warnings())
+        signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
+        vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed)
+        link = stack.enter_context(open_link(to, signing=signing))
+        recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
+        running = Stream(vehicle, link, recorder)
+        watch = stack.enter_context(dashboard(running))
+        running.run(duration, watch)
+        summary = running.summary() | {"address": str(link.address), "tlog": None if tlog is None else str(tlog)}
+    if as_json:
+        print_json(summary)
+    else:
+        _print_summary(summary)
+
+
+def checked_duration(duration_s: float | None) -> float | None:
+    """The duration asked for.  Raises `InputError`."""
+    if duration_s is not None and not 0.0 < duration_s < 1e9:
+        raise InputError(f"--duration {duration_s:g}: allowed is a positive number of simulated seconds")
+    return duration_s
+
+
+@contextmanager
+def dashboard(running: Stream) -> Iterator[Callable[[Stream], None] | None]:
+    """A dashboard on stderr while the block runs; None where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.live import Live
+
+    console = Console(stderr=True, markup=False, highlight=False, emoji=False)
+    rates = Rates()
+    with Live(picture(running, rates), console=console, transient=True, auto_refresh=False) as live:
+        yield lambda stream: live.update(picture(stream, rates), refresh=True)
+
+
+class Rates:
+    """Messages a second over the last two seconds."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[float, Counter[str]]] = []
+
+    def __call__(self, sent: Counter[str], now: float) -> dict[str, float]:
+        """The rates at `now`, by name, of the messages sent so far."""
+        self._kept.append((now, Counter(sent)))
+        while len(self._kept) > 2 and now - self._kept[1][0] > _OVER_S:
+            del self._kept[0]
+        begun, before = self._kept[0]
+        elapsed = max(now - begun, 1e-3)
+        return {name: (count - before[name]) / elapsed for name, count in sent.items()}
+
+
+def picture(running: Stream, rates: Rates, now: float | None = None) -> RenderableType:
+    """The dashboard as it stands."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    vehicle, simulation = running.vehicle, running.vehicle.simulation
+    view, statistics = vehicle.view, running.link.statistics
+    pace = "paused" if vehicle.paused else f"speed {vehicle.speed:g}" if vehicle.speed else "as fast as possible"
+    clients = [
+        peer.name if peer.heard is None else f"{peer.name} ({peer.system}/{peer.component})" for peer in running.link.peers
+    ]
+    more = len(clients[_SHOWN_CLIENTS:])
+    shown = ", ".join(clients[:_SHOWN_CLIENTS]) + (f" and {more} more" if more else "")
+    gnss = "none" if not simulation.has_gnss else "cut off" if not simulation.gnss_on else "fix" if view.has_lock else "no fix"
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_row("vehicle", f"{simulation.plant.scenario.name} ({view.vehicle_kind}), {simulation.estimator.id}")
+    table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
+    table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
+    late = running.pacer.lateness
+    table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
+    table.add_row("link", f"{running.link.address}, clients: {shown or 'none yet'}")
+    turned_away = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed + statistics.replayed
+    table.add_row(
+        "messages",
+        f"{statistics.sent_messages} sent, {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
+        f"{turned_away} turned away; {view.fields.saturated.total()} values saturated",
+    )
+    streamed = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
+    for _ in range(_ACROSS):
+        streamed.add_column("message", no_wrap=True, min_width=20)
+        streamed.add_column("Hz", justify="right", min_width=5)
+    cells = [
+        cell
+        for name, hz in sorted(rates(running.sent, time.monotonic() if now is None else now).items())
+        for cell in (name[:20], f"{hz:.1f}")
+    ]
+    cells += [""] * (-len(cells) % (2 * _ACROSS))
+    for place in range(0, len(cells), 2 * _ACROSS):
+        streamed.add_row(*cells[place : place + 2 * _ACROSS])
+    return Group(table, Text(""), streamed, Text("Ctrl-C ends the stream"))
+
+
+def _sigmas(tilt_deg: float, heading_deg: float) -> str:
+    if tilt_deg != tilt_deg:
+        return ""
+    return f" (1 sigma: tilt {tilt_deg:.3g} deg, heading {heading_deg:.3g} deg)"
+
+
+def _print_summary(summary: dict[str, Any]) -> None:
+    from insenv.cli.output import print_line
+
+    link, late = summary["link"], summary["lateness_ms"]
+    total = sum(summary["sent"].values())
+    simulated, wall, received = summary["simulated_s"], summary["wall_s"], link["received_messages"]
+    who = f"{summary['scenario']}, {summary['estimator']}"
+    print_line(f"{who}: {simulated:.1f} s simulated in {wall:.1f} s; {summary['state']}")
+    print_line(f"{total} messages to {summary['address']}, {link['dropped_frames']} dropped; {received} received")
+    print_line(f"lateness p50 {late['p50']:.2f} ms, p99 {late['p99']:.2f} ms; {summary['cpu_share']:.1%} of a core")
+    for what, key in (("values beyond their field", "saturated"), ("messages not made, a value not known", "refused")):
+        if summary[key]:
+            print_line(f"{what}: " + ", ".join(f"{name} {count}" for name, count in summary[key].items()))
+    if summary["tlog"]:
+        print_line(f"written: {summary['tlog']}")

@@ -1,0 +1,201 @@
+"""What the vehicle answers: to each message that came, the messages that go back to its sender.
+
+A message that names another system or component is not ours.  Nothing here answers an answer, so two vehicles on one link
+cannot keep each other busy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from insenv.errors import InputError
+from insenv.mavlink.commands import carry_out
+from insenv.mavlink.fields import Message
+from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
+from insenv.mavlink.schedule import STREAMS
+from insenv.mavlink.status_messages import COMPONENT, SYSTEM
+from insenv.mavlink.vehicle import Vehicle
+
+Answers = Iterable[Message]
+"""What goes back: a list, or, for all parameters, an iterator that makes them one by one."""
+
+_FTP_ACK, _FTP_NAK, _FTP_TERMINATE, _FTP_RESET, _FTP_FILE_NOT_FOUND = 128, 129, 1, 2, 10
+_FTP_HEADER, _FTP_SIZE = 12, 251
+_MISSION_UNSUPPORTED, _MISSION_ACCEPTED, _MISSION_INVALID_SEQUENCE = 3, 0, 13
+_NAME_BYTES = 16
+
+
+def answers(vehicle: Vehicle, message: Message) -> Answers:
+    """What goes back for a message; what it asks for is done."""
+    handler = HANDLERS.get(message.get_type())
+    if handler is None or not _for_us(message):
+        return ()
+    return handler(vehicle, message)
+
+
+def _for_us(message: Message) -> bool:
+    if message.get_srcSystem() == SYSTEM and message.get_srcComponent() == COMPONENT:
+        return False
+    system = getattr(message, "target_system", getattr(message, "target", 0))
+    return system in (0, SYSTEM) and getattr(message, "target_component", 0) in (0, COMPONENT)
+
+
+# --- parameters ----------------------------------------------------------------------------------
+
+
+def _parameter_list(vehicle: Vehicle, message: Message) -> Answers:
+    return _all_parameters(vehicle)
+
+
+def _all_parameters(vehicle: Vehicle) -> Iterator[Message]:
+    for place in range(len(vehicle.parameters)):
+        yield parameter_value(vehicle, place)
+
+
+def parameter_value(vehicle: Vehicle, place: int) -> Message:
+    """PARAM_VALUE of the parameter at `place`."""
+    parameter = vehicle.parameters.all[place]
+    return vehicle.view.fields.message("PARAM_VALUE", parameter.name, parameter.value(), REAL32, len(vehicle.parameters), place)
+
+
+def _parameter_read(vehicle: Vehicle, message: Message) -> Answers:
+    place = message.param_index
+    if place < 0:
+        try:
+            place = vehicle.parameters.find(_name(message))
+        except InputError:
+            return ()
+    return [parameter_value(vehicle, place)] if place < len(vehicle.parameters) else ()
+
+
+def _parameter_set(vehicle: Vehicle, message: Message) -> Answers:
+    """The value in force goes back, which tells the sender whether its own was taken."""
+    try:
+        place = vehicle.parameters.find(_name(message))
+    except InputError:
+        return ()
+    parameter = vehicle.parameters.all[place]
+    try:
+        if message.param_type != REAL32:
+            raise InputError(f"{parameter.name}: send it as REAL32")
+        parameter.set(message.param_value)
+        if parameter.acts == NEXT_ALIGNMENT:
+            vehicle.tell(f"{parameter.name}: acts at next alignment")
+    except InputError as error:
+        vehicle.tell(str(error), "warning")
+    return [parameter_value(vehicle, place)]
+
+
+def _name(message: Message) -> str:
+    name = message.param_id
+    text = name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)
+    return text.split("\0")[0][:_NAME_BYTES]
+
+
+# --- commands ------------------------------------------------------------------------------------
+
+
+def _command_long(vehicle: Vehicle, message: Message) -> Answers:
+    return _command(vehicle, message, [getattr(message, f"param{i}") for i in range(1, 8)])
+
+
+def _command_int(vehicle: Vehicle, message: Message) -> Answers:
+    parameters = [getattr(message, f"param{i}") for i in range(1, 5)]
+    return _command(vehicle, message, [*parameters, float(message.x), float(message.y), message.z])
+
+
+def _command(vehicle: Vehicle, message: Message, parameters: list[float]) -> Answers:
+    result, more = carry_out(vehicle, message.command, parameters)
+    to = message.get_srcSystem(), message.get_srcComponent()
+    return [vehicle.view.fields.message("COMMAND_ACK", message.command, result, 0, 0, *to), *more]
+
+
+def _data_stream(vehicle: Vehicle, message: Message) -> Answers:
+    """REQUEST_DATA_STREAM has no answer.  Rates given on the command line are not touched by it."""
+    groups = STREAMS.values() if message.req_stream_id == 0 else (STREAMS.get(message.req_stream_id, ()),)
+    hz = float(message.req_message_rate) if message.start_stop else 0.0
+    for name in (name for group in groups for name in group):
+        if name not in vehicle.schedule.fixed:
+            vehicle.schedule.set(name, min(hz, 1000.0), vehicle.simulation.samples)
+    return ()
+
+
+def _manual_control(vehicle: Vehicle, message: Message) -> Answers:
+    vehicle.steer(message.x, message.y, message.z, message.r)
+    return ()
+
+
+# --- what is not there, said so that nobody waits ---------------------------------------------------
+
+
+def _file_transfer(vehicle: Vehicle, message: Message) -> Answers:
+    """There are no files.  A refusal must carry the next sequence number and the session of the request."""
+    request = bytes(message.payload)
+    opcode = request[3]
+    if opcode >= _FTP_ACK or opcode == 0:
+        return ()
+    reply = bytearray(_FTP_SIZE)
+    sequence = (int.from_bytes(request[0:2], "little") + 1) % 65536
+    reply[0:2] = sequence.to_bytes(2, "little")
+    reply[2] = request[2]
+    reply[5] = opcode
+    if opcode in (_FTP_TERMINATE, _FTP_RESET):
+        reply[3] = _FTP_ACK
+    else:
+        reply[3], reply[4], reply[_FTP_HEADER] = _FTP_NAK, 1, _FTP_FILE_NOT_FOUND
+    to = message.get_srcSystem(), message.get_srcComponent()
+    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *to, list(reply))]
+
+
+def _mission_list(vehicle: Vehicle, message: Message) -> Answers:
+    to = message.get_srcSystem(), message.get_srcComponent()
+    return [vehicle.view.fields.message("MISSION_COUNT", *to, 0, message.mission_type)]
+
+
+def _mission(result: int) -> Callable[[Vehicle, Message], Answers]:
+    def acknowledge(vehicle: Vehicle, message: Message) -> Answers:
+        to = message.get_srcSystem(), message.get_srcComponent()
+        return [vehicle.view.fields.message("MISSION_ACK", *to, result, message.mission_type)]
+
+    return acknowledge
+
+
+def _log_list(vehicle: Vehicle, message: Message) -> Answers:
+    return [vehicle.view.fields.message("LOG_ENTRY", 0, 0, 0, 0, 0)]
+
+
+# --- clocks --------------------------------------------------------------------------------------
+
+
+def _timesync(vehicle: Vehicle, message: Message) -> Answers:
+    if message.tc1 != 0:
+        return ()
+    return [vehicle.view.fields.message("TIMESYNC", round(vehicle.simulation.time * 1e9), message.ts1)]
+
+
+def _ping(vehicle: Vehicle, message: Message) -> Answers:
+    if message.target_system != 0:
+        return ()
+    to = message.get_srcSystem(), message.get_srcComponent()
+    return [vehicle.view.fields.message("PING", message.time_usec, message.seq, *to)]
+
+
+HANDLERS: dict[str, Callable[[Vehicle, Message], Answers]] = {
+    "PARAM_REQUEST_LIST": _parameter_list,
+    "PARAM_REQUEST_READ": _parameter_read,
+    "PARAM_SET": _parameter_set,
+    "COMMAND_LONG": _command_long,
+    "COMMAND_INT": _command_int,
+    "REQUEST_DATA_STREAM": _data_stream,
+    "MANUAL_CONTROL": _manual_control,
+    "FILE_TRANSFER_PROTOCOL": _file_transfer,
+    "MISSION_REQUEST_LIST": _mission_list,
+    "MISSION_COUNT": _mission(_MISSION_UNSUPPORTED),
+    "MISSION_CLEAR_ALL": _mission(_MISSION_ACCEPTED),
+    "MISSION_REQUEST": _mission(_MISSION_INVALID_SEQUENCE),
+    "MISSION_REQUEST_INT": _mission(_MISSION_INVALID_SEQUENCE),
+    "LOG_REQUEST_LIST": _log_list,
+    "TIMESYNC": _timesync,
+    "PING": _ping,
+}
+"""By the message's name."""

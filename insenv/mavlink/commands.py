@@ -1,0 +1,150 @@
+"""COMMAND_LONG and COMMAND_INT: what is carried out, and the result that every one of them gets.
+
+| command                         | what it does                                                                   |
+|---------------------------------|--------------------------------------------------------------------------------|
+| 31010 MAV_CMD_USER_1            | begin a new alignment                                                          |
+| 31011 MAV_CMD_USER_2            | param1 0 cuts the GNSS receiver off, 1 restores it                             |
+| 31012 MAV_CMD_USER_3            | param1 1 pauses the simulation, 0 lets it go on                                |
+| 31013 MAV_CMD_USER_4            | param1: simulated seconds a second, 0 as fast as possible                      |
+| 400 COMPONENT_ARM_DISARM        | param1 1 or 0: the armed flag; a disarmed vehicle takes no MANUAL_CONTROL      |
+| 511 SET_MESSAGE_INTERVAL        | param1 message, param2 us; 0 the default, -1 not at all                        |
+| 510 GET_MESSAGE_INTERVAL        | param1 message: MESSAGE_INTERVAL                                               |
+| 512 REQUEST_MESSAGE             | param1 message: once                                                           |
+| 520 REQUEST_AUTOPILOT_CAPABILITIES, 410 GET_HOME_POSITION | AUTOPILOT_VERSION, HOME_POSITION                     |
+
+Anything else is answered MAV_RESULT_UNSUPPORTED.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from math import isfinite
+
+from insenv.errors import InputError
+from insenv.mavlink.fields import Message
+from insenv.mavlink.schedule import DEFAULT_HZ, MAX_HZ
+from insenv.mavlink.vehicle import MESSAGES, Vehicle
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+"""MAV_RESULT."""
+
+Answer = tuple[int, list[Message]]
+"""The result, and messages that go with it."""
+_Action = Callable[[Vehicle, Sequence[float]], Answer]
+_MESSAGE_INTERVAL = 244
+
+
+def carry_out(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> Answer:
+    """Carry a command out; `parameters` are param1 to param7.  Whatever they hold, there is a result."""
+    action = ACTIONS.get(command)
+    if action is None:
+        return UNSUPPORTED, []
+    try:
+        return action(vehicle, parameters)
+    except InputError as error:
+        vehicle.tell(str(error), "warning")
+        return DENIED, []
+
+
+@lru_cache(maxsize=1)
+def names_by_number() -> dict[int, str]:
+    """Names of the messages that the vehicle can make, by number."""
+    from pymavlink.dialects.v20 import common
+
+    return {getattr(common, f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
+
+
+def _realign(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    vehicle.realign()
+    return ACCEPTED, []
+
+
+def _gnss(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    vehicle.set_gnss(_flag(p[0], "param1"))
+    return ACCEPTED, []
+
+
+def _pause(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    vehicle.set_paused(_flag(p[0], "param1"))
+    return ACCEPTED, []
+
+
+def _speed(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    vehicle.set_speed(p[0])
+    return ACCEPTED, []
+
+
+def _arm(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    vehicle.view.armed = _flag(p[0], "param1")
+    return ACCEPTED, []
+
+
+def _set_interval(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    name = _named(p[0])
+    if name not in DEFAULT_HZ:
+        return UNSUPPORTED, []
+    sample = vehicle.simulation.samples
+    if p[1] == 0:
+        vehicle.schedule.reset(name, sample)
+    elif p[1] == -1:
+        vehicle.schedule.set(name, 0.0, sample)
+    elif p[1] > 0 and isfinite(p[1]):
+        vehicle.schedule.set(name, min(1e6 / p[1], MAX_HZ), sample)
+    else:
+        raise InputError(f"interval {p[1]:g} us is not allowed")
+    return ACCEPTED, []
+
+
+def _get_interval(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    number = int(p[0]) if isfinite(p[0]) and 0 <= p[0] < 65536 else 0
+    return ACCEPTED, [message_interval(vehicle, number)]
+
+
+def message_interval(vehicle: Vehicle, number: int) -> Message:
+    """MESSAGE_INTERVAL of a message's number: microseconds, -1 not sent, 0 not known."""
+    hz = vehicle.schedule.rates.get(names_by_number().get(number, ""))
+    interval = 0.0 if hz is None else -1.0 if hz == 0.0 else 1e6 / hz
+    return vehicle.view.fields.message("MESSAGE_INTERVAL", number, interval)
+
+
+def _request_message(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    if p[0] == _MESSAGE_INTERVAL:
+        return _get_interval(vehicle, p[1:])
+    name = _named(p[0])
+    if name is None:
+        return UNSUPPORTED, []
+    message = vehicle.make(name)
+    return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
+
+
+def _request(name: str) -> _Action:
+    def request(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+        message = vehicle.make(name)
+        return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
+
+    return request
+
+
+def _named(number: float) -> str | None:
+    return names_by_number().get(int(number)) if isfinite(number) else None
+
+
+def _flag(value: float, name: str) -> bool:
+    if value not in (0.0, 1.0):
+        raise InputError(f"{name} = {value:g}: allowed is 0 or 1")
+    return value == 1.0
+
+
+ACTIONS: dict[int, _Action] = {
+    31010: _realign,
+    31011: _gnss,
+    31012: _pause,
+    31013: _speed,
+    400: _arm,
+    510: _get_interval,
+    511: _set_interval,
+    512: _request_message,
+    520: _request("AUTOPILOT_VERSION"),
+    410: _request("HOME_POSITION"),
+}

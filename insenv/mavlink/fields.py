@@ -1,0 +1,142 @@
+"""From numbers to MAVLink messages: the one place where values are rounded, kept within their fields, and counted.
+
+A value is given in its field's unit, as a float of any size.  Integers are rounded to the nearest, ties to even.  What
+lies beyond the range of its field goes out as the nearest value that the field holds, and is counted.  NaN means "not
+known": it becomes the value by which MAVLink says so where the field has one (`UNKNOWN`), or stays NaN where that is
+documented (`MAY_BE_NAN`).  A message with NaN anywhere else, a position above all, is not made at all, and counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import degrees, inf, isfinite
+from typing import Any
+
+Message = Any
+"""A message object of `pymavlink.dialects.v20.common`."""
+
+DEG_E7 = degrees(1.0) * 1e7
+"""Units of 1e-7 degree in a radian."""
+CENTI_DEG = degrees(1.0) * 1e2
+STANDARD_GRAVITY = 9.80665
+"""The g of MAVLink's milli-g, m/s^2."""
+FLOAT32_MAX = 3.4028234663852886e38
+
+UNKNOWN: dict[str, dict[str, int]] = {
+    "GPS_RAW_INT": {"eph": 65535, "epv": 65535, "vel": 65535, "cog": 65535, "satellites_visible": 255, "yaw": 0},
+    "HIL_GPS": {"eph": 65535, "epv": 65535, "vel": 65535, "cog": 65535, "satellites_visible": 255, "yaw": 0},
+    "GLOBAL_POSITION_INT": {"hdg": 65535},
+    "SYS_STATUS": {"voltage_battery": 65535, "current_battery": -1, "battery_remaining": -1},
+}
+"""What says "not known" in an integer field, by message and field."""
+
+MAY_BE_NAN: dict[str, frozenset[str]] = {
+    "ODOMETRY": frozenset({"pose_covariance", "velocity_covariance"}),
+    "ESTIMATOR_STATUS": frozenset((
+        "vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio", "hagl_ratio", "tas_ratio",
+        "pos_horiz_accuracy", "pos_vert_accuracy",
+    )),
+    "ALTITUDE": frozenset({"altitude_terrain", "bottom_clearance"}),
+    "COMMAND_LONG": frozenset(f"param{i}" for i in range(1, 8)),
+}  # fmt: skip
+"""Float fields in which NaN says "not known", by message."""
+
+_BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
+
+
+@dataclass(frozen=True)
+class _Field:
+    """One field: whether it is an integer, its range, its length (0: no array), what says "not known", whether NaN may."""
+
+    name: str
+    whole: bool
+    low: float
+    high: float
+    length: int
+    unknown: int | None
+    may_be_nan: bool
+
+
+class Fields:
+    """Makes messages, and counts what did not fit.
+
+    saturated: how often a field's value lay beyond its range, by "MESSAGE.field".  refused: how often a message was not
+    made because a value was not known (NaN), likewise.
+    """
+
+    def __init__(self) -> None:
+        self.saturated: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()
+
+    def message(self, name: str, *values: float | Sequence[float] | bytes | str) -> Message | None:
+        """The message `name` of its fields' values, in the order of the message's definition, or None if refused.
+
+        Trailing extension fields may be left out.  Text is cut to its field.
+        """
+        make, plan = _plan(name)
+        converted: list[Any] = []
+        value: Any
+        # strict would be wrong: extensions may be left out
+        for field, value in zip(plan, values):  # noqa: B905
+            whole, low, high = field.whole, field.low, field.high
+            if field.length:
+                if isinstance(value, (bytes, str)):
+                    text = value.encode("ascii", "replace") if isinstance(value, str) else value
+                    converted.append(text[: field.length])
+                    continue
+                part = [self._number(name, field, item) for item in value]
+                if None in part:
+                    return None
+                converted.append(part)
+            elif low <= value <= high:
+                converted.append(round(value) if whole else value)
+            else:
+                number = self._number(name, field, value)
+                if number is None:
+                    return None
+                converted.append(number)
+        return make(*converted)
+
+    def _number(self, name: str, field: _Field, value: float) -> float | None:
+        if value != value:
+            if field.whole and field.unknown is not None:
+                return field.unknown
+            if field.may_be_nan:
+                return value
+            self.refused[f"{name}.{field.name}"] += 1
+            return None
+        rounded = round(value) if field.whole and isfinite(value) else value
+        if field.low <= rounded <= field.high:
+            return rounded
+        self.saturated[f"{name}.{field.name}"] += 1
+        return field.low if rounded < field.low else field.high
+
+
+@lru_cache(maxsize=256)
+def _plan(name: str) -> tuple[Callable[..., Message], list[_Field]]:
+    """The class of a message and its fields, in the order of its definition."""
+    from pymavlink.dialects.v20 import common
+
+    make = getattr(common, f"MAVLink_{name.lower()}_message")
+    unknown, nan = UNKNOWN.get(name, {}), MAY_BE_NAN.get(name, frozenset())
+    plan = []
+    for place, (field, kind) in enumerate(zip(make.fieldnames, make.fieldtypes, strict=True)):
+        low, high = _range(kind)
+        if unknown.get(field) == high:
+            high -= 1  # what is too large must not read as "not known"
+        length = int(make.array_lengths[make.orders[place]])
+        plan.append(_Field(field, kind not in ("float", "double"), low, high, length, unknown.get(field), field in nan))
+    return make, plan
+
+
+def _range(kind: str) -> tuple[float, float]:
+    """Lowest and highest value of a field's type."""
+    if kind == "float":
+        return -FLOAT32_MAX, FLOAT32_MAX
+    if kind == "double":
+        return -inf, inf
+    bits = _BITS.get(kind.removeprefix("u"), 8)
+    return (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if kind.startswith("int") else (0, 2**bits - 1)

@@ -1,0 +1,162 @@
+"""Parameters: of the stream itself, of the scenario's sensors, of the estimator; every one of them a REAL32.
+
+Clients disagree on how an integer travels in PARAM_VALUE, so there are no integers.  Values are in degrees, deg/h,
+deg/sqrt(h), ug and ug/sqrt(Hz) where the tables have radians and metres (docs/mavlink.md lists the units).
+
+What a setting does is read from the equations: a parameter that a step of the model depends on acts from the next sample on;
+one that only the start depends on acts at the next alignment if it is the estimator's, and cannot be set if it is the
+plant's, for the run has begun.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from insenv.core.model import Model
+from insenv.core.tables import Row
+from insenv.errors import InputError, nearest
+from insenv.mavlink.parameter_names import parameter_name
+from insenv.mavlink.simulation import Simulation
+from insenv.sensors import units
+from insenv.sensors.gnss import GNSS_PARAMETERS
+from insenv.sensors.imu_tables import IMU_PARAMETERS
+
+REAL32 = 9
+"""MAV_PARAM_TYPE_REAL32."""
+MOST_ELEMENTS = 6
+"""Rows of more elements (scripts, waves, matrices) are no parameters here."""
+LARGEST = 1e6
+"""Largest magnitude that can be set, in the unit shown, where the row has no bound below it."""
+
+_SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "rad": ("deg", units.deg_to_rad),
+    "rad/s": ("deg/h", units.deg_h_to_rad_s),
+    "m/s^2": ("ug", units.ug_to_m_s2),
+    "rad/s^0.5": ("deg/sqrt(h)", units.deg_sqrt_h_to_rad_sqrt_s),
+    "rad/sqrt(s)": ("deg/sqrt(h)", units.deg_sqrt_h_to_rad_sqrt_s),
+    "m/s^1.5": ("ug/sqrt(Hz)", units.ug_sqrt_hz_to_m_s_sqrt_s),
+    "m/s/sqrt(s)": ("ug/sqrt(Hz)", units.ug_sqrt_hz_to_m_s_sqrt_s),
+}
+"""Unit shown and its conversion to SI, by SI unit."""
+
+NOW, NEXT_ALIGNMENT, NEVER = "now", "next alignment", "never"
+_TIMING = ("gnss_interval", "gnss_latency", "gnss_epoch_offset", "drift_interval")
+"""Rows that must stay whole numbers of samples: they cannot be set."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: its name, what it is, its unit, when a setting acts (`NOW`, `NEXT_ALIGNMENT`, `NEVER`), its bounds in that
+    unit, and how it is read and set.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    acts: str
+    lower: float
+    upper: float
+    read: Callable[[], float]
+    write: Callable[[float], None] | None = None
+
+    def value(self) -> float:
+        """The value as it travels: the nearest float32."""
+        return float(np.float32(min(max(self.read(), -3e38), 3e38)))
+
+    def set(self, value: float) -> None:
+        """Set it.  Raises `InputError` if it cannot be, or not to this value."""
+        if self.write is None:
+            raise InputError(f"{self.name} cannot be set while the vehicle runs")
+        if not isfinite(value) or not self.lower <= value <= self.upper:
+            raise InputError(f"{self.name} = {value:g}: allowed is from {self.lower:g} to {self.upper:g} {self.unit}".rstrip())
+        self.write(value)
+
+
+class Parameters:
+    """The parameters of a vehicle, in order and by name."""
+
+    def __init__(self, own: list[Parameter], simulation: Simulation) -> None:
+        self.all = list(own)
+        self.all += self._of_plant(simulation)
+        self.all += self._of_estimator(simulation)
+        self._place = {parameter.name: place for place, parameter in enumerate(self.all)}
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    def find(self, name: str) -> int:
+        """The place of a parameter.  Raises `InputError`."""
+        if name not in self._place:
+            raise InputError(f"no parameter {name!r}{nearest(name, self._place)[:60]}")
+        return self._place[name]
+
+    def _of_plant(self, simulation: Simulation) -> Iterator[Parameter]:
+        model = simulation.plant.model
+        sensors = IMU_PARAMETERS.names + GNSS_PARAMETERS.names
+        live = used_by_steps(model)
+        for row, place, name in elements("S", model, sensors):
+            settable = live[place] and row.name not in _TIMING
+            yield _made(
+                row, name, NOW if settable else NEVER, place, simulation.plant_parameter, simulation.set_plant_parameter
+            )
+
+    def _of_estimator(self, simulation: Simulation) -> Iterator[Parameter]:
+        model = simulation.estimator.model
+        live = used_by_steps(model)
+        for row, place, name in elements("E", model, model.parameters.names):
+            acts = NOW if live[place] else NEXT_ALIGNMENT
+            if row.name == "sample_interval" or row.name.startswith("start_"):  # the start is told anew at each alignment
+                acts = NEVER
+            yield _made(row, name, acts, place, simulation.estimator_parameter, simulation.set_estimator_parameter)
+
+
+def elements(prefix: str, model: Model, names: tuple[str, ...]) -> Iterator[tuple[Row, int, str]]:
+    """The elements of a model's rows that are parameters, with their places in its vector and their names."""
+    taken: set[str] = set()
+    for row in model.parameters:
+        if row.name not in names or row.size > MOST_ELEMENTS:
+            continue
+        first = model.parameters.slice(row.name).start
+        for element in range(row.size):
+            name = parameter_name(prefix, row.name, _suffix(row, element), taken)
+            taken.add(name)
+            yield row, first + element, name
+
+
+def _suffix(row: Row, element: int) -> str:
+    if row.size == 1:
+        return ""
+    if row.size == 3:
+        return ("NED" if row.frame in ("n", "w") else "XYZ")[element]
+    return str(element + 1)
+
+
+def _made(
+    row: Row, name: str, acts: str, place: int, read: Callable[[int], float], write: Callable[[int, float], None]
+) -> Parameter:
+    unit, to_si = _SHOWN.get(row.unit, (row.unit, float))
+    scale = float(to_si(1.0))
+
+    def get() -> float:
+        return read(place) / scale
+
+    def put(value: float) -> None:
+        number = float(to_si(value))
+        write(place, min(max(number, row.lower), row.upper))
+
+    bounds = max(row.lower / scale, -LARGEST), min(row.upper / scale, LARGEST)
+    return Parameter(name, row.meaning, "" if unit == "1" else unit, acts, *bounds, get, None if acts == NEVER else put)
+
+
+def used_by_steps(model: Model) -> list[bool]:
+    """For each element of the parameters, whether a step or the output depends on it."""
+    used = np.zeros(model.parameters.size, dtype=bool)
+    for name, kernel in model.kernels.items():
+        if name != "start":
+            used[sorted(set(kernel.function.jac_sparsity(0, 0).get_triplet()[1]))] = True
+    return used.tolist()

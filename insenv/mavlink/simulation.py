@@ -1,0 +1,258 @@
+"""A scenario live: its plant and one estimator, advanced together, one inertial sample at a time.
+
+What `insenv.run` does in stretches this does sample by sample, with the same numbers, but that a lost inertial sample is
+bridged by holding the one before: the next one is not there yet.  And it can be meddled with: the receiver cut off, the
+alignment begun anew, the vehicle steered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from insenv import attitude, estimators, geodesy
+from insenv.core.runner import make_runner
+from insenv.core.tables import Vector
+from insenv.errors import InputError
+from insenv.estimators import Knowledge
+from insenv.scenario import Scenario, build
+
+_POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
+
+
+@dataclass(frozen=True)
+class Fix:
+    """A GNSS fix as it was delivered: the antenna's position (rad, m) and velocity (m/s, n), 1-sigma, time of validity (s)."""
+
+    time: float
+    latitude: float
+    longitude: float
+    height: float
+    position_sigma: Vector
+    velocity_valid: bool
+    velocity_n: Vector
+    velocity_sigma: Vector
+
+
+class Simulation:
+    """A scenario's plant and one estimator of its measurements.
+
+    scenario; estimator: registered id, or None: the first that the scenario names.  seed: instead of the scenario's.
+    Raises `InputError` for an estimator that cannot run live on this scenario.
+
+    truth, estimate: what the plant and the estimator give after the latest sample, by row name (views, overwritten by the next
+    `advance`).  samples, time (s): how far it is.  alignments: how many have been begun.  fix: the latest fix that arrived;
+    fixes: how many have.  increments (6): sums of the delta angles (rad) and delta velocities (m/s) as the estimator was given
+    them; bridged: lost samples; lost_in_a_row: of them up to the latest.
+    """
+
+    def __init__(self, scenario: Scenario, estimator: str | None = None, seed: int | None = None) -> None:
+        self.plant = build(scenario, seed=seed)
+        self.estimator = _usable(estimator, scenario, self.plant.in_place)
+        self.interval = self.plant.sample_interval
+        self._plant = make_runner(self.plant.model, self.plant.parameters)
+        self._settings: dict[int, float] = {}
+        self._tuning = self.plant.estimator_tuning.get(self.estimator.id, {})
+        prepared = {**self.estimator.prepare(self.plant.knowledge), **self._tuning}
+        self._filter = make_runner(self.estimator.model, prepared)
+
+        self._y = self._plant.output()
+        self._z = self._filter.output()
+        self.truth = self.plant.model.outputs.unpack(self._y)
+        self.estimate = self.estimator.model.outputs.unpack(self._z)
+        self._start = {name: np.array(self.truth[name]) for name in _POSE}
+        self.samples = 0
+        self.bridged = self.lost_in_a_row = 0
+        self.fixes = 0
+        self.fix: Fix | None = None
+        self.gnss_on = True
+        self.alignments = 1
+        self.increments = np.zeros(6)
+
+        self._increment = np.zeros(6)
+        inputs, outputs = self.estimator.model.inputs, self.plant.model.outputs
+        self._u = inputs.start_vector()
+        self._u[inputs.slice("dt")] = self.interval
+        self._given = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
+        fed = [n for n in inputs.names if n in outputs and n not in ("delta_angle", "delta_velocity", "dt")]
+        self._to = np.concatenate([np.zeros(0, int), *(np.r_[inputs.slice(n)] for n in fed)]).astype(int)
+        self._from = np.concatenate([np.zeros(0, int), *(np.r_[outputs.slice(n)] for n in fed)]).astype(int)
+        self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
+        self._commands = self.plant.model.inputs.start_vector() if self.plant.model.inputs.rows else None
+        self._commanded = False
+
+    @property
+    def time(self) -> float:
+        """The simulation clock: seconds from the start of the run to the end of the latest sample."""
+        return self.samples * self.interval
+
+    @property
+    def last_increment(self) -> Vector:
+        """The latest sample's delta angle (rad) and delta velocity (m/s), as the estimator was given them."""
+        return self._increment
+
+    @property
+    def has_gnss(self) -> bool:
+        """Whether the scenario has a receiver."""
+        return self.plant.has_gnss
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the estimate is no longer finite numbers."""
+        return not bool(np.isfinite(self._z).all())
+
+    def advance(self) -> None:
+        """One inertial sample: the plant, then the estimator on what the sensors show."""
+        self._plant.advance(self._commands if self._commanded else None)
+        if self._commanded and self._commands is not None:  # the sample after is told that the command has been taken
+            valid = self.plant.model.inputs.slice("command_valid")
+            self._commanded = bool(self._commands[valid])
+            self._commands[valid] = 0.0
+        self.samples += 1
+        self._y[:] = self._plant.output()
+        truth, u = self.truth, self._u
+        self.lost_in_a_row += 1
+        if truth["imu_valid"]:
+            self.lost_in_a_row = 0
+            self._increment[:3] = truth["delta_angle"]
+            self._increment[3:] = truth["delta_velocity"]
+        else:
+            self.bridged += 1
+        self.increments += self._increment
+        u[self._given[0]] = self._increment[:3]
+        u[self._given[1]] = self._increment[3:]
+        u[self._to] = self._y[self._from]
+        if self.has_gnss and truth["gnss_valid"]:
+            if self.gnss_on:
+                self._take_fix()
+            elif self._valid is not None:
+                u[self._valid] = 0.0
+        try:
+            self._filter.advance(u)
+        except InputError:  # sensors that someone has set to show no finite numbers any more
+            self.bridged += 1
+            u[:] = np.where(np.isfinite(u), u, 0.0)
+            self._filter.advance(u)
+        self._z[:] = self._filter.output()
+
+    def _take_fix(self) -> None:
+        now = self.truth
+        self.fixes += 1
+        self.fix = Fix(
+            time=self.time - float(now["gnss_age"]),
+            latitude=float(now["gnss_latitude"]),
+            longitude=float(now["gnss_longitude"]),
+            height=float(now["gnss_height"]),
+            position_sigma=np.array(now["gnss_position_sigma"]),
+            velocity_valid=bool(now["gnss_velocity_valid"]),
+            velocity_n=np.array(now["gnss_velocity_n"]),
+            velocity_sigma=np.array(now["gnss_velocity_sigma"]),
+        )
+
+    # --- what can be done to it ---------------------------------------------------------------------
+
+    def realign(self) -> None:
+        """Begin the alignment anew: the estimator is told of the present state what it was told of the start, with the same
+        errors, and all parameters set meanwhile hold.
+        """
+        known = self.told_now()
+        self._filter.p[:] = self.estimator.model.parameters.pack({**self.estimator.prepare(known), **self._tuning})
+        for place, value in self._settings.items():
+            self._filter.p[place] = value
+        self._filter.start()
+        self._z[:] = self._filter.output()
+        self.alignments += 1
+
+    def told_now(self) -> Knowledge:
+        """What is told of the present state: the truth, with the errors that were told of the start."""
+        known, start, now = self.plant.knowledge, self._start, self.truth
+        told = np.array([known.latitude, known.longitude, known.height])
+        error_m = geodesy.numeric.ned_offset(*told, start["latitude"], start["longitude"], start["height"])
+        latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
+            error_m, now["latitude"], now["longitude"], now["height"]
+        )
+        error = np.array([known.roll, known.pitch, known.heading]) - np.array(attitude.numeric.to_euler(start["q_nb"]))
+        roll, pitch, heading = np.array(attitude.numeric.to_euler(now["q_nb"])) + error
+        return replace(
+            known,
+            latitude=float(latitude),
+            longitude=float(longitude),
+            height=float(height),
+            velocity_n=np.array(now["velocity_n"]) + known.velocity_n - start["velocity_n"],
+            roll=float(roll),
+            pitch=float(pitch),
+            heading=float(heading),
+        )
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """What the vehicle can be commanded, by name (``"speed"``, ``"bank"``); none if its motion is prescribed, or must not
+        be, since the estimator aligns it in place.
+        """
+        if self.estimator.kind == "alignment":
+            return ()
+        names = self.plant.model.inputs.names
+        return tuple(name.removeprefix("command_") for name in names if name != "command_valid")
+
+    def command(self, values: Mapping[str, float]) -> None:
+        """From the next sample on the vehicle follows these commands (SI), and its script no more.
+
+        A command not named keeps the value in force.  A value beyond its bounds is the bound.  Raises `InputError` for
+        one that the vehicle does not take.
+        """
+        if self._commands is None or not self.commands:
+            raise InputError(f"the motion of {self.plant.scenario.name!r} is prescribed: it takes no commands")
+        unknown = set(values) - set(self.commands)
+        if unknown:
+            raise InputError(f"no command {sorted(unknown)[0]!r} (allowed: {', '.join(self.commands)})")
+        inputs, state = self.plant.model.inputs, self.plant.model.state
+        for name in self.commands:
+            row = inputs[f"command_{name}"]
+            value = values.get(name, float(self._plant.x[state.slice(f"commanded_{name}")][0]))
+            self._commands[inputs.slice(row.name)] = min(max(value, row.lower), row.upper)
+        self._commands[inputs.slice("command_valid")] = 1.0
+        self._commanded = True
+
+    def state(self, name: str) -> float | None:
+        """A scalar of the plant's state by its row's name, or None if this plant has no such row."""
+        table = self.plant.model.state
+        return float(self._plant.x[table.slice(name)][0]) if name in table else None
+
+    def estimator_row(self, name: str) -> float | None:
+        """A scalar parameter of the estimator by its row's name, or None if it has no such row."""
+        table = self.estimator.model.parameters
+        return float(self._filter.p[table.slice(name)][0]) if name in table else None
+
+    def plant_parameter(self, place: int) -> float:
+        """Element `place` of the plant's parameters."""
+        return float(self._plant.p[place])
+
+    def set_plant_parameter(self, place: int, value: float) -> None:
+        """Set it, from the next sample on."""
+        self._plant.p[place] = value
+
+    def estimator_parameter(self, place: int) -> float:
+        """Element `place` of the estimator's parameters."""
+        return float(self._filter.p[place])
+
+    def set_estimator_parameter(self, place: int, value: float) -> None:
+        """Set it, from the next sample on; it stays over a new alignment."""
+        self._filter.p[place] = value
+        self._settings[place] = value
+
+
+def _usable(id: str | None, scenario: Scenario, in_place: bool) -> estimators.Estimator:
+    """The estimator to run.  Raises `InputError` if it cannot run live on this scenario."""
+    if id is None and not scenario.estimators:
+        raise InputError(f"scenario {scenario.name!r} names no estimator: choose one with -e ID (`insenv list` shows them)")
+    estimator = estimators.get(id or scenario.estimators[0])
+    where = f"estimator {estimator.id!r}"
+    if estimator.smooths:
+        raise InputError(f"{where} looks back from the end of a run: live, take {estimator.smooths!r}")
+    if estimator.aided and scenario.gnss is None:
+        raise InputError(f"{where} needs GNSS: scenario {scenario.name!r} has no [gnss]")
+    if estimator.kind == "alignment" and not in_place:
+        raise InputError(f"{where} aligns a vehicle in place: that of {scenario.name!r} moves")
+    return estimator

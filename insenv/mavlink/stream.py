@@ -1,0 +1,173 @@
+"""The stream: a vehicle, a link and the wall clock."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from insenv.mavlink.answers import answers
+from insenv.mavlink.fields import Message
+from insenv.mavlink.frames import resequenced
+from insenv.mavlink.link import Link
+from insenv.mavlink.outbox import Outbox
+from insenv.mavlink.pacing import Pacer
+from insenv.mavlink.vehicle import Vehicle
+
+HEARTBEAT_S = 1.0
+"""Wall time between HEARTBEATs at most, paused or slow as the simulation may be: clients give up after 3 s."""
+PAUSE_S = 0.01
+SERVE_EVERY = 10
+"""At full speed: samples from one look at what came to the next."""
+WATCH_S = 1.0
+"""Wall time from one look of a watcher to the next: a dashboard takes some 10 ms to draw, which samples wait for."""
+
+Watch = Callable[["Stream"], None]
+
+
+class Recorder(Protocol):
+    """Takes frames for a telemetry log."""
+
+    def write(self, unix_us: int, frame: bytes) -> None:
+        """One frame at a Unix time in microseconds."""
+
+
+class Stream:
+    """A vehicle on a link.
+
+    recorder: is given every message that the vehicle sends, numbered without a gap, and every one that came.
+    sent, received: messages by name, answers included.  interrupted: ended by Ctrl-C.
+    """
+
+    def __init__(self, vehicle: Vehicle, link: Link, recorder: Recorder | None = None) -> None:
+        self.vehicle = vehicle
+        self.link = link
+        self.sent: Counter[str] = Counter()
+        self.received: Counter[str] = Counter()
+        self.outbox = Outbox()
+        self.pacer = Pacer(vehicle.simulation.interval, vehicle.speed)
+        self.interrupted = False
+        self.recorded = 0
+        self._recorder = recorder
+        self._begun = time.monotonic()
+        self._cpu = time.process_time()
+        self._heartbeat_at = float("-inf")
+        self._watched_at = self._begun
+        self._known_peers = 0
+
+    def run(self, duration_s: float | None = None, watch: Watch | None = None) -> None:
+        """Stream for `duration_s` simulated seconds, or until Ctrl-C; `watch` is called once a second."""
+        simulation = self.vehicle.simulation
+        last = None if duration_s is None else simulation.samples + round(duration_s / simulation.interval)
+        self._begun, self._cpu = time.monotonic(), time.process_time()
+        self.pacer.restart(self.vehicle.speed)
+        try:
+            while last is None or simulation.samples < last:
+                self.tick()
+                if time.monotonic() - self._watched_at > WATCH_S:
+                    self._watched_at = time.monotonic()
+                    self.vehicle.view.load = min(self.cpu_share, 1.0)
+                    if watch is not None:
+                        watch(self)
+            self._flush()
+        except KeyboardInterrupt:
+            self.interrupted = True
+
+    def tick(self) -> None:
+        """One sample at its time, or, paused, a short wait; what came is answered."""
+        vehicle, pacer = self.vehicle, self.pacer
+        if vehicle.paused:
+            time.sleep(PAUSE_S)
+            self.serve()
+            pacer.restart(vehicle.speed)
+            return
+        if vehicle.speed != pacer.speed:
+            pacer.restart(vehicle.speed)
+        pacer.wait(self.serve)
+        messages = vehicle.step()
+        for message in messages:
+            self.send(message)
+        if vehicle.speed > 0.0 or vehicle.simulation.samples % SERVE_EVERY == 0:
+            self.serve()
+        pacer.sent(len(messages))
+
+    def serve(self) -> None:
+        """Take what came, answer some of it, and keep the heart beating.  Does not wait."""
+        for peer, message in self.link.receive():
+            self.received[message.get_type()] += 1
+            self._record(bytes(message.get_msgbuf()))
+            self.outbox.put(peer, answers(self.vehicle, message))
+        self.outbox.send(self._send_to)
+        now = time.monotonic()
+        peers = len(self.link.peers)
+        if now - self._heartbeat_at >= HEARTBEAT_S or peers > self._known_peers:
+            self.send(self.vehicle.make("HEARTBEAT"))
+            if self.vehicle.paused:
+                for text in self.vehicle.texts():
+                    self.send(text)
+        self._known_peers = peers
+
+    def send(self, message: Message) -> None:
+        """Send to all peers."""
+        name = message.get_type()
+        if name == "HEARTBEAT":
+            self._heartbeat_at = time.monotonic()
+        self.link.send(message)
+        self._account(name, message)
+
+    def _send_to(self, peer: Any, message: Message) -> None:
+        self.link.send_to(peer, message)
+        self._account(message.get_type(), message)
+
+    def _account(self, name: str, message: Message) -> None:
+        self.sent[name] += 1
+        if self._recorder is not None:
+            # what goes to one peer only must leave no gap: the log counts for itself
+            self._record(resequenced(bytes(message.get_msgbuf()), self.recorded % 256, signed=False))
+            self.recorded += 1
+
+    def _record(self, frame: bytes) -> None:
+        if self._recorder is not None:
+            self._recorder.write(self.vehicle.view.unix_us, frame)
+
+    def _flush(self) -> None:
+        """Answer what is left to answer."""
+        self.serve()
+        for _ in range(100):
+            if not self.outbox.send(self._send_to):
+                break
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds on the wall clock since the stream began."""
+        return time.monotonic() - self._begun
+
+    @property
+    def cpu_share(self) -> float:
+        """Share of one core that this process has taken since the stream began."""
+        return (time.process_time() - self._cpu) / max(self.wall_s, 1e-9)
+
+    def summary(self) -> dict[str, Any]:
+        """What has been done, for people and for JSON."""
+        vehicle, simulation = self.vehicle, self.vehicle.simulation
+        return {
+            "scenario": simulation.plant.scenario.name,
+            "estimator": simulation.estimator.id,
+            "state": vehicle.view.state,
+            "simulated_s": simulation.time,
+            "wall_s": self.wall_s,
+            "cpu_share": self.cpu_share,
+            "interrupted": self.interrupted,
+            "sent": dict(sorted(self.sent.items())),
+            "received": dict(sorted(self.received.items())),
+            "link": self.link.statistics.as_dict(),
+            "clients": [peer.name for peer in self.link.peers],
+            "lateness_ms": {"p50": self.pacer.lateness(0.5) * 1e3, "p99": self.pacer.lateness(0.99) * 1e3},
+            "slips": self.pacer.slips,
+            "slipped_s": self.pacer.slipped,
+            "bridged_samples": simulation.bridged,
+            "saturated": dict(sorted(vehicle.view.fields.saturated.items())),
+            "refused": dict(sorted(vehicle.view.fields.refused.items())),
+            "answers_dropped": self.outbox.dropped,
+        }

@@ -1,0 +1,87 @@
+"""A MAVSDK client as a process of its own: ``mavsdk_client.py URL SECONDS PARAMETER VALUE``.  Prints what it saw as JSON.
+
+Connects, waits for a vehicle, listens to its telemetry for so long, and until all of its health is good (30 s at most), reads
+all parameters, sets one and reads it again.
+"""
+
+import enum
+import json
+import sys
+import threading
+import time
+
+from mavsdk import ComponentType, Configuration, Mavsdk
+from mavsdk.plugins.info import Info
+from mavsdk.plugins.param import Param
+from mavsdk.plugins.telemetry import Telemetry
+
+
+def flat(value):
+    """A MAVSDK value as JSON: objects become dicts of what they hold."""
+    if isinstance(value, enum.Enum):
+        return value.name
+    if hasattr(value, "__dict__"):
+        return {name: flat(item) for name, item in vars(value).items() if not name.startswith("_")}
+    if isinstance(value, (list, tuple)):
+        return [flat(item) for item in value]
+    return value
+
+
+STREAMS = (
+    "position", "attitude_quaternion", "attitude_euler", "velocity_ned", "position_velocity_ned", "odometry", "imu",
+    "ground_truth", "raw_gps", "gps_info", "health", "health_all_ok", "home", "landed_state", "altitude", "heading",
+    "unix_epoch_time",
+)  # fmt: skip
+
+
+def main(url, seconds, parameter, value):
+    seen = {name: [] for name in STREAMS}
+    lock = threading.Lock()
+    sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+    print(sdk.add_any_connection(url), file=sys.stderr)
+    begun = time.monotonic()
+    system = sdk.first_autopilot(timeout_s=30.0)
+    if system is None:
+        sys.exit("no vehicle found")
+    found_after = time.monotonic() - begun
+    telemetry = Telemetry(system)
+
+    def keep(name):
+        def callback(data, _):
+            with lock:
+                seen[name].append(flat(data))
+
+        return callback
+
+    for name in STREAMS:
+        getattr(telemetry, f"subscribe_{name}")(keep(name))
+    parameters = Param(system)
+    every = flat(parameters.get_all_params())
+    before = parameters.get_param_float(parameter)
+    parameters.set_param_float(parameter, value)
+    after = parameters.get_param_float(parameter)
+    version = flat(Info(system).get_version())
+    found_at = begun + found_after
+    while (now := time.monotonic() - found_at) < seconds or (now < 30.0 and True not in seen["health_all_ok"][-1:]):
+        time.sleep(0.05)
+    with lock:
+        document = {
+            "found_after": found_after,
+            "system": [
+                system.get_system_id(),
+                system.component_ids(),
+                flat(system.vehicle_type()),
+                flat(system.autopilot_type()),
+            ],
+            "seen": {name: list(rows) for name, rows in seen.items()},
+            "parameters": every,
+            "set": [before, after],
+            "version": version,
+        }
+    print(json.dumps(document))
+    sys.stdout.flush()
+    sdk.destroy()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], float(sys.argv[2]), sys.argv[3], float(sys.argv[4]))
