@@ -1,0 +1,361 @@
+/* An instance of a sampled model: what both versions of FMI share.
+ *
+ * Everything that a simulation changes lies in one plain struct, `State`: to save it is to copy it, to serialize it is to write
+ * its bytes.  All variables lie in its one array `v`, in the order that config.h numbers them:
+ *
+ *     time | parameters | inputs | outputs        (FIRST_PARAMETER, FIRST_INPUT, FIRST_OUTPUT, N_VALUE)
+ *
+ * config.h, written by insenv from the model's tables, defines the sizes, ROWS (the variables: name, place, size, bounds, unit),
+ * START (start values), KIND (what each place is) and INPUTS_HELD_BACK (flags that say that an event came with a sample).
+ * equations.h holds the generated functions.  Functions here log the reason and return 0 where they refuse; a call that is
+ * refused changes nothing.
+ */
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* No fused multiply-add, wherever the sources are compiled again: results are those of insenv to the bit. */
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(_MSC_VER)
+#pragma fp_contract(off)
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off")
+#endif
+
+/* equations.h also brings entry points for runs of many samples, which nobody calls here */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
+
+#include "config.h"
+#include "equations.h"
+
+/* What a place of `v` is. */
+enum { NONE, TIME, CONSTANT, PARAMETER, INPUT, OUTPUT };
+
+/* Modes of the instance, each a bit, so that a function can name several in which it may be called. */
+enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, TERMINATED = 8, FAILED = 16 };
+
+#define SAID 512 /* longest message */
+
+typedef struct {
+  int32_t mode;
+  int32_t stop_defined;
+  int64_t samples;    /* advances made since the start */
+  int64_t stale;      /* outputs are not those of the state */
+  double start_time;  /* s */
+  double stop_time;   /* s */
+  double v[N_VALUE];
+  double x[N_STATE + 1];
+} State;
+
+typedef struct Instance Instance;
+struct Instance {
+  State now;
+  int events_logged;  /* debug logging is on */
+  char *name;
+  void *environment;
+  void *logger;
+  void (*say)(Instance *, int is_error, const char *message);
+};
+
+/* A state handed out: marked, so that what comes back can be told from garbage. */
+typedef struct {
+  char mark[sizeof TOKEN];
+  State state;
+} Saved;
+
+#define SERIAL_HEAD "insenv-state-1 "
+typedef struct {
+  char head[sizeof SERIAL_HEAD];
+  char token[sizeof TOKEN];
+} SerialMark;
+#define SERIAL_SIZE (sizeof(SerialMark) + sizeof(State) + sizeof(uint64_t))
+
+#if defined(__GNUC__)
+__attribute__((format(printf, 3, 4)))
+#endif
+static void say(Instance *it, int is_error, const char *format, ...) {
+  char message[SAID];
+  va_list values;
+  if (!is_error && !it->events_logged) return;
+  va_start(values, format);
+  vsnprintf(message, sizeof message, format, values);
+  va_end(values);
+  it->say(it, is_error, message);
+}
+
+#define REFUSE(...) return say(it, 1, __VA_ARGS__), 0
+
+static int is_finite(double value) { return value - value == 0; }
+
+static const char *mode_name(int mode) {
+  switch (mode) {
+    case INSTANTIATED: return "instantiated";
+    case INITIALIZATION: return "initialization mode";
+    case STEPPING: return "step mode";
+    case TERMINATED: return "terminated";
+    default: return "failed";
+  }
+}
+
+/* Whether a function may be called now. */
+static int allowed(Instance *it, int modes, const char *function) {
+  if (it->now.mode & modes) return 1;
+  REFUSE("%s: not allowed in this state (%s)", function, mode_name(it->now.mode));
+}
+
+static double *parameters(State *s) { return s->v + FIRST_PARAMETER; }
+static double *inputs(State *s) { return s->v + FIRST_INPUT; }
+static double *outputs_of(State *s) { return s->v + FIRST_OUTPUT; }
+
+/* The row that a place belongs to. */
+static const Row *row_of(size_t place) {
+  size_t low = 0, high = N_ROW;
+  while (high - low > 1) {
+    size_t middle = (low + high) / 2;
+    if (ROWS[middle].place <= place) low = middle; else high = middle;
+  }
+  return &ROWS[low];
+}
+
+/* Say that `value` is not allowed at `place`. */
+static void say_bad_value(Instance *it, const char *function, size_t place, double value) {
+  const Row *row = row_of(place);
+  char element[24] = "";
+  if (row->size > 1) snprintf(element, sizeof element, " (element %lu)", (unsigned long)(place - row->place + 1));
+  say(it, 1, "%s: %s%s = %g %s: allowed is a finite number from %g to %g", function, row->name, element, value, row->unit,
+      row->lower, row->upper);
+}
+
+static int out_of_bounds(size_t place, double value) {
+  const Row *row = row_of(place);
+  return !is_finite(value) || value < row->lower || value > row->upper;
+}
+
+/* Outputs of the state that the parameters start from, if they changed. */
+static int refresh(Instance *it) {
+  State *s = &it->now;
+  double lost = 0;
+  if (!s->stale) return 1;
+  insenv_start(1, parameters(s), s->x);
+  insenv_output(1, parameters(s), s->x, outputs_of(s));
+  s->stale = 0;
+  for (int i = 0; i < N_OUTPUT; ++i) lost += outputs_of(s)[i] - outputs_of(s)[i];
+  if (lost != 0) REFUSE("the start values give outputs that are no finite numbers: check the parameters");
+  return 1;
+}
+
+static void to_start(Instance *it) {
+  State *s = &it->now;
+  memset(s, 0, sizeof *s);
+  s->mode = INSTANTIATED;
+  s->stale = 1;
+  memcpy(s->v, START, sizeof s->v);
+}
+
+static Instance *new_instance(const char *name) {
+  Instance *it = (Instance *)calloc(1, sizeof *it);
+  if (it == NULL) return NULL;
+  it->name = (char *)malloc(strlen(name) + 1);
+  if (it->name == NULL) {
+    free(it);
+    return NULL;
+  }
+  strcpy(it->name, name);
+  to_start(it);
+  return it;
+}
+
+static void free_instance(Instance *it) {
+  if (it == NULL) return;
+  free(it->name);
+  free(it);
+}
+
+/* Whether a variable of kind `kind` may be set in the present mode. */
+static int settable(Instance *it, size_t place, const char *function) {
+  int modes = 0;
+  if (KIND[place] == PARAMETER) modes = INSTANTIATED | INITIALIZATION;
+  if (KIND[place] == INPUT) modes = INSTANTIATED | INITIALIZATION | STEPPING;
+  if (it->now.mode & modes) return 1;
+  REFUSE("%s: %s cannot be set%s%s", function, row_of(place)->name, modes ? " in this state: " : "",
+         modes ? mode_name(it->now.mode) : "");
+}
+
+/* Check `size` values for the places from `place` on. */
+static int check_values(Instance *it, const char *function, size_t place, size_t size, const double *values) {
+  for (size_t i = 0; i < size; ++i) {
+    int bad = !is_finite(values[i]) || (KIND[place] == PARAMETER && out_of_bounds(place + i, values[i]));
+    if (bad) return say_bad_value(it, function, place + i, values[i]), 0;
+  }
+  return 1;
+}
+
+static void put_values(Instance *it, size_t place, size_t size, const double *values) {
+  memcpy(it->now.v + place, values, size * sizeof *values);
+  if (KIND[place] == PARAMETER) it->now.stale = 1;
+}
+
+static int enter_initialization(Instance *it, const char *function, double start_time, int stop_defined, double stop_time) {
+  State *s = &it->now;
+  if (!is_finite(start_time)) REFUSE("%s: startTime = %g: allowed is a finite number", function, start_time);
+  if (stop_defined && !(stop_time > start_time))
+    REFUSE("%s: stopTime = %g: allowed is a time after startTime = %g", function, stop_time, start_time);
+  s->start_time = s->v[0] = start_time;
+  s->stop_defined = stop_defined != 0;
+  s->stop_time = stop_defined ? stop_time : 0;
+  s->mode = INITIALIZATION;
+  say(it, 0, "initialization mode");
+  return 1;
+}
+
+static int exit_initialization(Instance *it) {
+  if (!refresh(it)) return 0;
+  it->now.mode = STEPPING;
+  say(it, 0, "step mode");
+  return 1;
+}
+
+/* Whether the input at `place` is looked at now: what belongs to a flag is not while the flag is 0. */
+static int is_used(const State *s, const Row *row) {
+  for (int flag = row->flag; flag >= 0; flag = row_of((size_t)flag)->flag)
+    if (s->v[flag] == 0) return 0;
+  return 1;
+}
+
+static int check_inputs(Instance *it, const char *function) {
+  const State *s = &it->now;
+  for (size_t r = FIRST_INPUT_ROW; r < FIRST_INPUT_ROW + N_INPUT_ROW; ++r) {
+    const Row *row = &ROWS[r];
+    for (size_t i = row->place; i < row->place + row->size; ++i)
+      if ((s->v[i] < row->lower || s->v[i] > row->upper) && is_used(s, row)) {
+        say_bad_value(it, function, i, s->v[i]);
+        return 0;
+      }
+  }
+  return 1;
+}
+
+/* n samples with the inputs held; what came with one sample only, comes with the last. */
+static void advance_samples(State *s, int64_t n) {
+  double *p = parameters(s), *u = inputs(s);
+  if (n > 1) {
+    double came[N_HELD_BACK + 1];
+    for (int i = 0; i < N_HELD_BACK; ++i) came[i] = s->v[INPUTS_HELD_BACK[i]], s->v[INPUTS_HELD_BACK[i]] = 0;
+    for (int64_t k = 1; k < n; ++k) advance(p, s->x, u);
+    for (int i = 0; i < N_HELD_BACK; ++i) s->v[INPUTS_HELD_BACK[i]] = came[i];
+  }
+  advance(p, s->x, u);
+  s->samples += n;
+}
+
+/* A communication step: a whole number of samples. */
+static int do_step(Instance *it, const char *function, double point, double step) {
+  State *s = &it->now;
+  double count = step / SAMPLE_INTERVAL, whole = floor(count + 0.5), lost = 0;
+  /* a step that is the difference of two times carries their rounding */
+  double rounding = 1e-6 * SAMPLE_INTERVAL + 4 * DBL_EPSILON * fabs(point);
+
+  if (!is_finite(point) || fabs(point - s->v[0]) > 0.25 * SAMPLE_INTERVAL)
+    REFUSE("%s: the communication point is %.17g s: the instance stands at %.17g s", function, point, s->v[0]);
+  if (!is_finite(step) || whole < 1 || fabs(step - whole * SAMPLE_INTERVAL) > rounding)
+    REFUSE("%s: the communication step is %.17g s: allowed is a whole number of sample intervals of %.17g s", function, step,
+           (double)SAMPLE_INTERVAL);
+  if (whole > MAX_SAMPLES)
+    REFUSE("%s: the communication step is %g s: allowed is up to %g sample intervals", function, step, (double)MAX_SAMPLES);
+  if (s->stop_defined && point + step > s->stop_time + 0.5 * SAMPLE_INTERVAL)
+    REFUSE("%s: a step of %g s from %g s passes the stop time, %g s", function, step, point, s->stop_time);
+  if (!check_inputs(it, function)) return 0;
+
+  advance_samples(s, (int64_t)whole);
+  s->v[0] = s->start_time + (double)s->samples * SAMPLE_INTERVAL;
+  insenv_output(1, parameters(s), s->x, outputs_of(s));
+  for (int i = 0; i < N_OUTPUT; ++i) lost += outputs_of(s)[i] - outputs_of(s)[i];
+  if (lost != 0) {
+    s->mode = FAILED;
+    REFUSE("%s: diverged at %g s: the outputs are no longer finite numbers", function, s->v[0]);
+  }
+  return 1;
+}
+
+/* --- saved states -------------------------------------------------------------------------------------------------------- */
+
+static int is_ours(const Saved *saved) { return saved != NULL && memcmp(saved->mark, TOKEN, sizeof TOKEN) == 0; }
+
+/* Save into *place, a state handed out before or NULL. */
+static int save(Instance *it, const char *function, void **place) {
+  Saved *saved;
+  if (place == NULL) REFUSE("%s: nowhere to put the state: the address is NULL", function);
+  saved = (Saved *)*place;
+  if (saved == NULL) saved = (Saved *)calloc(1, sizeof *saved);
+  else if (!is_ours(saved)) REFUSE("%s: *FMUState is neither NULL nor a state of this FMU", function);
+  if (saved == NULL) REFUSE("%s: out of memory", function);
+  memcpy(saved->mark, TOKEN, sizeof TOKEN);
+  saved->state = it->now;
+  *place = saved;
+  return 1;
+}
+
+static int restore(Instance *it, const char *function, const void *place) {
+  if (!is_ours((const Saved *)place)) REFUSE("%s: not a state of this FMU", function);
+  it->now = ((const Saved *)place)->state;
+  return 1;
+}
+
+static int free_saved(Instance *it, const char *function, void **place) {
+  if (place == NULL || *place == NULL) return 1;
+  if (!is_ours((const Saved *)*place)) REFUSE("%s: not a state of this FMU", function);
+  memset(((Saved *)*place)->mark, 0, sizeof TOKEN);
+  free(*place);
+  *place = NULL;
+  return 1;
+}
+
+/* FNV-1a, 64 bits: G. Fowler, L. C. Noll, K.-P. Vo. */
+static uint64_t digest(const unsigned char *bytes, size_t size) {
+  uint64_t sum = UINT64_C(14695981039346656037);
+  for (size_t i = 0; i < size; ++i) sum = (sum ^ bytes[i]) * UINT64_C(1099511628211);
+  return sum;
+}
+
+static int serialize(Instance *it, const char *function, const void *place, unsigned char *bytes, size_t size) {
+  SerialMark mark = {SERIAL_HEAD, TOKEN};
+  uint64_t sum;
+  if (!is_ours((const Saved *)place)) REFUSE("%s: not a state of this FMU", function);
+  if (bytes == NULL || size != SERIAL_SIZE)
+    REFUSE("%s: %lu bytes%s: allowed is a buffer of %lu", function, (unsigned long)size, bytes ? "" : " at NULL",
+           (unsigned long)SERIAL_SIZE);
+  memcpy(bytes, &mark, sizeof mark);
+  memcpy(bytes + sizeof mark, &((const Saved *)place)->state, sizeof(State));
+  sum = digest(bytes, sizeof mark + sizeof(State));
+  memcpy(bytes + sizeof mark + sizeof(State), &sum, sizeof sum);
+  return 1;
+}
+
+static int deserialize(Instance *it, const char *function, const unsigned char *bytes, size_t size, void **place) {
+  SerialMark mark = {SERIAL_HEAD, TOKEN};
+  State state;
+  uint64_t sum;
+  Saved *saved;
+  if (bytes == NULL || place == NULL) REFUSE("%s: an address is NULL", function);
+  if (size != SERIAL_SIZE || memcmp(bytes, &mark, sizeof mark) != 0)
+    REFUSE("%s: not a serialized state of this FMU", function);
+  memcpy(&sum, bytes + size - sizeof sum, sizeof sum);
+  memcpy(&state, bytes + sizeof mark, sizeof state);
+  if (sum != digest(bytes, size - sizeof sum) || state.mode < INSTANTIATED || state.mode > FAILED || (state.mode & (state.mode - 1)))
+    REFUSE("%s: the serialized state is damaged", function);
+  saved = (Saved *)*place;
+  if (saved == NULL) saved = (Saved *)calloc(1, sizeof *saved);
+  else if (!is_ours(saved)) REFUSE("%s: *FMUState is neither NULL nor a state of this FMU", function);
+  if (saved == NULL) REFUSE("%s: out of memory", function);
+  memcpy(saved->mark, TOKEN, sizeof TOKEN);
+  saved->state = state;
+  *place = saved;
+  return 1;
+}

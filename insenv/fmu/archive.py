@@ -1,0 +1,48 @@
+"""Writing an FMU: a zip with the same bytes for the same files, complete or not there at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+from insenv.errors import InputError
+
+_DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can tell
+
+
+def check_output(path: Path, ending: str) -> None:
+    """Raise `InputError`, before the long work, if a file cannot be written there."""
+    if path.suffix != ending:
+        raise InputError(f"output {str(path)!r}: allowed is a name that ends in {ending}")
+    if path.is_dir():
+        raise InputError(f"cannot write {str(path)!r}: it is a folder")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise InputError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+
+
+def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
+    """The zip of `files` by name, sorted, with a fixed date; renamed to `path` when complete."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream, ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=9) as archive:
+            for name in sorted(files, key=lambda n: (n != "modelDescription.xml", n)):
+                entry = ZipInfo(name, _DATE)
+                entry.compress_type = ZIP_DEFLATED
+                entry.create_system = 3
+                entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+                archive.writestr(entry, files[name])
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise

@@ -1,0 +1,336 @@
+"""An FMU loaded through FMPy and stepped on arrays: three calls into its binary a step, and no conversion between them.
+
+FMPy does what takes care: the description, the archive, the binary for this platform, the instance and its logger.  The loop
+passes addresses into arrays made once, so that a long sampled input costs little more than the FMU itself.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.errors import InputError, InsenvError, nearest
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+"""Told after each stretch: steps done, steps in all."""
+
+STRETCH = 5_000  # steps between two calls of the progress function
+LOUDEST = 20  # messages of the FMU kept for an error
+_KINDS = {  # type in the model description: dtype of its values, last part of the names of its functions
+    "Real": (np.float64, "Real"),
+    "Integer": (np.int32, "Integer"),
+    "Enumeration": (np.int32, "Integer"),
+    "Boolean": (np.int32, "Boolean"),
+    "Float64": (np.float64, "Float64"),
+    "Float32": (np.float32, "Float32"),
+    "Int8": (np.int8, "Int8"),
+    "UInt8": (np.uint8, "UInt8"),
+    "Int16": (np.int16, "Int16"),
+    "UInt16": (np.uint16, "UInt16"),
+    "Int32": (np.int32, "Int32"),
+    "UInt32": (np.uint32, "UInt32"),
+    "Int64": (np.int64, "Int64"),
+    "UInt64": (np.uint64, "UInt64"),
+}
+_KINDS_3 = {**_KINDS, "Boolean": (np.bool_, "Boolean"), "Enumeration": (np.int64, "Int64")}
+_LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A numeric variable of an FMU; an array of FMI 3 is one variable of several elements.
+
+    elements: their names, ``name`` or ``name[1]``, ``name[2]`` ..., ``name[1,1]`` ... by rows.
+    """
+
+    name: str
+    reference: int
+    kind: str
+    causality: str
+    unit: str
+    description: str
+    elements: tuple[str, ...]
+
+
+def element_names(name: str, shape: Sequence[int]) -> tuple[str, ...]:
+    """``name`` for a scalar, else ``name[i]`` or ``name[i,j]``, from 1, the last index fastest."""
+    places = product(*(range(1, n + 1) for n in shape))
+    return tuple(f"{name}[{','.join(map(str, place))}]" for place in places) if len(shape) else (name,)
+
+
+class Instance:
+    """One instance of a Co-Simulation FMU (FMI 2 or 3), initialized; a context manager that frees it.
+
+    version: 2 or 3.  inputs, outputs: its variables.  step: the step that it asks for, s, or None.  messages: what it logged.
+    """
+
+    def __init__(
+        self, path: str | Path, parameters: Mapping[str, float] | None = None, *, start_time: float = 0.0, name: str = "insenv"
+    ) -> None:
+        """Unpack, load, set parameters, initialize.  Raises `InputError` for a file that is no such FMU or a parameter that is
+        unknown or refused, `InsenvError` if it cannot be loaded here."""
+        import fmpy
+        from fmpy.fmi2 import FMU2Slave
+        from fmpy.fmi3 import FMU3Slave
+
+        self.path = Path(path)
+        self.messages: list[str] = []
+        self._folder = Path(tempfile.mkdtemp(prefix="insenv-fmu-"))
+        self._slave: Any = None
+        try:
+            self.description = _description(self.path)
+            self.version = int(self.description.fmiVersion[0])
+            self.variables = {v.name: v for v in map(_variable, self.description.modelVariables) if v is not None}
+            self.inputs = [v for v in self.variables.values() if v.causality == "input"]
+            self.outputs = [v for v in self.variables.values() if v.causality == "output"]
+            fmpy.extract(str(self.path), str(self._folder))
+            kind = FMU2Slave if self.version == 2 else FMU3Slave
+            try:
+                self._slave = kind(
+                    guid=self.description.guid,
+                    unzipDirectory=str(self._folder.resolve()),
+                    modelIdentifier=self.description.coSimulation.modelIdentifier,
+                    instanceName=name,
+                )
+            except Exception as error:  # FMPy raises a bare Exception
+                raise InsenvError(f"{self.path}: cannot be loaded on {fmpy.platform_tuple}: {error}") from None
+            self._start(parameters or {}, start_time)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def step(self) -> float | None:
+        """The communication step that the FMU asks for, s, or None."""
+        fixed = getattr(self.description.coSimulation, "fixedInternalStepSize", None)
+        default = self.description.defaultExperiment
+        chosen = fixed or (default.stepSize if default is not None else None)
+        return None if chosen is None else float(chosen)
+
+    @property
+    def stop_time(self) -> float | None:
+        """The stop time that the FMU suggests, s, or None."""
+        default = self.description.defaultExperiment
+        return None if default is None or default.stopTime is None else float(default.stopTime)
+
+    def run(
+        self, inputs: Mapping[str, Array], steps: int, *, start_time: float, step: float, every: int, progress: Progress | None
+    ) -> Array:
+        """Steps of `step` seconds; the outputs after each `every` steps, (steps // every, elements of all outputs).
+
+        inputs: (steps,) by element name, of an array all: value k is set before step k, from start_time + k step on.  Inputs
+        not named keep what they have.  Raises `InsenvError` with the FMU's own words when a call fails.
+        """
+        setters = [self._calls("Set", group, _packed(group, inputs, steps)) for group in self._groups(self.inputs, inputs)]
+        recorded = steps // every
+        groups = self._groups(self.outputs)
+        arrays = [np.zeros((recorded, sum(len(v.elements) for v in g)), dtype=self._dtype(g)) for g in groups]
+        getters = [self._calls("Get", group, array) for group, array in zip(groups, arrays, strict=True)]
+        do_step = self._do_step()
+        for k in range(steps):
+            for call, address, stride, changes in setters:
+                if (changes is None or changes[k]) and (status := call(address + k * stride)) > 1:
+                    raise self._failure("setting the inputs", k, start_time + k * step, status)
+            if (status := do_step(start_time + k * step, step)) > 1:
+                raise self._failure("the step", k, start_time + k * step, status)
+            if (k + 1) % every == 0:
+                for call, address, stride, _ in getters:
+                    if (status := call(address + k // every * stride)) > 1:
+                        raise self._failure("reading the outputs", k, start_time + k * step, status)
+            if progress is not None and (k + 1) % STRETCH == 0:
+                progress(k + 1, steps)
+        if progress is not None:
+            progress(steps, steps)
+        columns = {
+            name: array[:, place]
+            for group, array in zip(groups, arrays, strict=True)
+            for place, name in enumerate(_names(group))
+        }
+        return np.array([columns[n] for v in self.outputs for n in v.elements], dtype=np.float64).reshape(-1, recorded).T
+
+    def close(self) -> None:
+        """Free the instance and remove the unpacked files."""
+        if self._slave is not None:
+            if self._slave.component:
+                self._slave.freeInstance()
+            else:
+                self._slave.freeLibrary()
+        self._slave = None
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def __enter__(self) -> Instance:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _start(self, parameters: Mapping[str, float], start_time: float) -> None:
+        slave = self._slave
+        try:
+            if self.version == 2:
+                slave.instantiate(callbacks=self._callbacks(), loggingOn=False)
+                slave.setupExperiment(startTime=start_time)
+                self._set_parameters(parameters)
+                slave.enterInitializationMode()
+                slave.exitInitializationMode()
+            else:
+                slave.instantiate(logMessage=lambda _, status, category, text: self._log(status, category, text))
+                self._set_parameters(parameters)
+                slave.enterInitializationMode(startTime=start_time)
+                slave.exitInitializationMode()
+        except InsenvError:
+            raise
+        except Exception as error:  # FMPy's own kinds differ between its versions
+            raise InputError(f"{self.path}: cannot be initialized: {self._said() or error}") from None
+
+    def _set_parameters(self, parameters: Mapping[str, float]) -> None:
+        scalar = {v.name: v for v in self.variables.values() if v.causality == "parameter" and len(v.elements) == 1}
+        for name, value in parameters.items():
+            variable = scalar.get(name) or scalar.get(f"parameters.{name}")
+            if variable is None:
+                allowed = [known.removeprefix("parameters.") for known in scalar]
+                raise InputError(f"{self.path}: no scalar parameter {name!r}{nearest(name, allowed)}")
+            group = [variable]
+            values = np.full((1, 1), value).astype(self._dtype(group))
+            call, address, _, _ = self._calls("Set", group, values)
+            if (status := call(address)) > 1:
+                raise InputError(f"{self.path}: parameter {name} = {value:g} refused: {self._said() or _LABELS[status]}")
+
+    def _callbacks(self) -> Any:
+        """FMI 2's, with a logger that keeps the messages (their C format filled in where FMPy's helper runs)."""
+        from fmpy import calloc, fmi2, free
+
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
+            lambda _, instance, status, category, text: self._log(status, category, text)
+        )
+        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+        try:
+            from fmpy.logging import addLoggerProxy
+        except OSError:  # FMPy has no such helper for this platform
+            return callbacks
+        addLoggerProxy(ctypes.byref(callbacks))
+        return callbacks
+
+    def _log(self, status: int, category: bytes | None, text: bytes | None) -> None:
+        if status and text and len(self.messages) < LOUDEST:
+            self.messages.append(text.decode("utf-8", "replace"))
+
+    def _said(self) -> str:
+        return "; ".join(dict.fromkeys(self.messages))
+
+    def _failure(self, doing: str, k: int, time: float, status: int) -> InsenvError:
+        label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
+        return InsenvError(
+            f"{self.path}: {doing} failed at step {k}, t = {time:g} s ({label}): {self._said() or 'no reason given'}"
+        )
+
+    def _groups(self, variables: Sequence[Variable], given: Mapping[str, Array] | None = None) -> list[list[Variable]]:
+        """Variables of one set of functions each; of `given` only those it names."""
+        groups: dict[str, list[Variable]] = {}
+        for variable in variables:
+            if given is None or any(name in given for name in variable.elements):
+                groups.setdefault(self._kinds[variable.kind][1], []).append(variable)
+        return list(groups.values())
+
+    @property
+    def _kinds(self) -> Mapping[str, tuple[Any, str]]:
+        return _KINDS if self.version == 2 else _KINDS_3
+
+    def _dtype(self, group: Sequence[Variable]) -> Any:
+        return self._kinds[group[0].kind][0]
+
+    def _calls(self, verb: str, group: Sequence[Variable], values: NDArray[Any]) -> Any:
+        """A function of the address of one row of `values`; the first row's address; bytes a row; where rows change.
+
+        values: (rows, elements of the group); it must outlive the calls.
+        """
+        values = values.astype(self._dtype(group), copy=False)
+        function = self._slave.dll[f"fmi{self.version}{verb}{self._kinds[group[0].kind][1]}"]
+        size, pointer = ctypes.c_size_t, ctypes.c_void_p
+        function.argtypes = [pointer, pointer, size, pointer] + ([size] if self.version == 3 else [])
+        references = (ctypes.c_uint32 * len(group))(*(v.reference for v in group))
+        component = pointer(self._component)
+        count, elements = size(len(group)), size(values.shape[1])
+
+        if self.version == 2:
+
+            def call(address: int, kept: Any = (references, values)) -> int:
+                return int(function(component, references, count, address))
+
+        else:
+
+            def call(address: int, kept: Any = (references, values)) -> int:
+                return int(function(component, references, count, address, elements))
+
+        changes = None
+        if verb == "Set" and self._dtype(group) is not np.float64:  # flags seldom change
+            changes = [True, *np.any(values[1:] != values[:-1], axis=1).tolist()]
+        return call, values.ctypes.data, values.strides[0], changes
+
+    def _do_step(self) -> Callable[[float, float], int]:
+        function = self._slave.dll[f"fmi{self.version}DoStep"]
+        component = ctypes.c_void_p(self._component)
+        if self.version == 2:
+            function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int]
+            return lambda time, step: int(function(component, time, step, 1))
+        function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_bool] + [ctypes.c_void_p] * 4
+        event, terminate, early, last = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+        places = tuple(ctypes.c_void_p(ctypes.addressof(place)) for place in (event, terminate, early, last))
+
+        def do_step(time: float, step: float, kept: Any = (event, terminate, early, last)) -> int:
+            return int(function(component, time, step, True, *places))
+
+        return do_step
+
+    @property
+    def _component(self) -> int:
+        component = self._slave.component
+        return int(getattr(component, "value", component))
+
+
+def _description(path: Path) -> Any:
+    """FMPy's reading of modelDescription.xml.  Raises `InputError`."""
+    from fmpy import read_model_description
+
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    try:
+        description = read_model_description(str(path), validate=False)
+    except Exception as error:  # zipfile's, lxml's and FMPy's own
+        raise InputError(f"{path}: not an FMU: {error}") from None
+    if description.coSimulation is None or description.fmiVersion[0] not in "23":
+        raise InputError(f"{path}: allowed is Co-Simulation of FMI 2 or 3 (this is FMI {description.fmiVersion})")
+    return description
+
+
+def _variable(read: Any) -> Variable | None:
+    """Of FMPy's; None for what is no number."""
+    if read.type not in _KINDS:
+        return None
+    declared = read.declaredType
+    unit = read.unit or (declared.unit if declared is not None else None) or ""
+    shape = tuple(int(dimension.start) for dimension in read.dimensions)
+    names = element_names(read.name, shape)
+    return Variable(read.name, read.valueReference, read.type, read.causality, unit, read.description or "", names)
+
+
+def _names(group: Sequence[Variable]) -> list[str]:
+    return [name for variable in group for name in variable.elements]
+
+
+def _packed(group: Sequence[Variable], inputs: Mapping[str, Array], steps: int) -> Array:
+    """Columns of a group side by side, (steps, elements)."""
+    return np.ascontiguousarray(np.array([np.broadcast_to(inputs[name], (steps,)) for name in _names(group)]).T)

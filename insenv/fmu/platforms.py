@@ -1,0 +1,151 @@
+"""The binaries of an FMU: for this machine by the C compiler found, for the five platforms by the ziglang wheel."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import struct
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from insenv.core.compile import Compiler, cache_folder, compile_library, find_compiler
+from insenv.errors import InputError, InsenvError, nearest
+
+FLAGS = (
+    "-std=gnu99",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fno-tree-slp-vectorize",
+    "-fvisibility=hidden",
+    "-g0",
+    "-s",
+    "-shared",
+    "-w",
+)
+"""Exactly rounded and in the order written: the results of insenv's own runners to the bit."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """name: the folder in FMI 3.  short: the folder in FMI 2.  target: what ziglang calls it.  ending: of a library's name."""
+
+    name: str
+    short: str
+    target: str
+    ending: str
+    further: tuple[str, ...] = ("-fPIC",)
+
+
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", ".so"),
+        Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
+        Platform("x86_64-windows", "win64", "x86_64-windows-gnu", ".dll", ()),
+        Platform("x86_64-darwin", "darwin64", "x86_64-macos.11.0", ".dylib"),
+        Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib"),
+    )
+}
+"""Those that an FMU can be made for, by name."""
+_ALIASES = {
+    "linux64": ("x86_64-linux",),
+    "win64": ("x86_64-windows",),
+    "darwin64": ("x86_64-darwin", "aarch64-darwin"),
+    "all": tuple(PLATFORMS),
+}
+_MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
+
+
+def host() -> Platform:
+    """This machine's platform.  Raises `InsenvError` where FMUs are not made for it."""
+    machine = platform.machine().lower()
+    system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux" if sys.platform.startswith("linux") else "")
+    name = f"{_MACHINES.get(machine, machine)}-{system}"
+    if name not in PLATFORMS:
+        raise InsenvError(f"FMUs are not made for this machine, {name}: name other platforms ({', '.join(PLATFORMS)})")
+    return PLATFORMS[name]
+
+
+def chosen(names: Sequence[str]) -> list[str]:
+    """The platforms named, "host" kept as it is, each once.  Raises `InputError` for an unknown one or for none."""
+    found: list[str] = []
+    for name in names:
+        if name != "host" and name not in PLATFORMS and name not in _ALIASES:
+            raise InputError(f"no platform {name!r}{nearest(name, ['host', *_ALIASES, *PLATFORMS])}")
+        found += _ALIASES.get(name, (name,))
+    found = list(dict.fromkeys(found))
+    if not found:
+        raise InputError(f"no platform named{nearest('host', ['host', *_ALIASES, *PLATFORMS])}")
+    if "host" in found and any(name in PLATFORMS for name in found) and host().name in found:
+        found.remove("host")
+    if any(name != "host" for name in found):
+        _need_zig()
+    return found
+
+
+def build(source: str, identifier: str, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
+    """The libraries of one C text by their path in the FMU.  Raises `InsenvError` if the compiler fails."""
+    made: dict[str, bytes] = {}
+    for name in platforms:
+        where = host() if name == "host" else PLATFORMS[name]
+        compiler = _host_compiler(identifier) if name == "host" else _cross_compiler(where, identifier)
+        made[where.name] = compile_library(source, compiler).read_bytes()
+    return _laid_out(made, identifier, fmi)
+
+
+def _laid_out(made: dict[str, bytes], identifier: str, fmi: int) -> dict[str, bytes]:
+    files = {}
+    for name, library in made.items():
+        where = PLATFORMS[name]
+        files[f"binaries/{where.name if fmi == 3 else where.short}/{identifier}{where.ending}"] = library
+    if fmi == 2:
+        macs = [made[name] for name in ("x86_64-darwin", "aarch64-darwin") if name in made]
+        if macs:  # importers on either Mac look in darwin64
+            files[f"binaries/darwin64/{identifier}.dylib"] = universal(macs) if len(macs) == 2 else macs[0]
+        if "aarch64-linux" in made and "x86_64-linux" not in made:
+            # FMI 2.0 has no name for it: importers on such a machine look in linux64 (FMPy) or in aarch64-linux
+            files[f"binaries/linux64/{identifier}.so"] = made["aarch64-linux"]
+    return files
+
+
+def universal(libraries: Sequence[bytes]) -> bytes:
+    """One Mach-O file of several architectures: a header (Apple, mach-o/fat.h) before them, each on a page of its own."""
+    page = 14  # 16 kB, as Apple silicon wants
+    header = struct.pack(">II", 0xCAFEBABE, len(libraries))
+    body, offset = b"", 1 << page
+    for library in libraries:
+        magic, cpu, subtype = struct.unpack("<III", library[:12])
+        if magic != 0xFEEDFACF:
+            raise InsenvError("the library made for macOS is no 64-bit Mach-O file")
+        header += struct.pack(">IIIII", cpu, subtype, offset, len(library), page)
+        padded = library + bytes(-len(library) % (1 << page))
+        body += padded
+        offset += len(padded)
+    return header + bytes((1 << page) - len(header)) + body
+
+
+def _host_compiler(identifier: str) -> Compiler:
+    found = find_compiler("c")
+    if found is None:
+        raise InsenvError("no C compiler found: cc, gcc or clang on the path, or pip install 'insenv[fmu]'")
+    # else the library would name the folder that it was built in
+    own = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
+    return Compiler(found.command, "c", (*FLAGS, *host().further, *own))
+
+
+def _need_zig() -> None:
+    if importlib.util.find_spec("ziglang") is None:
+        raise InsenvError("building for named platforms needs ziglang: pip install 'insenv[fmu]' (or --platform host)")
+
+
+def _cross_compiler(where: Platform, identifier: str) -> Compiler:
+    _need_zig()
+    # zig builds the C runtime of a target once and keeps it
+    os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(cache_folder()) / "zig"))
+    own = ("-install_name", f"@rpath/{identifier}.dylib") if where.ending == ".dylib" else ()
+    command = (sys.executable, "-m", "ziglang", "cc")
+    return Compiler(command, "c", ("-target", where.target, *FLAGS, *where.further, *own))

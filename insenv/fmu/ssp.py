@@ -1,0 +1,146 @@
+"""A scenario's plant and an estimator on what its sensors show, as one SSP file (System Structure and Parameterization 1.0).
+
+The archive holds two FMUs (FMI 2, Co-Simulation) and SystemStructure.ssd, which connects each input of the estimator to the
+plant's output of the same name.  The estimator starts from the scenario's start knowledge and tuning, as in `insenv.run`.
+
+A master steps both components from t to t + h and then hands the plant's outputs on, so that the estimator works one step h on
+the samples of the step before: its estimate at t + h is the attitude at t.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from insenv import estimators
+from insenv.errors import InputError
+from insenv.fmu.archive import check_output, write_archive
+from insenv.fmu.exporter import export
+from insenv.scenario import build, load
+
+SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
+SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+PLANT, ESTIMATOR = "plant", "estimator"
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_LIKE = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeration": "Integer"}
+
+
+def export_ssp(
+    scenario: str, estimator_id: str, output: str | Path, *, seed: int | None = None, platforms: Sequence[str] = ("host",)
+) -> dict[str, Any]:
+    """Write the SSP file of a scenario's plant and an estimator; what a master needs to know: step_s, stop_time_s, connections.
+
+    scenario: a name or a .toml file.  seed: instead of the scenario's.  platforms: as in `insenv.fmu.export`.  Raises
+    `InputError` for what is unknown or does not go together and for a file that cannot be written.
+    """
+    from fmpy import read_model_description
+
+    output, estimator = Path(output), estimators.get(estimator_id)
+    check_output(output, ".ssp")
+    loaded = load(scenario)
+    plant = build(loaded, seed=seed)
+    if estimator.aided and not plant.has_gnss:
+        raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {loaded.name!r} has no [gnss]")
+    if estimator.kind == "alignment" and not plant.in_place:
+        raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {loaded.name!r} moves")
+    if plant.parameters.get("imu_drop_probability", 0.0) > 0.0:
+        raise InputError(f"scenario {loaded.name!r} loses inertial samples: the FMU of an estimator has no input that says so")
+    started: dict[str, Any] = dict(estimator.prepare(plant.knowledge))
+    for id in (estimator.smooths, estimator.id):
+        started |= plant.estimator_tuning.get(id, {})
+    started["sample_interval"] = plant.sample_interval
+    with tempfile.TemporaryDirectory(prefix="insenv-ssp-") as name:
+        parts = {PLANT: Path(name) / "plant.fmu", ESTIMATOR: Path(name) / "estimator.fmu"}
+        export(scenario, parts[PLANT], fmi=2, platforms=platforms, settings={"seed": float(plant.seed)})
+        export(estimator.id, parts[ESTIMATOR], fmi=2, platforms=platforms, settings=started)
+        read = {role: read_model_description(str(part)) for role, part in parts.items()}
+        ssd = structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s)
+        files = {"SystemStructure.ssd": ssd}
+        files |= {f"resources/{part.name}": part.read_bytes() for part in parts.values()}
+    write_archive(output, files)
+    connections = ElementTree.fromstring(ssd).iter(f"{{{SSD}}}Connection")
+    return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": len(list(connections))}
+
+
+def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes:
+    """SystemStructure.ssd of two components, from FMPy's reading of their model descriptions.
+
+    Raises `InputError` if no output of the plant has the name of an input of the estimator, or units differ.
+    """
+    ElementTree.register_namespace("ssd", SSD)
+    ElementTree.register_namespace("ssc", SSC)
+    outputs = {v.name: v for v in plant.modelVariables if v.causality == "output"}
+    joined = [v for v in estimator.modelVariables if v.causality == "input" and v.name in outputs]
+    if not joined:
+        raise InputError(f"{estimator.modelName}: none of its inputs is an output of {plant.modelName}")
+    for variable in joined:
+        if _unit(variable) != _unit(outputs[variable.name]):
+            raise InputError(
+                f"{variable.name}: {_unit(outputs[variable.name])} in the plant, {_unit(variable)} in the estimator"
+            )
+
+    root = ElementTree.Element(f"{{{SSD}}}SystemStructureDescription", version="1.0", name=title, generationTool="insenv")
+    system = ElementTree.SubElement(
+        root, f"{{{SSD}}}System", name="loop", description=f"{plant.modelName}; {estimator.modelName}"
+    )
+    elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
+    # an input that nothing is connected to has no connector: masters set what has one
+    _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
+    own = [v for v in estimator.modelVariables if v.causality == "output"]
+    _component(elements, ESTIMATOR, estimator, [*joined, *own], left=400.0)
+    connections = ElementTree.SubElement(system, f"{{{SSD}}}Connections")
+    for variable in joined:
+        ElementTree.SubElement(
+            connections,
+            f"{{{SSD}}}Connection",
+            startElement=PLANT,
+            startConnector=variable.name,
+            endElement=ESTIMATOR,
+            endConnector=variable.name,
+        )
+    _units(root, [*outputs.values(), *own], [*plant.unitDefinitions, *estimator.unitDefinitions])
+    ElementTree.SubElement(root, f"{{{SSD}}}DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
+    ElementTree.indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+
+
+def _component(elements: ElementTree.Element, name: str, description: Any, variables: Sequence[Any], left: float) -> None:
+    component = ElementTree.SubElement(
+        elements,
+        f"{{{SSD}}}Component",
+        name=name,
+        description=description.description or description.modelName,
+        type="application/x-fmu-sharedlibrary",
+        source=f"resources/{name}.fmu",
+        implementation="CoSimulation",
+    )
+    connectors = ElementTree.SubElement(component, f"{{{SSD}}}Connectors")
+    for variable in variables:
+        connector = ElementTree.SubElement(connectors, f"{{{SSD}}}Connector", name=variable.name, kind=variable.causality)
+        kind = _LIKE[variable.type]
+        unit = _unit(variable)
+        ElementTree.SubElement(connector, f"{{{SSC}}}{kind}", {"unit": unit} if kind == "Real" and unit else {})
+    box = {"x1": repr(left), "y1": "0.0", "x2": repr(left + 200.0), "y2": "200.0"}
+    ElementTree.SubElement(component, f"{{{SSD}}}ElementGeometry", box)
+
+
+def _units(root: ElementTree.Element, variables: Sequence[Any], definitions: Sequence[Any]) -> None:
+    """The units in use, each as its component defines it."""
+    defined = {unit.name: unit for unit in definitions}
+    used = [name for name in dict.fromkeys(map(_unit, variables)) if name]
+    if not used:
+        return
+    units = ElementTree.SubElement(root, f"{{{SSD}}}Units")
+    for name in used:
+        unit = ElementTree.SubElement(units, f"{{{SSC}}}Unit", name=name)
+        base = defined[name].baseUnit if name in defined else None
+        exponents = {} if base is None else {si: str(getattr(base, si)) for si in _BASE if getattr(base, si)}
+        ElementTree.SubElement(unit, f"{{{SSC}}}BaseUnit", exponents)
+
+
+def _unit(variable: Any) -> str:
+    declared = variable.declaredType
+    return variable.unit or (declared.unit if declared is not None else None) or ""

@@ -1,0 +1,160 @@
+"""What an FMU is made of: a model, the values of its parameters, its sample interval and what is said about it.
+
+An estimator's parameters are those that it has in a shipped scenario (`SCENARIOS`), by its kind, so that its FMU and a
+run can be compared; a plant's are its scenario's.  Settings lie on top.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from insenv.core.model import Model
+from insenv.core.tables import Vector
+from insenv.errors import InputError, nearest
+from insenv.estimators import Estimator, registered
+from insenv.scenario import Plant, Scenario, build, load, names, tuning
+
+SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
+"""The scenario that an estimator's start values come from, by its kind."""
+EVENTS = ("gnss_valid", "smoothed")
+"""Inputs that say that something came with one sample: in a step of several samples it comes with the last."""
+_FASTEST, _SLOWEST = 1e4, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is exported.
+
+    id: as asked for.  kind: "estimator" or "plant".  model: its equations.  parameters: flat, SI.
+    sample_interval: s.  stop_time: of the default experiment, s.  plant: whose samples the reference signals are.
+    values_from: one sentence: where the start values come from.
+    """
+
+    id: str
+    kind: str
+    model: Model
+    parameters: Vector
+    sample_interval: float
+    stop_time: float
+    plant: Plant
+    values_from: str
+
+    @property
+    def identifier(self) -> str:
+        """A name that C allows."""
+        name = re.sub(r"\W", "_", self.id)
+        return name if name[0].isalpha() else f"model_{name}"
+
+    @property
+    def title(self) -> str:
+        """One line that says what it is."""
+        if self.kind == "plant":
+            return f"{self.model.title}: {self.plant.scenario.title}"
+        smoothed = registered()[self.id].smooths
+        forward = f" (here the forward pass: the estimates of {smoothed}, and what the backward pass needs)" if smoothed else ""
+        return self.model.title + forward
+
+
+def subject(model_id_or_scenario: str, settings: Mapping[str, object]) -> Subject:
+    """The estimator or the plant of that name.  Raises `InputError` for an unknown one and for wrong settings."""
+    if model_id_or_scenario in registered():
+        return _estimator(registered()[model_id_or_scenario], settings)
+    if not model_id_or_scenario.endswith(".toml") and model_id_or_scenario not in names():
+        known = [*registered(), *names()]
+        raise InputError(f"no estimator or scenario {model_id_or_scenario!r}{nearest(model_id_or_scenario, known)}")
+    return _plant(load(model_id_or_scenario), settings)
+
+
+def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
+    name = SCENARIOS[estimator.kind]
+    scenario, left = load(name), dict(settings)
+    interval = _sample_interval(left.pop("sample_interval", 1.0 / scenario.rate_hz))
+    if interval != 1.0 / scenario.rate_hz:
+        scenario = _at_rate(scenario, 1.0 / interval)
+    plant = build(scenario)
+    known = replace(plant.knowledge, sample_interval=interval)
+    rows: dict[str, Any] = dict(estimator.prepare(known))
+    for id in (estimator.smooths, estimator.id):
+        rows |= plant.estimator_tuning.get(id, {})
+    parameters = estimator.model.parameters.pack({**rows, **_set(estimator, left)})
+    return Subject(
+        id=estimator.id,
+        kind="estimator",
+        model=estimator.model,
+        parameters=parameters,
+        sample_interval=interval,
+        stop_time=plant.duration_s,
+        plant=plant,
+        values_from=f"The start values of the parameters are those that {estimator.id} has in the scenario {name}"
+        + (f", with {', '.join(settings)} as set at the export." if settings else "."),
+    )
+
+
+def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:
+    """Rows, SI, from settings by a row's name or by name and data-sheet unit.  Raises `InputError`."""
+    table = estimator.model.parameters
+    rows = {name: value for name, value in settings.items() if name in table}
+    for name, value in settings.items():
+        if name in table:
+            continue
+        try:
+            converted = tuning(estimator.id, {name: value})
+        except InputError as error:
+            if "unknown key" not in str(error):
+                raise
+            allowed = ["sample_interval", *table.names]
+            raise InputError(f"no parameter {name!r} in {estimator.id!r}{nearest(name, allowed)}") from None
+        for row, number in converted.items():
+            if row in rows:
+                raise InputError(f"{row} is set twice, the second time by {name}")
+            rows[row] = number
+    return rows
+
+
+def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
+    plant = build(scenario)
+    table = plant.model.parameters
+    allowed = [name for name in table.names if name != "sample_interval"]
+    for name in settings:
+        if name not in allowed:
+            reason = "; the scenario's rate_hz sets it" if name == "sample_interval" else nearest(name, allowed)
+            raise InputError(f"no parameter {name!r} of plant {scenario.name!r} can be set{reason}")
+    seed = settings.get("seed", plant.seed)
+    if isinstance(seed, (int, float)) and seed != int(seed):
+        raise InputError(f"seed = {seed!r}: allowed is a whole number from 0 to 2^53")
+    return Subject(
+        id=scenario.name,
+        kind="plant",
+        model=plant.model,
+        parameters=table.pack({**plant.parameters, **settings}),
+        sample_interval=plant.sample_interval,
+        stop_time=plant.duration_s,
+        plant=plant,
+        values_from=f"The start values of the parameters are those of the scenario {scenario.name}"
+        + (f", with {', '.join(settings)} as set at the export." if settings else "."),
+    )
+
+
+def _at_rate(scenario: Scenario, rate_hz: float) -> Scenario:
+    """The scenario sampled at another rate."""
+    changed = scenario.model_copy(update={"rate_hz": rate_hz})
+    try:
+        build(changed)
+    except InputError:  # its fixes or its motion do not go with this rate: the reference signals keep the scenario's own
+        return scenario
+    return changed
+
+
+def _sample_interval(value: object) -> float:
+    try:
+        interval = float(np.asarray(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        interval = float("nan")
+    if not 1 / _FASTEST <= interval <= 1 / _SLOWEST:
+        raise InputError(f"sample_interval = {value!r} s: allowed is a number from {1 / _FASTEST:g} to {1 / _SLOWEST:g} s")
+    return interval

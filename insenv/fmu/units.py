@@ -1,0 +1,117 @@
+"""Units of an FMU's variables: base exponents with the radian, display units, declared types.
+
+FMI writes a unit as whole powers of the base units; one with a half power (rad/s^0.5) or of several quantities has a name only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from insenv.core.tables import Row
+from insenv.sensors.units import DEGREE, HOUR, STANDARD_GRAVITY, ZERO_CELSIUS
+
+_MICRO_G = 1e-6 * STANDARD_GRAVITY
+
+
+@dataclass(frozen=True)
+class DisplayUnit:
+    """A unit that people read: ``shown = factor * SI + offset``."""
+
+    name: str
+    factor: float
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Unit:
+    """name: as the tables write it.  exponents: of base units by FMI's names, None where they are no whole numbers.
+    displays: the units it may be shown in.
+    """
+
+    name: str
+    exponents: dict[str, int] | None
+    displays: tuple[DisplayUnit, ...] = ()
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A declared type without its bounds: name of the type, physical quantity, unit, the unit shown, a usual size."""
+
+    name: str
+    quantity: str
+    unit: str
+    display: str = ""
+    nominal: float = 1.0
+
+
+UNITS = {
+    unit.name: unit
+    for unit in (
+        Unit("1", {}),
+        Unit("s", {"s": 1}),
+        Unit("m", {"m": 1}),
+        Unit("rad", {"rad": 1}, (DisplayUnit("deg", 1 / DEGREE),)),
+        Unit("m/s", {"m": 1, "s": -1}),
+        Unit("rad/s", {"rad": 1, "s": -1}, (DisplayUnit("deg/s", 1 / DEGREE), DisplayUnit("deg/h", HOUR / DEGREE))),
+        Unit("m/s^2", {"m": 1, "s": -2}, (DisplayUnit("ug", 1 / _MICRO_G),)),
+        Unit("rad/s^2", {"rad": 1, "s": -2}, (DisplayUnit("deg/s^2", 1 / DEGREE),)),
+        Unit("m^2/s^3", {"m": 2, "s": -3}),
+        Unit("rad^2", {"rad": 2}),
+        Unit("1/rad^2", {"rad": -2}),
+        Unit("1/m", {"m": -1}),
+        Unit("K", {"K": 1}, (DisplayUnit("degC", 1.0, -ZERO_CELSIUS),)),
+        Unit("rad/s/K", {"rad": 1, "s": -1, "K": -1}, (DisplayUnit("deg/h/K", HOUR / DEGREE),)),
+        Unit("m/s^2/K", {"m": 1, "s": -2, "K": -1}, (DisplayUnit("ug/K", 1 / _MICRO_G),)),
+        Unit("(rad/s)/(m/s^2)", {"rad": 1, "s": 1, "m": -1}, (DisplayUnit("deg/h/g", HOUR * STANDARD_GRAVITY / DEGREE),)),
+        Unit("rad/(m/s^2)", {"rad": 1, "s": 2, "m": -1}, (DisplayUnit("deg/(m/s^2)", 1 / DEGREE),)),
+        Unit("rad/s^0.5", None, (DisplayUnit("deg/sqrt(h)", HOUR**0.5 / DEGREE),)),
+        Unit("m/s^1.5", None, (DisplayUnit("ug/sqrt(Hz)", 1 / _MICRO_G),)),
+        Unit("rad/s/sqrt(s)", None, (DisplayUnit("deg/h/sqrt(h)", HOUR**1.5 / DEGREE),)),
+        Unit("m/s^2/sqrt(s)", None, (DisplayUnit("ug/sqrt(h)", HOUR**0.5 / _MICRO_G),)),
+    )
+}
+"""Every unit of the tables, by the name that an FMU gives it."""
+
+_SAME = {"rad/sqrt(s)": "rad/s^0.5", "m/s/sqrt(s)": "m/s^1.5"}
+_SMALL = ("bias", "sigma", "drift", "instability")
+
+_QUANTITIES = {
+    "1": Quantity("Number", "Dimensionless", "1"),
+    "s": Quantity("Time", "Time", "s"),
+    "m": Quantity("Length", "Length", "m", nominal=10.0),
+    "rad": Quantity("Angle", "Angle", "rad", "deg"),
+    "m/s": Quantity("Velocity", "Velocity", "m/s", nominal=10.0),
+    "rad/s": Quantity("AngularVelocity", "AngularVelocity", "rad/s", "deg/s", nominal=0.1),
+    "m/s^2": Quantity("Acceleration", "Acceleration", "m/s^2", nominal=10.0),
+    "rad/s^2": Quantity("AngularAcceleration", "AngularAcceleration", "rad/s^2", "deg/s^2", nominal=0.1),
+    "rad^2": Quantity("AngleVariance", "AngleVariance", "rad^2", nominal=1e-4),
+    "K": Quantity("Temperature", "ThermodynamicTemperature", "K", "degC", nominal=300.0),
+    "rad/s^0.5": Quantity("AngleRandomWalk", "AngleRandomWalk", "rad/s^0.5", "deg/sqrt(h)", nominal=1e-6),
+    "m/s^1.5": Quantity("VelocityRandomWalk", "VelocityRandomWalk", "m/s^1.5", "ug/sqrt(Hz)", nominal=1e-4),
+}
+_GYRO_ERROR = Quantity("GyroError", "AngularVelocity", "rad/s", "deg/h", nominal=1e-7)
+_ACCEL_ERROR = Quantity("AccelerometerError", "Acceleration", "m/s^2", "ug", nominal=1e-3)
+_FLAG = Quantity("Flag", "Dimensionless", "1")
+
+
+def parts(row: Row) -> tuple[str, ...]:
+    """The units of equal parts of a row: one, or several of a row such as an innovation in m, then in m/s; none if mixed."""
+    if row.unit == "SI":
+        return ()
+    return tuple(_SAME.get(unit, unit) for unit in row.unit.split(", "))
+
+
+def quantity(row: Row, unit: str) -> Quantity:
+    """The declared type of a row's elements in `unit`; the errors of sensors are shown in the units of data sheets."""
+    if unit == "1" and not row.shape and (row.lower, row.upper) == (0, 1):
+        return _FLAG
+    if any(word in row.name for word in _SMALL):
+        if unit == "rad/s":
+            return _GYRO_ERROR
+        if unit == "m/s^2":
+            return _ACCEL_ERROR
+    if unit in _QUANTITIES:
+        return _QUANTITIES[unit]
+    known = UNITS.get(unit, Unit(unit, None))
+    words = "".join(letter if letter.isalnum() else "_" for letter in unit).strip("_")
+    return Quantity(f"Quantity_{words}", "", unit, known.displays[0].name if known.displays else "")

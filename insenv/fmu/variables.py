@@ -1,0 +1,104 @@
+"""The variables of an FMU: the rows of the model's tables in one order, which is also that of the C side's one array."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from insenv.core.tables import Row, Vector
+from insenv.fmu.subject import Subject
+
+PREFIX = "parameters."
+"""Parameters are named apart: one such as `velocity_sigma` may be an output too."""
+_AXES = {
+    "n": ("north", "east", "down"),
+    "b": ("forward", "right", "down"),
+    "e": ("x", "y", "z"),
+    "w": ("x", "y", "down"),
+}
+_FRAMES = {
+    "n": "north, east, down",
+    "b": "forward, right, down",
+    "e": "Earth-fixed x, y, z",
+    "w": "wander azimuth",
+    "n at the start": "north, east, down at the start",
+}
+
+
+class Kind(IntEnum):
+    """What a variable is: the C side's numbers (fmu/c/instance.h)."""
+
+    NONE, TIME, CONSTANT, PARAMETER, INPUT, OUTPUT = range(6)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A row as a variable.  name: in the FMU.  number: among the rows.  place: of its first element.  start: flat, or None."""
+
+    row: Row
+    name: str
+    kind: Kind
+    number: int
+    place: int
+    start: Vector | None
+
+    @property
+    def elements(self) -> list[str]:
+        """The names of its elements, by rows, counted from 1 as FMI does; its own name if it is a scalar."""
+        if not self.row.shape:
+            return [self.name]
+        places = itertools.product(*(range(1, n + 1) for n in self.row.shape))
+        return [f"{self.name}[{','.join(map(str, place))}]" for place in places]
+
+    @property
+    def description(self) -> str:
+        """The meaning and the frame."""
+        frame = _FRAMES.get(self.row.frame, self.row.frame)
+        components = "scalar first" if self._is_quaternion else frame
+        return self.row.meaning + (f" ({components})" if components and self.row.shape else "")
+
+    def element_description(self, element: int) -> str:
+        """The same of one element, with its axis."""
+        axes = ("w", "x", "y", "z") if self._is_quaternion else _AXES.get(self.row.frame.split(" ")[0], ())
+        if not self.row.shape:
+            return self.row.meaning
+        if len(self.row.shape) == 1 and axes and self.row.size % len(axes) == 0:
+            return f"{self.row.meaning}: {axes[element % len(axes)]}"
+        return f"{self.row.meaning}: element {element + 1}"
+
+    @property
+    def _is_quaternion(self) -> bool:
+        return self.row.shape == (4,) and self.row.name.startswith(("q_", "start_quaternion"))
+
+
+def variables(subject: Subject) -> list[Variable]:
+    """All rows in order: time, the sample interval, parameters, inputs, outputs; those of kind NONE are not shown."""
+    model = subject.model
+    found: list[tuple[Row, str, Kind, Vector | None]] = [(Row("time", "Time", "s"), "time", Kind.TIME, None)]
+    if "sample_interval" not in model.parameters:
+        row = Row("sample_interval", "Time from one inertial sample to the next", "s", start=subject.sample_interval)
+        found.append((row, row.name, Kind.CONSTANT, row.flat_start()))
+    for row in model.parameters:
+        given = subject.parameters[model.parameters.slice(row.name)]
+        if row.name == "sample_interval":
+            found.append((row, row.name, Kind.CONSTANT, given))
+        else:
+            found.append((row, PREFIX + row.name, Kind.PARAMETER, given))
+    for row in model.inputs:
+        held = np.array([subject.sample_interval]) if row.name == "dt" else row.flat_start()
+        found.append((row, row.name, Kind.INPUT, held))
+    for row in model.outputs:
+        kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # the importer's own time says it
+        found.append((row, row.name, kind, None))
+
+    result, place = [], 0
+    for number, (row, name, kind, start) in enumerate(found):
+        result.append(Variable(row, name, kind, number, place, start))
+        place += row.size
+    names = [v.name for v in result if v.kind is not Kind.NONE]
+    if len(set(names)) != len(names):
+        raise ValueError(f"{subject.id}: two variables have the same name")
+    return result
