@@ -22,6 +22,8 @@ vehicle to be at rest, from the tilt rows of the navigation filters' own symboli
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,15 +35,15 @@ Array = NDArray[np.float64]
 BOUND_STEPS = 3000
 
 
-def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: float, height: float) -> Array:
-    """Attitude errors about north, east, down (3, rad) that the sensors' mean errors in n leave (3, rad/s; 3, m/s^2).
+def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: Any, height: Any) -> Array:
+    """Attitude errors about north, east, down (..., 3, rad) that the sensors' mean errors in n leave (..., 3; rad/s, m/s^2).
 
-    latitude rad, height m.  The sign is that of the rotation vector of estimate times inverse truth, in n.
+    latitude rad, height m (...).  The sign is that of the rotation vector of estimate times inverse truth, in n.
     """
-    g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
-    north, east = -accel_error_n[1] / g, accel_error_n[0] / g
-    down = -north * np.tan(latitude) - gyro_error_n[1] / (geodesy.OMEGA_IE * np.cos(latitude))
-    return np.array([north, east, down])
+    g = geodesy.numeric.normal_gravity(np.sin(latitude), height)
+    north, east = -accel_error_n[..., 1] / g, accel_error_n[..., 0] / g
+    down = -north * np.tan(latitude) - gyro_error_n[..., 1] / (geodesy.OMEGA_IE * np.cos(latitude))
+    return np.stack([north, east, down], axis=-1)
 
 
 def noise_tilts(angle_random_walk: float, velocity_random_walk: float, latitude: float, height: float, time: float) -> Array:
@@ -52,27 +54,32 @@ def noise_tilts(angle_random_walk: float, velocity_random_walk: float, latitude:
     return np.array([tilt / 2, tilt, np.sqrt(drift) / (geodesy.OMEGA_IE * np.cos(latitude))])
 
 
-def noise_bound(angle_random_walk: float, velocity_random_walk: float, latitude: float, height: float, times: Array) -> Array:
-    """Cramer-Rao bound of alignment at rest: standard deviations about north, east, down (n, 3, rad) at `times` (n, s, rising).
+def noise_bound(angle_random_walk: Any, velocity_random_walk: Any, latitude: Any, height: Any, times: Array) -> Array:
+    """Cramer-Rao bound of alignment at rest: standard deviations about north, east, down (..., n, 3, rad) at `times` (n, s,
+    rising).
 
     The vehicle is at rest and known to be; its specific force is measured with white noise V, its attitude is carried by
-    gyros with white noise N, and nothing is known of the attitude at time 0.
+    gyros with white noise N, and nothing is known of the attitude at time 0.  N, V, latitude and height broadcast (...).
     """
-    tilt_rate, force_per_tilt = _tilt_model(latitude, height)
+    N, V, latitude, height = np.broadcast_arrays(angle_random_walk, velocity_random_walk, latitude, height)
+    shape = N.shape
+    models = [_tilt_model(float(lat), float(h)) for lat, h in zip(latitude.ravel(), height.ravel(), strict=True)]
+    tilt_rate, force_per_tilt = (np.stack(part) for part in zip(*models, strict=True))
     step = float(times[-1]) / BOUND_STEPS
     carry = np.eye(3) + tilt_rate * step
-    grown = np.eye(3) * angle_random_walk**2 * step
+    grown = np.eye(3) * (N.reshape(-1, 1, 1) ** 2 * step)
     # the information that one step's force gives on the tilts; a floor keeps a noiseless sensor finite
-    gained = force_per_tilt.T @ force_per_tilt * step / max(velocity_random_walk, 1e-12) ** 2
-    P, found = np.eye(3) * np.pi**2, np.empty((BOUND_STEPS + 1, 3))
-    found[0] = np.sqrt(np.diag(P))
+    gained = force_per_tilt.swapaxes(1, 2) @ force_per_tilt * (step / np.maximum(V.reshape(-1, 1, 1), 1e-12) ** 2)
+    P, found = np.tile(np.eye(3) * np.pi**2, (N.size, 1, 1)), np.empty((BOUND_STEPS + 1, N.size, 3))
+    found[0] = np.pi
     for k in range(BOUND_STEPS):
-        P = carry @ P @ carry.T + grown
+        P = carry @ P @ carry.swapaxes(1, 2) + grown
         P = P @ np.linalg.inv(np.eye(3) + gained @ P)
-        P = (P + P.T) / 2
-        found[k + 1] = np.sqrt(np.diag(P))
+        P = (P + P.swapaxes(1, 2)) / 2
+        found[k + 1] = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
     grid = np.linspace(0.0, float(times[-1]), BOUND_STEPS + 1)
-    return np.stack([np.interp(times, grid, column) for column in found.T], axis=1)
+    bounds = [[np.interp(times, grid, found[:, i, axis]) for axis in range(3)] for i in range(N.size)]
+    return np.array(bounds).swapaxes(1, 2).reshape(*shape, len(times), 3)
 
 
 def _tilt_model(latitude: float, height: float) -> tuple[Array, Array]:
@@ -88,10 +95,16 @@ def _tilt_model(latitude: float, height: float) -> tuple[Array, Array]:
 
 
 def alignment_limit(bias: Array, noise: Array, heading: float) -> dict[str, float]:
-    """Limit by channel, degrees: root sum square of the bias part and the noise part; `heading` (rad) turns tilts to roll,
-    pitch.
+    """Limit by channel, degrees; see `alignment_limits`."""
+    return dict(zip(ATTITUDE, alignment_limits(bias, noise, heading).tolist(), strict=True))
+
+
+def alignment_limits(bias: Array, noise: Array, heading: Any) -> Array:
+    """Limits of roll, pitch and heading (..., 3), degrees: root sum square of the bias part (..., 3, rad) and the noise part
+    (..., 3, rad); `heading` (..., rad) turns tilts to roll, pitch.
     """
     c, s = np.cos(heading), np.sin(heading)
+    north, east, down = np.moveaxis(bias, -1, 0)
     # tilts about the forward and right axes of the level body
-    bias = np.array([c * bias[0] + s * bias[1], c * bias[1] - s * bias[0], bias[2]])
-    return dict(zip(ATTITUDE, np.degrees(np.hypot(bias, noise)).tolist(), strict=True))
+    bias = np.stack([c * north + s * east, c * east - s * north, down], axis=-1)
+    return np.degrees(np.hypot(bias, noise))

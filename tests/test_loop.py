@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from insenv.core.batch import make_batch
-from insenv.core.model import Step
+from insenv.core.model import Step, derived
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
@@ -104,13 +104,15 @@ def test_two_estimators_stand_behind_one_plant():
         assert np.array_equal(found[f"{prefix}q_nb"], alone["q_nb"])
 
 
-def test_conditions_that_never_hold_cost_nothing():
-    plant = build(load("ship-swaying")).model
-    steps = loop_model(plant, get("loosely-coupled").model).steps
-    assert "estimator_gnss" not in steps and "estimator_zero_velocity" not in steps  # no receiver; nobody says `standing`
-    assert steps["estimator_covariance"].when == "estimator_covariance_due"
+def test_conditions_on_inputs_that_the_plant_has_not_are_settled_beforehand():
+    plant, filter = build(load("ship-swaying")).model, get("ecef-kf").model
+    steps = loop_model(plant, filter).steps
+    assert filter.steps["fix"].when == "gnss_valid" and "estimator_fix" not in steps  # there is no receiver
+    assert steps["estimator_pair"].when == "estimator_pair_due"
+    always = replace(filter, inputs=derived(filter.inputs, gnss_valid=1.0))
+    assert loop_model(plant, always).steps["estimator_fix"].when is None
     driving = build(load("car-city-drive")).model
-    assert loop_model(driving, get("loosely-coupled").model).steps["estimator_gnss"].when == "gnss_valid"
+    assert loop_model(driving, filter).steps["estimator_fix"].when == "gnss_valid"
 
 
 def test_the_plants_inputs_are_kept():

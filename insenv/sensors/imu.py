@@ -101,13 +101,9 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     n = normals(r[0:6])
     arrives = r[6] >= p.imu_drop_probability
     state: dict[str, Any] = {"imu_valid": arrives}
-    for triad, true, extra, own, output in (
-        (GYRO, x.true_delta_angle, x.gyro_g_matrix @ x.true_delta_velocity, n[0:3], "delta_angle"),
-        (ACCEL, x.true_delta_velocity, ca.SX.zeros(3), n[3:6], "delta_velocity"),
-    ):
+    for triad, own, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
         bias = _of(x, triad, "bias_s") + _of(x, triad, "bias_step_s")
-        sensed = _of(x, triad, "error_matrix") @ true + bias * dt + extra
-        sensed = sensed + _of(p, triad, "random_walk") * root_dt * own
+        sensed = _sensed(p, x, triad, bias) + _of(p, triad, "random_walk") * root_dt * own
         counted, residual = _count(p, x, triad, sensed)
         state[f"{triad.name}_bias_s"] = bias
         state[f"{triad.name}_bias_true"] = _of(x, triad, "bias_true") + _of(x, triad, "bias_step_b")
@@ -119,6 +115,19 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         "drift_counter": counter,
         "drift_due": (counter + 0.5) * dt > p.drift_interval,
     }
+
+
+def _sensed(p: Values, x: Values, triad: Triad, bias: Any) -> Any:
+    """Increments (3, s) of a triad before noise, from the true ones of the sample and a bias (3, s)."""
+    true = x.true_delta_angle if triad is GYRO else x.true_delta_velocity
+    extra = x.gyro_g_matrix @ x.true_delta_velocity if triad is GYRO else ca.SX.zeros(3)
+    return _of(x, triad, "error_matrix") @ true + bias * p.sample_interval + extra
+
+
+def systematic_error(p: Values, x: Values) -> tuple[Any, Any]:
+    """Error of the last sample's delta angle (3, rad, b) and delta velocity (3, m/s, b), but for what noise and counts add."""
+    angle, velocity = (x.C_bs @ _sensed(p, x, triad, _of(x, triad, "bias_s")) for triad in (GYRO, ACCEL))
+    return angle - x.true_delta_angle, velocity - x.true_delta_velocity
 
 
 def _count(p: Values, x: Values, triad: Triad, sensed: Any) -> tuple[Any, Any]:

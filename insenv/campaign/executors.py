@@ -1,0 +1,64 @@
+"""Who does the blocks: threads of this process, a pool of processes or a Dask cluster, all of them
+`concurrent.futures.Executor`s.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
+
+from insenv.errors import InputError, InsenvError
+
+Workers = Callable[[], AbstractContextManager[Executor]]
+"""Makes an executor; called again where one broke because a worker died."""
+
+MAX_WORKERS = 4096
+CONNECT_S = 20.0
+RETRIES = 5
+"""Times that a cluster does a block again whose worker died."""
+
+
+def threads(count: int | None = None) -> Workers:
+    """Threads of this process, one a core if not said: the core works without the interpreter's lock."""
+    number = _checked(count) if count is not None else cores()
+    return lambda: ThreadPoolExecutor(number, thread_name_prefix="insenv-campaign")
+
+
+def processes(count: int) -> Workers:
+    """`count` processes of this machine, started afresh (they inherit no state)."""
+    number = _checked(count)
+    return lambda: ProcessPoolExecutor(number, mp_context=multiprocessing.get_context("spawn"))
+
+
+def cluster(address: str) -> Workers:
+    """The workers of the Dask scheduler at `address` (``tcp://host:8786``).  Raises `InputError` if Dask is not installed."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("a scheduler needs Dask: pip install 'insenv[cluster]'") from None
+
+    @contextmanager
+    def connected() -> Iterator[Executor]:
+        try:
+            client = Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise InsenvError(f"no Dask scheduler answers at {address!r}: {error}") from None
+        with client:
+            yield client.get_executor(pure=False, retries=RETRIES)
+
+    return connected
+
+
+def _checked(count: int) -> int:
+    if not 1 <= count <= MAX_WORKERS:
+        raise InputError(f"workers = {count}: allowed is 1 to {MAX_WORKERS}")
+    return count
+
+
+def cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

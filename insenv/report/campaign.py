@@ -1,0 +1,198 @@
+"""What is shown and kept of a campaign: tables for 80 columns, the figure over time, the result files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.campaign import PERCENTILES, Summary
+from insenv.evaluation import ATTITUDE, POSITION, VELOCITY
+from insenv.report.document import finite, to_json
+from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
+from insenv.report.files import NO_MATPLOTLIB, FilesWritten, OutputFolder
+from insenv.report.scales import set_scale
+from insenv.report.tables import _table, label, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+NAME = "campaign"
+NAMED = 10
+"""Seeds of diverged runs that a table names; the files name all."""
+
+
+def campaign_document(found: Summary, files: Sequence[str] = ()) -> dict[str, Any]:
+    """The documented JSON form; `files` only where there are any."""
+    return finite({**found.as_json(), **({"files": list(files)} if files else {})})
+
+
+def campaign_tables(found: Summary) -> Iterator[RenderableType]:
+    """What is printed of a campaign, top to bottom."""
+    from rich.text import Text
+
+    plan, document = found.plan, found.as_json()
+    yield Text(f"{plan.name}: {plan.estimator}", "bold")
+    seeds = f"seeds {plan.first_seed} to {plan.first_seed + plan.runs - 1}" if plan.runs > 1 else f"seed {plan.first_seed}"
+    yield Text(f"{plan.runs} runs of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples")
+    for variation in plan.variations:
+        yield Text(f"{variation.key} drawn from {variation.low:g} to {variation.high:g}")
+    yield Text()
+    figures = found.figures()
+    table = _table("error", "mean", "rms", "limit", "rms/limit", "stated")
+    for name, row in figures.items():
+        ratio = row["rms"] / row["limit"] if row["limit"] else None
+        table.add_row(
+            label(name),
+            number(row["mean"]),
+            Text(number(row["rms"]), "bold"),
+            number(row["limit"]),
+            Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
+            number(row["stated"]),
+        )
+    yield table
+    yield Text()
+    table = _table("at the end", *(f"{p:g} %" for p in PERCENTILES))
+    for name, row in figures.items():
+        table.add_row(label(name), *(number(value) for value in row["percentiles"].values()))
+    yield table
+    yield Text()
+    start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
+    yield Text(f"mean, percentiles: of the errors at the end; rms, limit, stated: {start}, all runs", "dim")
+    if (nees := document["nees"]) is not None:
+        yield Text(
+            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
+            f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
+        )
+    for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
+        if seeds_of:
+            named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
+            yield Text(f"{len(seeds_of)} of {plan.runs} runs {what}: seed {named}", "yellow")
+    for note in document["notes"]:
+        yield Text(f"note: {note}")
+
+
+def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is there, campaign.png and campaign.svg."""
+    note = NO_MATPLOTLIB if figure and not find_spec("matplotlib") else ""
+    drawn = figure and not note
+    names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
+    paths = tuple(folder.path / name for name in names)
+    with folder.staged() as part:
+        with part(names[0]).open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **campaign_arrays(found))
+        text = to_json(campaign_document(found, [str(path) for path in paths])) + "\n"
+        part(names[1]).write_text(text, encoding="ascii")
+        if drawn:
+            save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
+    return FilesWritten(paths, note)
+
+
+def campaign_arrays(found: Summary) -> dict[str, NDArray[Any]]:
+    """All arrays of a campaign by key (docs/campaigns.md)."""
+    arrays: dict[str, NDArray[Any]] = {"time": found.time, "percentiles": np.array(PERCENTILES)}
+    for name, course in found.courses.items():
+        for kind, values in vars(course).items():
+            if values is not None:
+                arrays[f"{name}/{kind}"] = values
+    if found.nees is not None:
+        arrays["nees/mean"] = found.nees.mean
+        arrays["nees/bounds"] = np.array([found.nees.low, found.nees.high])
+    arrays["runs/seed"] = found.seeds
+    for place, variation in enumerate(found.plan.variations):
+        arrays[f"runs/{variation.key}"] = found.values[:, place]
+    for place, name in enumerate(found.channels):
+        for kind in ("final", "rms", "limit"):
+            arrays[f"runs/{name}/{kind}"] = getattr(found, kind)[:, place]
+    arrays["runs/diverged"] = np.isin(found.seeds, found.diverged)
+    arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **found.as_json()}, indent=None))
+    return arrays
+
+
+def draw_campaign(found: Summary) -> Figure:
+    """Percentiles of the errors over time, beside plus and minus the limit; the NEES with its bounds where there is one."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context({**_defaults(), **STYLE}):
+        figure = Figure(layout="constrained")
+        FigureCanvasAgg(figure)
+        groups = [[name for name in group if name in found.courses] for group in (ATTITUDE, POSITION, VELOCITY)]
+        groups = [group for group in groups if group]
+        rows = len(groups) + (found.nees is not None)
+        handles: dict[str, Any] = {}
+        if len(groups) == 1:  # attitude alone: one panel below the other, and beside it the end
+            count = 3 + (found.nees is not None)
+            figure.set_size_inches(9.0, 1.2 + 2.1 * count)
+            axes = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(1.25, 1))
+            for (left, right), name in zip(axes, groups[0], strict=False):
+                for axis, from_s in ((left, 0.0), (right, found.from_s)):
+                    handles |= _course(axis, found, name, from_s)
+                left.set_ylabel(label(name).replace(" [", " error ["))
+            axes[0, 0].set_title("Error over the whole run", loc="left")
+            axes[0, 1].set_title(f"From {found.from_s:g} s on, where the statistics are taken", loc="left")
+            if found.nees is not None:
+                for axis, from_s in zip(axes[-1], (0.0, found.from_s), strict=True):
+                    _nees(axis, found, from_s)
+                axes[-1, 0].set_ylabel("mean NEES")
+            bottom = list(axes[-1])
+        else:
+            figure.set_size_inches(11.0, 1.4 + 2.2 * rows)
+            axes = figure.subplots(rows, 3, squeeze=False, sharex=True)
+            for row, group in zip(axes, groups, strict=False):
+                for axis, name in zip(row, group, strict=True):
+                    handles |= _course(axis, found, name, 0.0)
+                    axis.set_title(label(name).replace(" [", " error ["), loc="left")
+            if found.nees is not None:
+                _nees(axes[-1, 0], found, 0.0)
+                axes[-1, 0].set_title("Mean NEES over the runs", loc="left")
+                for above, axis in zip(axes[-2, 1:], axes[-1, 1:], strict=True):
+                    axis.set_axis_off()
+                    above.tick_params(labelbottom=True)
+            bottom = list(axes[-1]) if found.nees is None else [axes[-1, 0], *axes[-2, 1:]]
+        for axis in bottom:
+            axis.set_xlabel("time [s]")
+        plan = found.plan
+        title = f"{plan.name}: {plan.estimator}\n{plan.runs} runs of {plan.duration_s:g} s"
+        figure.suptitle(title.replace("$", r"\$"), fontsize=10.5)
+        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=3, frameon=False)
+        return figure
+
+
+def _course(axis: Axes, found: Summary, name: str, from_s: float) -> dict[str, Any]:
+    """One channel from a time on; the legend's handles by their text."""
+    course, late = found.courses[name], found.time >= from_s - 1e-9
+    time = found.time[late]
+    low, lower, median, upper, high = course.percentiles[:, late]
+    handles: dict[str, Any] = {}
+    axis.axhline(0.0, color=PALE, linewidth=0.6, zorder=1)
+    for below, above, alpha, share in ((low, high, 0.16, "95 %"), (lower, upper, 0.32, "68 %")):
+        text = f"{share} of the runs"
+        handles[text] = axis.fill_between(time, below, above, color=COLOURS[0], alpha=alpha, linewidth=0, zorder=2, label=text)
+    (handles["median"],) = axis.plot(time, median, color=COLOURS[0], zorder=3, label="median")
+    reach = 0.0
+    if course.limit is not None:
+        for sign in (-1, 1):
+            (line,) = axis.plot(time, sign * course.limit[late], color=LIMIT, linestyle=(0, (4, 2)), linewidth=1.0, zorder=4)
+        line.set_label("theoretical limit, ±1 sigma")
+        handles[str(line.get_label())] = line
+        reach = float(np.nanmax(course.limit[late][-max(1, len(time) // 4) :]))
+    axis.set_xlim(from_s, float(found.time[-1]))
+    return handles | set_scale(axis, [np.concatenate([low, high]) if from_s > 0 else np.stack([low, high], 1).ravel()], [reach])
+
+
+def _nees(axis: Axes, found: Summary, from_s: float) -> None:
+    """Mean NEES with the bounds of a consistent estimator."""
+    assert found.nees is not None
+    late = found.time >= from_s - 1e-9
+    axis.axhspan(found.nees.low, found.nees.high, color=COLOURS[2], alpha=0.2, linewidth=0, zorder=1)
+    axis.axhline(found.nees.degrees, color=LIMIT, linestyle=(0, (4, 2)), linewidth=1.0, zorder=2)
+    axis.plot(found.time[late], found.nees.mean[late], color=COLOURS[2], zorder=3)
+    axis.set_xlim(from_s, float(found.time[-1]))
+    axis.set_ylim(0.0, None)
