@@ -16,6 +16,7 @@ from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator
 from insenv.run import recording_interval
 from insenv.scenario import Plant, Scenario, build
+from insenv.simulation.plant import SENSOR_ERROR
 
 Array = NDArray[np.float64]
 SAMPLES_AT_ONCE = 200_000  # rows times samples simulated before the estimators see them: some 100 MB
@@ -26,8 +27,8 @@ class Ensemble:
     """What an ensemble gave at the recorded times.
 
     time (records,) s; truth: the plant's outputs by row name, (seeds, records, ...); outputs: by estimator id, the
-    estimator's outputs by row name, likewise; plants: one of each seed; sensor_error_n (seeds, 6): mean excess of gyros
-    (rad/s) and accelerometers (m/s^2) over the truth in n, along the whole run.
+    estimator's outputs by row name, likewise; plants: one of each seed; sensor_error_n (seeds, 6): mean error of gyros
+    (rad/s) and accelerometers (m/s^2) in n along the whole run, noise left out.
     """
 
     time: Array
@@ -113,5 +114,4 @@ def _inputs(model: Model, columns: Mapping[str, Array], shape: tuple[int, int]) 
 
 def _excess_n(columns: Mapping[str, Array]) -> Array:
     C_nb = attitude.numeric.to_dcm(columns["q_nb"])
-    excess = [columns[name] - columns[f"true_{name}"] for name in ("delta_angle", "delta_velocity")]
-    return np.concatenate([np.einsum("rnij,rnj->ri", C_nb, e) for e in excess], axis=1)
+    return np.concatenate([np.einsum("rnij,rnj->ri", C_nb, columns[name]) for name in SENSOR_ERROR.names], axis=1)

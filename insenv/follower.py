@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from insenv.core.runner import Runner, make_runner
 from insenv.errors import InsenvError
-from insenv.estimators import Estimator, Knowledge
+from insenv.estimators import Estimator, Knowledge, applicability
 from insenv.estimators.feeding import input_rows
 
 Array = NDArray[np.float64]
@@ -45,3 +45,7 @@ class Follower:
     def named(self) -> dict[str, Array]:
         """All outputs so far by row name, time along the first axis."""
         return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
+
+    def notes(self, duration_s: float) -> tuple[str, ...]:
+        """What must be said of the estimate after `duration_s` of data: see `insenv.estimators.applicability`."""
+        return applicability.notes(self.estimator, self.estimator.model.parameters.unpack(self.runner.p), duration_s)

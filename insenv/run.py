@@ -16,6 +16,7 @@ from insenv.estimators.feeding import bridge_lost
 from insenv.evaluation import POSITION, Report, Result, Track, errors, stated_sigma
 from insenv.follower import Follower
 from insenv.scenario import Plant, Scenario, build
+from insenv.simulation.plant import SENSOR_ERROR
 from insenv.smoothing import SmoothingFollower
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ def run(
     predictor = None
     if any(e.kind == "navigation" and not e.aided for e in chosen):
         filter15 = estimators.get("loosely-coupled")
-        predictor = follower_of(filter15, plant.knowledge, {}, every)
+        predictor = follower_of(filter15, plant.knowledge, {filter15.id: {"standing_window": 0.0}}, every)
 
     kept: list[Array] = []
     bridged, sensor_error_n = 0, np.zeros(6)
@@ -106,10 +107,9 @@ def track_of(times: Array, rows: dict[str, Array]) -> Track:
 
 
 def _sensor_error_n(columns: dict[str, Array]) -> Array:
-    """Sums of what the gyros (3, rad) and the accelerometers (3, m/s) showed beyond the truth, in n."""
+    """Sums of the errors of the gyros (3, rad) and the accelerometers (3, m/s) in n, noise left out: its bound is added."""
     C_nb = attitude.numeric.to_dcm(columns["q_nb"])
-    excess = (columns[name] - columns[f"true_{name}"] for name in ("delta_angle", "delta_velocity"))
-    return np.concatenate([np.einsum("nij,nj->i", C_nb, e) for e in excess])
+    return np.concatenate([np.einsum("nij,nj->i", C_nb, columns[name]) for name in SENSOR_ERROR.names])
 
 
 def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Array, predictor: Follower | None) -> Result:
@@ -133,6 +133,7 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
         limit=limit,
         from_s=from_s,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
+        notes=follower.notes(plant.duration_s),
     )
 
 

@@ -276,3 +276,43 @@ def test_a_day_keeps_the_covariance_positive():
     runner = make_runner(model, {"latitude": 0.5, "angle_random_walk": 1e-9, "velocity_random_walk": 1e-7})
     runner.run(n, model.inputs.pack({"delta_angle": rate * dt, "delta_velocity": force * dt, "dt": dt}), 0)
     assert np.linalg.eigvalsh(symmetric.full_array(runner.state["covariance"], 12)).min() > 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("age", [0.0, 0.15])
+def test_observation_of_a_fix_against_differences(seed, age):
+    """Moving base: lever arm and age in the innovation are also in H, at random attitudes, rates and accelerations."""
+    rng = np.random.default_rng(seed)
+    model = ecef_kf.MODEL
+    p, x = ca.SX.sym("p", model.parameters.size), ca.SX.sym("x", model.state.size)
+    function = ca.Function("f", [p, x], list(ecef_kf.fix_observation(model.parameters.symbols(p), model.state.symbols(x))))
+    parameters = model.parameters.pack({"antenna_lever_arm": rng.normal(size=3) * 5})
+    C_eb = Rotation.random(random_state=seed)
+    values = {
+        "q_eb": C_eb.as_quat(scalar_first=True),
+        "velocity_e": rng.normal(size=3) * 10,
+        "rate_b": rng.normal(size=3),
+        "acceleration_e": rng.normal(size=3),
+        "gravity_e": rng.normal(size=3) * 6,
+        "fix_velocity_n": rng.normal(size=3) * 10,
+        "fix_age": age,
+        "place": (0.6, 1.2, 50.0),
+    }
+
+    def innovation(error):
+        """Of an estimate off by `error`: C_hat = exp(-phi) C, rates and forces with what is left of the biases in them."""
+        dv, phi, accel, gyro = error.reshape(4, 3)
+        turn, force = Rotation.from_rotvec(-phi), values["acceleration_e"] - values["gravity_e"]
+        off = {
+            "q_eb": (turn * C_eb).as_quat(scalar_first=True),
+            "velocity_e": values["velocity_e"] + dv,
+            "rate_b": values["rate_b"] + gyro,
+            "acceleration_e": values["gravity_e"] + turn.apply(force + C_eb.apply(accel)),
+        }
+        return function(parameters, model.state.pack({**values, **off}))[0].full().ravel()
+
+    H = function(parameters, model.state.pack(values))[1].full()
+    step = 1e-6
+    difference = np.array([(innovation(e) - innovation(-e)) / (2 * step) for e in np.eye(12) * step]).T
+    assert np.allclose(H, difference, atol=1e-7)
+    assert np.abs(H[:, 3:6]).max() > 0.1 and np.abs(H[:, 9:]).max() > 0.1

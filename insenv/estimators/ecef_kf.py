@@ -30,6 +30,7 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
+from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select, sin_cos
 from insenv.core.model import Model, Step
@@ -181,9 +182,10 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
     sway = p.sway_sigma**2 + ca.sum1(maximum(excess, beyond))  # in one direction there is sway in all
     variance = floor + sway * minimum(2 * (p.sway_time / x.window) ** 2, 1.0) + (p.velocity_random_walk**2 / 3) * x.window
     variance = select(moving, ca.repmat(x.fix_sigma**2, 3, 1), variance)
-    innovation = select(moving, x.velocity_e - _fix_velocity(p, x), x.window_velocity_e / x.window)
+    fix_innovation, fix_H = fix_observation(p, x)
+    innovation = select(moving, fix_innovation, x.window_velocity_e / x.window)
     accept, correction = select(moving, x.fix_waiting, 1.0), ca.SX.zeros(N)
-    H = observation(A, select(moving, 0.0, 0.5))
+    H = select(moving, fix_H, observation(A, 0.5))
     for i in range(3):
         stored, correction = observe(stored, correction, H[i, :], innovation[i], variance[i], accept)
     return {
@@ -201,11 +203,19 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
     }
 
 
-def _fix_velocity(p: Any, x: Any) -> Any:
-    """Velocity (3, m/s, e) of the inertial unit now that a fix's antenna velocity at its age stands for."""
+def fix_observation(p: Any, x: Any) -> tuple[Any, Any]:
+    """Innovation (3, m/s, e) of the velocity at a fix's antenna and time, and its derivative (3x12) to the error state."""
     q_en = geodesy.q_ew_from_geodetic(x.place[0], x.place[1], 0)
-    swing = attitude.rotate(x.q_eb, ca.cross(x.rate_b, p.antenna_lever_arm))
-    return attitude.rotate(q_en, x.fix_velocity_n) - swing + x.acceleration_e * x.fix_age
+    C_eb = attitude.to_dcm(x.q_eb)
+    swing = C_eb @ ca.cross(x.rate_b, p.antenna_lever_arm)
+    innovation = x.velocity_e - x.acceleration_e * x.fix_age + swing - attitude.rotate(q_en, x.fix_velocity_n)
+    force = x.acceleration_e - x.gravity_e
+    H = ca.SX(3, N)
+    H[:, VELOCITY] = ca.SX.eye(3)
+    H[:, TILT] = skew(swing) - x.fix_age * skew(force)
+    H[:, ACCEL] = -x.fix_age * C_eb
+    H[:, GYRO] = -C_eb @ skew(p.antenna_lever_arm)
+    return innovation, H
 
 
 def corrected(x: Any, correction: Any) -> dict[str, Any]:
@@ -230,7 +240,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     fine = attitude.normalize(attitude.multiply(attitude.conjugate(q_en), q_eb))
     C_en = attitude.to_dcm(q_en)
     covariance = C_en.T @ symmetric.full(x.covariance, N)[TILT, TILT] @ C_en
-    covariance = select(x.coarse, ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2), covariance)
+    covariance = select(x.coarse, ca.diag(rough["attitude_sigma"] ** 2), covariance)
     return {
         "q_nb": select(x.coarse, rough["q_nb"], fine),
         "attitude_sigma": ca.sqrt(ca.diag(covariance)),
@@ -274,7 +284,9 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     sensors = known.sensors
     earth = max(float(geodesy.numeric.earth_rate_n(known.latitude)[0]), 1e-3 * geodesy.OMEGA_IE)
     unknown = known.tilt_sigma > LARGE_TILT or known.heading_sigma >= LARGE_HEADING
-    tilt, heading = hypot(COARSE_TILT, sensors.accel_bias_sigma / 9.8), hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth)
+    drift = sensors.gyro_bias_sigma * COARSE_TIME / 2  # the q-method's vertical is half as old as the alignment
+    tilt = hypot(COARSE_TILT, sensors.accel_bias_sigma / 9.8, drift)
+    heading = hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth)
     return {
         **q_method.ESTIMATOR.prepare(known),
         "longitude": known.longitude,

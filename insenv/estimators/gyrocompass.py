@@ -80,7 +80,8 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         decay = decay * decay
     rest = p.start_heading_sigma * (1 + s + s * s / 2) * decay
     heading = minimum(ca.sqrt(square + rest * rest), PI)
-    return {"q_nb": frozen_frame.q_nb(x), "attitude_sigma": ca.vertcat(tilt, tilt, heading)}
+    level = ca.sqrt(tilt**2 + (p.gyro_bias_sigma * tau) ** 2)  # K1 / K2 times the drift
+    return {"q_nb": frozen_frame.q_nb(x), "attitude_sigma": ca.vertcat(level, level, heading)}
 
 
 MODEL = Model(

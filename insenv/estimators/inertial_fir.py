@@ -183,7 +183,8 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     tilt = p.accel_bias_sigma / g
     slope = x.axis_n[2] / (x.axis_n[0] + 1e-12)
     heading = ca.sqrt((p.gyro_bias_sigma**2 + noise) / frozen_frame.horizontal_earth_rate(x) ** 2 + (tilt * slope) ** 2)
-    levelled = ca.sqrt(tilt**2 + x.tilt_variance)
+    # at most the drift since the fix's vertical
+    levelled = ca.sqrt(tilt**2 + x.tilt_variance + (p.gyro_bias_sigma * (DELAY * BLOCK_S)) ** 2)
     unknown = x.fixes == 0
     levelled, heading = select(unknown, 0.2, levelled), select(unknown, PI, minimum(heading, PI))
     return {"q_nb": frozen_frame.q_nb(x), "attitude_sigma": ca.vertcat(levelled, levelled, heading)}

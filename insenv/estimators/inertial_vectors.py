@@ -146,15 +146,16 @@ def earth_turn_back(x: Any) -> Any:
     return attitude.conjugate(_turn(x.half_turn, x.axis_n))
 
 
-def stated_sigma(p: Any, x: Any) -> Any:
+def stated_sigma(p: Any, x: Any, lag: float = 0.5) -> Any:
     """Stated accuracy (3, rad): the limit that biases and white noise set (`insenv.limits`) over the time that the windows
-    leave.  The middle term of the noise joins the two ends of Brownian path (N) and white noise (V) to within 5 %.
+    leave, and in tilt the turn of gyros that carry on a vertical older than now by `lag` of the time.  The middle term of
+    the noise joins the two ends of Brownian path (N) and white noise (V) to within 5 %.
     """
     g, cosine = -x.rest_force_n[2], x.axis_n[0]
     time = maximum(x.time - DELAY * p.smoothing_time, LEAST_SIGMA_TIME)
     N, V = p.angle_random_walk, p.velocity_random_walk / g
     tilt = p.accel_bias_sigma / g
-    level = ca.sqrt(tilt**2 + 4 * V**2 / time)
+    level = ca.sqrt(tilt**2 + 4 * V**2 / time + (p.gyro_bias_sigma * lag * x.time) ** 2)
     slope = (N**2 + (1.2 * N * V + 12 * V**2 / time) / time) / time
     drift = p.gyro_bias_sigma**2 + slope + (geodesy.OMEGA_IE * x.axis_n[2] * tilt) ** 2
     heading = ca.sqrt(drift) / (geodesy.OMEGA_IE * cosine)

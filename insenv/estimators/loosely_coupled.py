@@ -22,9 +22,9 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
-from insenv.core.elementary import select
+from insenv.core.elementary import exp, select
 from insenv.core.model import Model, Step
-from insenv.estimators import strapdown
+from insenv.estimators import standing, strapdown
 from insenv.estimators.error_model import (
     ACCEL,
     GYRO,
@@ -43,6 +43,9 @@ from insenv.estimators.registry import Estimator, Knowledge
 
 PATIENCE = 10  # fixes refused in a row before the gate opens
 GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
+# errors proportional to the motion add up within a manoeuvre and come back with the next: as if white over such a one
+COHERENT_ANGLE = 1.0  # rad
+COHERENT_SPEED = 10.0  # m/s
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -70,9 +73,17 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     delta_velocity = u.delta_velocity - x.accel_bias * u.dt
     moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
     stretch = x.stretch + u.dt
-    due = ca.logic_or(stretch + u.dt / 2 > p.covariance_interval, ca.logic_or(u.gnss_valid, u.standing))
+    change = moved.velocity_w - x.velocity_w
+    seen = standing.watched(p, x, delta_angle, delta_velocity, change, u.dt)
+    event = ca.logic_or(ca.logic_or(u.gnss_valid, u.standing), seen["still_due"])
+    due = ca.logic_or(stretch + u.dt / 2 > p.covariance_interval, event)
     return {
         **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+        **seen,
+        "standing_now": u.standing,
+        "since_fix": x.since_fix + u.dt,
+        "stretch_angle": x.stretch_angle + delta_angle,
+        "stretch_change_w": x.stretch_change_w + change,
         "dt": u.dt,
         "stretch": stretch,
         "stretch_velocity_w": x.stretch_velocity_w + moved.delta_velocity_w,
@@ -80,7 +91,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
         "covariance_due": select(due, 1.0, 0.0),
-        "acceleration_w": (moved.velocity_w - x.velocity_w) * (1 / u.dt),
+        "acceleration_w": change * (1 / u.dt),
     }
 
 
@@ -88,16 +99,19 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """The covariance over the stretch of samples since the last time."""
     interval = Interval(x.stretch, x.stretch_velocity_w, x.stretch_C_wb, x.omega_ie_w, x.omega_ew_w)
     A = transition(interval, GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
+    turned, pushed = ca.sqrt(ca.sumsqr(x.stretch_angle)), ca.sqrt(ca.sumsqr(x.stretch_change_w))
     noise = ca.vertcat(
         ca.SX.zeros(3),
-        ca.repmat(p.velocity_random_walk**2, 3, 1),
-        ca.repmat(p.angle_random_walk**2, 3, 1),
-        ca.repmat(2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time, 3, 1),
-        ca.repmat(2 * p.accel_bias_sigma**2 / p.accel_correlation_time, 3, 1),
+        ca.repmat(p.velocity_random_walk**2 * x.stretch + p.thrust_error**2 * COHERENT_SPEED * pushed, 3, 1),
+        ca.repmat(p.angle_random_walk**2 * x.stretch + p.rotation_error**2 * COHERENT_ANGLE * turned, 3, 1),
+        ca.repmat(2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time * x.stretch, 3, 1),
+        ca.repmat(2 * p.accel_bias_sigma**2 / p.accel_correlation_time * x.stretch, 3, 1),
     )
     return {
-        "covariance": propagate(x.covariance, A, noise * x.stretch),
+        "covariance": propagate(x.covariance, A, noise),
         "stretch": 0,
+        "stretch_angle": ca.SX.zeros(3),
+        "stretch_change_w": ca.SX.zeros(3),
         "stretch_velocity_w": ca.SX.zeros(3),
         "stretch_C_wb": ca.SX.zeros(3, 3),
     }
@@ -164,6 +178,7 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
     innovation = ca.vertcat(C_nw @ offset - measured, C_nw @ velocity - u.gnss_velocity_n)
     H = ca.vertcat(C_nw @ H_position, C_nw @ H_velocity)
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
+    weighed = variance + ca.vertcat(repeated(p, x.since_fix), ca.SX.zeros(3))
     present = ca.vertcat(1, 1, 1, *[u.gnss_velocity_valid] * 3)
 
     stored, correction = x.covariance, ca.SX.zeros(N)
@@ -175,8 +190,8 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
         ratio = present[i] * left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
         beyond = select(ca.logic_and(p.innovation_gate > 0, ca.fabs(ratio) > p.innovation_gate), 1.0, 0.0)
         accept = present[i] * (1 - deaf * beyond)
-        scalars.append(Scalar(stored, H[i, :], left, variance[i], accept))
-        stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
+        scalars.append(Scalar(stored, H[i, :], left, weighed[i], accept))
+        stored, correction = measure(stored, correction, H[i, :], innovation[i], weighed[i], accept)
         ratios.append(ratio)
         outside = outside + beyond
     told = {
@@ -184,8 +199,19 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
         "test_ratio": ca.vertcat(*ratios),
         "rejected": x.rejected + deaf * outside,
         "refusals": select(outside > 0, x.refusals + 1, 0),
+        "since_fix": u.gnss_age,
     }
     return Update(tuple(scalars), correction, stored), told
+
+
+def repeated(p: Any, since: Any) -> Any:
+    """Variance (3, m^2) that a fix's position takes on top, because its slow error is partly that of the fix `since` before.
+
+    Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first look and
+    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
+    """
+    r = exp(-since / p.fix_wander_time)
+    return p.fix_wander_sigma**2 * (2 * r / (1 - r + 1e-12))
 
 
 def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -195,7 +221,7 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def standing_update(p: Any, x: Any) -> Update:
-    """The vehicle is known to stand: its velocity is zero within `standing_sigma`."""
+    """The vehicle stands: its velocity is zero within `standing_sigma`."""
     stored, correction = x.covariance, ca.SX.zeros(N)
     scalars = []
     for i in range(3):
@@ -262,9 +288,10 @@ MODEL = Model(
     outputs=OUTPUTS,
     steps={
         "sample": Step(sample),
+        "still": Step(standing.found, when="still_due"),
         "covariance": Step(covariance, when="covariance_due"),
         "gnss": Step(gnss, when="gnss_valid"),
-        "zero_velocity": Step(zero_velocity, when="standing"),
+        "zero_velocity": Step(zero_velocity, when="standing_now"),
     },
     output=output,
     start=start,

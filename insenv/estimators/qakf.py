@@ -175,17 +175,17 @@ def profile_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {**rows, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
 
 
-def output(p: Any, x: Any) -> dict[str, Any]:
-    """Attitude now; the stated accuracy is the q-method's."""
+def output(p: Any, x: Any, lag: float) -> dict[str, Any]:
+    """Attitude now; the stated accuracy is the q-method's, but for the age of the vertical, `lag` of the time."""
     return {
         "q_nb": inertial_vectors.attitude_now(x, x.q_start),
-        "attitude_sigma": inertial_vectors.stated_sigma(p, x),
+        "attitude_sigma": inertial_vectors.stated_sigma(p, x, lag),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
     }
 
 
-def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table) -> Estimator:
+def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table, lag: float) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -194,17 +194,20 @@ def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, An
         inputs=SAMPLE_INPUTS,
         outputs=OUTPUTS,
         steps={"sample": Step(step)},
-        output=output,
+        output=lambda p, x: output(p, x, lag),
         start=start,
     )
     return Estimator(model, kind="alignment", aided=False, prepare=inertial_vectors.prepare)
 
 
-PLAIN = _estimator("qakf", "alignment in place, quaternion adaptive Kalman filter on single vectors", vector_sample, Table())
+PLAIN = _estimator(
+    "qakf", "alignment in place, quaternion adaptive Kalman filter on single vectors", vector_sample, Table(), 1.0
+)
 IMPROVED = _estimator(
     "qakf-improved",
     "alignment in place, quaternion adaptive Kalman filter on the integral of many vectors",
     profile_sample,
     inertial_vectors.PROFILE_STATE + SPREAD,
+    0.6,
 )
 ESTIMATORS = [PLAIN, IMPROVED]

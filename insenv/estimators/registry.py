@@ -67,6 +67,7 @@ class Estimator:
 
     model: its equations.  kind: "alignment" (attitude of a vehicle that stays in place) or "navigation" (position and
     velocity too). aided: whether it takes GNSS fixes. prepare: its parameters, by row name, from what is known.
+    read_file: rows by name from the file that its tuning key `file` names, for one that has learnt; None: it takes no file.
     smooths: id of the filter whose whole run `insenv.smoothing` goes back over to give this one's results, or empty: the
     model's own outputs are the results. It is tuned as that filter is, with its own tuning on top.
     """
@@ -76,6 +77,7 @@ class Estimator:
     aided: bool
     prepare: Callable[[Knowledge], Mapping[str, Any]]
     smooths: str = ""
+    read_file: Callable[[str], Mapping[str, Any]] | None = None
 
     @property
     def id(self) -> str:
@@ -103,6 +105,7 @@ MODULES = (
     "loosely_coupled",
     "aqe_ekf",
     "aqe_sukf",
+    "lssvm",
     "smoother",
 )
 """The modules of this package that define an `ESTIMATOR` (or several, `ESTIMATORS`), in the order of listings."""

@@ -19,6 +19,7 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import loosely_coupled as filter15
+from insenv.estimators import standing
 from insenv.estimators.error_model import N, weight_and_gain
 from insenv.estimators.loosely_coupled_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
 
@@ -49,7 +50,7 @@ EVENTS = Table(
     (
         Row("covariance_due", "1 when the covariance was carried to this sample's end"),
         Row("fix_used", "1 when a fix came with this sample"),
-        Row("standing_used", "1 when the vehicle was said to stand"),
+        Row("standing_now", "1 when the vehicle was said or found to stand"),
     )
 )
 FIX = _scalars("fix", 6, "Components of the last fix, in the order used")
@@ -68,7 +69,6 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         **changed,
         "covariance_due": select(due, 1.0, 0.0),
         "fix_used": u.gnss_valid,
-        "standing_used": u.standing,
     }
 
 
@@ -123,9 +123,10 @@ MODEL = Model(
     outputs=OUTPUTS + _RECORDED + Table(tuple(row for row in NOMINAL if row.name not in OUTPUTS)),
     steps={
         "sample": Step(sample),
+        "still": Step(standing.found, when="still_due"),
         "covariance": Step(covariance, when="covariance_due"),
         "gnss": Step(gnss, when="gnss_valid"),
-        "zero_velocity": Step(zero_velocity, when="standing"),
+        "zero_velocity": Step(zero_velocity, when="standing_now"),
     },
     output=output,
     start=filter15.start,

@@ -24,6 +24,7 @@ from insenv.logs.fields import (
     with_format,
 )
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
+from insenv.sensors import imu_grade
 
 
 class _FileSection(Section):
@@ -96,6 +97,11 @@ class ImuSection(_FileSection):
         "the same for the accelerometer where it differs; may be a reflection (a unit that reports minus the force)",
     )
     rate_hz: Positive | None = key(None, "nominal sample rate; absent: from the median step of the time stamps", "Hz", le=1e5)
+    grade: str = key(
+        "",
+        "grade of the catalogue (docs/sensors.md) that estimators are tuned for and state their accuracy by; "
+        "[estimator.ID] sets single figures on top",
+    )
     max_gap_s: Number = key(
         1.0,
         "a longer hole in the samples ends with an error; shorter ones are bridged and counted",
@@ -115,6 +121,13 @@ class ImuSection(_FileSection):
             "axes": "FRD",
         }
         return with_format(data, {**readers.KF_GINS_IMU, **fixed})
+
+    @field_validator("grade")
+    @classmethod
+    def _grade(cls, value: str) -> str:
+        if value:
+            imu_grade(value)
+        return value
 
     @field_validator("axes", "accel_axes")
     @classmethod

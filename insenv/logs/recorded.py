@@ -1,4 +1,4 @@
-"""A recorded log in the project's conventions: increments in body FRD, radians, NED; `load` makes it from a
+"""A recorded log in the project's conventions: increments in body FRD, radians, NED; `build` makes it from a
 description."""
 
 from __future__ import annotations
@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from insenv.errors import InputError
+from insenv.estimators.registry import SensorNotes
 from insenv.logs.assemble import Source, checked_position, column, columns3, read_section, within
 from insenv.logs.bridging import Gaps, bridge, nominal_interval
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection
 from insenv.logs.readers import KF_GINS_GNSS_VELOCITY, TextTable
-from insenv.logs.toml import parse_description, read_description
 from insenv.logs.units import ANGLE_UNITS, Array, wrap
+from insenv.scenario.imu import sensor_notes
+from insenv.sensors import imu_grade
 
-__all__ = ["Gaps", "GnssFixes", "RecordedLog", "Reference", "Source", "build", "load", "parse_description"]
+__all__ = ["Gaps", "GnssFixes", "RecordedLog", "Reference", "Source", "build"]
 
 _MIN_FORCE, _MAX_FORCE = 8.8, 10.8
 """Median magnitude of the specific force of an Earth-bound vehicle [m/s2]; outside of it a note is made."""
@@ -87,12 +89,10 @@ class RecordedLog:
         """Time covered by the IMU samples [s]."""
         return float(self.imu_time[-1] - self.imu_time[0] + self.dt[0])
 
-
-def load(path: str | Path) -> RecordedLog:
-    """The log that a TOML file describes; its paths are relative to that file. Raises InputError on any bad
-    input."""
-    path = Path(path)
-    return build(read_description(path), path.resolve().parent)
+    def sensors(self, in_place: bool) -> SensorNotes:
+        """What the log says of its unit: the grade of [imu], or what is assumed of an unknown one."""
+        grade = self.description.imu.grade
+        return sensor_notes(imu_grade(grade).parameters(), in_place) if grade else SensorNotes()
 
 
 def build(description: LogDescription, folder: Path) -> RecordedLog:
@@ -142,28 +142,41 @@ def _read_imu(
     gyro = columns3(table, section.gyro) @ section.gyro_matrix().T
     accel = columns3(table, section.accel) @ section.accel_matrix().T
     samples = np.hstack([gyro, accel])
-    is_rate = section.kind == "rate"
-    result = bridge(stamps, samples if is_rate else samples / interval, interval, section.max_gap_s)
-    if section.stamp == "interval_end":
+    result = increments(stamps, samples, interval, section.kind, section.stamp, section.max_gap_s)
+    sanity(result[2], result[3], notes)
+    return result
+
+
+def increments(
+    stamps: Array, samples: Array, interval: float, kind: str, stamp: str, max_gap_s: float
+) -> tuple[Array, Array, Array, Array, np.ndarray, Gaps]:
+    """Samples without holes as increments: end of each interval (n,) s, delta angle (n, 3) rad, delta velocity (n, 3) m/s,
+    length (n,) s, whether it was bridged (n,), and what was.
+
+    stamps (m,) s strictly increasing; samples (m, 6): gyro and accelerometer in SI and body FRD; interval: nominal (s);
+    kind, stamp, max_gap_s: see the keys of a log's [imu]. Raises InputError where a hole is longer.
+    """
+    is_rate = kind == "rate"
+    result = bridge(stamps, samples if is_rate else samples / interval, interval, max_gap_s)
+    if stamp == "interval_end":
         end, dt = result.time, np.diff(result.time, prepend=result.time[0] - interval)
-    elif section.stamp == "interval_start":
+    elif stamp == "interval_start":
         end = np.append(result.time[1:], result.time[-1] + interval)
         dt = end - result.time
     else:
         end, dt = result.time[1:], np.diff(result.time)
     bridged = ~result.original
-    if section.stamp == "instant":
-        increments = 0.5 * (result.rates[1:] + result.rates[:-1]) * dt[:, None]
+    if stamp == "instant":
+        integrals = 0.5 * (result.rates[1:] + result.rates[:-1]) * dt[:, None]
         bridged = bridged[1:]
     else:
-        increments = result.rates * dt[:, None]
+        integrals = result.rates * dt[:, None]
         if not is_rate:
-            increments[result.original] = samples
-    _sanity(increments[:, 3:], dt, notes)
-    return end, increments[:, :3].copy(), increments[:, 3:].copy(), dt, bridged, result.gaps
+            integrals[result.original] = samples
+    return end, integrals[:, :3].copy(), integrals[:, 3:].copy(), dt, bridged, result.gaps
 
 
-def _sanity(delta_velocity: Array, dt: Array, notes: list[str]) -> None:
+def sanity(delta_velocity: Array, dt: Array, notes: list[str]) -> None:
     """Notes on a specific force that no Earth-bound vehicle has for long: wrong unit, kind or axes."""
     force = delta_velocity / dt[:, None]
     size = float(np.median(np.linalg.norm(force, axis=1)))

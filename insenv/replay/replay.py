@@ -15,9 +15,10 @@ from insenv.evaluation import Report, Result, Track, errors, stated_sigma
 from insenv.follower import Follower
 from insenv.logs import RecordedLog, Reference, load
 from insenv.replay.columns import sample_columns
-from insenv.replay.start import from_log, from_reference
+from insenv.replay.start import COURSE_SIGMA, from_log, from_reference
 from insenv.run import CHUNK, RECORDS, Progress, follower_of, recording_interval, track_of
 from insenv.scenario import tuning
+from insenv.sensors import units
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def replay(
     chosen = [estimators.get(id) for id in estimator_ids]
     log = load(path)
     description = log.description
-    begin_s = description.initial.start_s if description.initial.start_s is not None else float(log.imu_time[0])
+    begin_s = _begin(log, start)
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
     if first >= len(log.imu_time):
         raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
@@ -70,7 +71,10 @@ def replay(
     reference = _reference_track(log.reference, times)
     from_s = evaluation.from_s if evaluation.from_s is not None else float(times[0])
     to_s = evaluation.to_s if evaluation.to_s is not None else float(times[-1])
-    results = tuple(_result(follower, reference, times, from_s, to_s) for follower in followers)
+    duration = float(log.dt[first : first + total].sum())
+    results = tuple(
+        _result(f, reference, times, from_s, to_s, (*_assumed(log, f.estimator), *f.notes(duration))) for f in followers
+    )
     notes = list(log.notes)
     if log.gaps.count:
         notes.append(f"{log.gaps.count} gaps ({log.gaps.samples} samples) bridged by interpolation")
@@ -81,13 +85,23 @@ def replay(
         scenario=str(path),
         title=description.title,
         seed=None,
-        duration_s=float(log.dt[first : first + total].sum()),
+        duration_s=duration,
         imu_samples=total,
         truth=reference,
         results=results,
         notes=tuple(notes),
         published=published,
     )
+
+
+def _begin(log: RecordedLog, start: str) -> float:
+    """Time (s) from which the estimators run: as the log says, or at the first sample (that the reference covers, if it is the
+    start)."""
+    said = log.description.initial.start_s
+    first = float(log.imu_time[0] - log.dt[0])
+    if said is not None or start != "reference" or log.reference is None:
+        return first if said is None else said
+    return max(first, float(log.reference.time[0]))
 
 
 def _known(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Knowledge:
@@ -100,15 +114,37 @@ def _known(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Kn
 
 
 def _place(log: RecordedLog) -> Knowledge:
+    """The place, and a heading only where the log's [initial] gives one."""
     initial, gnss = log.description.initial, log.gnss
-    interval = float(np.median(log.dt))
     if initial.latitude_deg is not None and initial.longitude_deg is not None:
         height = initial.height_m if initial.height_m is not None else 0.0
         place = (float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height)
-        return Knowledge(*place, sample_interval=interval)
-    if gnss is None:
+    elif gnss is not None:
+        place = (float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
+    else:
         raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
-    return Knowledge(float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]), sample_interval=interval)
+    told = initial.heading_deg
+    return Knowledge(
+        *place,
+        sample_interval=float(np.median(log.dt)),
+        heading=0.0 if told is None else float(np.radians(told)),
+        heading_sigma=np.pi if told is None else COURSE_SIGMA,
+        tilt_sigma=np.pi,
+        sensors=log.sensors(in_place=True),
+    )
+
+
+def _assumed(log: RecordedLog, estimator: Estimator) -> tuple[str, ...]:
+    """What an alignment assumes of the sensors where the log does not tell."""
+    told = log.description.estimator.get(estimator.id, {})
+    if estimator.kind != "alignment" or log.description.imu.grade or any("bias" in key for key in told):
+        return ()
+    sensors = log.sensors(in_place=True)
+    gyro, accel = units.rad_s_to_deg_h(sensors.gyro_bias_sigma), units.m_s2_to_ug(sensors.accel_bias_sigma)
+    return (
+        f"the stated accuracy assumes gyros good to {gyro:.2g} deg/h and accelerometers to {accel:.3g} ug: say better by "
+        f'[imu] grade, or [estimator."{estimator.id}"] gyro_bias_deg_h, accel_bias_ug, arw_deg_sqrt_h, vrw_ug_sqrt_hz',
+    )
 
 
 def _reference_track(reference: Reference | None, times: Array) -> Track:
@@ -135,7 +171,7 @@ def _reference_track(reference: Reference | None, times: Array) -> Track:
     )
 
 
-def _result(follower: Follower, reference: Track, times: Array, from_s: float, to_s: float) -> Result:
+def _result(follower: Follower, reference: Track, times: Array, from_s: float, to_s: float, notes: tuple[str, ...]) -> Result:
     outputs = follower.named()
     found = errors(track_of(times, outputs), reference)
     # only where there is a reference to compare with, and within the window asked for
@@ -157,4 +193,5 @@ def _result(follower: Follower, reference: Track, times: Array, from_s: float, t
         limit=limit,
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
+        notes=notes,
     )

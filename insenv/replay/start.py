@@ -51,6 +51,7 @@ def from_reference(log: RecordedLog, first: int) -> Knowledge:
         tilt_sigma=float(np.radians(0.1)),
         heading_sigma=float(np.radians(0.5)),
         antenna_lever_arm=log.lever_arm_b,
+        sensors=log.sensors(in_place=False),
     )
 
 
@@ -90,6 +91,7 @@ def from_log(log: RecordedLog, first: int) -> Knowledge:
         heading_sigma=COURSE_SIGMA,
         gyro_bias=rate - earth_rate_b,
         antenna_lever_arm=log.lever_arm_b,
+        sensors=log.sensors(in_place=False),
     )
 
 

@@ -33,22 +33,30 @@ _SHORT = {
     "correlation_time": ("gyro_correlation_time", "accel_correlation_time"),
 }
 """Short names of rows, where the model has them."""
+FILE = "file"
+"""Key of the file that an estimator has its rows from; a relative path is seen from the current folder."""
 _TOLD = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
 
 
 def tuning(estimator_id: str, table: Mapping[str, Any]) -> dict[str, Any]:
     """Parameter rows, SI, of the estimator from `table`, such as ``{"arw_deg_sqrt_h": 0.3, "innovation_gate": 5}``.
 
-    A key is the row's name (or `_SHORT`) and the unit of its value.  Raises `InputError` for an unknown estimator
-    or key, a value that is no number or list of the row's shape, or one out of its bounds.
+    A key is the row's name (or `_SHORT`) and the unit of its value, or `file`, where the estimator takes one.  Raises
+    `InputError` for an unknown estimator or key, a value that is no number or list of the row's shape, one out of its
+    bounds, or a file that cannot be read.
     """
-    parameters = registry.get(estimator_id).model.parameters
+    estimator = registry.get(estimator_id)
+    parameters = estimator.model.parameters
     known = _keys(parameters)
     rows: dict[str, Any] = {}
     for key, value in table.items():
         where = f"estimator.{estimator_id!r}.{key}"
+        if key == FILE and estimator.read_file is not None:
+            rows |= _from_file(where, estimator.read_file, value)
+            continue
         if key not in known:
-            raise InputError(f"{where}: unknown key{nearest(key, sorted(known))}")
+            allowed = [*known, *([FILE] if estimator.read_file is not None else [])]
+            raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed))}")
         for row, convert in known[key]:
             if row.name in rows:
                 raise InputError(f"{where}: another key has set {row.name} already")
@@ -63,6 +71,15 @@ def tuning(estimator_id: str, table: Mapping[str, Any]) -> dict[str, Any]:
                 ) from None
             rows[row.name] = number
     return rows
+
+
+def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{where} = {shown(value)}: allowed is the path of a file")
+    try:
+        return read(value)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:

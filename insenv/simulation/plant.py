@@ -11,6 +11,7 @@ from insenv.core.compose import Part, merge
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table
 from insenv.sensors import GNSS_STATE, IMU_STATE, gnss_part, imu_part
+from insenv.sensors.imu import systematic_error
 from insenv.vehicles import TRUTH_STATE, Vehicle, truth_part
 
 CLOCK = Part(
@@ -36,18 +37,25 @@ GNSS = (
 )
 
 
+SENSOR_ERROR = Table((
+    Row("delta_angle_error", "Error of the gyro increment, noise and counts left out", "rad", (3,), "b"),
+    Row("delta_velocity_error", "Error of the accelerometer increment, noise and counts left out", "m/s", (3,), "b"),
+))  # fmt: skip
+
+
 def plant_model(vehicle: Vehicle, gnss: bool = True) -> Model:
     """The plant of a vehicle with an inertial unit and, if `gnss`, a receiver.
 
     Outputs: `time`; the truth (`TRUTH`, `true_delta_angle`, `true_delta_velocity`); the measured increments and biases
-    (`IMU`); the fix delivered with this sample, if any (`GNSS`).
+    (`IMU`); the fix delivered with this sample, if any (`GNSS`); what of the increments is error but no noise (`SENSOR_ERROR`).
     """
     parts = [truth_part(vehicle), CLOCK, imu_part()] + ([gnss_part()] if gnss else [])
     state = CLOCK.state + TRUTH_STATE + IMU_STATE + (GNSS_STATE if gnss else Table())
     names = ("time", *TRUTH, "true_delta_angle", "true_delta_velocity", *IMU, *(GNSS if gnss else ()))
-    outputs = Table(tuple(state[name] for name in names))
+    outputs = Table(tuple(state[name] for name in names)) + SENSOR_ERROR
 
     def output(p: Any, x: Any) -> dict[str, Any]:
-        return {name: getattr(x, name) for name in names}
+        shown = {name: getattr(x, name) for name in names}
+        return shown | dict(zip(SENSOR_ERROR.names, systematic_error(p, x), strict=True))
 
     return merge(f"plant-{vehicle.id}", f"{vehicle.title}, with its sensors", parts, outputs, output)

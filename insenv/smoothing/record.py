@@ -71,7 +71,7 @@ def _instants(events: Array, fixes: Array, rests: Array) -> tuple[Array, NDArray
 
     An instant has a row for each scalar measurement, and one if it has none; the transition to it goes with the first.
     """
-    with_fix, with_rest = (events[:, smoother.EVENTS.slice(name).start] != 0 for name in ("fix_used", "standing_used"))
+    with_fix, with_rest = (events[:, smoother.EVENTS.slice(name).start] != 0 for name in ("fix_used", "standing_now"))
     of_fix, of_rest = _scalars(smoother.FIX, fixes), _scalars(smoother.REST, rests)
     count = with_fix * of_fix.shape[1] + with_rest * of_rest.shape[1]
     length = np.maximum(count, 1)

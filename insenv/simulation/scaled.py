@@ -1,0 +1,50 @@
+"""An estimator whose noises are scaled as it runs: what it is told of its sensors, times factors that are state.
+
+The factors stand in the state row `noise_scale`, 1 at the start, for others to set between samples.  They act on the steps
+alone: the covariance at the start is that of the parameters as they are, and what is scaled of a bias's standard deviation is
+the drive that follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
+
+from insenv.core.model import Model, Step, Values
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError
+
+SCALE = "noise_scale"
+
+
+@lru_cache(maxsize=32)
+def scaled_model(estimator: Model, names: tuple[str, ...]) -> Model:
+    """`estimator` with the state row `noise_scale` (k,), by whose element i its parameter or input row ``names[i]`` is
+    multiplied in every step; the same object for the same arguments.
+
+    Raises `InputError` for a name that is neither a parameter nor an input.
+    """
+    missing = [name for name in names if name not in estimator.parameters and name not in estimator.inputs]
+    if missing:
+        raise InputError(f"estimator {estimator.id!r} has no parameter or input {', '.join(map(repr, missing))} to scale")
+    meaning = f"Factors on {', '.join(names)}"
+    return replace(
+        estimator,
+        id=f"{estimator.id}-scaled",
+        state=estimator.state + Table((Row(SCALE, meaning, "1", (len(names),), start=1.0),)),
+        steps={name: Step(_scaled(step, names), step.when, step.uniforms) for name, step in estimator.steps.items()},
+    )
+
+
+def _scaled(step: Step, names: tuple[str, ...]) -> Callable[..., Any]:
+    def function(p: Values, x: Values, u: Values, *r: Any) -> Any:
+        p, u = SimpleNamespace(**vars(p)), SimpleNamespace(**vars(u))
+        for i, name in enumerate(names):
+            owner = p if hasattr(p, name) else u
+            setattr(owner, name, getattr(owner, name) * getattr(x, SCALE)[i])
+        return step.function(p, x, u, *r)
+
+    return function
