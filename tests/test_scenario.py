@@ -31,7 +31,7 @@ else:
 ROOT = Path(__file__).parents[1]
 IN_PLACE = {
     "ship-swaying", "ship-irregular-sea", "car-parked", "aircraft-parked", "static-ecef", "turntable-quaternion",
-    "large-misalignment", "large-misalignment-extreme", "ship-moored-paper", "car-parked-paper",
+    "large-misalignment", "large-misalignment-extreme", "large-misalignment-training", "ship-moored-paper", "car-parked-paper",
 }  # fmt: skip
 DEG = math.pi / 180.0
 
@@ -50,6 +50,7 @@ def data_of(name: str) -> dict[str, Any]:
 def test_the_ones_asked_for_are_there() -> None:
     assert IN_PLACE | {
         "ship-underway", "car-city-drive", "aircraft-survey", "aircraft-free-inertial", "aircraft-inflight-alignment",
+        "car-unknown-heading",
     } == set(names())  # fmt: skip
 
 

@@ -14,12 +14,19 @@ from insenv.scenario import load
 
 REPETITIONS = 5
 DURATION_S = 120.0
-SCENARIOS = {"alignment": "car-parked", "navigation": "car-city-drive"}
+SCENARIOS = {
+    ("alignment", False): "car-parked",
+    ("alignment", True): "large-misalignment",
+    ("navigation", False): "car-city-drive",
+    ("navigation", True): "car-city-drive",
+}
+"""By kind of estimator, and whether it takes fixes."""
 
 
 def step(id: str) -> Figure:
     """One estimator on the scenario of its kind; the floor is an empty model's loop over as many samples."""
-    name = SCENARIOS[estimators.get(id).kind]
+    estimator = estimators.get(id)
+    name = SCENARIOS[estimator.kind, estimator.aided]
     reports = [run(load(name), [id], duration_s=DURATION_S) for _ in range(REPETITIONS)]
     samples = reports[0].imu_samples
     value = statistics.median(report.results[0].us_per_sample for report in reports)

@@ -1,0 +1,123 @@
+"""Least-squares support vector machine with an RBF kernel, as a scikit-learn estimator.
+
+Training minimises 1/2 |w|^2 + gamma/2 sum of v_k e_k^2 with y_k = w phi(x_k) + b + e_k, which gives the linear system
+
+    [[0, 1^T], [1, K + diag(1 / (gamma v))]] [b; a] = [0; y],   K = exp(-|x_k - x_l|^2 / sigma^2)
+
+(the LS-SVM paper prints it without the zero and without the term of gamma: a slip; its c is gamma/2).  v are the sample
+weights; Suykens et al., Least Squares Support Vector Machines (2002), sections 3.4 and 6.
+
+`support`: with fewer support vectors than samples (fixed size) w is sought among combinations of the support vectors' phi
+alone, for the same sum over all samples.  With as many as samples the two are one problem.  The support vectors are the
+pivots of the kernel matrix's Cholesky factorisation: greedily those which the ones before represent worst, no chance in it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from insenv.estimators.lssvm import kernel
+
+Array = NDArray[np.float64]
+BLOCK = 4096  # rows of a kernel matrix made at once when predicting
+
+
+class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Least-squares support vector regression, one or many outputs.
+
+    gamma: weight of the errors, > 0.  sigma: width of the kernel, > 0.  support: number of support vectors, None: all samples.
+
+    After `fit`: support_ (S, n_features), dual_coef_ (S, n_outputs) and intercept_ (n_outputs).
+    """
+
+    def __init__(self, gamma: float = 30.0, sigma: float = 1.0, support: int | None = None) -> None:
+        self.gamma = gamma
+        self.sigma = sigma
+        self.support = support
+
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> LSSVMRegressor:
+        """Learn y (n,) or (n, n_outputs) from X (n, n_features).  Raises ValueError for what cannot be learnt from."""
+        X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64)
+        for name in ("gamma", "sigma"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: allowed is a positive number")
+        if self.support is not None and self.support < 1:
+            raise ValueError(f"support = {self.support!r}: allowed is None or a number from 1 up")
+        weights = _check_sample_weight(sample_weight, X, dtype=np.float64)
+        if (weights < 0).any() or not weights.any():
+            raise ValueError("sample_weight: allowed are numbers from 0 up, not all 0")
+        kept = weights > 0
+        X, targets, weights = X[kept], np.asarray(y, dtype=np.float64)[kept], weights[kept]
+        targets = targets.reshape(len(X), -1)
+        if self.support is None or self.support >= len(X):
+            self.support_ = X.copy()
+            coefficients, offset = _dual(rbf(X, X, self.sigma), targets, self.gamma * weights)
+        else:
+            self.support_ = X[pivots(X, self.sigma, self.support)]
+            coefficients, offset = _fixed_size(
+                rbf(X, self.support_, self.sigma), rbf(self.support_, self.support_, self.sigma), targets, self.gamma * weights
+            )
+        self._single = np.ndim(y) == 1
+        self.dual_coef_, self.intercept_ = coefficients, offset
+        return self
+
+    def predict(self, X: Any) -> Array:
+        """Outputs (n,) or (n, n_outputs), as learnt."""
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False, dtype=np.float64)
+        blocks = [rbf(X[i : i + BLOCK], self.support_, self.sigma) @ self.dual_coef_ for i in range(0, len(X), BLOCK)]
+        found = np.concatenate(blocks) + self.intercept_
+        return found[:, 0] if self._single else found
+
+
+def rbf(X: Array, Z: Array, sigma: float) -> Array:
+    """Kernel matrix (len(X), len(Z)), with the exponential of the model in the loop."""
+    square = np.maximum(np.sum(X**2, axis=1)[:, None] + np.sum(Z**2, axis=1) - 2 * X @ Z.T, 0.0)
+    return kernel(square / sigma**2)
+
+
+def pivots(X: Array, sigma: float, count: int) -> NDArray[np.intp]:
+    """Places of up to `count` samples: pivots of the Cholesky factorisation of the kernel matrix."""
+    rest, factor = np.ones(len(X)), np.zeros((len(X), count))
+    chosen: list[int] = []
+    for k in range(min(count, len(X))):
+        # rounding must not decide between equals: the first of those within 1e-9
+        place = int(np.argmax(rest >= rest.max() * (1 - 1e-9)))
+        if rest[place] <= 1e-12:
+            break
+        row = rbf(X, X[place : place + 1], sigma)[:, 0] - factor[:, :k] @ factor[place, :k]
+        factor[:, k] = row / np.sqrt(rest[place])
+        rest = np.maximum(rest - factor[:, k] ** 2, 0.0)
+        rest[place] = 0.0
+        chosen.append(place)
+    return np.array(chosen)
+
+
+def _dual(K: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
+    """Coefficients (n, outputs) and offsets (outputs) of the linear system above; K is not kept."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    factor = cho_factor(K + np.diag(1.0 / weights), lower=True)
+    ones, found = cho_solve(factor, np.ones(len(K))), cho_solve(factor, targets)
+    offset = found.sum(axis=0) / ones.sum()
+    return found - np.outer(ones, offset), offset
+
+
+def _fixed_size(C: Array, Omega: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
+    """The same where w is a combination of the support vectors: C (n, S) their kernel with the samples, Omega with each
+    other.  Least squares of the stacked rows sqrt(v) (C a + b - y) and Omega^(1/2) a.
+    """
+    from scipy.linalg import eigh, lstsq
+
+    values, vectors = eigh(Omega)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    scale = np.sqrt(weights)[:, None]
+    stacked = np.block([[scale * C, scale], [root, np.zeros((len(root), 1))]])
+    right = np.concatenate([scale * targets, np.zeros((len(root), targets.shape[1]))])
+    found = lstsq(stacked, right, cond=1e-15)[0]
+    return found[:-1], found[-1]

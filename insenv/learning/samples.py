@@ -1,0 +1,152 @@
+"""Samples to learn from: what `lssvm` sees beside what `aqe-sukf` finds, on the same simulated measurements.
+
+The SINS runs free from the attitude that it is told.  The loop in which the machine will work meets every size of
+misalignment, from the start's to nothing, so the start errors are drawn with the scenario's sigmas times one of `SHARES`;
+the filter is told the whole sigmas all the same, as the machine will know no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude
+from insenv.ensemble import Ensemble, ensemble
+from insenv.errors import InputError
+from insenv.estimators.lssvm import FEATURES, SUPPORT
+from insenv.learning.wavelet import denoised
+from insenv.scenario import Scenario
+
+Array = NDArray[np.float64]
+FILTER = "aqe-sukf"
+SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
+TIMES = 24
+"""Samples taken of each run, spread evenly over the time in which the heading shows, at a random phase."""
+ASTRAY_DEG = 5.0
+SETTLED_DEG = 1.0
+"""The filter teaches from the time on from which it stays so near to its last value."""
+EMPTY = {
+    "support": np.zeros((SUPPORT, FEATURES)),
+    "coefficients": np.zeros((SUPPORT, 3)),
+    "offset": np.zeros(3),
+    "scale": np.zeros(FEATURES),
+    "machine_sigma": np.zeros(3),
+}
+
+
+@dataclass(frozen=True)
+class Samples:
+    """inputs (n, 6) and outputs (n, 3, rad) of the machine; angle (n,): of the misalignment, rad; run (n,): number of the run
+    each is from; runs: their number; astray: runs left out because the filter itself ended more than `ASTRAY_DEG` off the
+    truth.
+    """
+
+    inputs: Array
+    outputs: Array
+    angle: Array
+    run: NDArray[np.int64]
+    runs: int
+    astray: int
+
+
+def collect(
+    scenarios: Sequence[Scenario], seeds: Sequence[int], duration_s: float | None, progress: Callable[[int, int], None] | None
+) -> Samples:
+    """Runs of every scenario with every seed; seed k of the list starts with errors of share k modulo their number.
+
+    Raises `InputError` for a scenario in which the filter cannot work, or without any run that can be learnt from.
+    """
+    found: list[tuple[Array, Array]] = []  # of each run, inputs and quaternions of the misalignment
+    astray, done, total = 0, 0, len(scenarios) * min(len(SHARES), len(seeds))
+    for scenario in scenarios:
+        _check(scenario)
+        for place, share in enumerate(SHARES):
+            chosen = list(seeds)[place :: len(SHARES)]
+            if not chosen:
+                continue
+            pairs, lost = _of(scenario, share, chosen, duration_s)
+            found += pairs
+            astray += lost
+            done += 1
+            if progress is not None:
+                progress(done, total)
+    if len(found) < 2:
+        raise InputError(f"training needs at least two runs in which {FILTER} finds the attitude: here are {len(found)}")
+    counts = [len(inputs) for inputs, _ in found]
+    misalignment = np.concatenate([q for _, q in found])
+    return Samples(
+        np.concatenate([inputs for inputs, _ in found]),
+        sine_vector(misalignment),
+        2 * np.arcsin(np.minimum(np.linalg.norm(misalignment[:, 1:], axis=1), 1.0)),
+        np.repeat(np.arange(len(found)), counts),
+        len(found),
+        astray,
+    )
+
+
+def _check(scenario: Scenario) -> None:
+    if scenario.gnss is None:
+        raise InputError(f"scenario {scenario.name!r} has no [gnss]: {FILTER} and lssvm need it")
+    if not scenario.vehicle.in_place:
+        raise InputError(f"scenario {scenario.name!r} moves: lssvm aligns a vehicle in place")
+
+
+def _of(
+    scenario: Scenario, share: float, seeds: Sequence[int], duration_s: float | None
+) -> tuple[list[tuple[Array, Array]], int]:
+    """Inputs and misalignments (quaternions) of each run, and how many runs were left out."""
+    told = scenario.knowledge
+    drawn = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), None if share else 0.0)
+    sigmas = {name: getattr(told, name) * (share or 1.0) for name in ("tilt_sigma_deg", "heading_sigma_deg")}
+    knowledge = told.model_copy(update={**drawn, **sigmas})
+    whole = {name: np.radians(getattr(told, f"{name}_deg")) for name in ("tilt_sigma", "heading_sigma")}
+    seconds = scenario.duration_s if duration_s is None else duration_s
+    run = ensemble(
+        scenario.model_copy(update={"knowledge": knowledge}),
+        [FILTER, "lssvm"],
+        seeds,
+        duration_s=duration_s,
+        records=max(2, round(seconds)),
+        tuning={FILTER: whole, "lssvm": EMPTY},
+    )
+    pairs, lost = [], 0
+    for row, seed in enumerate(seeds):
+        if np.abs(run.attitude_errors_deg(FILTER)[row, -1]).max() > ASTRAY_DEG:
+            lost += 1
+            continue
+        pairs.append(_samples(run, row, seed))
+    return pairs, lost
+
+
+def _samples(run: Ensemble, row: int, seed: int) -> tuple[Array, Array]:
+    sins, filter = run.outputs["lssvm"], run.outputs[FILTER]
+    moving = np.abs(run.attitude_errors_deg(FILTER)[row] - run.attitude_errors_deg(FILTER)[row, -1]).max(axis=1) > SETTLED_DEG
+    unready = (sins["ready"][row] == 0) | moving
+    ready = np.arange(len(unready) - int(np.argmax(unready[::-1])) if unready.any() else 0, len(unready))
+    if len(ready) < TIMES:
+        raise InputError(
+            f"{len(ready)} s of {run.time[-1]:g} s in which {FILTER} has settled: allowed are {TIMES} s and more; a longer run"
+        )
+    misalignment = smooth_misalignment(sins["q_nb"][row, ready], filter["q_nb"][row, ready])
+    phase = np.random.default_rng(seed).uniform()
+    places = ((np.arange(TIMES) + phase) * len(ready) / TIMES).astype(int)
+    return sins["features"][row, ready][places], misalignment[places]
+
+
+def smooth_misalignment(q_sins: Array, q_filter: Array) -> Array:
+    """Misalignment of the SINS by the filter (n, 4): quaternion of SINS times inverse filter, de-noised as rotation vectors
+    from its last value.
+    """
+    numeric = attitude.numeric
+    raw = numeric.multiply(q_sins, numeric.conjugate(q_filter))
+    last = raw[-1]
+    away = numeric.to_rotation_vector(numeric.multiply(raw, numeric.conjugate(last)))
+    return numeric.multiply(numeric.from_rotation_vector(denoised(away)), last)
+
+
+def sine_vector(q: Array) -> Array:
+    """Axis times the sine of the angle of rotations (n, 4): the vector part of (R - R^T) / 2 (n, 3)."""
+    return 2 * q[:, :1] * q[:, 1:]

@@ -1,0 +1,189 @@
+"""Training of `lssvm`: samples, cross-validation over the kernel's width and the weight of errors, the machine.
+
+Errors count relative to the misalignment: a tenth of a degree is nothing in 60 degrees, which the loop goes through in a
+second, and all near zero, where it ends.  So a sample's weight is 1 / (angle^2 + FLOOR^2), in learning and in the score alike.
+Folds part runs, never the samples of one run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.errors import InputError, InsenvError
+from insenv.estimators.lssvm import SUPPORT
+from insenv.estimators.lssvm_file import TrainedMachine
+from insenv.scenario import Scenario, load
+
+if TYPE_CHECKING:
+    from insenv.learning.samples import Samples
+
+Array = NDArray[np.float64]
+GAMMAS = (1e2, 1e3, 1e4, 1e5, 1e6)
+SIGMAS = (1.0, 2.0, 4.0)
+FOLDS = 4
+FLOOR = 0.005
+"""rad: misalignments well below it count alike."""
+SMALL = 0.02
+"""rad: misalignments up to it make the machine's stated scatter, that of the loop once it has settled."""
+DIGITS = 12
+"""Digits kept of a machine's numbers, so that the last bits of another machine's linear algebra do not show."""
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is to be chosen from: widths, weights of errors, number of support vectors."""
+
+    gammas: tuple[float, ...] = GAMMAS
+    sigmas: tuple[float, ...] = SIGMAS
+    support: int = SUPPORT
+
+
+def train(
+    scenarios: Sequence[str | Scenario],
+    seeds: Sequence[int],
+    *,
+    duration_s: float | None = None,
+    choice: Choice | None = None,
+    progress: Progress | None = None,
+) -> TrainedMachine:
+    """A machine trained on runs of `aqe-sukf`: every scenario (name, path or loaded) with every seed.
+
+    Raises `InputError` for scenarios that cannot be learnt from or too few seeds, `InsenvError` if scikit-learn or PyWavelets
+    is not installed.
+    """
+    need_packages()
+    from insenv.learning.samples import FILTER, SHARES, collect
+
+    choice = choice or Choice()
+    loaded = [load(s) if not isinstance(s, Scenario) else s for s in scenarios]
+    if not loaded:
+        raise InputError("training needs a scenario")
+    if len(seeds) < len(SHARES):
+        raise InputError(
+            f"training needs at least {len(SHARES)} seeds, one for each size of start error: here are {len(seeds)}"
+        )
+    if not 1 <= choice.support <= SUPPORT:
+        raise InputError(f"support = {choice.support}: allowed is from 1 to {SUPPORT}")
+
+    def told(work: str) -> Callable[[int, int], None] | None:
+        return None if progress is None else lambda done, total: progress(work, done, total)
+
+    samples = collect(loaded, seeds, duration_s, told("simulating"))
+    weights = relative_weights(samples.angle)
+    from threadpoolctl import threadpool_limits  # comes with scikit-learn
+
+    with threadpool_limits(1):  # small matrices; and sums in one order, whatever the number of cores
+        search, held_out = _search(samples, weights, choice, told("learning"))
+    best = search.best_estimator_
+    small = samples.angle < SMALL
+    scatter = np.sqrt(np.mean(held_out[small if small.any() else slice(None)] ** 2, axis=0))
+    training: dict[str, Any] = {
+        "filter": FILTER,
+        "runs": [
+            {
+                "scenario": scenario.name or scenario.title,
+                "digest": digest(scenario),
+                "seeds": [int(seed) for seed in seeds],
+                "duration_s": float(scenario.duration_s if duration_s is None else duration_s),
+            }
+            for scenario in loaded
+        ],
+        "samples": len(samples.inputs),
+        "runs_used": samples.runs,
+        "runs_astray": samples.astray,
+        "parameters": {"gamma": float(best.gamma), "sigma": float(best.sigma), "support": len(best.support_)},
+        "tried": {"gamma": list(choice.gammas), "sigma": list(choice.sigmas)},
+        "scores": {
+            "folds": search.n_splits_,
+            "relative_error": _rounded(np.sqrt(np.mean(np.sum(held_out**2, axis=1) / (samples.angle**2 + FLOOR**2)))),
+            "residual_deg": _rounded(np.degrees(scatter)),
+            "small_samples": int(small.sum()),
+        },
+    }
+    from insenv import __version__
+
+    return TrainedMachine(
+        support=_rounded_array(best.support_ / best.sigma),
+        coefficients=_rounded_array(best.dual_coef_),
+        offset=_rounded_array(best.intercept_),
+        scale=np.full(samples.inputs.shape[1], 1.0 / best.sigma),
+        machine_sigma=_rounded_array(scatter),
+        training=training,
+        insenv=__version__,
+    )
+
+
+def relative_weights(angle: Array) -> Array:
+    """Weights (n) of samples by the angle of their misalignment (n, rad), mean 1."""
+    weights = 1.0 / (angle**2 + FLOOR**2)
+    return weights / weights.mean()
+
+
+def digest(scenario: Scenario) -> str:
+    """Fingerprint of all that a scenario says."""
+    text = json.dumps(scenario.model_dump(mode="json", exclude={"title", "description", "estimators"}), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def need_packages() -> None:
+    """Raise `InsenvError` if what training needs is not installed."""
+    from importlib.util import find_spec
+
+    missing = [name for module, name in (("sklearn", "scikit-learn"), ("pywt", "PyWavelets")) if find_spec(module) is None]
+    if missing:
+        raise InsenvError(f"training needs {' and '.join(missing)}: pip install 'insenv[ml]' gives them")
+
+
+def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable[[int, int], None] | None) -> tuple[Any, Array]:
+    """The fitted grid search, and errors (n, 3) of each sample by the machine that has not seen its run."""
+    import sklearn
+    from sklearn.metrics import make_scorer
+    from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
+
+    from insenv.learning.regressor import LSSVMRegressor
+
+    folds = GroupKFold(n_splits=min(FOLDS, samples.runs))
+    total = len(choice.gammas) * len(choice.sigmas) * folds.n_splits
+    done = 0
+
+    def relative_square(true: Array, found: Array, sample_weight: Array) -> float:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(min(done, total), total)
+        return float(np.mean(sample_weight * np.sum((found - true) ** 2, axis=1)))
+
+    with sklearn.config_context(enable_metadata_routing=True):
+        search = GridSearchCV(
+            LSSVMRegressor(support=choice.support).set_fit_request(sample_weight=True),
+            {"gamma": list(choice.gammas), "sigma": list(choice.sigmas)},
+            scoring=make_scorer(relative_square, greater_is_better=False).set_score_request(sample_weight=True),
+            cv=folds,
+            error_score="raise",
+        )
+        search.fit(samples.inputs, samples.outputs, groups=samples.run, sample_weight=weights)
+        predicted = cross_val_predict(
+            search.best_estimator_,
+            samples.inputs,
+            samples.outputs,
+            cv=folds,
+            params={"groups": samples.run, "sample_weight": weights},
+        )
+    return search, predicted - samples.outputs
+
+
+def _rounded(value: Any) -> Any:
+    """A number or list of them to six digits, for reading."""
+    return [float(f"{v:.6g}") for v in value] if np.ndim(value) else float(f"{value:.6g}")
+
+
+def _rounded_array(value: Array) -> Array:
+    return np.array([float(f"{v:.{DIGITS}g}") for v in np.ravel(value)]).reshape(np.shape(value))
