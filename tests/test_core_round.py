@@ -67,3 +67,12 @@ def test_some_rows_start_afresh_and_the_others_go_on(toy, backend):
     moved[1].run(4, HELD)
     moved[1].p[:] = toy.parameters.pack({"seed": 50, "gain": 0.0})
     assert np.array_equal(moved[0], moved[1].run(1, HELD, 1)[0])
+
+
+@pytest.mark.parametrize("backend", backends)
+def test_a_seed_set_later_is_the_one_that_is_drawn_from(toy, backend):
+    runner, other = make_runner(toy, {"seed": 4}, backend), make_runner(toy, {"seed": 5}, backend)
+    start = other.x.copy()
+    runner.run(3, HELD)
+    runner.p[:], runner.x[:] = other.p, start
+    assert np.array_equal(runner.run(20, HELD), other.run(20, HELD))

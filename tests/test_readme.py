@@ -1,10 +1,10 @@
 """What README.md, CONTRIBUTING.md and docs/*.md tell a reader to type, typed.
 
-Taken from fenced blocks: in ``console`` and ``sh`` the lines that begin with ``$ insenv`` or
-``$ python examples/`` are run, those with ``$ make`` must name a target of the Makefile; a ``python`` block
-is run whole (as a doctest if it begins with ``>>>``).  Each block runs in its own folder, empty but for
-links to the repository's examples and scenarios.  ``<!-- not run: reason -->`` on the line before a block
-leaves it out; pytest lists those as skipped, with the reason.
+Taken from fenced blocks: in ``console`` and ``sh`` the lines that begin with ``$ insenv``,
+``$ python -m insenv`` or ``$ python examples/`` are run, those with ``$ make`` must name a target of the
+Makefile; a ``python`` block is run whole (as a doctest if it begins with ``>>>``).  Each block runs in its
+own folder, empty but for links to the repository's examples and scenarios.  ``<!-- not run: reason -->`` on
+the line before a block leaves it out; pytest lists those as skipped, with the reason.
 """
 
 import os
@@ -52,7 +52,7 @@ def commands_of(text: str) -> list[str]:
 def runnable(command: str) -> str | None:
     """The command with this interpreter's insenv in it, or None if it is neither insenv nor an example."""
     command = re.sub(START + r"(?:\.venv/bin/)?insenv\b(?!=)", rf"\g<start>{PYTHON} -m insenv", command)
-    command = re.sub(START + r"(?:\.venv/bin/)?python3? (?=examples/)", rf"\g<start>{PYTHON} ", command)
+    command = re.sub(START + r"(?:\.venv/bin/)?python3? (?=examples/|-m insenv)", rf"\g<start>{PYTHON} ", command)
     return command if PYTHON in command else None
 
 

@@ -7,9 +7,11 @@ Ids: `IDS`.  The action is the agent's estimate, the observation what a navigato
 """
 
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
+from insenv.envs.manoeuvre import ManoeuvreEnv, ManoeuvreVectorEnv
 from insenv.envs.single import InertialEnv, Snapshot
 from insenv.envs.task import Task, estimate_action
 from insenv.envs.told import knowledge_of
+from insenv.envs.tuning import TuningEnv, TuningVectorEnv
 from insenv.envs.vector import InertialVectorEnv
 from insenv.registration import IDS, register
 
@@ -19,10 +21,14 @@ __all__ = [
     "AlignmentVectorEnv",
     "InertialEnv",
     "InertialVectorEnv",
+    "ManoeuvreEnv",
+    "ManoeuvreVectorEnv",
     "NavigationEnv",
     "NavigationVectorEnv",
     "Snapshot",
     "Task",
+    "TuningEnv",
+    "TuningVectorEnv",
     "estimate_action",
     "knowledge_of",
     "register",

@@ -127,6 +127,8 @@ class InertialVectorEnv(Remade, VectorEnv[Array, Array, Any]):
             self._start(over, None)
             shown[over] = 0.0
             shown[over, self._observed_outputs] = self._batch.output()[over]
+            score = slice(self._places["reward"].start, self._places["truncated"].stop)
+            shown[over, score] = 0.0  # nothing has been done yet
         reward, terminated, truncated = (shown[:, self._places[name].start] for name in ("reward", "terminated", "truncated"))
         self._elapsed += 1
         self._elapsed[over] = 0

@@ -20,7 +20,9 @@ from insenv.mavlink.signing import Signing, Verdict
 from insenv.mavlink.statistics import Statistics
 
 MESSAGES_PER_CALL = 64
-"""Messages that one `receive` hands out at most: a flood takes about 2 ms of each call, no more."""
+"""Frames that one `receive` looks at, at most."""
+MESSAGES_PER_PEER = 8
+"""And of one peer: 1600 a second at 200 Hz, more than tools send; decoding a flood takes about 0.2 ms of each call, no more."""
 HIGHEST_ID = 255
 
 Message = Any
@@ -99,26 +101,29 @@ class Link:
     # --- in --------------------------------------------------------------------------------------
 
     def receive(self) -> list[tuple[Peer, Message]]:
-        """What came, at most `MESSAGES_PER_CALL` messages, each peer in its turn: whole, with the right checksum and, on a
-        signed link, the right signature at a new signing time.  Never waits.  Call it at every tick: it also accepts and
-        drops peers and goes on with what waits to be sent.
+        """What came, at most `MESSAGES_PER_CALL` messages and `MESSAGES_PER_PEER` of one peer, the peers in turns: whole, with
+        the right checksum and, on a signed link, the right signature at a new signing time.  Never waits.  Call it at every
+        tick: it also accepts and drops peers and goes on with what waits to be sent.
         """
         self._pump()
         messages: list[tuple[Peer, Message]] = []
         waiting = [peer for peer in self._peers if peer.has_input()]
         self._turn += 1  # another peer begins at each call
         at, taken = self._turn, 0
+        looked: dict[Peer, int] = {}
         while waiting and taken < MESSAGES_PER_CALL:
             at %= len(waiting)
-            frame = waiting[at].next_frame(self.statistics)
+            peer = waiting[at]
+            frame = peer.next_frame(self.statistics) if looked.get(peer, 0) < MESSAGES_PER_PEER else None
             if frame is None:
                 del waiting[at]
                 continue
             taken += 1
+            looked[peer] = looked.get(peer, 0) + 1
             message = self._verified(frame)
             if message is not None:
-                self._heard(waiting[at], message)
-                messages.append((waiting[at], message))
+                self._heard(peer, message)
+                messages.append((peer, message))
             at += 1
         return messages
 

@@ -1,0 +1,79 @@
+"""Active alignment: a car that does not know its heading, and four ways to drive.
+
+    python examples/active_alignment.py [--out DIR]
+
+GNSS tells where the car goes, not where its inertial unit looks.  At an even speed straight on, the two have nothing to do with
+one another; every change of speed or direction, felt by the unit and seen by GNSS, ties them together.
+"""
+
+import argparse
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+
+import insenv
+
+SECONDS, SEEDS = 60, range(12)
+PATTERNS = {  # (acceleration, turn) at second k, in 3 m/s^2
+    "straight, even speed": lambda k: (0.0, 0.0),
+    "accelerate and brake": lambda k: (1.0, 0.0) if k % 8 < 4 else (-1.0, 0.0),
+    "circle": lambda k: (0.0, 1.0),
+    "S-turns": lambda k: (0.0, 1.0) if k % 16 < 8 else (0.0, -1.0),
+}
+SHOWN = (5, 10, 20, 40, 60)
+
+
+def drive(env, pattern, seed):
+    """Stated standard deviation and true error of the heading (deg) at each second, (SECONDS, 2), and the way (m, n)."""
+    env.reset(seed=seed)
+    heading, way = [], []
+    for k in range(SECONDS):
+        _, _, terminated, _, info = env.step(np.array(pattern(k)))
+        heading.append((info["heading_sigma"], info["heading_error"]))
+        way.append(info["position"])
+        assert not terminated
+    return np.degrees(heading), np.array(way)
+
+
+def draw(path, found):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    time = np.arange(1, SECONDS + 1)
+    for number, (name, (heading, ways)) in enumerate(found.items()):
+        left.plot(time, np.median(heading[..., 0], axis=0), color=f"C{number}", label=name)
+        left.plot(time, np.sqrt(np.mean(heading[..., 1] ** 2, axis=0)), color=f"C{number}", linestyle=":")
+        right.plot(ways[0][:, 1] - ways[0][0, 1], ways[0][:, 0] - ways[0][0, 0], color=f"C{number}", label=name)
+    left.set(xlabel="time [s]", ylabel="heading [deg]: stated sigma; dotted: rms error", yscale="log")
+    right.set(xlabel="east [m]", ylabel="north [m]", title="the way of the first seed", aspect="equal")
+    left.legend(fontsize=8)
+    path.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path / "active-alignment.png", dpi=120)
+    print(f"figure: {path / 'active-alignment.png'}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Ways to drive that make a car's heading known")
+    parser.add_argument("--out", type=Path, help="folder for a figure")
+    given = parser.parse_args()
+    env = gymnasium.make("insenv/Manoeuvre-v0", goal_deg=1e-3)  # a goal out of reach: every drive has its full time
+    found = {}
+    for name, pattern in PATTERNS.items():
+        runs = [drive(env, pattern, seed) for seed in SEEDS]
+        found[name] = np.array([heading for heading, _ in runs]), [way for _, way in runs]
+
+    print(f"insenv {insenv.__version__}: heading [deg], stated sigma (median) / true error (rms) of {len(SEEDS)} seeds")
+    print("after" + " " * 16 + "".join(f"{second:>13} s" for second in SHOWN))
+    for name, (heading, _) in found.items():
+        sigma, error = np.median(heading[..., 0], axis=0), np.sqrt(np.mean(heading[..., 1] ** 2, axis=0))
+        print(f"{name:21s}" + "".join(f"{f'{sigma[s - 1]:.2f} / {error[s - 1]:.2f}':>15}" for s in SHOWN))
+    if given.out:
+        draw(given.out, found)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""Train a tuner: PPO of Stable-Baselines3 learns to scale a filter's noises, and is compared on seeds that it has not seen.
+
+    pip install 'insenv[rl,plot]'            # torch's wheel for processors without a GPU is enough
+    python examples/train_tuner.py           # some minutes
+    python examples/train_tuner.py --steps 40000 --out tuner
+
+The filter is the 15-state one in a city drive with two outages of GNSS.  It is mistuned on purpose: at each episode what it is
+told of its noises is wrong by factors of up to 30 either way, drawn anew, which the agent is not told.  It sees innovations,
+covariance and sensors, and finds factors that mend it.  Beside it stand the untuned filter (mistuned as it is), the best fixed
+factors that a search along the axes finds, and the filter that has the data sheets right, which nobody knew.
+"""
+
+import argparse
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+
+import insenv
+
+ID = "insenv/Tuning-v0"
+EPISODE = {"duration_s": 240.0, "gnss_outages_s": ((90.0, 120.0), (180.0, 210.0)), "samples_per_step": 2000}
+HELD_OUT, TRAINING, SEARCH = 1_000_000, 0, 500_000  # first seeds of evaluation, training, search
+ROWS = 16  # environments that are trained on at once
+
+
+def episodes(policy, seeds, **options):
+    """One episode for each seed, all at once: mean reward of an episode and the rows of the infos, (steps, seeds, ...)."""
+    venv = gymnasium.make_vec(ID, len(seeds), **EPISODE, **options)
+    observations, _ = venv.reset(seed=[int(seed) for seed in seeds])
+    total, running, infos = np.zeros(len(seeds)), np.ones(len(seeds), bool), []
+    while running.any():
+        observations, reward, terminated, truncated, info = venv.step(policy(observations))
+        total += reward * running
+        running &= ~(terminated | truncated)
+        infos.append({name: info[name] for name in ("measure", "consistency", "error_rms", "nees", "scale")})
+    return total, {name: np.array([info[name] for info in infos]) for name in infos[0]}
+
+
+def fixed(action):
+    """The policy of one action for ever; of several, one for each environment."""
+    return lambda observations: np.broadcast_to(action, (len(observations), 6))
+
+
+def best_fixed(seeds, passes, **options):
+    """Search along the axes: each component in turn at the best of five values, mean reward over the seeds."""
+    best, grid = np.zeros(6), np.linspace(-0.6, 0.6, 5)
+    for _ in range(passes):
+        for axis in (4, 1, 5, 0, 3, 2):
+            tried = np.tile(best, (len(grid), 1))
+            tried[:, axis] = grid
+            reward, _ = episodes(fixed(np.repeat(tried, len(seeds), axis=0)), np.tile(seeds, len(grid)), **options)
+            best = tried[np.argmax(reward.reshape(len(grid), -1).mean(axis=1))]
+    return best
+
+
+def batch_for_sb3(**options):
+    """The native batch as a `VecEnv` of Stable-Baselines3, which wants ended rows to start afresh within the step."""
+    from stable_baselines3.common.vec_env import VecEnv
+
+    class Batch(VecEnv):
+        def __init__(self):
+            self.venv = gymnasium.make_vec(ID, ROWS, autoreset_mode="Disabled", **EPISODE, **options)
+            super().__init__(ROWS, self.venv.single_observation_space, self.venv.single_action_space)
+            self.first = TRAINING
+
+        def reset(self):
+            return self.venv.reset(seed=self.first)[0]
+
+        def step_async(self, actions):
+            self.actions = actions.astype(float)
+
+        def step_wait(self):
+            observations, reward, terminated, truncated, _ = self.venv.step(self.actions)
+            over, infos = terminated | truncated, [{} for _ in range(ROWS)]
+            if over.any():
+                for row in np.flatnonzero(over):
+                    infos[row] = {"terminal_observation": observations[row], "TimeLimit.truncated": bool(truncated[row])}
+                fresh, _ = self.venv.reset(options={"reset_mask": over})
+                observations = np.where(over[:, None], fresh, observations)
+            return observations, reward, over, infos
+
+        def close(self):
+            self.venv.close()
+
+        def seed(self, seed=None):
+            return [None] * ROWS
+
+        def get_attr(self, name, indices=None):
+            return [getattr(self.venv, name, None)] * ROWS
+
+        def set_attr(self, name, value, indices=None):
+            raise NotImplementedError
+
+        def env_method(self, name, *args, indices=None, **kwargs):
+            raise NotImplementedError
+
+        def env_is_wrapped(self, wrapper, indices=None):
+            return [False] * ROWS
+
+    return Batch()
+
+
+def train(steps, **options):
+    """The trained policy, and the curve of mean episode rewards over the steps."""
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+    class Curve(BaseCallback):
+        points = []
+
+        def _on_step(self):
+            return True
+
+        def _on_rollout_end(self):
+            if self.model.ep_info_buffer:
+                mean = np.mean([episode["r"] for episode in self.model.ep_info_buffer])
+                self.points.append((self.num_timesteps, mean))
+                print(f"  {self.num_timesteps:6d} steps, reward of an episode {mean:.2f}", flush=True)
+
+    torch.set_num_threads(1)
+    venv = VecNormalize(VecMonitor(batch_for_sb3(**options)), gamma=0.9, clip_obs=5.0)
+    episode = round(EPISODE["duration_s"] * 200.0 / EPISODE["samples_per_step"])
+    model = PPO(
+        "MlpPolicy", venv, n_steps=episode, batch_size=96, n_epochs=10, gamma=0.9, gae_lambda=0.9, learning_rate=1e-3,
+        policy_kwargs={"log_std_init": -1.0, "net_arch": [32, 32]}, seed=1, device="cpu",
+    )  # fmt: skip
+    curve = Curve()
+    model.learn(steps, callback=curve)
+    venv.training = False
+
+    def policy(observations):
+        return model.predict(venv.normalize_obs(observations), deterministic=True)[0].astype(float)
+
+    return policy, np.array(curve.points)
+
+
+def draw(path, found, curve):
+    """Learning curve, and consistency over an episode by policy."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    left.plot(*curve.T, color="C2", label="PPO while it learns (it explores)")
+    for (name, (reward, infos)), colour in zip(found.items(), ("C0", "C1", "C2", "0.4"), strict=True):
+        left.axhline(reward.mean(), color=colour, linestyle="--", label=f"{name}, held-out seeds")
+        time = np.arange(1, len(infos["nees"]) + 1) * EPISODE["samples_per_step"] / 200.0
+        right.plot(time, np.median(infos["nees"], axis=1), color=colour, label=name)
+    for begin, end in EPISODE["gnss_outages_s"]:
+        right.axvspan(begin, end, color="0.9")
+    right.axhline(9.0, color="k", linewidth=0.8, label="9: what it should be")
+    left.set(xlabel="steps", ylabel="reward of an episode")
+    right.set(xlabel="time [s] (grey: no GNSS)", ylabel="NEES of 9 states, median of the seeds", yscale="log")
+    for axes in (left, right):
+        axes.legend(fontsize=8, framealpha=1.0)
+    path.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path / "tuner.png", dpi=120)
+    print(f"figure: {path / 'tuner.png'}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Train a tuner with PPO and compare it on held-out seeds")
+    parser.add_argument("--steps", type=int, default=24_000, help="environment steps to train for")
+    parser.add_argument("--seeds", type=int, default=64, help="held-out seeds to compare on")
+    parser.add_argument("--passes", type=int, default=1, help="passes of the search for the best fixed factors")
+    parser.add_argument("--mistuned", type=float, default=1.5, help="decades by which the noises are told wrong, at random")
+    parser.add_argument("--out", type=Path, help="folder for a figure")
+    given = parser.parse_args()
+    options = {"mistuning_decades": given.mistuned}
+    held_out = HELD_OUT + np.arange(given.seeds)
+
+    print(f"insenv {insenv.__version__}: training on {ID}")
+    policy, curve = train(given.steps, **options)
+    best = best_fixed(SEARCH + np.arange(48), given.passes, **options)
+    policies = {"untuned": fixed(np.zeros(6)), "best fixed factors": fixed(best), "PPO": policy}
+    found = {name: episodes(policy, held_out, **options) for name, policy in policies.items()}
+    found["data sheets right"] = episodes(fixed(np.zeros(6)), held_out)
+
+    print(f"\n{given.seeds} held-out seeds       reward  +- 1 s.e.  measure  consistency  position [m]  heading [deg]")
+    for name, (reward, infos) in found.items():
+        square = np.mean(infos["error_rms"] ** 2, axis=(0, 1))
+        print(
+            f"{name:22s} {reward.mean():9.3f} {reward.std() / np.sqrt(given.seeds):10.3f} {infos['measure'].mean():8.3f} "
+            f"{infos['consistency'].mean():12.3f} {np.sqrt(square[6:9].sum()):13.2f} {np.degrees(np.sqrt(square[2])):14.3f}"
+        )
+    difference = found["PPO"][0] - found["untuned"][0]
+    error = difference.std() / np.sqrt(given.seeds)
+    print(f"\nPPO less untuned, seed by seed: {difference.mean():+.3f} +- {error:.3f}; better on {np.mean(difference > 0):.0%}")
+    print("factors of the search:", " ".join(f"{10 ** (2 * a):.2g}" for a in best))
+    mean = np.exp(np.log(found["PPO"][1]["scale"]).mean(axis=(0, 1)))
+    print("factors of PPO, geometric mean:", " ".join(f"{scale:.2g}" for scale in mean))
+    if given.out:
+        draw(given.out, found, curve)
+
+
+if __name__ == "__main__":
+    main()

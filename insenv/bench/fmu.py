@@ -1,0 +1,223 @@
+"""FMUs: a step in a C host and from Python beside the bare model function and PythonFMU; the export and its size.
+
+The estimator is `qakf-improved` on the swaying ship: inputs of a simulated run, every output read at every step.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import estimators
+from insenv.bench.figures import Figure
+from insenv.core.compile import find_compiler
+from insenv.core.runner import make_runner
+from insenv.errors import InsenvError
+from insenv.estimators.feeding import input_rows
+from insenv.fmu.exporter import export
+from insenv.fmu.instance import Instance
+from insenv.fmu.series import flattened
+from insenv.fmu.subject import subject
+from insenv.resources import fmu_folder
+from insenv.scenario import build, load
+
+Array = NDArray[np.float64]
+
+ESTIMATOR, SCENARIO = "qakf-improved", "ship-swaying"
+DURATION_S = 100.0
+REPETITIONS = 9
+
+
+def c_host() -> Figure:
+    """fmu/examples/host.c over the run; the floor is the model's own compiled loop over the same inputs, all outputs read."""
+    columns, interval = _columns()
+    with _folder() as folder:
+        fmu, host, table = _exported(folder), _host(folder), folder / "input.csv"
+        with ZipFile(fmu) as archive:
+            archive.extractall(folder / "fmu")
+        _write(table, columns, interval)
+        command = [str(host), str(folder / "fmu"), str(table), repr(interval), str(folder / "out.csv"), "3"]
+        hosted, bare = [], []
+        for _ in range(REPETITIONS):  # in turn, so that both meet the same machine
+            told = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+            hosted += [float(us) for us in re.findall(r"([\d.]+) us a step", told)]
+            bare.append(_bare(columns))
+    value, floor = statistics.median(hosted), statistics.median(bare)
+    note = f"{ESTIMATOR}, C host, FMI 2, {value / floor:.2f} x the floor: the bare model in a C loop"
+    return Figure("fmu.c-host", value, "us", floor, len(hosted), note)
+
+
+def fmpy() -> Figure:
+    """`insenv.fmu.run` over the run; the floor is three empty calls of a C function by the same means, a step."""
+    columns, interval = _columns()
+    with _folder() as folder:
+        value = _step_time(_exported(folder), columns, interval)
+    known = _pythonfmu()
+    peer = None if known is None else (f"PythonFMU {version('pythonfmu')}", known)
+    note = f"{ESTIMATOR}, insenv.fmu.run over FMPy, FMI 2; floor: three empty calls"
+    return Figure("fmu.fmpy", value, "us", _empty_calls(), REPETITIONS, note, peer)
+
+
+def pythonfmu() -> Figure:
+    """PythonFMU with the same estimator, its native runner called from Python, stepped by `insenv.fmu.run` likewise."""
+    value = _pythonfmu()
+    missing = "" if value is not None else "; not installed: pip install 'insenv[bench]'"
+    note = f"{ESTIMATOR} in Python, by the same loop{missing}"
+    return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _empty_calls(), REPETITIONS, note)
+
+
+def export_time() -> Figure:
+    """Export for this machine, warm: its library is in the cache.  The floor is the C compiler on an empty file."""
+    compiler = find_compiler("c")
+    if compiler is None:
+        raise InsenvError("fmu.export: no C compiler found")
+    with _folder() as folder:
+        taken = []
+        for _ in range(4):
+            begin = time.perf_counter()
+            _exported(folder)
+            taken.append(time.perf_counter() - begin)
+        (folder / "empty.c").write_text("int nothing;\n")
+        begin = time.perf_counter()
+        command = [*compiler.command, "-shared", "-fPIC", str(folder / "empty.c"), "-o", str(folder / "empty.so")]
+        subprocess.run(command, check=True, capture_output=True)
+        floor = time.perf_counter() - begin
+    return Figure(
+        "fmu.export",
+        statistics.median(taken[1:]),
+        "s",
+        floor,
+        3,
+        f"{ESTIMATOR}, this platform, warm; floor: compiling an empty file",
+    )
+
+
+def size() -> Figure:
+    """Bytes of the FMU for all five platforms; the floor is the one for this machine."""
+    platforms = ("host",) if find_spec("ziglang") is None else ("all",)
+    with _folder() as folder:
+        value = export(ESTIMATOR, folder / "all.fmu", platforms=platforms).stat().st_size
+        floor = _exported(folder).stat().st_size
+    what = "five platforms" if platforms == ("all",) else "one platform: ziglang is not installed"
+    return Figure("fmu.size", value / 1e6, "MB", floor / 1e6, 1, f"{ESTIMATOR}, {what}; floor: this platform alone")
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="insenv-bench-") as name:
+        yield Path(name).resolve()
+
+
+def _exported(folder: Path) -> Path:
+    return export(ESTIMATOR, folder / "host.fmu")
+
+
+@lru_cache
+def _columns() -> tuple[dict[str, Array], float]:
+    """What the ship's sensors show, by name, and the sample interval."""
+    plant = build(load(SCENARIO), duration_s=DURATION_S)
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns = {name: np.array(shown[name]) for name in ("delta_angle", "delta_velocity")}
+    return {**columns, "dt": np.full(plant.samples, plant.sample_interval)}, plant.sample_interval
+
+
+def _bare(columns: dict[str, Array]) -> float:
+    """A sample of the model's compiled loop, us."""
+    model, count = estimators.get(ESTIMATOR).model, len(columns["dt"])
+    rows = input_rows(model, columns, count)
+    runner = make_runner(model, subject(ESTIMATOR, {}).parameters)
+    begin = time.process_time()
+    runner.run(count, rows)
+    return (time.process_time() - begin) / count * 1e6
+
+
+def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
+    """A step of the loop behind `insenv.fmu.run`, processor time, us."""
+    inputs, taken = flattened(columns), []
+    for _ in range(REPETITIONS):
+        with Instance(fmu) as instance:
+            count = len(columns["dt"])
+            begin = time.process_time()
+            instance.run(inputs, count, start_time=0.0, step=interval, every=1, progress=None)
+            taken.append((time.process_time() - begin) / count * 1e6)
+    return statistics.median(taken)
+
+
+def _host(folder: Path) -> Path:
+    """The C host, compiled."""
+    compiler = find_compiler("c")
+    if compiler is None:
+        raise InsenvError("fmu.c-host: no C compiler found")
+    source, binary = fmu_folder() / "examples" / "host.c", folder / "host"
+    libraries = () if sys.platform == "win32" else ("-ldl", "-lm")
+    command = [*compiler.command, "-std=c99", "-O2", str(source), "-o", str(binary), *libraries]
+    subprocess.run(command, check=True, capture_output=True)
+    return binary
+
+
+def _write(path: Path, columns: dict[str, Array], interval: float) -> None:
+    flat = flattened(columns)
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["time", *flat])
+        values = np.array(list(flat.values())).T.tolist()
+        writer.writerows([repr(k * interval), *map(repr, row)] for k, row in enumerate(values))
+
+
+def _empty_calls() -> float:
+    """Three calls of a C function that does nothing, through ctypes with four arguments, us."""
+    import ctypes
+
+    function = ctypes.CDLL(None).abs if sys.platform != "win32" else ctypes.cdll.msvcrt.abs
+    function.argtypes = [ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p]
+    taken, count, address = [], 20_000, 4096
+    for _ in range(REPETITIONS):
+        begin = time.process_time()
+        for _ in range(count):
+            function(1, address, 0, address)
+            function(1, address, 0, address)
+            function(1, address, 0, address)
+        taken.append((time.process_time() - begin) / count * 1e6)
+    return statistics.median(taken)
+
+
+@lru_cache
+def _pythonfmu() -> float | None:
+    """A step of the same estimator as a PythonFMU, us; None where PythonFMU is not installed."""
+    try:
+        version("pythonfmu")
+        from pythonfmu.builder import FmuBuilder
+    except (ImportError, PackageNotFoundError):
+        return None
+    columns, interval = _columns()
+    before, paths = os.environ.get("INSENV_SLAVE"), list(sys.path)
+    os.environ["INSENV_SLAVE"] = json.dumps({"id": ESTIMATOR, "parameters": subject(ESTIMATOR, {}).parameters.tolist()})
+    try:
+        with _folder() as folder:
+            script = folder / "peer.py"  # its folder goes onto sys.path
+            script.write_bytes(Path(__file__).with_name("pythonfmu_slave.py").read_bytes())
+            fmu = FmuBuilder.build_FMU(script, folder / "peer.fmu")
+            return _step_time(fmu, columns, interval)
+    finally:
+        sys.path[:] = paths
+        if before is None:
+            del os.environ["INSENV_SLAVE"]
+        else:
+            os.environ["INSENV_SLAVE"] = before

@@ -1,0 +1,96 @@
+"""What an agent may command: from action components in [-1, 1] to the state rows of a vehicle's commands in force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import pi
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.elementary import clamp, maximum, select
+from insenv.core.model import Model
+from insenv.core.tables import Row, Table
+from insenv.vehicles.turntable import COMMANDED
+
+CAR_ACCELERATION = 3.0
+"""m/s^2, along and across."""
+CAR_SPEED = 25.0
+"""m/s that a car is not driven beyond."""
+CAR_SLOW = 2.0
+"""m/s: below it the wheel is turned as at that speed."""
+AIRCRAFT_ACCELERATION = 2.5
+AIRCRAFT_SPEED = (60.0, 120.0)
+AIRCRAFT_BANK = 0.7
+"""rad: 40 deg."""
+AIRCRAFT_CLIMB = 10.0
+
+
+@dataclass(frozen=True)
+class Commands:
+    """The commands of one kind of vehicle.
+
+    actions: rows of the action.  taken: ``(plant, p, x, u) -> {state row: value}`` with the commands in force.
+    """
+
+    actions: Table
+    taken: Callable[[Model, Any, Any, Any], Mapping[str, Any]]
+
+
+def _action(name: str, meaning: str) -> Row:
+    return Row(name, meaning, lower=-1.0, upper=1.0)
+
+
+def _by_script(plant: Model, p: Any, x: Any, u: Any, commands: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The plant's own step ``command`` with these inputs: it ends the script."""
+    return plant.steps["command"].function(p, x, SimpleNamespace(**{**vars(u), **commands}))
+
+
+def _drive(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
+    """A positive acceleration leads to the top speed, a negative one to a stop; 0 holds the speed."""
+    along, across = clamp(u.accelerate, -1.0, 1.0), clamp(u.steer, -1.0, 1.0)
+    commands = {
+        "command_speed": ca.SX(CAR_SPEED),
+        "command_acceleration": along * CAR_ACCELERATION,
+        "command_yaw_rate": across * CAR_ACCELERATION / maximum(x.speed, CAR_SLOW),
+        **{f"command_{name}": getattr(x, f"commanded_{name}") for name in ("slope", "load_roll", "load_pitch", "load_down")},
+    }
+    return _by_script(plant, p, x, u, commands)
+
+
+def _fly(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
+    along = clamp(u.accelerate, -1.0, 1.0)
+    commands = {
+        "command_speed": select(along > 0.0, AIRCRAFT_SPEED[1], AIRCRAFT_SPEED[0]),
+        "command_acceleration": ca.fabs(along) * AIRCRAFT_ACCELERATION,
+        "command_bank": clamp(u.bank, -1.0, 1.0) * AIRCRAFT_BANK,
+        "command_climb_rate": clamp(u.climb, -1.0, 1.0) * AIRCRAFT_CLIMB,
+    }
+    return _by_script(plant, p, x, u, commands)
+
+
+def _index(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
+    return {COMMANDED: clamp(u.index, -1.0, 1.0) * pi}
+
+
+COMMANDS = {
+    "car": Commands(
+        Table((
+            _action("accelerate", f"Acceleration along the path, in {CAR_ACCELERATION:g} m/s^2; negative: brake, to a stop"),
+            _action("steer", f"Acceleration across the path, right positive, in {CAR_ACCELERATION:g} m/s^2"),
+        )),
+        _drive,
+    ),
+    "aircraft": Commands(
+        Table((
+            _action("accelerate", f"Acceleration along the path, in {AIRCRAFT_ACCELERATION:g} m/s^2"),
+            _action("bank", f"Bank of a coordinated turn, right positive, in {AIRCRAFT_BANK:g} rad"),
+            _action("climb", f"Rate of climb, in {AIRCRAFT_CLIMB:g} m/s"),
+        )),
+        _fly,
+    ),
+    "turntable": Commands(Table((_action("index", "Angle that the turntable goes to, clockwise, in 180 deg"),)), _index),
+}  # fmt: skip
+"""By kind of vehicle; "turntable": one that stays in place."""

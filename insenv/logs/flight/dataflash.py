@@ -1,0 +1,248 @@
+"""ArduPilot dataflash logs (.BIN), by pymavlink's DFReader: messages IMU, IMT, GPS, GPA, ATT, POS, XKF1 or NKF1.
+
+IMU holds instants of filtered rates, IMT increments over DelaT and DelvT.  TimeUS is the autopilot's clock; of a fix it is the
+time when it was logged, some tenths of a second late (`gnss_delay_s`).  Heights are over the sea.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+import tempfile
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from insenv.errors import InputError
+from insenv.logs.flight.series import INFORMS_NOT, FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.units import Array
+
+HEAD = b"\xa3\x95"
+FIX_3D = 3
+_HEAD_BYTES = 3
+_CODES = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8"}
+_CODES |= {"e": "<f2", "f": "<f4", "d": "<f8"}
+
+
+def read_dataflash(label: str, data: bytes) -> Flight:
+    """What a dataflash log holds.  Raises InputError: no such log, or one that DFReader cannot read."""
+    if not data.startswith(HEAD):
+        raise InputError(f"{label}: no ArduPilot dataflash log: it must begin with the bytes A3 95")
+    with _reader(label, data) as reader:
+        tables = _Tables(reader, data)
+        imus, others = tables.imus()
+        fixes = [series for name in tables.instances("GPS") if (series := tables.fixes(*name)) is not None]
+        solution = tables.solution()
+        rows = sum(len(offsets) for offsets in reader.offsets)
+    notes = ("fixes are stamped when they were logged, later than valid: gnss_delay_s says by how much",) if fixes else ()
+    solutions = () if solution is None else (solution,)
+    digest = hashlib.sha256(data).hexdigest()
+    return Flight("ArduPilot dataflash log", imus, tuple(fixes), solutions, notes, rows, digest, others)
+
+
+@contextlib.contextmanager
+def _reader(label: str, data: bytes) -> Iterator[Any]:
+    """DFReader on the log.  It reads files only, prints what it thinks, and raises whatever comes out of it."""
+    from pymavlink.DFReader import DFReader_binary
+
+    handle, path = tempfile.mkstemp(suffix=".BIN")
+    reader = DFReader_binary.__new__(DFReader_binary)
+    try:
+        with open(handle, "wb") as file:
+            file.write(data)
+        try:
+            with (
+                contextlib.redirect_stderr(io.StringIO()),
+                contextlib.redirect_stdout(io.StringIO()),
+                _set("PYMAVLINK_FAST_INDEX", "0"),  # the fast one prints past Python
+            ):
+                reader.__init__(path)
+        except Exception as error:
+            raise InputError(f"{label}: not readable as an ArduPilot dataflash log: {error}") from None
+        yield reader
+    finally:
+        for name in ("data_map", "filehandle"):  # what it has opened by the time it fails, it leaves open
+            opened = getattr(reader, name, None)
+            if opened is not None:
+                opened.close()
+        os.unlink(path)
+
+
+@contextlib.contextmanager
+def _set(name: str, value: str) -> Iterator[None]:
+    """An environment variable for the block."""
+    before = os.environ.get(name)
+    os.environ[name] = value
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
+
+
+class _Tables:
+    """The messages of a log as columns, scaled as their formats say."""
+
+    def __init__(self, reader: Any, data: bytes) -> None:
+        self._reader, self._bytes = reader, np.frombuffer(data, np.uint8)
+        self._cache: dict[str, dict[str, Array]] = {}
+
+    def columns(self, name: str) -> dict[str, Array]:
+        """Numeric columns by name, float64 but for times; empty if the log has no such message."""
+        if name not in self._cache:
+            self._cache[name] = self._read(name)
+        return self._cache[name]
+
+    def _read(self, name: str) -> dict[str, Array]:
+        from pymavlink.DFReader import FORMAT_TO_STRUCT
+
+        number = self._reader.name_to_id.get(name)
+        if number is None:
+            return {}
+        form = self._reader.formats[number]
+        offsets = np.asarray(self._reader.offsets[number], dtype=np.int64)
+        offsets = offsets[offsets + form.len <= self._bytes.size]
+        letters = [FORMAT_TO_STRUCT[letter] for letter in form.msg_fmts]
+        fields = [
+            (column, f"S{code[:-1]}" if code.endswith("s") else _CODES[code])
+            for column, (code, _, _) in zip(form.columns, letters, strict=True)
+        ]
+        dtype = np.dtype(fields)
+        if not offsets.size or dtype.itemsize + _HEAD_BYTES != form.len:
+            return {}
+        rows = self._bytes[offsets[:, None] + np.arange(_HEAD_BYTES, form.len)].copy().view(dtype)[:, 0]
+        result = {}
+        for (column, code), (_, factor, _) in zip(fields, letters, strict=True):
+            if not code.startswith("S"):
+                result[column] = rows[column].astype(np.float64) * (factor or 1.0)
+        if "TimeUS" not in result and "TimeMS" in result:
+            result["TimeUS"] = result["TimeMS"] * 1e3
+        return result if "TimeUS" in result else {}
+
+    def instances(self, base: str) -> list[tuple[str, int | None]]:
+        """(message, instance) of each sensor: by the column I, or by the number behind the name in old logs."""
+        found: list[tuple[str, int | None]] = []
+        for name in (base, f"{base}2", f"{base}3"):
+            table = self.columns(name)
+            if "I" in table:
+                found += [(name, int(i)) for i in np.unique(table["I"])]
+            elif table:
+                found.append((name, None))
+        return found
+
+    def select(self, name: str, instance: int | None) -> dict[str, Array]:
+        """The rows of one instance."""
+        table = self.columns(name)
+        if instance is None or "I" not in table:
+            return table
+        chosen = table["I"] == instance
+        return {column: values[chosen] for column, values in table.items()}
+
+    # --- series ----------------------------------------------------------------------------------
+
+    def imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
+        imus, others = [], []
+        for base in ("IMT", "IMU"):
+            for name, instance in self.instances(base):
+                table = self.select(name, instance)
+                time = table["TimeUS"] * 1e-6
+                label = _label(name, instance)
+                if base == "IMT":
+                    span = np.where((table["DelaT"] > 0) & (table["DelvT"] > 0), 1.0, np.nan)
+                    rate = _three(table, "DelA") * (span / table["DelaT"].clip(1e-9))[:, None]
+                    force = _three(table, "DelV") * (span / table["DelvT"].clip(1e-9))[:, None]
+                    imus.append(ImuSeries(label, time, rate, force, "interval_end"))
+                else:
+                    imus.append(ImuSeries(label, time, _three(table, "Gyr"), _three(table, "Acc"), "instant"))
+        for name in ("ISBH", "ACC", "GYR"):
+            if self.columns(name):
+                others.append(f"{name} (raw samples of one sensor each: not read)")
+        return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), tuple(others)
+
+    def fixes(self, name: str, instance: int | None) -> FixSeries | None:
+        """Fixes of one receiver, with the accuracies of its GPA messages."""
+        table = self.select(name, instance)
+        if not {"Status", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"} <= set(table):
+            return None
+        accuracy = self.select(name.replace("GPS", "GPA"), instance)
+        good = table["Status"] >= FIX_3D
+        table = {column: values[good] for column, values in table.items()}
+        if not good.any():
+            return None
+        course, speed = np.radians(table["GCrs"]), table["Spd"]
+        velocity = np.stack([speed * np.cos(course), speed * np.sin(course), table["VZ"]], axis=1)
+        position_sigma = velocity_sigma = None
+        if {"HAcc", "VAcc", "SAcc"} <= set(accuracy) and accuracy["TimeUS"].size:
+            at = _latest(accuracy["TimeUS"], table["TimeUS"])
+            horizontal, vertical, moving = (accuracy[column][at] for column in ("HAcc", "VAcc", "SAcc"))
+            if (horizontal > 0).all() and (vertical > 0).all():
+                position_sigma = np.stack([horizontal, horizontal, vertical], axis=1)
+            if (moving > 0).any():
+                moving = np.where(moving > 0, moving, INFORMS_NOT)
+                velocity_sigma = np.stack([moving] * 3, axis=1)
+        return FixSeries(
+            _label(name, instance),
+            table["TimeUS"] * 1e-6,
+            np.radians(table["Lat"]),
+            np.radians(table["Lng"]),
+            table["Alt"],
+            True,
+            None,
+            position_sigma,
+            velocity,
+            velocity_sigma,
+        )
+
+    def solution(self) -> SolutionSeries | None:
+        """The autopilot's own: attitude of ATT, position of POS, velocity of its first filter."""
+        attitude, place = self.columns("ATT"), self.columns("POS")
+        filters = next((name for name in ("XKF1", "NKF1") if self.columns(name)), None)
+        if not {"Roll", "Pitch", "Yaw"} <= set(attitude) or not {"Lat", "Lng", "Alt"} <= set(place):
+            return None
+        at = place["TimeUS"] * 1e-6
+        time = attitude["TimeUS"] * 1e-6
+        inside = (at >= time.min()) & (at <= time.max())
+        velocity = None
+        if filters is not None:
+            table = self.columns(filters)
+            core = table.get("C", np.zeros(table["TimeUS"].size)) == 0
+            moments = table["TimeUS"][core] * 1e-6
+            inside &= (at >= moments.min()) & (at <= moments.max())
+            velocity = np.stack([np.interp(at[inside], moments, table[v][core]) for v in ("VN", "VE", "VD")], axis=1)
+        if np.count_nonzero(inside) < 2:
+            return None
+        roll, pitch, heading = (
+            np.interp(at[inside], time, np.unwrap(np.radians(attitude[angle]))) for angle in ("Roll", "Pitch", "Yaw")
+        )
+        return SolutionSeries(
+            "ATT, POS" + (f", {filters}" if filters else ""),
+            at[inside],
+            np.radians(place["Lat"][inside]),
+            np.radians(place["Lng"][inside]),
+            place["Alt"][inside],
+            velocity,
+            roll,
+            pitch,
+            heading,
+            height_sea=True,
+        )
+
+
+def _label(name: str, instance: int | None) -> str:
+    return name if instance is None else f"{name}[{instance}]"
+
+
+def _three(table: dict[str, Array], what: str) -> Array:
+    return np.stack([table[f"{what}{axis}"] for axis in "XYZ"], axis=1)
+
+
+def _latest(times: Array, at: Array) -> np.ndarray:
+    """Index of the entry nearest to each time."""
+    right = np.searchsorted(times, at).clip(0, times.size - 1)
+    left = (right - 1).clip(0)
+    return np.where(np.abs(times[left] - at) <= np.abs(times[right] - at), left, right)

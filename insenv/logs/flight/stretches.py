@@ -1,0 +1,104 @@
+"""Time in a flight log: clocks that start anew, holes, samples twice or out of order, and the rest at the beginning."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from insenv.logs.flight.series import FixSeries, ImuSeries, SolutionSeries
+from insenv.logs.recorded import GnssFixes
+from insenv.logs.units import Array
+
+RESTART_S = 1.0
+"""A clock that goes back by more has been started anew; by less, samples are out of order."""
+REST_WINDOW_S = 1.0
+REST_RATE = 0.02
+"""rad/s: standard deviation of a body rate of a vehicle at rest, its motor idling."""
+REST_FORCE = 0.5
+"""m/s^2: of the specific force, likewise."""
+REST_SPEED = 0.5
+"""m/s"""
+REST_SAMPLES = 100
+AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries)
+
+
+def restarts(time: Array) -> np.ndarray:
+    """For each row how often the clock has been started anew before it: (n,) integers."""
+    return np.concatenate([[0], np.cumsum(np.diff(time) < -RESTART_S)]).astype(np.int64)
+
+
+def rows_of(series: AnySeries, rows: np.ndarray) -> AnySeries:
+    """The series with only these rows, in this order."""
+    length = series.time.size
+    picked: dict[str, Any] = {}
+    for each in fields(series):
+        value = getattr(series, each.name)
+        if isinstance(value, np.ndarray) and value.shape[:1] == (length,):
+            picked[each.name] = value[rows]
+    return replace(series, **picked)
+
+
+def ordered(series: AnySeries) -> tuple[AnySeries, int]:
+    """The series in order of time, each time once; how many rows that left out or moved."""
+    steps = np.diff(series.time)
+    wrong = int(np.count_nonzero(steps <= 0.0))
+    if not wrong:
+        return series, 0
+    _, first = np.unique(series.time, return_index=True)
+    return rows_of(series, first), wrong
+
+
+def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[str]) -> tuple[ImuSeries, int]:
+    """The samples `inside` of the longest stretch without a restart or a hole longer than `max_gap_s`, in order; and after how
+    many restarts it is.
+    """
+    part = restarts(imu.time)
+    nominal = 1.0 / imu.rate_hz
+    best: tuple[float, ImuSeries, int] | None = None
+    count, moved = 0, 0
+    for number in np.unique(part[inside]):
+        piece, wrong = ordered(rows_of(imu, np.flatnonzero(inside & (part == number))))
+        moved += wrong
+        edges = np.flatnonzero(np.diff(piece.time) > max_gap_s + nominal)
+        for begin, end in zip([0, *(edges + 1)], [*(edges + 1), piece.time.size], strict=True):
+            count += 1
+            duration = float(piece.time[end - 1] - piece.time[begin])
+            if best is None or duration > best[0]:
+                best = duration, rows_of(piece, np.arange(begin, end)), int(number)
+    assert best is not None  # `inside` is not empty
+    _, chosen, number = best
+    if moved:
+        notes.append(f"{moved} samples twice or out of order: put in order, each time once")
+    if count > 1:
+        notes.append(
+            f"{count} stretches between restarts and holes longer than {max_gap_s:g} s: the longest is used,"
+            f" {chosen.time[0]:.3f} to {chosen.time[-1]:.3f} s (start_s and stop_s choose another)"
+        )
+    return chosen, number
+
+
+def only(series: AnySeries, part: int, what: str, notes: list[str]) -> AnySeries | None:
+    """The rows after `part` restarts, in order; None when the series cannot tell."""
+    of = restarts(series.time)
+    if part > of[-1]:
+        notes.append(f"{what}: {series.name} has no restart of the clock where the inertial unit has: not used")
+        return None
+    return ordered(rows_of(series, np.flatnonzero(of == part)))[0]
+
+
+def rest_until(end: Array, rate_ib_b: Array, specific_force_b: Array, gnss: GnssFixes | None) -> float | None:
+    """Until when (s) the vehicle stands from the first sample on; None when it moves at once."""
+    per_window = max(round(REST_WINDOW_S / float(np.median(np.diff(end)))), 2)
+    until = 0
+    for begin in range(0, len(end) - per_window + 1, per_window):
+        window = slice(begin, begin + per_window)
+        if rate_ib_b[window].std(axis=0).max() > REST_RATE or specific_force_b[window].std(axis=0).max() > REST_FORCE:
+            break
+        if gnss is not None and gnss.velocity_n is not None:
+            now = (gnss.time >= end[begin]) & (gnss.time <= end[begin + per_window - 1])
+            if now.any() and np.hypot(*gnss.velocity_n[now, :2].T).max() > REST_SPEED:
+                break
+        until = begin + per_window
+    return float(end[until - 1]) if until >= REST_SAMPLES else None

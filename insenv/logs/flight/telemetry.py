@@ -1,0 +1,345 @@
+"""MAVLink telemetry logs (.tlog): records of a time (microseconds, 64 bits, big end first) and a frame.
+
+Broken bytes between records are skipped and counted.  Messages come from the vehicle that sent the most inertial samples.
+Units as the message definitions state them: degE7, mm, cm/s, milli-g.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from insenv import attitude
+from insenv.errors import InputError
+from insenv.logs.flight.series import INFORMS_NOT, FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.units import STANDARD_GRAVITY, Array
+
+V1, V2, SIGNED = 0xFE, 0xFD, 0x01
+STAMP = 8
+_MAGIC = re.compile(b"[\xfd\xfe]")
+_DEG_E7 = np.pi / 180.0 * 1e-7
+_UNKNOWN = 65535
+_UNIX_US = 10**14
+"""A time stamp beyond this many microseconds (3 years) is no time since boot."""
+FIX_3D = 3
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record: time (us of Unix time), sender, number of the message, its payload."""
+
+    time_us: int
+    system: int
+    component: int
+    number: int
+    payload: bytes
+
+
+@lru_cache(maxsize=1)
+def _messages() -> Any:
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    return ardupilotmega.mavlink_map
+
+
+class TelemetryLog:
+    """The records of a log, in order.
+
+    records: how many; skipped: bytes that belong to none; wrong: frames with a wrong checksum; unknown: frames of messages
+    that are not known (they cannot be checked).
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.records = self.skipped = self.wrong = self.unknown = 0
+
+    def __iter__(self) -> Iterator[Record]:
+        from fastcrc import crc16
+
+        data, end, at = self.data, len(self.data), 0
+        extras = {number: kind.crc_extra for number, kind in _messages().items()}
+        while at + STAMP < end:
+            magic = data[at + STAMP]
+            head = 10 if magic == V2 else 6
+            begin = at + STAMP
+            if magic not in (V1, V2) or begin + head > end:
+                at = self._resynchronised(at)
+                continue
+            if magic == V2:
+                system, component = data[begin + 5], data[begin + 6]
+                number = int.from_bytes(data[begin + 7 : begin + 10], "little")
+                signature = 13 if data[begin + 2] & SIGNED else 0
+            else:
+                system, component, number, signature = data[begin + 3], data[begin + 4], data[begin + 5], 0
+            body = begin + head + data[begin + 1]
+            follows = body + 2 + signature
+            if follows > end:
+                at = self._resynchronised(at)
+                continue
+            extra = extras.get(number)
+            if extra is None:
+                if follows + STAMP < end and data[follows + STAMP] not in (V1, V2):
+                    at = self._resynchronised(at)
+                    continue
+                self.unknown += 1
+            elif crc16.mcrf4xx(data[begin + 1 : body] + bytes((extra,))) != int.from_bytes(data[body : body + 2], "little"):
+                self.wrong += 1
+                at = self._resynchronised(at)
+                continue
+            else:
+                self.records += 1
+                yield Record(int.from_bytes(data[at:begin], "big"), system, component, number, data[begin + head : body])
+            at = follows
+        self.skipped += max(end - at, 0)
+
+    def _resynchronised(self, at: int) -> int:
+        """Where the next record may begin: eight bytes before the next magic."""
+        found = _MAGIC.search(self.data, at + STAMP + 1)
+        after = len(self.data) if found is None else found.start() - STAMP
+        self.skipped += after - at
+        return after
+
+
+def read_telemetry(label: str, data: bytes) -> Flight:
+    """What a telemetry log holds.  Raises InputError: no telemetry log."""
+    log = TelemetryLog(data)
+    by_sender: dict[tuple[int, int], dict[int, list[tuple[int, bytes]]]] = defaultdict(lambda: defaultdict(list))
+    for record in log:
+        by_sender[record.system, record.component][record.number].append((record.time_us, record.payload))
+    if not log.records:
+        raise InputError(f"{label}: no MAVLink telemetry log: it holds no frame behind a time stamp")
+    tables = {sender: _Tables(found) for sender, found in by_sender.items()}
+    sender = max(tables, key=lambda s: tables[s].inertial_samples())
+    notes = []
+    if len(tables) > 1:
+        others = ", ".join(f"{s}/{c}" for s, c in sorted(tables) if (s, c) != sender)
+        notes.append(f"messages of system {sender[0]}, component {sender[1]}; also in the log: {others}")
+    if log.wrong or log.skipped:
+        notes.append(f"{log.wrong} frames with a wrong checksum, {log.skipped} bytes that belong to no record: left out")
+    digest = hashlib.sha256(data).hexdigest()
+    return tables[sender].flight(notes, log.records, digest)
+
+
+class _Tables:
+    """The messages of one sender, by name, as columns."""
+
+    def __init__(self, found: dict[int, list[tuple[int, bytes]]]) -> None:
+        self._found = {_messages()[number].msgname: rows for number, rows in found.items()}
+        self._kinds = {_messages()[number].msgname: _messages()[number] for number in found}
+        self.base_us = 0
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._found
+
+    def inertial_samples(self) -> int:
+        return sum(len(self._found.get(name, ())) for name in ("HIL_SENSOR", "HIGHRES_IMU", "SCALED_IMU", "RAW_IMU"))
+
+    def received_us(self, name: str) -> np.ndarray:
+        return np.array([time for time, _ in self._found[name]], dtype=np.int64)
+
+    def columns(self, name: str) -> np.ndarray:
+        """The payloads as a structured array; what MAVLink cut off at the end is zero."""
+        kind = self._kinds[name]
+        fields: list[Any] = []
+        # native_format: one letter a field, in the order of the wire
+        letters = bytes(kind.native_format).decode("ascii").lstrip("<>=")
+        for field, letter, length in zip(kind.ordered_fieldnames, letters, _lengths(kind), strict=True):
+            code = {"c": "S", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}.get(letter)
+            code = code or {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}[letter]
+            if letter == "c":
+                fields.append((field, f"S{max(length, 1)}"))
+            else:
+                fields.append((field, code, (length,)) if length else (field, code))
+        dtype = np.dtype(fields)
+        size = dtype.itemsize
+        return np.frombuffer(b"".join(payload.ljust(size, b"\0")[:size] for _, payload in self._found[name]), dtype)
+
+    def seconds(self, rows: np.ndarray) -> Array:
+        """Column time_usec (n,) as seconds since `base_us`."""
+        return np.asarray((rows["time_usec"].astype(np.int64) - self.base_us) * 1e-6, dtype=np.float64)
+
+    # --- series ----------------------------------------------------------------------------------
+
+    def flight(self, notes: list[str], records: int, digest: str) -> Flight:
+        for name in ("HIL_SENSOR", "HIGHRES_IMU"):
+            if name in self and not self.base_us and (first := int(self.columns(name)["time_usec"][0])) > _UNIX_US:
+                # seconds since 1970 leave too few digits for the steps between samples
+                self.base_us = first
+                notes.append("the vehicle's time stamps are Unix time: times are counted from the first inertial sample")
+        imus, others = self._imus()
+        undulation = self._undulation()
+        clock = imus[0].time if imus else np.zeros(0)
+        fixes = [f for f in (self._hil_gps(undulation), self._gps_raw_int(undulation, clock, notes)) if f is not None]
+        solutions = [s for s in (self._truth(), self._estimate()) if s is not None]
+        return Flight("MAVLink telemetry log", imus, tuple(fixes), tuple(solutions), tuple(notes), records, digest, others)
+
+    def _imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
+        imus = []
+        for name, stamp in (("HIL_SENSOR", "interval_end"), ("HIGHRES_IMU", "instant")):
+            if name not in self:
+                continue
+            rows = self.columns(name)
+            rows = rows[(rows["fields_updated"].astype(np.uint32) & 0b111111) == 0b111111]
+            rows = rows[rows["id"] == 0] if "id" in (rows.dtype.names or ()) else rows
+            if len(rows):
+                imus.append(
+                    ImuSeries(name, self.seconds(rows), _three(rows, "gyro"), _three(rows, "acc"), stamp)  # type: ignore[arg-type]
+                )
+        for name in ("SCALED_IMU", "SCALED_IMU2", "SCALED_IMU3"):
+            if name in self:
+                rows = self.columns(name)
+                time = rows["time_boot_ms"] * 1e-3
+                imus.append(
+                    ImuSeries(name, time, _three(rows, "gyro") * 1e-3, _three(rows, "acc") * 1e-3 * STANDARD_GRAVITY, "instant")
+                )
+        others = ("RAW_IMU (counts of no stated unit)",) if "RAW_IMU" in self else ()
+        return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), others
+
+    def _undulation(self) -> float | None:
+        if "GPS_RAW_INT" not in self:
+            return None
+        rows = self.columns("GPS_RAW_INT")
+        rows = rows[(rows["fix_type"] >= FIX_3D) & (rows["alt_ellipsoid"] != 0)]
+        return float(np.median((rows["alt_ellipsoid"] - rows["alt"].astype(np.int64)) * 1e-3)) if len(rows) else None
+
+    def _hil_gps(self, undulation: float | None) -> FixSeries | None:
+        if "HIL_GPS" not in self:
+            return None
+        rows = _each_once(self.columns("HIL_GPS"))
+        rows = rows[rows["fix_type"] >= FIX_3D]
+        if not len(rows):
+            return None
+        velocity = np.stack([rows["vn"], rows["ve"], rows["vd"]], axis=1) * 1e-2
+        speed_sigma = self._velocity_accuracy()
+        known = (rows["eph"] > 0) & (rows["eph"] < _UNKNOWN) & (rows["epv"] > 0) & (rows["epv"] < _UNKNOWN)
+        sigma = np.stack([rows["eph"], rows["eph"], rows["epv"]], axis=1) * 1e-2 if known.all() else None
+        return FixSeries(
+            "HIL_GPS",
+            self.seconds(rows),
+            rows["lat"] * _DEG_E7,
+            rows["lon"] * _DEG_E7,
+            rows["alt"] * 1e-3,
+            True,
+            undulation,
+            sigma,
+            velocity,
+            None if speed_sigma is None else np.full((len(rows), 3), speed_sigma),
+        )
+
+    def _velocity_accuracy(self) -> float | None:
+        if "GPS_RAW_INT" not in self:
+            return None
+        stated = self.columns("GPS_RAW_INT")["vel_acc"]
+        stated = stated[stated > 0]
+        return float(np.median(stated) * 1e-3) if len(stated) else None
+
+    def _gps_raw_int(self, undulation: float | None, clock: Array, notes: list[str]) -> FixSeries | None:
+        if "GPS_RAW_INT" not in self:
+            return None
+        rows, received = self.columns("GPS_RAW_INT"), self.received_us("GPS_RAW_INT")
+        _, first = np.unique(rows["time_usec"], return_index=True)
+        first = np.sort(first)
+        rows, received = rows[first], received[first]
+        good = rows["fix_type"] >= FIX_3D
+        rows, received = rows[good], received[good]
+        if not len(rows):
+            return None
+        time = self.seconds(rows)
+        if clock.size and (time[-1] < clock[0] or time[0] > clock[-1]):
+            offset = self._clock_offset()
+            time = received * 1e-6 - offset
+            notes.append("GPS_RAW_INT: stamped by another clock than the inertial unit: its times of arrival are used")
+        stated = (rows["h_acc"] > 0) & (rows["v_acc"] > 0)
+        sigma = np.stack([rows["h_acc"], rows["h_acc"], rows["v_acc"]], axis=1) * 1e-3 if stated.all() else None
+        velocity, velocity_sigma = _from_course(rows["vel"], rows["cog"], rows["vel_acc"])
+        return FixSeries(
+            "GPS_RAW_INT",
+            time,
+            rows["lat"] * _DEG_E7,
+            rows["lon"] * _DEG_E7,
+            rows["alt"] * 1e-3,
+            True,
+            undulation,
+            sigma,
+            velocity,
+            velocity_sigma,
+        )
+
+    def _clock_offset(self) -> float:
+        """Time of arrival less the vehicle's time, s: the least of what inertial messages show."""
+        for name in ("HIL_SENSOR", "HIGHRES_IMU"):
+            if name in self:
+                return (
+                    float(np.min(self.received_us(name) - self.columns(name)["time_usec"].astype(np.int64) + self.base_us))
+                    * 1e-6
+                )
+        return 0.0
+
+    def _truth(self) -> SolutionSeries | None:
+        if "HIL_STATE_QUATERNION" not in self:
+            return None
+        rows = _each_once(self.columns("HIL_STATE_QUATERNION"))
+        roll, pitch, heading = attitude.numeric.to_euler(_unit(rows["attitude_quaternion"]))
+        velocity = np.stack([rows["vx"], rows["vy"], rows["vz"]], axis=1) * 1e-2
+        time, position = self.seconds(rows), (rows["lat"] * _DEG_E7, rows["lon"] * _DEG_E7, rows["alt"] * 1e-3)
+        return SolutionSeries("HIL_STATE_QUATERNION", time, *position, velocity, roll, pitch, heading, True, True)
+
+    def _estimate(self) -> SolutionSeries | None:
+        if "GLOBAL_POSITION_INT" not in self or not ("ATTITUDE" in self or "ATTITUDE_QUATERNION" in self):
+            return None
+        name = "ATTITUDE_QUATERNION" if "ATTITUDE_QUATERNION" in self else "ATTITUDE"
+        rows = _each_once(self.columns(name), "time_boot_ms")
+        if name == "ATTITUDE":
+            angles = [rows["roll"], rows["pitch"], rows["yaw"]]
+        else:
+            angles = list(attitude.numeric.to_euler(_unit(np.stack([rows[q] for q in ("q1", "q2", "q3", "q4")], axis=1))))
+        places = _each_once(self.columns("GLOBAL_POSITION_INT"), "time_boot_ms")
+        at, time = places["time_boot_ms"] * 1e-3, rows["time_boot_ms"] * 1e-3
+        inside = (at >= time[0]) & (at <= time[-1])
+        if np.count_nonzero(inside) < 2:
+            return None
+        places, at = places[inside], at[inside]
+        roll, pitch, heading = (np.interp(at, time, np.unwrap(angle.astype(np.float64))) for angle in angles)
+        velocity = np.stack([places["vx"], places["vy"], places["vz"]], axis=1) * 1e-2
+        position = places["lat"] * _DEG_E7, places["lon"] * _DEG_E7, places["alt"] * 1e-3
+        return SolutionSeries(f"{name}, GLOBAL_POSITION_INT", at, *position, velocity, roll, pitch, heading, False, True)
+
+
+def _lengths(kind: Any) -> list[int]:
+    """Lengths of the arrays in the order of the wire, 0 for scalars."""
+    return list(kind.array_lengths)
+
+
+def _three(rows: np.ndarray, what: str) -> Array:
+    return np.stack([rows[f"{axis}{what}"].astype(np.float64) for axis in "xyz"], axis=1)
+
+
+def _each_once(rows: np.ndarray, column: str = "time_usec") -> np.ndarray:
+    """The first row of each time, in order of time."""
+    _, first = np.unique(rows[column], return_index=True)
+    return rows[first]
+
+
+def _unit(q: np.ndarray) -> Array:
+    q = q.astype(np.float64)
+    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
+
+
+def _from_course(speed_cm: np.ndarray, course_cdeg: np.ndarray, accuracy_mm: np.ndarray) -> tuple[Array | None, Array | None]:
+    """Velocity (m/s, n) and its sigmas from speed over ground and course; the vertical one, and unknown ones, inform not."""
+    speed = np.where(speed_cm < _UNKNOWN, speed_cm, 0) * 1e-2
+    course = np.radians(np.where(course_cdeg < _UNKNOWN, course_cdeg, 0) * 1e-2)
+    known = (speed_cm < _UNKNOWN) & ((course_cdeg < _UNKNOWN) | (speed_cm == 0))
+    if not known.any() or not (accuracy_mm > 0).any():
+        return None, None
+    sigma = np.where(accuracy_mm > 0, accuracy_mm, np.median(accuracy_mm[accuracy_mm > 0])) * 1e-3
+    sigma = np.where(known, sigma, INFORMS_NOT)
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course), np.zeros(len(speed))], axis=1)
+    return velocity, np.stack([sigma, sigma, np.full(len(speed), INFORMS_NOT)], axis=1)

@@ -1,0 +1,209 @@
+"""PX4 ULog files (.ulg), by pyulog: sensor_combined or vehicle_imu, vehicle_gps_position or sensor_gps, and PX4's own solution.
+
+Inertial samples are means over the integration time that ends at their time stamp, in body FRD, calibrated by PX4.
+https://docs.px4.io/main/en/dev_log/ulog_file_format.html
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+from typing import Any
+
+import numpy as np
+
+from insenv import attitude, geodesy
+from insenv.errors import InputError
+from insenv.logs.flight.series import FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.units import Array
+
+MAGIC = b"ULog\x01\x12\x35"
+FIX_3D = 3
+_UNIX_US = 10**14
+"""A time stamp beyond this many microseconds (3 years) is no time since boot."""
+_MOST_READS = 300_000
+"""Reads without getting on: two for each byte of the longest message, behind which the search goes on byte by byte."""
+_E7 = np.pi / 180.0 * 1e-7
+_TOPICS = [
+    "sensor_combined",
+    "vehicle_imu",
+    "vehicle_gps_position",
+    "sensor_gps",
+    "vehicle_attitude",
+    "vehicle_local_position",
+    "vehicle_global_position",
+]
+
+Columns = dict[str, Any]
+
+
+def read_ulog(label: str, data: bytes) -> Flight:
+    """What a ULog file holds.  Raises InputError: no such file, or one that pyulog cannot read."""
+    if not data.startswith(MAGIC):
+        raise InputError(f"{label}: no PX4 ULog file: it must begin with 'ULog'")
+    try:
+        from pyulog import ULog
+    except ModuleNotFoundError:
+        raise InputError(f"{label}: pyulog is not installed; install it with: pip install pyulog") from None
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it skips
+            log = ULog(_Advancing(data), _TOPICS)
+    except Exception as error:  # whatever a broken file makes of it
+        raise InputError(f"{label}: not readable as a PX4 ULog file: {error or type(error).__name__}") from None
+    topics = {(d.name, d.multi_id): d.data for d in log.data_list if len(d.data["timestamp"])}
+    notes = _rebased(topics)
+    imus = _imus(topics)
+    fixes = [
+        series
+        for (name, instance), table in sorted(topics.items(), key=lambda item: (item[0][0] == "sensor_gps", item[0]))
+        if name in ("vehicle_gps_position", "sensor_gps") and (series := _fixes(_label(name, instance), table)) is not None
+    ]
+    undulation = next((series.undulation for series in fixes if series.undulation is not None), None)
+    solution = _solution(topics, undulation or 0.0)
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
+        notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in all")
+    if log.file_corruption:
+        notes.append("the file is damaged: what could be read is used")
+    solutions = () if solution is None else (solution,)
+    rows = sum(len(table["timestamp"]) for table in topics.values())
+    return Flight("PX4 ULog file", imus, tuple(fixes), solutions, tuple(notes), rows, hashlib.sha256(data).hexdigest())
+
+
+class _Advancing(io.BytesIO):
+    """A file that ends the reading of one who goes round in circles, as pyulog does at some broken messages."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self._furthest = self._since = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        piece = super().read(size)
+        self._since += 1
+        if self.tell() > self._furthest:
+            self._furthest, self._since = self.tell(), 0
+        elif self._since > _MOST_READS:
+            raise _EndlessError("a broken message")
+        return piece
+
+
+class _EndlessError(Exception):
+    """None of those that pyulog takes for a broken message and goes on."""
+
+
+def _rebased(topics: dict[tuple[str, int], Columns]) -> list[str]:
+    """Count times from the first inertial sample if they are Unix time, as a simulated PX4 may stamp."""
+    first = min(
+        (int(t["timestamp"][0]) for (name, _), t in topics.items() if name in ("sensor_combined", "vehicle_imu")), default=0
+    )
+    if first < _UNIX_US:
+        return []
+    for table in topics.values():
+        for column in ("timestamp", "timestamp_sample"):
+            if column in table:
+                stamps = np.asarray(table[column]).astype(np.int64)
+                table[column] = np.where(stamps > 0, stamps - first, 0)
+    return ["time stamps are Unix time: times are counted from the first inertial sample"]
+
+
+def _imus(topics: dict[tuple[str, int], Columns]) -> tuple[ImuSeries, ...]:
+    imus = []
+    for (name, instance), table in topics.items():
+        if name == "sensor_combined":
+            time, rate, force = table["timestamp"], _three(table, "gyro_rad"), _three(table, "accelerometer_m_s2")
+        elif name == "vehicle_imu":
+            time = table.get("timestamp_sample", table["timestamp"])
+            rate = _three(table, "delta_angle") / _seconds(table["delta_angle_dt"])[:, None]
+            force = _three(table, "delta_velocity") / _seconds(table["delta_velocity_dt"])[:, None]
+        else:
+            continue
+        imus.append(ImuSeries(_label(name, instance), _seconds(time), rate, force, "interval_end"))
+    return tuple(sorted(imus, key=lambda imu: (-imu.rate_hz, imu.name)))
+
+
+def _fixes(name: str, table: Columns) -> FixSeries | None:
+    good = np.asarray(table["fix_type"]) >= FIX_3D
+    if not good.any():
+        return None
+    table = {column: np.asarray(values)[good] for column, values in table.items()}
+    if "latitude_deg" in table:
+        latitude, longitude = np.radians(table["latitude_deg"]), np.radians(table["longitude_deg"])
+        sea, height = table["altitude_msl_m"].astype(np.float64), table["altitude_ellipsoid_m"].astype(np.float64)
+    else:
+        latitude, longitude = table["lat"] * _E7, table["lon"] * _E7
+        sea, height = table["alt"] * 1e-3, table["alt_ellipsoid"] * 1e-3
+    # a receiver that does not tell leaves the height over the ellipsoid at zero
+    told = bool(np.any(height != 0.0))
+    time = (
+        table["timestamp_sample"]
+        if "timestamp_sample" in table and (table["timestamp_sample"] > 0).all()
+        else table["timestamp"]
+    )
+    velocity = velocity_sigma = position_sigma = None
+    if (table["vel_ned_valid"] != 0).all():
+        velocity = np.stack([table["vel_n_m_s"], table["vel_e_m_s"], table["vel_d_m_s"]], axis=1).astype(np.float64)
+        accuracy = table["s_variance_m_s"].astype(np.float64)  # by its name a variance, by its unit and use a deviation
+        if (accuracy > 0).all():
+            velocity_sigma = np.stack([accuracy] * 3, axis=1)
+    horizontal, vertical = table["eph"].astype(np.float64), table["epv"].astype(np.float64)
+    if (horizontal > 0).all() and (vertical > 0).all():
+        position_sigma = np.stack([horizontal, horizontal, vertical], axis=1)
+    return FixSeries(
+        name,
+        _seconds(time),
+        np.asarray(latitude, dtype=np.float64),
+        np.asarray(longitude, dtype=np.float64),
+        height if told else sea,
+        not told,
+        float(np.median(height - sea)) if told else None,
+        position_sigma,
+        velocity,
+        velocity_sigma,
+    )
+
+
+def _solution(topics: dict[tuple[str, int], Columns], undulation: float) -> SolutionSeries | None:
+    """PX4's own: attitude of vehicle_attitude, the rest of vehicle_local_position where that knows its origin."""
+    turned, place = topics.get(("vehicle_attitude", 0)), topics.get(("vehicle_local_position", 0))
+    if turned is None or place is None:
+        return None
+    good = (np.asarray(place["xy_global"]) != 0) & (np.asarray(place["z_global"]) != 0)
+    if np.count_nonzero(good) < 2:
+        return None
+    place = {column: np.asarray(values)[good] for column, values in place.items()}
+    q = _columns(turned, [f"q[{i}]" for i in range(4)])
+    angles = attitude.numeric.to_euler(q / np.linalg.norm(q, axis=1, keepdims=True))
+    time, at = _seconds(turned["timestamp"]), _seconds(place["timestamp"])
+    inside = (at >= time[0]) & (at <= time[-1])
+    if np.count_nonzero(inside) < 2:
+        return None
+    roll, pitch, heading = (np.interp(at[inside], time, np.unwrap(angle)) for angle in angles)
+    offset = _columns(place, ["x", "y", "z"])[inside]
+    origin = (np.radians(place["ref_lat"][inside]), np.radians(place["ref_lon"][inside]), place["ref_alt"][inside] + undulation)
+    latitude, longitude, height = _placed(offset, origin)
+    velocity = _columns(place, ["vx", "vy", "vz"])[inside]
+    name = "vehicle_attitude, vehicle_local_position"
+    return SolutionSeries(name, at[inside], latitude, longitude, height, velocity, roll, pitch, heading)
+
+
+def _placed(offset: Array, origin: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """Offsets from origins as latitude, longitude (rad) and height (m)."""
+    places = np.array([geodesy.numeric.geodetic_from_ned_offset(o, *place) for o, *place in zip(offset, *origin, strict=True)])
+    return places[:, 0], places[:, 1], places[:, 2]
+
+
+def _three(table: Columns, name: str) -> Array:
+    return _columns(table, [f"{name}[{i}]" for i in range(3)])
+
+
+def _columns(table: Columns, names: list[str]) -> Array:
+    return np.stack([np.asarray(table[name], dtype=np.float64) for name in names], axis=1)
+
+
+def _seconds(microseconds: Any) -> Array:
+    return np.asarray(microseconds, dtype=np.float64) * 1e-6
+
+
+def _label(name: str, instance: int) -> str:
+    return name if instance == 0 else f"{name}[{instance}]"

@@ -1,0 +1,70 @@
+"""Small writers of flight logs, by the published formats, for tests of the readers."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+class DataflashWriter:
+    """ArduPilot dataflash: FMT messages, then records of a head, a number and packed fields."""
+
+    CODES = {"b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "q": "q", "Q": "Q", "f": "f", "d": "d"}
+    SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "E": ("I", 100), "L": ("i", 1e7)}
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.kinds: dict[str, tuple[int, str, list[tuple[str, float | None]]]] = {}
+        self._define("FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 0x80, 89)
+
+    def define(self, name: str, form: str, columns: str) -> None:
+        number = 0x20 + len(self.kinds)
+        codes: list[tuple[str, float | None]] = [
+            self.SCALED[letter] if letter in self.SCALED else (self.CODES[letter], None) for letter in form
+        ]
+        packed = "<" + "".join(code for code, _ in codes)
+        self.kinds[name] = number, packed, codes
+        self._define(name, form, columns, number, 3 + struct.calcsize(packed))
+
+    def _define(self, name: str, form: str, columns: str, number: int, length: int) -> None:
+        body = struct.pack("<BB4s16s64s", number, length, name.encode(), form.encode(), columns.encode())
+        self.data += b"\xa3\x95\x80" + body
+
+    def add(self, name: str, *values: float) -> None:
+        number, packed, codes = self.kinds[name]
+        whole = [round(v * f) if f else v for v, (_, f) in zip(values, codes, strict=True)]
+        self.data += b"\xa3\x95" + bytes((number,)) + struct.pack(packed, *whole)
+
+
+class UlogWriter:
+    """PX4 ULog: header, flag bits, formats; then subscriptions and data messages."""
+
+    SIZES = {"uint64_t": "Q", "float": "f", "double": "d", "int32_t": "i", "uint32_t": "I", "uint8_t": "B", "bool": "?"}
+
+    def __init__(self, start_us: int = 0) -> None:
+        self.data = bytearray(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", start_us))
+        self._message("B", bytes(40))
+        self.packed: dict[str, struct.Struct] = {}
+
+    def _message(self, kind: str, body: bytes) -> None:
+        self.data += struct.pack("<HB", len(body), ord(kind)) + body
+
+    def formats(self, topics: dict[str, Sequence[tuple[str, str]]]) -> None:
+        """All topics: name -> (type, field), type may be an array as "float[3]"; then their subscriptions."""
+        for name, fields in topics.items():
+            text = f"{name}:" + "".join(f"{kind} {field};" for kind, field in fields)
+            self._message("F", text.encode())
+            letters = "<"
+            for kind, _ in fields:
+                base, _, count = kind.rstrip("]").partition("[")
+                letters += (count or "") + self.SIZES[base]
+            self.packed[name] = struct.Struct(letters)
+        for number, name in enumerate(topics):
+            self._message("A", struct.pack("<BH", 0, number) + name.encode())
+
+    def add(self, name: str, *values: Any) -> None:
+        flat = [item for value in values for item in (value if isinstance(value, (list, tuple, np.ndarray)) else [value])]
+        self._message("D", struct.pack("<H", list(self.packed).index(name)) + self.packed[name].pack(*flat))

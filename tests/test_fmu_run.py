@@ -1,0 +1,199 @@
+"""`python -m insenv.fmu.run` and the function behind it: results to the bit, CSV, errors that say what to do."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from fmu_tools import INTERVAL, columns_for, exported, in_process
+
+from insenv import estimators
+from insenv.errors import InputError, InsenvError
+from insenv.fmu.run import main, run
+from insenv.fmu.series import Series, flattened, read_csv, write_csv
+
+SAMPLES = 3000
+PAIRS = [("qakf-improved", 2), ("qakf-improved", 3), ("loosely-coupled", 2), ("loosely-coupled", 3)]
+
+
+def series_of(columns):
+    flat = flattened(columns)
+    count = len(next(iter(flat.values())))
+    return Series(np.arange(count) * INTERVAL, tuple(flat), np.array(list(flat.values())).T)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Inputs of qakf-improved as a CSV file."""
+    path = tmp_path_factory.mktemp("log") / "log.csv"
+    write_csv(path, series_of(columns_for("qakf-improved", 400)))
+    return path
+
+
+@pytest.mark.parametrize(("id", "fmi"), PAIRS)
+def test_the_outputs_are_those_of_the_model_to_the_bit(id, fmi):
+    columns = columns_for(id, SAMPLES)
+    found = run(exported(id, fmi), columns)
+    np.testing.assert_array_equal(found.values, in_process(id, columns))
+    np.testing.assert_array_equal(found.time, INTERVAL * np.arange(1, SAMPLES + 1))
+    assert found.steps == SAMPLES
+    assert not found.passed_over
+    assert set(found.held) <= {"standing", "dt"}
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_outputs_by_name_have_the_shapes_of_the_tables(fmi):
+    found = run(exported("loosely-coupled", fmi), columns_for("loosely-coupled", 50), every=10)
+    named, table = found.named(), estimators.get("loosely-coupled").model.outputs
+    assert {name: value.shape for name, value in named.items()} == {row.name: (5, *row.shape) for row in table}
+    assert found.units["q_nb[1]"] == "1"
+    assert found.units["latitude"] == "rad"
+    np.testing.assert_allclose(found.time, [0.05, 0.1, 0.15, 0.2, 0.25], rtol=1e-15)
+
+
+def test_every_records_the_same_as_thinning_out():
+    columns = columns_for("qakf-improved", 400)
+    every, seventh = run(exported("qakf-improved"), columns), run(exported("qakf-improved"), columns, every=7)
+    np.testing.assert_array_equal(seventh.values, every.values[6::7])
+    np.testing.assert_array_equal(seventh.time, every.time[6::7])
+
+
+def test_parameters_are_set_before_the_start():
+    columns = columns_for("qakf-improved", 400)
+    found = run(exported("qakf-improved"), columns, parameters={"latitude": 0.7})
+    np.testing.assert_array_equal(found.values, in_process("qakf-improved", columns, {"latitude": 0.7}))
+
+
+def test_a_plant_runs_without_inputs_and_its_outputs_feed_an_estimator(tmp_path):
+    shown = run(exported("ship-swaying"), stop_time=400 * INTERVAL)
+    assert shown.steps == 400
+    path = tmp_path / "ship.csv"
+    write_csv(path, shown)
+    fed = run(exported("qakf-improved"), read_csv(path))
+    np.testing.assert_array_equal(fed.values, in_process("qakf-improved", columns_for("qakf-improved", 400)))
+    assert "height" in fed.passed_over
+    assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row stands at the end of the plant's first step
+
+
+def test_progress_is_told():
+    told = []
+    run(exported("qakf-improved"), columns_for("qakf-improved", SAMPLES), progress=lambda *done: told.append(done))
+    assert told[-1] == (SAMPLES, SAMPLES)
+
+
+def test_csv_reads_back_to_the_bit(tmp_path):
+    columns = {"a": np.array([0.1, 1e-300, -1 / 3]), "m": np.arange(12.0).reshape(3, 2, 2) / 7}
+    write_csv(tmp_path / "x.csv", series_of(columns))
+    back = read_csv(tmp_path / "x.csv")
+    assert back.names == ("a", "m[1,1]", "m[1,2]", "m[2,1]", "m[2,2]")
+    for name, value in back.named().items():
+        np.testing.assert_array_equal(value, columns[name])
+
+
+def test_csv_of_fmpy_with_blanks_inside_arrays(tmp_path):
+    (tmp_path / "x.csv").write_text('"time","a","b"\n0.0,1 2 3,4\n0.005,5 6 7,8\n')
+    back = read_csv(tmp_path / "x.csv")
+    assert back.names == ("a[1]", "a[2]", "a[3]", "b")
+    np.testing.assert_array_equal(back.values, [[1, 2, 3, 4], [5, 6, 7, 8]])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no column 'time'"),
+        ("a,b\n1,2\n", "no column 'time'"),
+        ("time,a\n", "no data rows"),
+        ("time,a\n0,x\n", r"line 2, column 'a': 'x' is not a number"),
+        ("time,a\n0,1\n1,\n", r"line 3, column 'a': the value is missing"),
+        ("time,a\n0,nan\n", r"line 2, column 'a': value is nan"),
+        ("time,a\n0,1\n1\n", r"line 3 has 1 fields, expected 2"),
+        ("time,a,a\n0,1,2\n", "columns that stand there twice: a"),
+        ('time,"a[1,1]"\n0,z\n', r"line 2, column 'a\[1,1\]'"),
+    ],
+)
+def test_a_bad_csv_is_named(tmp_path, text, said):
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_csv(tmp_path / "bad.csv")
+
+
+def test_rows_must_stand_a_step_apart():
+    good = series_of(columns_for("qakf-improved", 100))
+    for time, said in (
+        (good.time * 2, "rows stand 0.01 s apart"),
+        (np.where(np.arange(100) > 50, good.time + 0.1, good.time), "time = 0.355 s in row 52 follows 0.25 s"),
+        (np.where(np.arange(100) == 50, 0.0, good.time), "follows"),
+    ):
+        with pytest.raises(InputError, match=said):
+            run(exported("qakf-improved"), Series(time, good.names, good.values))
+
+
+def test_wrong_inputs_are_named():
+    fmu, columns = exported("qakf-improved"), columns_for("qakf-improved", 100)
+    for inputs, options, said in (
+        ({"delta_angel": columns["delta_angle"]}, {}, "no column is an input"),
+        ({"delta_angle": columns["delta_angle"][:, :2]}, {}, r"input delta_angle\[3\] has no column"),
+        ({**columns, "delta_angle": columns["delta_angle"][:50]}, {}, "different lengths"),
+        (columns, {"parameters": {"latitud": 0.7}}, r"no scalar parameter 'latitud'; did you mean 'latitude'"),
+        (columns, {"every": 0}, "every = 0"),
+        (columns, {"step": -1.0}, "step = -1.0"),
+        (columns, {"stop_time": -1.0}, "stop time"),
+    ):
+        with pytest.raises(InputError, match=said):
+            run(fmu, inputs, **options)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_what_the_fmu_refuses_is_told_in_its_own_words(fmi):
+    fmu, columns = exported("qakf-improved", fmi), columns_for("qakf-improved", 100)
+    with pytest.raises(InputError, match=r"parameter latitude = 7 refused: .*latitude = 7 rad"):
+        run(fmu, columns, parameters={"latitude": 7.0})
+    with pytest.raises(InsenvError, match=r"the step failed at step 0, t = 0 s \(error\): .*whole number of sample intervals"):
+        run(fmu, columns, step=1.5 * INTERVAL)
+    broken = {name: column.copy() for name, column in columns.items()}
+    broken["delta_velocity"][40, 2] = np.nan
+    with pytest.raises(InsenvError, match=r"setting the inputs failed at step 40, t = 0.2 s \(error\): .*delta_velocity"):
+        run(fmu, broken)
+
+
+def test_what_is_no_fmu_is_told(tmp_path):
+    (tmp_path / "x.fmu").write_text("no archive")
+    for path, said in ((tmp_path / "none.fmu", "no such file"), (tmp_path / "x.fmu", "not an FMU")):
+        with pytest.raises(InputError, match=said):
+            run(path, {"a": np.zeros(3)})
+
+
+def test_the_command_writes_what_the_function_gives(log, tmp_path):
+    output = tmp_path / "out.csv"
+    command = [sys.executable, "-m", "insenv.fmu.run", str(exported("qakf-improved")), "--input", str(log), "--json"]
+    done = subprocess.run([*command, "--output", str(output)], capture_output=True, text=True, check=True)
+    document = json.loads(done.stdout)
+    assert document["steps"] == 400
+    written, given = read_csv(output), run(exported("qakf-improved"), read_csv(log))
+    assert written.names == given.names
+    np.testing.assert_array_equal(written.values, given.values)
+    np.testing.assert_array_equal(list(document["outputs"].values()), given.values[-1])
+
+
+def test_the_command_prints_the_last_outputs(log, capsys):
+    assert main([str(exported("qakf-improved")), "--input", str(log), "--set", "latitude=0.7"]) == 0
+    shown = capsys.readouterr().out
+    assert "400 steps of 0.005 s" in shown
+    assert "attitude_sigma[3]" in shown
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "said"),
+    [
+        (["--input", "missing.csv"], 2, "missing.csv: No such file"),
+        (["--input", "LOG", "--set", "latitude=north"], 2, "--set latitude=north"),
+        (["--input", "LOG", "--step", "0.0075"], 2, "rows stand 0.005 s apart"),
+        (["--input", "LOG", "--output", "no/such/folder/x.csv"], 2, "its folder does not exist"),
+    ],
+)
+def test_the_command_tells_what_is_wrong(log, capsys, options, status, said):
+    assert main([str(exported("qakf-improved")), "--json", *(str(log) if o == "LOG" else o for o in options)]) == status
+    told = capsys.readouterr()
+    assert said in told.err
+    assert said in json.loads(told.out)["error"]["message"]
