@@ -25,13 +25,21 @@ def test_the_share_inside_is_95_percent_of_a_chi_square_sample_and_little_for_si
     assert Consistency(case, np.arange(2000), sample * 1.25**2, 9).inside < 0.01
 
 
-@pytest.mark.parametrize(("case", "from_s"), [(WHITE_FIXES, 60.0), (WANDER_TOLD, 180.0)])
-def test_loosely_coupled_is_consistent(case, from_s):
-    """Position, velocity and attitude, with outages, from the start's transient (three times of the wander's) on."""
-    found = measure(replace(case, duration_s=460.0, from_s=from_s))
+def test_loosely_coupled_is_consistent():
+    """Position, velocity and attitude, with outages, after the start's transient."""
+    found = measure(replace(WHITE_FIXES, duration_s=460.0, from_s=60.0))
     assert found.degrees == 9 and found.nees.shape[0] == 56
     assert found.inside >= 0.9
     assert 0.9 < found.mean.mean() < 1.1
+
+
+def test_loosely_coupled_told_of_wandering_fixes_is_consistent():
+    """In 280 s the wander (60 s) makes five errors independent of each other: too few for a share of time, but for the mean
+    over 56 seeds and nine errors they leave 3 %.
+    """
+    found = measure(replace(WANDER_TOLD, duration_s=460.0, from_s=180.0))
+    assert found.nees.shape[0] == 56
+    assert abs(found.mean.mean() - 1.0) < 0.1
 
 
 def test_a_filter_that_takes_wandering_fixes_for_white_is_found_out():

@@ -207,18 +207,23 @@ def test_inertial_fir_does_not_see_what_the_start_was_said_to_be():
 
 @pytest.mark.parametrize("name", ["ship-moored-paper", "car-parked-paper", "ship-swaying"])
 def test_four_minutes_on_a_swaying_base_come_near_the_limit(name):
-    """Twelve seeds: heading RMS over that of the limit, and over the stated accuracy."""
+    """Twelve seeds: heading RMS over what biases and the method's own noise leave, and over the stated accuracy.
+
+    The short weights of the stop-band make the heading's noise 1.4 times that of the best four minutes (docs/estimators); an RMS
+    of twelve seeds has a standard deviation of 20 %.
+    """
     scenario = load(name)
     found = ensemble(scenario, ["inertial-fir"], range(12), duration_s=240.0, records=60)
     known = found.plants[0].knowledge
     sensors = known.sensors
     noise = limits.noise_tilts(sensors.angle_random_walk, sensors.velocity_random_walk, known.latitude, known.height, 240.0)
     biases = [limits.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in found.sensor_error_n]
-    limit = np.degrees(np.hypot(np.sqrt(np.mean(np.square(biases), axis=0)), noise))
+    bias = np.sqrt(np.mean(np.square(biases), axis=0))
+    limit, own = np.degrees(np.hypot(bias, noise)), np.degrees(np.hypot(bias, 1.4 * noise))
     errors = found.attitude_errors_deg("inertial-fir")
     rms = np.sqrt(np.mean(errors[:, -1] ** 2, axis=0))
     stated = np.degrees(found.outputs["inertial-fir"]["attitude_sigma"][0, -1])
-    assert rms[2] < 1.5 * limit[2]
+    assert limit[2] < rms[2] < 1.45 * own[2]
     assert rms[2] < 1.6 * stated[2]
     assert rms[:2].max() < 1.5 * limit[:2].max() + 0.0005
     # before the first fix nothing is claimed
