@@ -209,8 +209,8 @@ def test_inertial_fir_does_not_see_what_the_start_was_said_to_be():
 def test_four_minutes_on_a_swaying_base_come_near_the_limit(name):
     """Twelve seeds: heading RMS over what biases and the method's own noise leave, and over the stated accuracy.
 
-    The short weights of the stop-band make the heading's noise 1.4 times that of the best four minutes (docs/estimators); an RMS
-    of twelve seeds has a standard deviation of 20 %.
+    The short weights of the stop-band make the heading's noise 1.4 times that of the best four minutes (docs/estimators); an
+    RMS of twelve seeds has a standard deviation of 20 %.
     """
     scenario = load(name)
     found = ensemble(scenario, ["inertial-fir"], range(12), duration_s=240.0, records=60)
