@@ -12,7 +12,7 @@ TEST := .venv/.stamp-test
 BENCH := .venv/.stamp-bench
 MAVPROXY := .venv/.stamp-mavproxy
 
-.PHONY: help demo test test-mavlink test-fmu test-rl check format consistency bench clean
+.PHONY: help demo test test-slow test-mavlink test-fmu test-rl check format consistency bench clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -21,7 +21,10 @@ demo: $(PLOT) ## align a swaying ship: a table, and a figure in demo/
 	$(BIN)/insenv run ship-swaying -e q-method --out demo
 
 test: check ## set up, then every check: ruff, mypy, import-linter, pytest
-	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS)
+
+test-slow: $(TEST) ## what compiles for minutes: every estimator in the plant's loop, every environment
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow $(PYTEST_ARGS)
 
 test-mavlink: $(TEST) $(MAVPROXY) ## the heavy tests of MAVLink: MAVProxy in an environment of its own, long streams
 	INSENV_TEST_MAVLINK=1 INSENV_MAVPROXY=.venv/mavproxy/bin/python \

@@ -17,9 +17,17 @@ SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
 
 
-@pytest.mark.parametrize("id", ESTIMATION)
+WAVES = "insenv/ShipNavigation-v0"
+"""Its many waves take a minute to compile."""
+
+
+@pytest.mark.parametrize("id", [pytest.param(id, marks=[pytest.mark.slow] if id == WAVES else []) for id in ESTIMATION])
 def test_every_environment_conforms(id):
     testing.check_id(id, **SHORT)
+
+
+def test_the_ship_under_way_conforms_on_the_interpreter():
+    testing.check_id(WAVES, **SHORT, backend="interpreter")
 
 
 def test_a_random_start_conforms():

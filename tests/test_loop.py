@@ -18,6 +18,7 @@ from insenv.simulation import loop_model
 
 has_compiler = shutil.which("cc") is not None and shutil.which("c++") is not None
 native = pytest.mark.skipif(not has_compiler, reason="no C and C++ compiler on the path")
+QUICK = ("q-method", "loosely-coupled")  # the others take long to compile: make test-slow
 SAMPLES = 220  # a fix, some tens of covariances, the first windows
 
 
@@ -62,7 +63,9 @@ def test_the_loop_equals_plant_then_estimator_to_the_bit(id):
 
 
 @native
-@pytest.mark.parametrize("id", [pytest.param(id, marks=[pytest.mark.slow] * (id != "q-method")) for id in sorted(registered())])
+@pytest.mark.parametrize(
+    "id", [pytest.param(id, marks=[] if id in QUICK else [pytest.mark.slow]) for id in sorted(registered())]
+)
 def test_the_loop_equals_it_natively_and_in_a_batch(id):
     """Slow: each pair is two libraries to compile."""
     model, rows, expected = loop_and_expected(id)

@@ -10,8 +10,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
-pytestmark = pytest.mark.slow
-
 
 def run(*command, **options):
     """Run `python -m command...`; return its standard output, or fail with all it said."""
