@@ -49,8 +49,8 @@ def test_a_navigating_agent_is_the_filter_of_the_run():
     ("env_id", "id", "declared"),
     [
         (SHIP, "qakf-improved", None),
-        ("insenv/VehicleAlignment-v0", "q-method", None),
-        ("insenv/AircraftAlignment-v0", "q-method", None),
+        pytest.param("insenv/VehicleAlignment-v0", "q-method", None, marks=pytest.mark.slow),
+        pytest.param("insenv/AircraftAlignment-v0", "q-method", None, marks=pytest.mark.slow),
         (SHIP, "q-method", 200.0),
     ],
 )

@@ -34,7 +34,11 @@ def interpreted(monkeypatch):
 
 @pytest.mark.parametrize(
     ("name", "id", "duration_s"),
-    [("ship-swaying", "q-method", 6.0), ("car-city-drive", "loosely-coupled", 6.0), ("car-city-drive", "wander-sins", 4.0)],
+    [
+        ("ship-swaying", "q-method", 6.0),
+        pytest.param("car-city-drive", "loosely-coupled", 6.0, marks=pytest.mark.slow),
+        pytest.param("car-city-drive", "wander-sins", 4.0, marks=pytest.mark.slow),
+    ],
 )
 def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
     """Errors and stated accuracy at the recorded times are those of `insenv.run`, mean squares those between."""

@@ -219,6 +219,7 @@ def frame_turn(state, dr):
     return geodesy.numeric.transport_rate_w(dr, rows["q_ew"], rows["height"])
 
 
+@pytest.mark.slow  # compiles for half a minute
 def test_nees_of_the_alignment_filter_lies_within_its_bounds():
     """Drawn biases and start errors, as `insenv.reproduce` has them: three states, consistent after convergence."""
     from insenv.reproduce.ecef import laboratory
