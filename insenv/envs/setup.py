@@ -86,10 +86,13 @@ def check_samples(samples_per_step: Any) -> None:
         raise InputError(f"samples_per_step = {samples_per_step!r}: allowed is a whole number from 1")
 
 
+FLOAT64 = np.dtype(np.float64)
+
+
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
     """The action as float64.  Raises `InputError` for a wrong shape or a number that is not finite."""
     # quick for a short row: a number that is not finite makes a sum that is not
-    plain = type(action) is np.ndarray and action.dtype == np.float64 and action.shape == shape and len(shape) == 1
+    plain = type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape and len(shape) == 1
     if plain and isfinite(sum(action.tolist())):
         return action
     try:

@@ -82,8 +82,8 @@ class InertialEnv(Remade, gymnasium.Env[Array, Array]):
         places = {name: slice(s.start + before, s.stop + before) for name in outputs.names for s in [outputs.slice(name)]}
         self._observed = places["reward"].start
         self._reward, self._terminated, self._truncated = (places[name].start for name in ("reward", "terminated", "truncated"))
-        self._vectors = [(row.name, places[row.name]) for row in task.info if row.shape]
-        self._scalars = [(row.name, places[row.name].start) for row in task.info if not row.shape]
+        self._names = task.info.names
+        self._told_places = [places[row.name] if row.shape else places[row.name].start for row in task.info]
         self._action = self._runner._u[task.place]
         self._shape = (task.actions.size,)
         self._over: bool | None = None
@@ -133,10 +133,7 @@ class InertialEnv(Remade, gymnasium.Env[Array, Array]):
         return observation, shown.item(self._reward), terminated, truncated, info
 
     def _told(self, shown: Array) -> dict[str, Any]:
-        info: dict[str, Any] = {name: shown[place] for name, place in self._vectors}
-        for name, place in self._scalars:
-            info[name] = shown.item(place)
-        return info
+        return dict(zip(self._names, map(shown.__getitem__, self._told_places), strict=True))
 
     def snapshot(self) -> Snapshot:
         """The complete state, for `restore` of this or another environment made with the same arguments."""
