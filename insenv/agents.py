@@ -10,7 +10,7 @@ observation has time 0.  The info is taken and not looked at.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,8 @@ class Agent:
         self._inputs = np.tile(model.inputs.start_vector(), (rows, setup.samples, 1))
         if "dt" in model.inputs:
             self._inputs[..., model.inputs.slice("dt")] = setup.interval
-        self._imu = [(model.inputs.slice(name), setup.task.watched.slice(name)) for name in ("delta_angle", "delta_velocity")]
+        imu = ("delta_angle", "delta_velocity")
+        self._imu = _joined([(model.inputs.slice(name), setup.task.watched.slice(name)) for name in imu])
         self._takes_fixes = "gnss_valid" in model.inputs and "fix_new" in setup.task.observation
 
     def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
@@ -171,6 +172,18 @@ class VectorAgent(Agent):
             else:
                 outputs[fresh] = shown[fresh]
         return self._action(outputs, seen)
+
+
+def _joined(pairs: Sequence[tuple[slice, slice]]) -> list[tuple[slice, slice]]:
+    """Places to copy to and from, neighbours on both sides as one: six numbers are copied as fast as three."""
+    joined = [pairs[0]]
+    for to, come in pairs[1:]:
+        before_to, before_come = joined[-1]
+        if before_to.stop == to.start and before_come.stop == come.start:
+            joined[-1] = slice(before_to.start, to.stop), slice(before_come.start, come.stop)
+        else:
+            joined.append((to, come))
+    return joined
 
 
 def _bridged(imu: Array) -> Array:

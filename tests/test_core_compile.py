@@ -25,7 +25,7 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_a_model_is_compiled_once(cache, toy):
-    source, compiler = native_source(toy), find_compiler("c")
+    source, compiler = native_source(toy), find_compiler()
     library = compile_library(source, compiler)
     before = library.stat().st_mtime_ns
     assert compile_library(source, compiler) == library
@@ -36,7 +36,7 @@ def test_a_model_is_compiled_once(cache, toy):
 
 @pytest.mark.parametrize("damage", ["truncated", "foreign bytes", "digest missing", "writable by others"])
 def test_a_broken_or_foreign_entry_is_rebuilt(cache, toy, damage):
-    source, compiler = native_source(toy), find_compiler("c")
+    source, compiler = native_source(toy), find_compiler()
     library = compile_library(source, compiler)
     good = library.read_bytes()
     if damage == "truncated":
@@ -53,7 +53,7 @@ def test_a_broken_or_foreign_entry_is_rebuilt(cache, toy, damage):
 
 
 def test_another_source_is_another_entry(cache, toy):
-    compiler = find_compiler("c")
+    compiler = find_compiler()
     source = native_source(toy)
     assert compile_library(source, compiler) != compile_library(source + "\n/* other */", compiler)
 
@@ -61,22 +61,22 @@ def test_another_source_is_another_entry(cache, toy):
 def test_a_folder_that_others_may_write_is_not_used(cache, toy):
     cache.mkdir(mode=0o777)
     cache.chmod(0o777)
-    library = compile_library(native_source(toy), find_compiler("c"))
+    library = compile_library(native_source(toy), find_compiler())
     assert cache not in library.parents
     assert list(cache.iterdir()) == []
 
 
 def test_a_link_is_not_trusted(cache, toy, tmp_path):
-    library = compile_library(native_source(toy), find_compiler("c"))
+    library = compile_library(native_source(toy), find_compiler())
     elsewhere = tmp_path / "elsewhere"
     library.parent.rename(elsewhere)
     library.parent.symlink_to(elsewhere)
-    again = compile_library(native_source(toy), find_compiler("c"))
+    again = compile_library(native_source(toy), find_compiler())
     assert not again.parent.is_symlink()
 
 
 def test_many_threads_may_compile_at_once(cache, toy):
-    source, compiler = native_source(toy), find_compiler("c")
+    source, compiler = native_source(toy), find_compiler()
     with ThreadPoolExecutor(4) as pool:
         libraries = list(pool.map(lambda _: compile_library(source, compiler), range(8)))
     assert len(set(libraries)) == 1
@@ -101,17 +101,17 @@ def test_two_processes_compiling_at_once_do_no_harm(cache):
 
 def test_a_failing_compiler_is_reported_and_leaves_nothing(cache):
     with pytest.raises(CompileError, match="failed on generated code"):
-        compile_library("this is not C", find_compiler("c"))
+        compile_library("this is not C", find_compiler())
     assert list(cache.iterdir()) == []
 
 
 def test_environment_names_the_compiler(monkeypatch):
     monkeypatch.setenv("CC", f"{shutil.which('cc')} -g0")
-    found = find_compiler("c")
+    found = find_compiler()
     assert isinstance(found, Compiler) and found.command[1:] == ("-g0",)
 
 
 def test_no_compiler_is_none(monkeypatch):
     monkeypatch.setattr(compiling.shutil, "which", lambda name: None)
     monkeypatch.setattr(compiling.importlib.util, "find_spec", lambda name: None)
-    assert find_compiler("c") is None
+    assert find_compiler() is None

@@ -19,7 +19,7 @@ from insenv.core.compile import find_compiler
 from insenv.core.runner import make_runner
 from insenv.fmu.subject import subject
 
-pytestmark = pytest.mark.skipif(find_compiler("c") is None, reason="no C compiler found")
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler found")
 
 IDS = ("qakf-improved", "loosely-coupled", "ship-swaying")
 

@@ -228,7 +228,7 @@ def test_an_output_that_cannot_be_written_is_named(tmp_path, monkeypatch):
     for path in (tmp_path / "none" / "x.fmu", tmp_path / "x.zip", tmp_path):
         with pytest.raises(InputError, match=r"cannot write|allowed is a name that ends in \.fmu"):
             export("qakf", path)
-    monkeypatch.setattr("insenv.fmu.platforms.find_compiler", lambda language: None)
+    monkeypatch.setattr("insenv.fmu.platforms.find_compiler", lambda: None)
     with pytest.raises(InsenvError, match="no C compiler found"):
         export("qakf", tmp_path / "x.fmu")
     assert not list(tmp_path.iterdir())

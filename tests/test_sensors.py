@@ -61,7 +61,7 @@ def plant() -> Model:
     )
     tick = Part(steps={"tick": Step(lambda p, x, u: {"step": x.step + 1})})
     outputs = IMU_STATE + GNSS_STATE
-    parts = [given, imu_part(), gnss_part(), tick]
+    parts = [given, imu_part(), gnss_part(lambda p, x: (x.rate_eb_b, x.acceleration_n)), tick]
     return merge("sensors", "Sensors", parts, outputs, lambda p, x: {n: getattr(x, n) for n in outputs.names})
 
 

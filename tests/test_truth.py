@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from insenv.core.elementary import inexact_operations
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
-from insenv.vehicles import Vehicle, aircraft, car, regular_sway, ship, truth_part
+from insenv.vehicles import Vehicle, aircraft, car, regular_sway, ship, truth_instant, truth_part
 
 DEG = np.pi / 180
 OMEGA_IE = 7.292115e-5
@@ -170,7 +171,17 @@ def test_ship_pose_over_ten_minutes_is_the_closed_form() -> None:
 
 
 def test_instant_rows_are_those_of_the_closed_form() -> None:
-    rows = history(ship(), ship_parameters(), 2000, 50)
+    model = plant(ship())
+    instant = truth_instant(ship())
+    shown = Table((*model.state, Row("rate_eb_b", "", shape=(3,)), Row("acceleration_n", "", shape=(3,))))
+
+    def output(p, x):
+        rate, acceleration = instant(p, x)
+        return {**vars(x), "rate_eb_b": rate, "acceleration_n": acceleration}
+
+    runner = make_runner(replace(model, outputs=shown, output=output), ship_parameters())
+    first = runner.output()
+    rows = shown.unpack(np.vstack([first, runner.run(2000, every=50)]))
     for i in range(41):
         velocity, acceleration = imu_motion(i * 0.25)
         np.testing.assert_allclose(rows["velocity_n"][i], velocity, rtol=0, atol=1e-12)

@@ -46,7 +46,7 @@ def machine() -> dict[str, str | int]:
     """What the figures were measured on."""
     from insenv.core.compile import find_compiler
 
-    compilers = [compiler.command[0] for language in ("c", "c++") if (compiler := find_compiler(language))]
+    compilers = [compiler.command[0]] if (compiler := find_compiler()) else []
     return {
         "processor": _processor(),
         "cores": os.cpu_count() or 1,

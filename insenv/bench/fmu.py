@@ -85,7 +85,7 @@ def pythonfmu() -> Figure:
 
 def export_time() -> Figure:
     """Export for this machine, warm: its library is in the cache.  The floor is the C compiler on an empty file."""
-    compiler = find_compiler("c")
+    compiler = find_compiler()
     if compiler is None:
         raise InsenvError("fmu.export: no C compiler found")
     with _folder() as folder:
@@ -165,7 +165,7 @@ def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
 
 def _host(folder: Path) -> Path:
     """The C host, compiled."""
-    compiler = find_compiler("c")
+    compiler = find_compiler()
     if compiler is None:
         raise InsenvError("fmu.c-host: no C compiler found")
     source, binary = fmu_folder() / "examples" / "host.c", folder / "host"

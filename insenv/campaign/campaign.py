@@ -33,7 +33,7 @@ def run_campaign(
     """
     store = Memory() if store is None else store
     measured = measured_model(plan.plant.model, estimators.get(plan.estimator))
-    if resolve_backend(None, "c++") == "native":
+    if resolve_backend(None) == "native":
         batch_library_path(measured.model, None)  # compiled once, before the workers would all do so
     blocks = plan.blocks
     left = {number for number in range(len(blocks)) if not store.has(number)}

@@ -35,11 +35,11 @@ def make_batch(
     parameters: by name or flat for all rows alike (row i then has seed + i), or an array (rows, parameters.size) as it is.
     threads: worker threads over the blocks (the GIL is released).
     lanes: rows a block; None: as many as a vector register of this processor holds (8 with AVX-512, else 4).
-    backend: as for `make_runner`; native needs a C++ compiler.
+    backend: as for `make_runner`.
     """
     if rows < 1 or threads < 1 or (lanes is not None and lanes < 1):
         raise InputError(f"rows = {rows}, threads = {threads}, lanes = {lanes}: each must be at least 1")
-    kind = NativeBatch if resolve_backend(backend, "c++") == "native" else InterpreterBatch
+    kind = NativeBatch if resolve_backend(backend) == "native" else InterpreterBatch
     return kind(model, row_parameters(model, rows, parameters), threads, lanes)
 
 
@@ -119,7 +119,7 @@ class Batch:
 
 
 class NativeBatch(Batch):
-    """Generated C++ over lanes."""
+    """Generated C over lanes."""
 
     def __init__(self, model: Model, p: Vector, threads: int, lanes: int | None) -> None:
         super().__init__(model, p, threads)
@@ -134,28 +134,17 @@ class NativeBatch(Batch):
         self._library.insenv_start(self._blocks, pointer(self._p), pointer(self._x))
 
     def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
-        held = self._held(n, inputs)
-        u = self._into_lanes(held.reshape(self.rows, -1))
-        width, samples = self.model.inputs.size, held.shape[1]
-        count = n // every if every else 0
-        y = np.empty((self._blocks, count, self.model.outputs.size, self.lanes))
-        stride = width if samples == n and n > 1 else 0
+        u = np.ascontiguousarray(self._held(n, inputs))
+        y = np.empty((self.rows, n // every if every else 0, self.model.outputs.size))
+        stride = u.shape[2] if u.shape[1] == n > 1 else 0
+        of_row, to_row = u.shape[1] * u.shape[2], y.shape[1] * y.shape[2]
 
-        def work(first: int, last: int) -> None:
-            self._library.insenv_run(
-                last - first,
-                pointer(self._p[first:]),
-                pointer(self._x[first:]),
-                pointer(u[first:]),
-                stride,
-                width * samples,
-                pointer(y[first:]),
-                every,
-                n,
-            )
+        def work(block: int, first: int, last: int) -> None:
+            p, x, given, told = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
+            self._library.insenv_run(last - first, p, x, given, stride, of_row, told, to_row, every, n)
 
         self._shared(work)
-        return y.transpose(0, 3, 1, 2).reshape(self._blocks * self.lanes, *y.shape[1:3])[: self.rows]
+        return y
 
     def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
         self.set_parameters(rows, p)
@@ -170,31 +159,26 @@ class NativeBatch(Batch):
         self._p[rows // self.lanes, :, rows % self.lanes] = p
 
     def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        u, number, width = (
-            self._into_lanes(self._held(n, inputs)[:, 0]),
-            list(self.model.steps).index(step),
-            self.model.inputs.size,
-        )
+        u, number = np.ascontiguousarray(self._held(n, inputs)[:, 0]), list(self.model.steps).index(step)
         spans, size = watched_spans(self.model, watched), round_size(self.model, watched, n)
-        y = np.empty((self._blocks * self.lanes, size))
+        y = np.empty((self.rows, size))
 
-        def work(first: int, last: int) -> None:
-            state, given = pointer(self._x[first:]), pointer(y[first * self.lanes :])
-            self._library.insenv_round(
-                last - first, number, pointer(self._p[first:]), state, pointer(u[first:]), width, spans.ctypes.data, len(spans),
-                n, size, given,
-            )  # fmt: skip
+        def work(block: int, first: int, last: int) -> None:
+            p, x, given, told = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
+            width, which = u.shape[1], spans.ctypes.data
+            self._library.insenv_round(last - first, number, p, x, given, width, which, len(spans), n, told, size)
 
         self._shared(work)
-        return y[: self.rows]
+        return y
 
-    def _shared(self, work: Callable[[int, int], None]) -> None:
-        """`work` on all blocks, from a first to before a last, parted over the threads."""
-        edges = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int).tolist()
+    def _shared(self, work: Callable[[int, int, int], None]) -> None:
+        """`work(block, first, last)` on all rows, from a block's first row to before a last, parted over the threads."""
+        blocks = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int)
+        edges = np.minimum(blocks * self.lanes, self.rows).tolist()
         if len(edges) == 2:
-            work(*edges)
+            work(0, *edges)
         else:
-            list(_pool(self.threads).map(work, edges[:-1], edges[1:]))
+            list(_pool(self.threads).map(work, blocks[:-1].tolist(), edges[:-1], edges[1:]))
 
     def output(self) -> Vector:
         y = np.empty((self._blocks, self.model.outputs.size, self.lanes))

@@ -25,8 +25,10 @@ from pathlib import Path
 from insenv.errors import InsenvError
 
 # exactly rounded and in the order written: the interpreter's result to the bit
-_EXACT = (
+_FLAGS = (
+    "-std=gnu99",
     "-O2",
+    "-march=native",
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-tree-slp-vectorize",
@@ -35,8 +37,6 @@ _EXACT = (
     "-fPIC",
     "-w",
 )
-_C = ("-std=gnu99", *_EXACT)
-_CPP = ("-std=gnu++17", "-ftree-vectorize", "-fno-exceptions", "-fno-rtti", *_EXACT)
 
 
 class CompileError(InsenvError):
@@ -45,10 +45,9 @@ class CompileError(InsenvError):
 
 @dataclass(frozen=True)
 class Compiler:
-    """A compiler's command line and flags for one language ("c" or "c++")."""
+    """A C compiler's command line and flags."""
 
     command: tuple[str, ...]
-    language: str
     flags: tuple[str, ...]
 
     @functools.cached_property
@@ -58,17 +57,14 @@ class Compiler:
         return "\n".join([*self.command, shown.stdout, platform.machine(), _processor()])
 
 
-def find_compiler(language: str) -> Compiler | None:
-    """The first compiler found for "c" or "c++": the environment's CC or CXX, the usual names, the `ziglang` wheel; or None."""
-    variable, names = ("CC", ("cc", "gcc", "clang")) if language == "c" else ("CXX", ("c++", "g++", "clang++"))
-    flags = _C if language == "c" else (*_CPP, "-march=native")
-    for name in filter(None, (os.environ.get(variable), *names)):
+def find_compiler() -> Compiler | None:
+    """The first C compiler found: the environment's CC, cc, gcc, clang, the `ziglang` wheel; or None."""
+    for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         words = tuple(name.split())
         if words and shutil.which(words[0]):
-            return Compiler(words, language, flags)
+            return Compiler(words, _FLAGS)
     if importlib.util.find_spec("ziglang") is not None:
-        command = (sys.executable, "-m", "ziglang", "cc" if language == "c" else "c++")
-        return Compiler(command, language, flags)
+        return Compiler((sys.executable, "-m", "ziglang", "cc"), _FLAGS)
     return None
 
 
@@ -115,7 +111,7 @@ def compile_library(source: str, compiler: Compiler) -> Path:
 
 
 def _compile(source: str, compiler: Compiler, build: Path) -> None:
-    text = build / ("model.c" if compiler.language == "c" else "model.cpp")
+    text = build / "model.c"
     text.write_text(source)
     command = [*compiler.command, *compiler.flags, str(text), "-o", str(build / "model.so"), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -39,14 +39,14 @@ def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = No
     return kind(model, parameters)
 
 
-def resolve_backend(backend: str | None = None, language: str = "c") -> str:
-    """The backend to use: as asked for, or native if there is a compiler for `language`; says once if there is none."""
+def resolve_backend(backend: str | None = None) -> str:
+    """The backend to use: as asked for, or native if there is a C compiler; says once if there is none."""
     chosen = backend or os.environ.get("INSENV_BACKEND") or ""
     if chosen and chosen not in BACKENDS:
         raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
     if chosen == "interpreter":
         return chosen
-    if find_compiler(language) is not None:
+    if find_compiler() is not None:
         return "native"
     if chosen == "native":
         raise InputError("backend 'native' needs a C compiler: cc, gcc or clang on the path, or pip install insenv[native]")
@@ -261,7 +261,7 @@ class NativeRunner(Runner):
         rows = np.ascontiguousarray(check_inputs(inputs, (n, self._u.size)) if inputs is not None else self._u)
         outputs = np.empty((n // every if every else 0, self._y.size))
         stride = rows.shape[1] if rows.ndim == 2 else 0
-        self._library.insenv_run(1, pointer(self.p), pointer(self.x), pointer(rows), stride, 0, pointer(outputs), every, n)
+        self._library.insenv_run(1, pointer(self.p), pointer(self.x), pointer(rows), stride, 0, pointer(outputs), 0, every, n)
         if n:
             self._u[:] = rows[-1] if rows.ndim == 2 else rows
         return outputs

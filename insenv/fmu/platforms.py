@@ -129,12 +129,12 @@ def universal(libraries: Sequence[bytes]) -> bytes:
 
 
 def _host_compiler(identifier: str) -> Compiler:
-    found = find_compiler("c")
+    found = find_compiler()
     if found is None:
         raise InsenvError("no C compiler found: cc, gcc or clang on the path, or pip install 'insenv[fmu]'")
     # else the library would name the folder that it was built in
     own = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
-    return Compiler(found.command, "c", (*FLAGS, *host().further, *own))
+    return Compiler(found.command, (*FLAGS, *host().further, *own))
 
 
 def _need_zig() -> None:
@@ -148,4 +148,4 @@ def _cross_compiler(where: Platform, identifier: str) -> Compiler:
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(cache_folder()) / "zig"))
     own = ("-install_name", f"@rpath/{identifier}.dylib") if where.ending == ".dylib" else ()
     command = (sys.executable, "-m", "ziglang", "cc")
-    return Compiler(command, "c", ("-target", where.target, *FLAGS, *where.further, *own))
+    return Compiler(command, ("-target", where.target, *FLAGS, *where.further, *own))

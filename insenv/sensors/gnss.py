@@ -16,6 +16,7 @@ counter.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -142,20 +143,24 @@ GNSS_STATE = Table(
 )
 
 
-def gnss_part() -> Part:
+def gnss_part(instant: Callable[[Values, Values], tuple[Any, Any]]) -> Part:
     """The receiver as a part of a plant.
 
     Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``,
-    ``longitude`` (rad), ``height`` (m), ``velocity_n`` (m/s), ``acceleration_n`` (m/s^2, rate of change of
-    velocity_n), ``q_nb`` and ``rate_eb_b`` (rad/s). Steps: "sample", "gnss" (when ``gnss_due``, 13
-    uniforms), "gnss_delivery" (when ``gnss_valid``); the start takes 4.
+    ``longitude`` (rad), ``height`` (m), ``velocity_n`` (m/s) and ``q_nb``; from these, `instant` gives the true
+    angular rate omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2). Steps: "sample", "gnss"
+    (when ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start takes 4.
     """
+
+    def measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+        return _measure(p, x, r, *instant(p, x))
+
     return Part(
         parameters=GNSS_PARAMETERS,
         state=GNSS_STATE,
         steps={
             "sample": Step(_sample),
-            "gnss": Step(_measure, when="gnss_due", uniforms=GNSS_UNIFORMS),
+            "gnss": Step(measure, when="gnss_due", uniforms=GNSS_UNIFORMS),
             "gnss_delivery": Step(_deliver, when="gnss_valid"),
         },
         start=_start,
@@ -201,14 +206,13 @@ def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
     }
 
 
-def _measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, acceleration_n: Any) -> dict[str, Any]:
     """The measurement at an epoch: antenna, errors, outages."""
     n = normals(r[0:10])
     tau = p.gnss_epoch_offset
-    rate = x.rate_eb_b
-    speed = ca.cross(rate, p.antenna_lever_arm_b)
+    speed = ca.cross(rate_eb_b, p.antenna_lever_arm_b)
     velocity = x.velocity_n + rotate(x.q_nb, speed)
-    acceleration = x.acceleration_n + rotate(x.q_nb, ca.cross(rate, speed))
+    acceleration = acceleration_n + rotate(x.q_nb, ca.cross(rate_eb_b, speed))
     offset = rotate(x.q_nb, p.antenna_lever_arm_b) - velocity * tau + acceleration * (0.5 * tau * tau)
 
     decay = exp(-p.gnss_interval / p.gnss_wander_time)

@@ -12,7 +12,7 @@ from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table
 from insenv.sensors import GNSS_STATE, IMU_STATE, gnss_part, imu_part
 from insenv.sensors.imu import systematic_error
-from insenv.vehicles import TRUTH_STATE, Vehicle, truth_part
+from insenv.vehicles import TRUTH_STATE, Vehicle, truth_instant, truth_part
 
 CLOCK = Part(
     parameters=Table(
@@ -49,7 +49,7 @@ def plant_model(vehicle: Vehicle, gnss: bool = True) -> Model:
     Outputs: `time`; the truth (`TRUTH`, `true_delta_angle`, `true_delta_velocity`); the measured increments and biases
     (`IMU`); the fix delivered with this sample, if any (`GNSS`); what of the increments is error but no noise (`SENSOR_ERROR`).
     """
-    parts = [truth_part(vehicle), CLOCK, imu_part()] + ([gnss_part()] if gnss else [])
+    parts = [truth_part(vehicle), CLOCK, imu_part()] + ([gnss_part(truth_instant(vehicle))] if gnss else [])
     state = CLOCK.state + TRUTH_STATE + IMU_STATE + (GNSS_STATE if gnss else Table())
     names = ("time", *TRUTH, "true_delta_angle", "true_delta_velocity", *IMU, *(GNSS if gnss else ()))
     outputs = Table(tuple(state[name] for name in names)) + SENSOR_ERROR

@@ -4,7 +4,7 @@ from insenv.vehicles.aircraft import aircraft
 from insenv.vehicles.car import car
 from insenv.vehicles.routes import car_route, flight_plan, ship_course, survey_pattern
 from insenv.vehicles.ship import regular_sway, ship
-from insenv.vehicles.truth import TRUTH_PARAMETERS, TRUTH_STATE, Vehicle, truth_part
+from insenv.vehicles.truth import TRUTH_PARAMETERS, TRUTH_STATE, Vehicle, truth_instant, truth_part
 from insenv.vehicles.waves import Hull, irregular_sea
 
 __all__ = [
@@ -21,5 +21,6 @@ __all__ = [
     "ship",
     "ship_course",
     "survey_pattern",
+    "truth_instant",
     "truth_part",
 ]

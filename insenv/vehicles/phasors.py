@@ -2,7 +2,7 @@
 
 A sinusoid A sin(w t + phase) is carried as the pair (A sin, A cos). Going on by a fixed time turns the pair
 by a fixed angle: four multiplications and two additions with constants that ``start`` has computed. From the
-start of a sample over its Gauss-Legendre nodes to its end there are four turns by only two different angles.
+start of a sample over its Gauss-Lobatto nodes to its end there are three turns by only two different angles.
 """
 
 from __future__ import annotations
@@ -93,8 +93,7 @@ class Phasors:
         return state
 
     def along(self, x: Values) -> list[dict[str, Any]]:
-        """Phasors at the three nodes and the end of a sample that starts at x; at the end back on their
-        circle.
+        """Phasors at `nodes.PLACES` of a sample that starts at x; at the end back on their circle.
 
         One Newton step, z (3/2 - |z|^2 / 2 A^2), takes away the rounding's growth of the radius before it can
         add up.
@@ -103,7 +102,7 @@ class Phasors:
         def turn(place: str) -> tuple[Any, Any]:
             return getattr(x, f"{self.name}_{place}_cosine"), getattr(x, f"{self.name}_{place}_sine")
 
-        turns = [turn(place) for place in ("edge", "inner", "inner", "edge")]
+        turns = [turn(place) for place in ("edge", "inner", "edge")]
         places: list[dict[str, Any]] = [{} for _ in turns]
         for channel in self.channels:
             label = self.label(channel)

@@ -3,13 +3,15 @@
 A vehicle says how it moves: attitude angles and the velocity of its centre of motion as functions of a state
 whose flow over a sample is known in closed form. Everything else is derived here, once for all vehicles: body
 rate and acceleration by differentiating those functions along the flow, the IMU's velocity by its lever arm,
-specific force by the navigation equation, increments and position by Gauss-Legendre quadrature over the
-sample. No splines, no end effects, no filter between pose and IMU.
+specific force by the navigation equation, increments and position by Gauss-Lobatto quadrature over the
+sample, whose end is evaluated once, for this sample and the next. No splines, no end effects, no filter
+between pose and IMU.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +23,7 @@ from insenv.core.elementary import polynomial, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import E2, OMEGA_IE, A, normal_gravity, radii
-from insenv.vehicles.nodes import NODES, WEIGHTS
+from insenv.vehicles.nodes import END_WEIGHT, PLACES, WEIGHTS
 
 SineCosine = tuple[Any, Any]
 Kinematics = Callable[[Values, Values, Sequence[SineCosine]], Sequence[Any]]
@@ -33,9 +35,8 @@ class Vehicle:
 
     id, title: short name, and one line for listings.
     parameters, state, inputs: its rows, named unlike those of `TRUTH_PARAMETERS` and `TRUTH_STATE`.
-    along: ``(p, x) -> [rows that move within a sample]`` at the three Gauss-Legendre nodes and at the end of
-    the sample that
-        starts at x (fractions `nodes.PLACES` of p.sample_interval), exact.
+    along: ``(p, x) -> [rows that move within a sample]`` at the places `nodes.PLACES` (fractions of
+        p.sample_interval) of the sample that starts at x, the last its end; exact.
     derivative: ``(p, x) -> {row: time derivative}`` of the same rows.
     angles: ``(p, x) -> [roll, pitch, heading, ...]`` rad, then any other angle whose sine and cosine
     `velocity_n` wants.
@@ -46,7 +47,8 @@ class Vehicle:
     if `hold_uniforms` > 0.
     steps: rare steps that stand before the sample (commands).
 
-    The angles must turn by less than 0.25 rad in half a sample.
+    The angles must turn by less than 0.25 rad in a sample; their rates and `velocity_n`'s must be continuous
+    from sample to sample.
     """
 
     id: str
@@ -80,8 +82,9 @@ TRUTH_STATE = Table((
     Row("height", "True height of the IMU above the WGS-84 ellipsoid", "m"),
     Row("true_delta_angle", "Integral of omega_ib^b over the last sample", "rad", (3,), "b"),
     Row("true_delta_velocity", "Integral of the specific force f^b over the last sample", "m/s", (3,), "b"),
-    Row("rate_eb_b", "True angular rate of the body relative to the Earth, omega_eb^b", "rad/s", (3,), "b"),
-    Row("acceleration_n", "Time derivative of velocity_n's components at the end of the last sample", "m/s^2", (3,), "n"),
+    Row("rate_nb_b", "True angular rate of the body relative to n, omega_nb^b", "rad/s", (3,), "b"),
+    Row("rate_ib_b", "True inertial angular rate of the body, omega_ib^b", "rad/s", (3,), "b"),
+    Row("steady_force_b", "True specific force f^b, less angular acceleration times lever arm", "m/s^2", (3,), "b"),
 ))  # fmt: skip
 
 
@@ -97,12 +100,11 @@ def truth_part(vehicle: Vehicle) -> Part:
     def start(p: Values, *r: Any) -> dict[str, Any]:
         x = _with(vehicle.state.symbols(ca.SX(ca.DM(vehicle.state.start_vector()))), vehicle.start(p, *r))
         half = [sin_cos(0.5 * angle) for angle in vehicle.angles(p, x)]
-        end = _End(half, kinematics, p, x)
-        sin_latitude, cos_latitude = sin_cos(p.start_latitude)
-        earth = _Earth(sin_latitude, cos_latitude, p.start_height)
+        motion = _Motion([_doubled(pair) for pair in half], kinematics, p, x)
+        earth = _Earth(*sin_cos(p.start_latitude), p.start_height)
         moving = {name: getattr(x, name) for name in vehicle.state.names}
         position = {"latitude": p.start_latitude, "longitude": p.start_longitude, "height": p.start_height}
-        return {**moving, **position, **end.rows(earth)}
+        return {**moving, **position, "q_nb": _quaternion(half), **motion.rows(earth, p.start_height)}
 
     def sample(p: Values, x: Values, u: Values, *r: Any) -> dict[str, Any]:
         held = {} if vehicle.hold is None else vehicle.hold(p, x, u, *r)
@@ -110,9 +112,8 @@ def truth_part(vehicle: Vehicle) -> Part:
         moving = vehicle.along(p, x)
         places = [_with(x, rows) for rows in moving]
         half, trigonometry = _trigonometry([vehicle.angles(p, place) for place in places])
-        nodes = [_Motion(pairs, kinematics, p, place) for pairs, place in zip(trigonometry, places[:3], strict=True)]
-        end = _End(half, kinematics, p, places[3])
-        return {**held, **moving[3], **_integrated(p, x, nodes, end)}
+        motions = [_Motion(pairs, kinematics, p, place) for pairs, place in zip(trigonometry, places, strict=True)]
+        return {**held, **moving[-1], "q_nb": _quaternion(half), **_integrated(p, x, motions)}
 
     return Part(
         parameters=vehicle.parameters + TRUTH_PARAMETERS,
@@ -122,6 +123,22 @@ def truth_part(vehicle: Vehicle) -> Part:
         start=start,
         start_uniforms=vehicle.start_uniforms,
     )
+
+
+def truth_instant(vehicle: Vehicle) -> Callable[[Values, Values], tuple[Any, Any]]:
+    """(p, x) -> omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2) at the end of the last sample, for
+    what is measured now and then: a sample does not need them.
+    """
+    kinematics = _kinematics(vehicle)
+
+    def instant(p: Values, x: Values) -> tuple[Any, Any]:
+        motion = _Motion([sin_cos(angle) for angle in vehicle.angles(p, x)], kinematics, p, x)
+        earth = _Earth(*sin_cos(x.latitude), x.height)
+        rate_eb_b = motion.omega_nb_b + motion.C_nb.T @ earth.transport_rate_n(motion.velocity_n)
+        arm_acceleration_b = ca.cross(motion.omega_dot, p.imu_lever_arm_b) + motion.centripetal_b
+        return rate_eb_b, motion.centre_acceleration_n + motion.C_nb @ arm_acceleration_b
+
+    return instant
 
 
 def _with(x: Values, rows: Mapping[str, Any]) -> Values:
@@ -176,34 +193,34 @@ class _Motion:
             ca.horzcat(cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch),
             ca.horzcat(-sp, sr * cp, cr * cp),
         )
-        self.omega_nb_b, omega_dot, velocity, acceleration = kinematics(p, x, pairs)
+        self.omega_nb_b, self.omega_dot, velocity, self.centre_acceleration_n = kinematics(p, x, pairs)
         arm_velocity_b = ca.cross(self.omega_nb_b, p.imu_lever_arm_b)
         self.velocity_n = velocity + self.C_nb @ arm_velocity_b
-        self.centre_acceleration_n = acceleration
-        self.arm_acceleration_b = ca.cross(omega_dot, p.imu_lever_arm_b) + ca.cross(self.omega_nb_b, arm_velocity_b)
+        self.centripetal_b = ca.cross(self.omega_nb_b, arm_velocity_b)
+
+    def inertial(self, earth: _Earth, height: Any) -> tuple[Any, Any]:
+        """omega_ib^b (rad/s), and the specific force (m/s^2) without omega_dot x lever arm."""
+        omega_in_n = earth.rate_n + earth.transport_rate_n(self.velocity_n)
+        coriolis = ca.cross(omega_in_n + earth.rate_n, self.velocity_n)
+        gravity = normal_gravity(earth.sin_latitude, height)
+        force_n = self.centre_acceleration_n + coriolis - ca.vertcat(0.0, 0.0, gravity)
+        return self.omega_nb_b + self.C_nb.T @ omega_in_n, self.C_nb.T @ force_n + self.centripetal_b
+
+    def rows(self, earth: _Earth, height: Any) -> dict[str, Any]:
+        """Rows of TRUTH_STATE that an instant has, but for attitude and position."""
+        rate, force = self.inertial(earth, height)
+        return {"velocity_n": self.velocity_n, "rate_nb_b": self.omega_nb_b, "rate_ib_b": rate, "steady_force_b": force}
 
 
-class _End(_Motion):
-    """The motion at the end of a sample: what the state keeps of it."""
-
-    def __init__(self, half: Sequence[SineCosine], kinematics: Kinematics, p: Values, x: Values) -> None:
-        super().__init__([_doubled(pair) for pair in half], kinematics, p, x)
-        (sr, cr), (sp, cp), (sh, ch) = half[:3]
-        self.q_nb = ca.vertcat(
-            cr * cp * ch + sr * sp * sh,
-            sr * cp * ch - cr * sp * sh,
-            cr * sp * ch + sr * cp * sh,
-            cr * cp * sh - sr * sp * ch,
-        )
-
-    def rows(self, earth: _Earth) -> dict[str, Any]:
-        """Rows of TRUTH_STATE that an instant has."""
-        return {
-            "q_nb": self.q_nb,
-            "velocity_n": self.velocity_n,
-            "rate_eb_b": self.omega_nb_b + self.C_nb.T @ earth.transport_rate_n(self.velocity_n),
-            "acceleration_n": self.centre_acceleration_n + self.C_nb @ self.arm_acceleration_b,
-        }
+def _quaternion(half: Sequence[SineCosine]) -> Any:
+    """q_nb (4) from the sines and cosines of half roll, pitch and heading."""
+    (sr, cr), (sp, cp), (sh, ch) = half[:3]
+    return ca.vertcat(
+        cr * cp * ch + sr * sp * sh,
+        sr * cp * ch - cr * sp * sh,
+        cr * sp * ch + sr * cp * sh,
+        cr * cp * sh - sr * sp * ch,
+    )
 
 
 class _Earth:
@@ -211,12 +228,25 @@ class _Earth:
 
     def __init__(self, sin_latitude: Any, cos_latitude: Any, height: Any) -> None:
         R_M, R_N = radii(sin_latitude)
-        self.sin_latitude = sin_latitude
         self.per_metre_north = 1.0 / (R_M + height)
         self.per_metre_east = 1.0 / (R_N + height)
+        self._turn_to(sin_latitude, cos_latitude)
+
+    def _turn_to(self, sin_latitude: Any, cos_latitude: Any) -> None:
+        self.sin_latitude, self.cos_latitude = sin_latitude, cos_latitude
         self.longitude_per_metre = self.per_metre_east / cos_latitude
         self.down_per_metre_east = self.longitude_per_metre * sin_latitude
         self.rate_n = ca.vertcat(OMEGA_IE * cos_latitude, 0.0, -OMEGA_IE * sin_latitude)
+
+    def moved(self, north: Any, down: Any) -> _Earth:
+        """A near place, at a latitude that is greater by `north` (rad), lower by `down` (m); radii to first order."""
+        earth, turned = copy(self), 1.0 - 0.5 * north * north
+        sine, cosine = self.sin_latitude, self.cos_latitude
+        flatter = E2 * sine * cosine * north
+        earth.per_metre_north = self.per_metre_north * (1.0 - 3.0 * flatter + down * self.per_metre_north)
+        earth.per_metre_east = self.per_metre_east * (1.0 - flatter + down * self.per_metre_east)
+        earth._turn_to(sine * turned + cosine * north, cosine * turned - sine * north)
+        return earth
 
     def transport_rate_n(self, velocity_n: Any) -> Any:
         """omega_en^n (rad/s) at a velocity (m/s)."""
@@ -224,36 +254,40 @@ class _Earth:
         return ca.vertcat(self.per_metre_east * east, -self.per_metre_north * north, -self.down_per_metre_east * east)
 
 
-def _integrated(p: Values, x: Values, nodes: Sequence[_Motion], end: _End) -> dict[str, Any]:
-    """Rows of TRUTH_STATE at the end of the sample that starts at x.
+def _integrated(p: Values, x: Values, motions: Sequence[_Motion]) -> dict[str, Any]:
+    """Rows of TRUTH_STATE but the attitude, at the end of the sample that starts at x.
 
-    The Earth's curvature and rotation and the gravity's latitude are those of the sample's middle, reached
-    through the velocity's parabola: over a sample they change by 1e-7 of themselves, linearly, and what a
-    linear change leaves is third order. Gravity's change with height, the largest, is followed at each node.
+    The part omega_dot x l that a lever arm l adds to the specific force has a closed integral, the change of omega x l.
+    The Earth's curvature and rotation and the gravity's latitude are, at the inner nodes, those of the sample's middle: over a
+    sample they change by 1e-7 of themselves, linearly, and what a linear change leaves is third order. The end, which is the
+    next sample's start, has its own. Gravity's change with height, the largest, is followed at each node.
     """
     h = p.sample_interval
+    end = motions[-1]
+    way = END_WEIGHT * x.velocity_n
+    for weight, motion in zip(WEIGHTS, motions, strict=True):
+        way += weight * motion.velocity_n
     sine, cosine = sin_cos(x.latitude)
+    height = x.height - h * way[2]
     rough = A * (1.0 - E2) * (1.0 + (1.5 * E2) * sine * sine) + x.height
-    north = 0.25 * h * (x.velocity_n[0] + nodes[1].velocity_n[0]) / rough  # latitude's change up to the middle
-    down = [0.5 * h * place * (x.velocity_n[2] + node.velocity_n[2]) for place, node in zip(NODES, nodes, strict=True)]
+    north = 0.5 * h * way[0] / rough  # latitude's change up to the middle
     turned = 1.0 - 0.5 * north * north
-    earth = _Earth(sine * turned + cosine * north, cosine * turned - sine * north, x.height - down[1])
+    middle = _Earth(sine * turned + cosine * north, cosine * turned - sine * north, 0.5 * (x.height + height))
+    rows = end.rows(middle.moved(north, 0.5 * h * way[2]), height)
 
-    delta_angle, delta_velocity, way = ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, 1)
-    for node, weight, sunk in zip(nodes, WEIGHTS, down, strict=True):
-        gravity = normal_gravity(earth.sin_latitude, x.height - sunk)
-        omega_in_n = earth.rate_n + earth.transport_rate_n(node.velocity_n)
-        coriolis = ca.cross(omega_in_n + earth.rate_n, node.velocity_n)
-        force_n = node.centre_acceleration_n + coriolis - ca.vertcat(0.0, 0.0, gravity)
-        delta_angle += weight * (node.omega_nb_b + node.C_nb.T @ omega_in_n)
-        delta_velocity += weight * (node.C_nb.T @ force_n + node.arm_acceleration_b)
-        way += weight * node.velocity_n
-    return end.rows(earth) | {
-        "latitude": x.latitude + h * way[0] * earth.per_metre_north,
-        "longitude": x.longitude + h * way[1] * earth.longitude_per_metre,
-        "height": x.height - h * way[2],
+    delta_angle = END_WEIGHT * (x.rate_ib_b + rows["rate_ib_b"])
+    delta_velocity = END_WEIGHT * (x.steady_force_b + rows["steady_force_b"])
+    for motion, weight, place in zip(motions[:-1], WEIGHTS, PLACES, strict=False):
+        sunk = 0.5 * h * place * (x.velocity_n[2] + motion.velocity_n[2])
+        rate, force = motion.inertial(middle, x.height - sunk)
+        delta_angle += weight * rate
+        delta_velocity += weight * force
+    return rows | {
+        "latitude": x.latitude + h * way[0] * middle.per_metre_north,
+        "longitude": x.longitude + h * way[1] * middle.longitude_per_metre,
+        "height": height,
         "true_delta_angle": h * delta_angle,
-        "true_delta_velocity": h * delta_velocity,
+        "true_delta_velocity": h * delta_velocity + ca.cross(end.omega_nb_b - x.rate_nb_b, p.imu_lever_arm_b),
     }
 
 
@@ -275,17 +309,14 @@ def _doubled(pair: SineCosine) -> SineCosine:
 
 
 def _trigonometry(angles: Sequence[Sequence[Any]]) -> tuple[list[SineCosine], list[list[SineCosine]]]:
-    """Half the angles' sines and cosines at the end, and the angles' own at the nodes: one full evaluation,
-    at the middle node.
+    """Half the angles' sines and cosines at the end, and the angles' own at `nodes.PLACES`: one full evaluation, at the end.
 
-    angles: at the three nodes and the end.
+    angles: at `nodes.PLACES`.
     """
-    first, middle, last, end = angles
-    half = [sin_cos(0.5 * angle) for angle in middle]
-    at_middle = [_doubled(pair) for pair in half]
+    half = [sin_cos(0.5 * angle) for angle in angles[-1]]
+    at_end = [_doubled(pair) for pair in half]
 
     def near(place: Sequence[Any]) -> list[SineCosine]:
-        return [_turned(pair, a - b) for pair, a, b in zip(at_middle, place, middle, strict=True)]
+        return [_turned(pair, a - b) for pair, a, b in zip(at_end, place, angles[-1], strict=True)]
 
-    half_end = [_turned(pair, 0.5 * (a - b)) for pair, a, b in zip(half, end, middle, strict=True)]
-    return half_end, [near(first), at_middle, near(last)]
+    return half, [*map(near, angles[:-1]), at_end]

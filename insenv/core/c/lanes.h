@@ -1,0 +1,111 @@
+/* Lanes: one "number" of the generated code is LANES doubles, one per row of a batch, by the vector extension of GCC and Clang.
+ *
+ * The operations below and + - * / are those that generated code uses and that are exactly rounded, so a lane computes what a
+ * double computes, to the bit.  Comparisons give 1.0 and 0.0, as CasADi's do.
+ */
+#include <math.h>
+#include <stdint.h>
+#ifdef __AVX__
+#include <immintrin.h>
+#endif
+
+/* As many as fill one vector register: more would spill, and measure slower. */
+#ifndef LANES
+#ifdef __AVX512F__
+#define LANES 8
+#else
+#define LANES 4
+#endif
+#endif
+
+#define LANES_OF(type) type __attribute__((vector_size(LANES * sizeof(double)), aligned(sizeof(double))))
+typedef LANES_OF(double) real;
+typedef LANES_OF(int64_t) mask_t; /* all bits of a lane set, or none */
+typedef LANES_OF(uint64_t) word;  /* 32-bit numbers for the noise, each in the low half of a lane */
+
+#define LANE_INLINE static inline __attribute__((always_inline))
+
+LANE_INLINE real constant(double number) { return number - (real){0}; }
+
+LANE_INLINE real truth(mask_t mask) { return (real)(mask & (mask_t)constant(1.0)); }
+LANE_INLINE mask_t is_true(real a) { return (mask_t)(a != (real){0}); }
+
+LANE_INLINE real less(real a, real b) { return truth((mask_t)(a < b)); }
+LANE_INLINE real less_or_equal(real a, real b) { return truth((mask_t)(a <= b)); }
+LANE_INLINE real equal(real a, real b) { return truth((mask_t)(a == b)); }
+LANE_INLINE real not_equal(real a, real b) { return truth((mask_t)(a != b)); }
+LANE_INLINE real negation(real a) { return truth(~is_true(a)); }
+LANE_INLINE real both(real a, real b) { return truth(is_true(a) & is_true(b)); }
+LANE_INLINE real either(real a, real b) { return truth(is_true(a) | is_true(b)); }
+
+/* c ? a : 0 */
+LANE_INLINE real select0(real c, real a) { return (real)(is_true(c) & (mask_t)a); }
+
+LANE_INLINE real square(real a) { return a * a; }
+LANE_INLINE real absolute(real a) { return (real)((mask_t)a & INT64_MAX); }
+/* the compiler does not see that these are one instruction for four lanes */
+#if defined(__AVX2__) && LANES % 4 == 0
+#define FOUR(type, part, r, a, expression)                             \
+  for (int i = 0; i < LANES / 4; ++i) {                                \
+    type part;                                                         \
+    __builtin_memcpy(&part, (const char *)&a + 32 * i, sizeof part);   \
+    part = expression;                                                 \
+    __builtin_memcpy((char *)&r + 32 * i, &part, sizeof part);         \
+  }
+#endif
+LANE_INLINE real root(real a) {
+  real r;
+#if defined(__AVX2__) && LANES % 4 == 0
+  FOUR(__m256d, part, r, a, _mm256_sqrt_pd(part))
+#else
+  for (int i = 0; i < LANES; ++i) r[i] = __builtin_sqrt(a[i]);
+#endif
+  return r;
+}
+LANE_INLINE real whole(real a) {
+  real r;
+#if defined(__AVX2__) && LANES % 4 == 0
+  FOUR(__m256d, part, r, a, _mm256_floor_pd(part))
+#else
+  for (int i = 0; i < LANES; ++i) r[i] = __builtin_floor(a[i]);
+#endif
+  return r;
+}
+
+#define ONE constant(1.0)
+#define LANE(number, i) ((number)[i])
+LANE_INLINE int any(real mask) {
+  int found = 0;
+  for (int i = 0; i < LANES; ++i) found |= mask[i] != 0;
+  return found;
+}
+LANE_INLINE int all(real mask) {
+  int found = 1;
+  for (int i = 0; i < LANES; ++i) found &= mask[i] != 0;
+  return found;
+}
+LANE_INLINE real blend(real mask, real a, real b) {
+  mask_t m = is_true(mask);
+  return (real)((m & (mask_t)a) | (~m & (mask_t)b));
+}
+
+LANE_INLINE word alike(uint32_t number) { return (word){0} + number; }
+LANE_INLINE word product(word a, uint32_t b) {
+  word r;
+#if defined(__AVX2__) && LANES % 4 == 0
+  FOUR(__m256i, part, r, a, _mm256_mul_epu32(part, _mm256_set1_epi64x(b)))
+#else
+  for (int i = 0; i < LANES; ++i) r[i] = (uint64_t)(uint32_t)a[i] * b;
+#endif
+  return r;
+}
+/* low and high half of a whole number in [0, 2^53]: 2^52 + a number below 2^32 has that number as its low bits */
+LANE_INLINE void halves(real number, word half[2]) {
+  real high = whole(number * 0x1p-32);
+  half[0] = (word)(number - high * 0x1p32 + 0x1p52);
+  half[1] = (word)(high + 0x1p52) & 0xFFFFFFFFu;
+}
+LANE_INLINE real uniform(word a) {
+  real number = (real)((a & 0xFFFFFFFFu) | 0x4330000000000000u) - 0x1p52;
+  return (number + 0.5) * 0x1p-32;
+}
