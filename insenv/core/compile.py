@@ -24,11 +24,13 @@ from pathlib import Path
 
 from insenv.errors import InsenvError
 
+# not every compiler for other processors knows it, and they have little to gain
+_OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
 # exactly rounded and in the order written: the interpreter's result to the bit
 _FLAGS = (
     "-std=gnu99",
     "-O2",
-    "-march=native",
+    *_OWN,
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-tree-slp-vectorize",
