@@ -12,14 +12,16 @@ Source: the quaternion adaptive-Kalman paper, section 2.1.  Its K, the integral 
 Against the accelerations of a swaying base two things are added to the paper's plain vectors (`smoothing_time` 0 and a large
 `memory_time` give the plain ones).  Both are linear and the same on alpha and beta, so without errors they leave none.
 
-Window: both vectors are faded in over `FADE_IN` smoothing times (a polynomial with three vanishing derivatives at either
-end) and then pass a Butterworth low-pass of sixth order.  Every filtered vector is so an average over a window that begins
-and ends smoothly, and the velocity that the vehicle happens to have at the start leaves nothing for good.
+Window (of `qakf`, `qakf-improved`; the q-method's weights are windows themselves): both vectors are faded in over `FADE_IN`
+smoothing times (a polynomial with three vanishing derivatives at either end) and then pass a Butterworth low-pass of sixth
+order.  Every filtered vector is so an average over a window that begins and ends smoothly, and the velocity that the vehicle
+happens to have at the start leaves nothing for good.
 
 Weights: gyro white noise (N) makes the frozen axes wander as a Brownian path, so the further two vectors lie apart the less
 they say of the other's time.  The best estimate of heading, which is a slope, weighs time by sinh((t - T/2) / tau) with
-tau = V / (g N), V the accelerometers' white noise: the ends of the run, each over tau.  Here B is the sum of an integral that
-fades out after the start and one that forgets, both with `memory_time` = tau; for tau well above T all weights are alike.
+tau = V / (g N), V the accelerometers' white noise: the ends of the run, each over tau (which gives the Cramer-Rao bound of
+`insenv.limits` to four digits).  Here B is the sum of an integral that fades out after the start and one that forgets, both
+with `memory_time` = tau; for tau well above T all weights are alike.
 """
 
 from __future__ import annotations
@@ -54,17 +56,20 @@ PARAMETERS = Table((
     Row("velocity_random_walk", "Accelerometer white noise that it counts with", "m/s^1.5", lower=0.0, upper=100.0),
 ))  # fmt: skip
 
-STATE = Table((
+CARRIED = Table((
     Row("q_ib", "Attitude since the start: takes b components to components in b at the start", "1", (4,), "i", (1, 0, 0, 0)),
     Row("axis_n", "The Earth's axis", "1", (3,), "n"),
     Row("rest_force_n", "Specific force at rest", "m/s^2", (3,), "n"),
     Row("half_turn", "Cosine and sine of half the angle that the Earth has turned since the start", "1", (2,), start=(1, 0)),
+    Row("time", "Time since the start", "s"),
+)) + MEMORY  # fmt: skip
+
+STATE = CARRIED + Table((
     Row("alpha", "Measured specific force, after each section of the low-pass", "m/s^2", (SECTIONS, 3), "i"),
     Row("alpha_rate", "Its rate", "m/s^3", (SECTIONS, 3), "i"),
     Row("beta", "Expected specific force, likewise", "m/s^2", (SECTIONS, 3), "n at the start"),
     Row("beta_rate", "Its rate", "m/s^3", (SECTIONS, 3), "n at the start"),
-    Row("time", "Time since the start", "s"),
-)) + MEMORY  # fmt: skip
+))  # fmt: skip
 
 PROFILE_STATE = Table((
     Row("early_profile", "Integral of beta alpha^T with weights that fade out after the start", "m^2/s^3", (3, 3)),
@@ -87,27 +92,27 @@ def start(p: Any) -> dict[str, Any]:
     }
 
 
-def vectors(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Rows of `STATE` after one inertial sample; the vectors are the last rows of alpha and beta."""
+def carried(p: Any, x: Any, u: Any) -> tuple[dict[str, Any], Any, Any]:
+    """Rows of `CARRIED` after one inertial sample; alpha and beta (3x1, m/s^2), means over it."""
     rotation, increment = compensated(x, u.delta_angle, u.delta_velocity)
-    measured = attitude.rotate(x.q_ib, increment) / u.dt
     # rest as it would be felt at mid-sample, turned from n then into n at the start
     quarter = _turned(x.half_turn, u.dt / 4)
-    expected = attitude.rotate(_turn(quarter, x.axis_n), x.rest_force_n)
-
-    fade = fade_in(x.time + u.dt / 2, FADE_IN * p.smoothing_time)
-    alpha, alpha_rate = low_pass(x.alpha, x.alpha_rate, fade * measured, p.smoothing_time, u.dt)
-    beta, beta_rate = low_pass(x.beta, x.beta_rate, fade * expected, p.smoothing_time, u.dt)
-    return {
+    rows = {
         "q_ib": attitude.renormalize(attitude.multiply(x.q_ib, attitude.from_small_rotation_vector(rotation))),
         "half_turn": _turned(quarter, u.dt / 4),
-        "alpha": alpha,
-        "alpha_rate": alpha_rate,
-        "beta": beta,
-        "beta_rate": beta_rate,
         "time": x.time + u.dt,
         **remembered(x, u.delta_angle, u.delta_velocity),
     }
+    return rows, attitude.rotate(x.q_ib, increment) / u.dt, attitude.rotate(_turn(quarter, x.axis_n), x.rest_force_n)
+
+
+def vectors(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Rows of `STATE` after one inertial sample; the vectors are the last rows of alpha and beta."""
+    rows, measured, expected = carried(p, x, u)
+    fade = fade_in(x.time + u.dt / 2, FADE_IN * p.smoothing_time)
+    alpha, alpha_rate = low_pass(x.alpha, x.alpha_rate, fade * measured, p.smoothing_time, u.dt)
+    beta, beta_rate = low_pass(x.beta, x.beta_rate, fade * expected, p.smoothing_time, u.dt)
+    return {**rows, "alpha": alpha, "alpha_rate": alpha_rate, "beta": beta, "beta_rate": beta_rate}
 
 
 def latest(rows: dict[str, Any]) -> tuple[Any, Any]:
@@ -146,16 +151,18 @@ def earth_turn_back(x: Any) -> Any:
     return attitude.conjugate(_turn(x.half_turn, x.axis_n))
 
 
-def stated_sigma(p: Any, x: Any, lag: float = 0.5) -> Any:
+def stated_sigma(p: Any, x: Any, lost: Any, age: Any, mean_age: Any) -> Any:
     """Stated accuracy (3, rad): the limit that biases and white noise set (`insenv.limits`) over the time that the windows
-    leave, and in tilt the turn of gyros that carry on a vertical older than now by `lag` of the time.  The middle term of
-    the noise joins the two ends of Brownian path (N) and white noise (V) to within 5 %.
+    leave (all but `lost`, s), and in tilt what the gyros have turned since the vertical was found: their bias over `age` (s),
+    their noise over `mean_age` (s); of a Brownian path the mean over a time of 2 mean_age has a variance of a third of that.
+    The middle term of heading's noise joins the two ends of Brownian path (N) and white noise (V) to within 5 %.
     """
     g, cosine = -x.rest_force_n[2], x.axis_n[0]
-    time = maximum(x.time - DELAY * p.smoothing_time, LEAST_SIGMA_TIME)
+    time = maximum(x.time - lost, LEAST_SIGMA_TIME)
     N, V = p.angle_random_walk, p.velocity_random_walk / g
     tilt = p.accel_bias_sigma / g
-    level = ca.sqrt(tilt**2 + 4 * V**2 / time + (p.gyro_bias_sigma * lag * x.time) ** 2)
+    carried = (p.gyro_bias_sigma * age) ** 2 + N**2 * mean_age * (2.0 / 3.0)
+    level = ca.sqrt(tilt**2 + 4 * V**2 / time + carried)
     slope = (N**2 + (1.2 * N * V + 12 * V**2 / time) / time) / time
     drift = p.gyro_bias_sigma**2 + slope + (geodesy.OMEGA_IE * x.axis_n[2] * tilt) ** 2
     heading = ca.sqrt(drift) / (geodesy.OMEGA_IE * cosine)

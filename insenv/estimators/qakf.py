@@ -175,17 +175,22 @@ def profile_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {**rows, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
 
 
-def output(p: Any, x: Any, lag: float) -> dict[str, Any]:
-    """Attitude now; the stated accuracy is the q-method's, but for the age of the vertical, `lag` of the time."""
+def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
+    """Attitude now; the age of the vertical is `lags` of the time: at worst, where large gyro biases make the filter late, and
+    as a mean.
+    """
+    lost = inertial_vectors.DELAY * p.smoothing_time
     return {
         "q_nb": inertial_vectors.attitude_now(x, x.q_start),
-        "attitude_sigma": inertial_vectors.stated_sigma(p, x, lag),
+        "attitude_sigma": inertial_vectors.stated_sigma(p, x, lost, *(lag * x.time for lag in lags)),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
     }
 
 
-def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table, lag: float) -> Estimator:
+def _estimator(
+    id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table, lags: tuple[float, float]
+) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -194,20 +199,20 @@ def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, An
         inputs=SAMPLE_INPUTS,
         outputs=OUTPUTS,
         steps={"sample": Step(step)},
-        output=lambda p, x: output(p, x, lag),
+        output=lambda p, x: output(p, x, lags),
         start=start,
     )
     return Estimator(model, kind="alignment", aided=False, prepare=inertial_vectors.prepare)
 
 
 PLAIN = _estimator(
-    "qakf", "alignment in place, quaternion adaptive Kalman filter on single vectors", vector_sample, Table(), 1.0
+    "qakf", "alignment in place, quaternion adaptive Kalman filter on single vectors", vector_sample, Table(), (1.0, 0.45)
 )
 IMPROVED = _estimator(
     "qakf-improved",
     "alignment in place, quaternion adaptive Kalman filter on the integral of many vectors",
     profile_sample,
     inertial_vectors.PROFILE_STATE + SPREAD,
-    0.6,
+    (0.6, 0.6),
 )
 ESTIMATORS = [PLAIN, IMPROVED]
