@@ -4,6 +4,7 @@ import os
 import pickle
 import shutil
 import signal
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -164,6 +165,13 @@ def test_processes_that_die_are_replaced_and_at_last_given_up(monkeypatch):
     assert len(calls) == 2 + campaign_module.ATTEMPTS
 
 
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_processes_do_not_hear_ctrl_c():
+    with processes(1)() as executor:
+        assert signal.SIGINT in executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
 def test_a_worker_of_another_version_is_refused():
     with pytest.raises(InsenvError, match="same on all"):
         campaign_module._block(small_plan(8), 0, "the digest of another version")
@@ -194,6 +202,24 @@ def test_an_interrupted_campaign_goes_on_and_gives_the_same_to_the_bit(tmp_path)
     told.clear()  # nothing is left to do
     assert same(run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda n, _: told.append(n)), expected)
     assert told == [40 * 40]
+
+
+def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
+    plan, original, begun = small_plan(), block_module.run_block, []
+
+    def slow(plan, number):
+        begun.append(number)
+        time.sleep(0.5)
+        return original(plan, number)
+
+    def interrupt(done, total):
+        if done:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign_module, "run_block", slow)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan, workers=threads(1), progress=interrupt)
+    assert begun == [0, 1]  # the second one was under way
 
 
 def test_damaged_blocks_are_done_again(tmp_path):

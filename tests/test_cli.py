@@ -14,7 +14,7 @@ import pytest
 from command_line import SHORT, call, log_file, refused, strict
 
 from insenv import errors
-from insenv.cli import main
+from insenv.cli import kept_interruptions, main
 from insenv.evaluation import ATTITUDE
 from insenv.run import run
 
@@ -22,9 +22,9 @@ from insenv.run import run
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
 
 
-def start(*arguments, **options):
+def start(*arguments, program=PROGRAM, **options):
     """A process of its own."""
-    command = [sys.executable, "-c", PROGRAM, *map(str, arguments)]
+    command = [sys.executable, "-c", program, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
 
@@ -175,6 +175,9 @@ def test_warnings_are_one_line(monkeypatch):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_ctrl_c_in_a_long_run_leaves_nothing(tmp_path):
+    begun = tmp_path / "begun"
+    tell = f"import pathlib, insenv.core.runner as r; f = r.InterpreterRunner.run; p = pathlib.Path({str(begun)!r}); "
+    tell += "r.InterpreterRunner.run = lambda *a, **k: (p.touch(), f(*a, **k))[1]; "
     process = start(
         "run",
         "ship-swaying",
@@ -182,13 +185,42 @@ def test_ctrl_c_in_a_long_run_leaves_nothing(tmp_path):
         "80000",
         "--out",
         tmp_path / "out",
+        program=tell + PROGRAM,
         env={**os.environ, "INSENV_BACKEND": "interpreter"},
     )
-    time.sleep(2.5)  # inside the work; were it still starting, the answer would have to be the same
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    try:
+        for _ in range(600):
+            if begun.exists():
+                break
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert (process.returncode, out, err) == (130, "", "insenv: interrupted, nothing written\n")
-    assert not list(tmp_path.iterdir())
+    assert list(tmp_path.iterdir()) == [begun]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_ctrl_c_that_casadi_would_forget_is_raised_behind_it():
+    scope = {}
+    exec(compile("def converted(act):\n try: act()\n except BaseException: pass", "casadi/casadi.py", "exec"), scope)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with kept_interruptions(), pytest.raises(KeyboardInterrupt):
+            scope["converted"](lambda: os.kill(os.getpid(), signal.SIGINT))
+            time.sleep(10.0)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_while_the_call_is_parsed_is_told_too(monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("insenv.cli.app.partial", interrupted)
+    assert call("list") == (130, "", "insenv: interrupted, nothing written\n")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

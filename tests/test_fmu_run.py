@@ -1,8 +1,10 @@
 """`python -m insenv.fmu.run` and the function behind it: results to the bit, CSV, errors that say what to do."""
 
 import json
+import os
 import subprocess
 import sys
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -164,6 +166,24 @@ def test_what_is_no_fmu_is_told(tmp_path):
             run(path, {"a": np.zeros(3)})
 
 
+def test_a_damaged_fmu_is_told(tmp_path):
+    with ZipFile(exported("qakf-improved")) as archive:
+        binary = next(entry for entry in archive.infolist() if entry.filename.startswith("binaries/"))
+    raw = bytearray(exported("qakf-improved").read_bytes())
+    raw[binary.header_offset + 600] ^= 0xFF
+    (tmp_path / "damaged.fmu").write_bytes(raw)
+    with pytest.raises(InputError, match=r"damaged\.fmu: cannot be unpacked"):
+        run(tmp_path / "damaged.fmu", stop_time=1.0)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+def test_a_reader_that_leaves_is_no_fault():
+    command = [sys.executable, "-m", "insenv.fmu.run", str(exported("ship-swaying")), "--stop", "1"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        assert (process.stderr.read(), process.wait(60)) == ("", 141)
+
+
 def test_the_command_writes_what_the_function_gives(log, tmp_path):
     output = tmp_path / "out.csv"
     command = [sys.executable, "-m", "insenv.fmu.run", str(exported("qakf-improved")), "--input", str(log), "--json"]
@@ -189,7 +209,12 @@ def test_the_command_prints_the_last_outputs(log, capsys):
         (["--input", "missing.csv"], 2, "missing.csv: No such file"),
         (["--input", "LOG", "--set", "latitude=north"], 2, "--set latitude=north"),
         (["--input", "LOG", "--step", "0.0075"], 2, "rows stand 0.005 s apart"),
-        (["--input", "LOG", "--output", "no/such/folder/x.csv"], 2, "its folder does not exist"),
+        (["--input", "LOG", "--output", "no/such/folder/x.csv"], 2, "no/such/folder/x.csv"),
+        (["--input", "LOG", "--output", "."], 2, "'.': it is a folder"),
+        (["--stop", "nan"], 2, "stop time nan s"),
+        (["--stop", "inf"], 2, "stop time inf s"),
+        (["--stop", "1e300"], 2, "stop time 1e+300 s"),
+        (["--input", "LOG", "--every", "401"], 2, "every = 401: allowed is 1 to 400"),
     ],
 )
 def test_the_command_tells_what_is_wrong(log, capsys, options, status, said):

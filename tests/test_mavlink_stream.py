@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 import signal
 import socket
@@ -120,8 +121,23 @@ def test_wrong_calls_are_refused(tmp_path):
     refused(call("stream", "car-city-drive", *to, "--lockstep", "px4", "--speed", "2"), "--lockstep")
     refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--tlog", tmp_path / "a"), "--tlog")
     refused(call("stream", "car-city-drive", *to, "--signing-key-file", tmp_path / "no"), "not found")
-    refused(call("stream", "car-city-drive", *to, "--tlog", tmp_path), "folder")
+    refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--rate", "ATTITUDE=5"), "--rate")
+    for path, word in (
+        (tmp_path, "folder"),
+        (".", "folder"),
+        (os.devnull, "no plain file"),
+        (tmp_path / "no" / "a", "No such"),
+    ):
+        refused(call("stream", "car-city-drive", *to, "--tlog", path), word)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_stream_to_nobody_says_so():
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))  # and does not listen
+        to = f"tcpout:127.0.0.1:{closed.getsockname()[1]}"
+        status, out, err = call("stream", "ship-swaying", "--to", to, "--speed", 0, "--duration", 1)
+    assert (status, err) == (0, "") and f"none sent: nobody was at {to}" in out
 
 
 def test_ctrl_c_ends_a_stream_cleanly(tmp_path):

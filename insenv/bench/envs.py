@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import statistics
 import time
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
@@ -109,7 +110,7 @@ def plant() -> Figure:
     cart = gymnasium.make_vec("CartPole-v1", ROWS, vectorization_mode="vector_entry_point")
     cart.reset(seed=1)
     push = np.zeros(ROWS, dtype=np.int64)
-    peer = ("CartPole-v1 of Gymnasium, 1024 rows, steps/s", ROWS / _seconds(lambda: cart.step(push), 30))
+    peer = ("CartPole-v1 of Gymnasium, a step a sample", ROWS / _seconds(lambda: cart.step(push), 30))
     note = f"make_vec, {ROWS} rows, {SAMPLES} samples a step, one core" + _envpool()
     return Figure("vector.plant", value, "samples/s", least, REPETITIONS, note, peer)
 
@@ -119,7 +120,9 @@ def _envpool() -> str:
         return ""
     import envpool
 
-    pool = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=ROWS, num_threads=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about its spaces
+        pool = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=ROWS, num_threads=1)
     pool.reset()
     push = np.zeros(ROWS, dtype=np.int32)
     return f"; EnvPool CartPole-v1: {ROWS / _seconds(lambda: pool.step(push), 10):.3g} steps/s"

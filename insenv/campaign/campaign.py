@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
+from contextlib import closing
 
 from insenv import __version__, estimators
 from insenv.campaign.block import Arrays, run_block
@@ -47,8 +48,9 @@ def run_campaign(
     make, attempts = workers or threads(), 0
     while left:
         try:
-            with make() as executor:
-                for number, arrays in _finished(executor, plan, sorted(left)):
+            # what has not begun is called off before the executor is left, which waits for what has
+            with make() as executor, closing(_finished(executor, plan, sorted(left))) as finished:
+                for number, arrays in finished:
                     store.put(number, arrays)
                     left.discard(number)
                     attempts = 0
@@ -60,11 +62,13 @@ def run_campaign(
     return summarise(plan, measured, lambda name: [store.column(number, name) for number in range(len(blocks))])
 
 
-def _finished(executor: Executor, plan: Plan, numbers: list[int]) -> Iterator[tuple[int, Arrays]]:
-    """(number, arrays) of the blocks, as they come; what has not begun is called off if one fails."""
+def _finished(executor: Executor, plan: Plan, numbers: list[int]) -> Generator[tuple[int, Arrays], None, None]:
+    """(number, arrays) of the blocks, as they come; what has not begun is called off at its end, whatever ends it."""
     digest = plan.digest
-    futures: dict[Future[Arrays], int] = {executor.submit(_block, plan, number, digest): number for number in numbers}
+    futures: dict[Future[Arrays], int] = {}
     try:
+        for number in numbers:
+            futures[executor.submit(_block, plan, number, digest)] = number
         for future in as_completed(list(futures)):
             yield futures.pop(future), _result(future)
     finally:

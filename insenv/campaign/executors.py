@@ -6,9 +6,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
+import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
+from typing import Any
 
 from insenv.errors import InputError, InsenvError
 
@@ -17,6 +20,7 @@ Workers = Callable[[], AbstractContextManager[Executor]]
 
 MAX_WORKERS = 4096
 CONNECT_S = 20.0
+_ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://(\[[^]]+\]|[^][:/\s]+):\d{1,5}")
 RETRIES = 5
 """Times that a cluster does a block again whose worker died."""
 
@@ -30,11 +34,28 @@ def threads(count: int | None = None) -> Workers:
 def processes(count: int) -> Workers:
     """`count` processes of this machine, started afresh (they inherit no state)."""
     number = _checked(count)
-    return lambda: ProcessPoolExecutor(number, mp_context=multiprocessing.get_context("spawn"))
+    return lambda: _Processes(number, mp_context=multiprocessing.get_context("spawn"))
+
+
+class _Processes(ProcessPoolExecutor):
+    """Processes that do not hear Ctrl-C, which a terminal sends to all of them: whoever asked for the work calls it off."""
+
+    def submit(self, *call: Any, **options: Any) -> Future[Any]:
+        """Processes start here, and inherit what is blocked; a signal that comes meanwhile is raised at the end."""
+        if not hasattr(signal, "pthread_sigmask"):
+            return super().submit(*call, **options)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(*call, **options)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def cluster(address: str) -> Workers:
-    """The workers of the Dask scheduler at `address` (``tcp://host:8786``).  Raises `InputError` if Dask is not installed."""
+    """The workers of the Dask scheduler at `address` (``tcp://host:8786``).  Raises `InputError` for another form of
+    address, or if Dask is not installed."""
+    if not _ADDRESS.fullmatch(address):
+        raise InputError(f"scheduler {address!r}: allowed is tcp://HOST:PORT (or tls:// and what else Dask listens at)")
     try:
         from distributed import Client
     except ImportError:

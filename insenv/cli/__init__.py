@@ -6,10 +6,16 @@ This package stays empty of imports, so that an interruption or a fault is told 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 DONE, FAILED, WRONG, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+RETRY_S = 0.01
+"""s after which an interruption that came inside CasADi is tried again."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -21,7 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if os.environ.get("INSENV_DEBUG", "0") not in ("", "0"):
         sys.exit(_execute(arguments))
     try:
-        status = _execute(arguments)
+        with kept_interruptions():
+            status = _execute(arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever read our output, as `head` does, has seen enough
         status = BROKEN_PIPE
@@ -29,6 +36,35 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = _tell(error, "--json" in arguments)
     _drop_unwritten()
     sys.exit(status)
+
+
+@contextmanager
+def kept_interruptions() -> Iterator[None]:
+    """Keep Ctrl-C from being lost while the block runs.
+
+    CasADi forgets the exceptions that are raised while it converts its arguments, more than half of all that come while a
+    model is made.  So an interruption waits until its frames are left.
+    """
+    mine = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
+    if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        while frame is not None:
+            if os.path.basename(frame.f_code.co_filename) == "casadi.py":
+                signal.setitimer(signal.ITIMER_REAL, RETRY_S)
+                return
+            frame = frame.f_back
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGALRM)}
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _execute(arguments: list[str]) -> int:
@@ -39,6 +75,8 @@ def _execute(arguments: list[str]) -> int:
     from insenv.cli.app import app
 
     work = app(arguments, prog_name="insenv", standalone_mode=False)
+    if work == INTERRUPTED:  # by Ctrl-C while it parsed: the parser made a status of it
+        raise KeyboardInterrupt
     if not callable(work):  # --help and --version have done theirs
         return int(work or DONE)
     work()

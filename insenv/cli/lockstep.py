@@ -44,6 +44,9 @@ def lockstep(
 
     loaded = load(scenario)
     duration = checked_duration(duration_s)
+    if kind != "px4" and (tlog is not None or rates):
+        option = "--rate" if tlog is None else "--tlog"
+        raise InputError(f"{option}: ArduPilot's JSON back end sends no MAVLink; --lockstep px4 does")
     chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates))}
     with ExitStack() as stack:
         stack.enter_context(quiet_warnings())
@@ -94,8 +97,6 @@ def _prepared(
     from insenv.mavlink.lockstep_ardupilot import ADDRESS as JSON_ADDRESS
     from insenv.mavlink.lockstep_ardupilot import ArduPilotLockstep
 
-    if tlog is not None:
-        raise InputError("--tlog: ArduPilot's JSON back end sends no MAVLink; --lockstep px4 does")
     act = steering(vehicle, ARDUPILOT_CHANNELS)
     ardupilot = stack.enter_context(ArduPilotLockstep(VehicleMotion(vehicle), act, address=to or JSON_ADDRESS))
     return ardupilot.run, str(ardupilot.address)

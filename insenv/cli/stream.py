@@ -162,7 +162,10 @@ def _print_summary(summary: dict[str, Any]) -> None:
     simulated, wall, received = summary["simulated_s"], summary["wall_s"], link["received_messages"]
     who = f"{summary['scenario']}, {summary['estimator']}"
     print_line(f"{who}: {simulated:.1f} s simulated in {wall:.1f} s; {summary['state']}")
-    print_line(f"{total} messages to {summary['address']}, {link['dropped_frames']} dropped; {received} received")
+    sent = f"{total} messages to {summary['address']}, {link['dropped_frames']} dropped"
+    if not link["sent_frames"]:
+        sent = f"{total} messages made and none sent: nobody was at {summary['address']}"
+    print_line(f"{sent}; {received} received")
     print_line(f"lateness p50 {late['p50']:.2f} ms, p99 {late['p99']:.2f} ms; {summary['cpu_share']:.1%} of a core")
     for what, key in (("values beyond their field", "saturated"), ("messages not made, a value not known", "refused")):
         if summary[key]:

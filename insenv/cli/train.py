@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from insenv.errors import InputError, nearest
+from insenv.output_file import check_output_file
 
 LEARNERS = ("lssvm",)
 MOST_SEEDS = 10_000
@@ -30,7 +31,7 @@ def train(
     if estimator not in LEARNERS:
         raise InputError(f"estimator {estimator!r} does not learn{nearest(estimator, LEARNERS)}")
     chosen = seed_range(seeds)
-    _writable(out)
+    check_output_file(out)
     need_packages()
     choice = Choice() if support is None else Choice(support=support)
     with quiet_warnings(), working("simulating") as progress:
@@ -69,16 +70,3 @@ def seed_range(text: str) -> range:
     if not 0 <= first <= last <= 2**53 or last - first >= MOST_SEEDS:
         raise InputError(f"seeds {text!r}: allowed is FIRST-LAST, such as 1-100, of at most {MOST_SEEDS} seeds")
     return range(first, last + 1)
-
-
-def _writable(path: Path) -> None:
-    """Raise `InputError` before the long work if the file cannot be written."""
-    import tempfile
-
-    if path.is_dir():
-        raise InputError(f"cannot write {str(path)!r}: it is a folder")
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise InputError(f"cannot write {str(path)!r}: {error.strerror or error}") from None

@@ -10,6 +10,7 @@ from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from insenv.errors import InputError
+from insenv.output_file import check_output_file
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can tell
 
@@ -18,13 +19,7 @@ def check_output(path: Path, ending: str) -> None:
     """Raise `InputError`, before the long work, if a file cannot be written there."""
     if path.suffix != ending:
         raise InputError(f"output {str(path)!r}: allowed is a name that ends in {ending}")
-    if path.is_dir():
-        raise InputError(f"cannot write {str(path)!r}: it is a folder")
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise InputError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    check_output_file(path)
 
 
 def write_archive(path: Path, files: Mapping[str, bytes]) -> None:

@@ -94,7 +94,11 @@ class Instance:
             self.variables = {v.name: v for v in map(_variable, self.description.modelVariables) if v is not None}
             self.inputs = [v for v in self.variables.values() if v.causality == "input"]
             self.outputs = [v for v in self.variables.values() if v.causality == "output"]
-            fmpy.extract(str(self.path), str(self._folder))
+            try:
+                fmpy.extract(str(self.path), str(self._folder))
+            except Exception as error:  # a damaged member, or one that would land outside the folder
+                kind = InsenvError if isinstance(error, OSError) else InputError
+                raise kind(f"{self.path}: cannot be unpacked: {error}") from None
             kind = FMU2Slave if self.version == 2 else FMU3Slave
             try:
                 self._slave = kind(

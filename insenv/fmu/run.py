@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -24,6 +25,9 @@ import numpy as np
 from insenv.errors import InputError, InsenvError
 from insenv.fmu.instance import Array, Instance, Progress
 from insenv.fmu.series import Series, chosen, flattened, read_csv, uniform, write_csv
+from insenv.output_file import check_output_file
+
+MOST_STEPS = 10**9
 
 
 @dataclass(frozen=True)
@@ -60,8 +64,6 @@ def run(
     parameters: values by name, set before the initialization.  step: s, the FMU's own if None.  stop_time: s; with inputs the
     run ends with them at the latest.  Raises `InputError` for what does not fit, `InsenvError` if the FMU fails.
     """
-    if every < 1:
-        raise InputError(f"every = {every}: allowed is 1 and more")
     if isinstance(inputs, Series) and len(inputs.time):
         start_time = float(inputs.time[0])
     given = inputs.columns() if isinstance(inputs, Series) else flattened(inputs or {})
@@ -77,6 +79,8 @@ def run(
             uniform(inputs.time, step, "inputs")
         stop_time = instance.stop_time if stop_time is None and not used else stop_time
         steps = _steps(used, start_time, step, stop_time)
+        if not 1 <= every <= steps:
+            raise InputError(f"every = {every}: allowed is 1 to {steps}, the steps of this run")
         begin = time.perf_counter()
         values = instance.run(
             {name: column[:steps] for name, column in used.items()},
@@ -98,11 +102,13 @@ def _steps(used: Mapping[str, Array], start_time: float, step: float, stop_time:
         raise InputError(f"inputs of different lengths: {sorted(lengths)}")
     if stop_time is None and not lengths:
         raise InputError("neither inputs nor a stop time: nothing to run")
-    wanted = math.inf if stop_time is None else round((stop_time - start_time) / step)
+    wanted = math.inf if stop_time is None else (stop_time - start_time) / step
     steps = min(wanted, lengths.pop() if lengths else math.inf)
-    if steps < 1:
-        raise InputError(f"stop time {stop_time} s: allowed is one step, {step:g} s, or more after {start_time:g} s")
-    return int(steps)
+    if not 0.5 < steps <= MOST_STEPS:
+        raise InputError(
+            f"stop time {stop_time} s: allowed is one step, {step:g} s, to {MOST_STEPS:.0e} of them after {start_time:g} s"
+        )
+    return round(steps)
 
 
 def _some(names: Sequence[str]) -> str:
@@ -123,6 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen_arguments = parser.parse_args(arguments)
     try:
         _work(chosen_arguments)
+        sys.stdout.flush()
     except InsenvError as error:
         print(f"insenv: {error}", file=sys.stderr)
         if chosen_arguments.json:
@@ -132,6 +139,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("insenv: interrupted, nothing written", file=sys.stderr)
         return 130
+    except MemoryError:
+        print("insenv: out of memory", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # whoever read our output, as `head` does, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter would complain at its exit
+        return 141
     return 0
 
 
@@ -139,8 +152,8 @@ def _work(arguments: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    if arguments.output is not None and not arguments.output.absolute().parent.is_dir():
-        raise InputError(f"--output {arguments.output}: its folder does not exist")
+    if arguments.output is not None:
+        check_output_file(arguments.output)
     inputs = None if arguments.input is None else read_csv(arguments.input)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
@@ -165,7 +178,7 @@ def _work(arguments: argparse.Namespace) -> None:
     print(f"{found.steps} steps of {found.step:g} s, {found.seconds / found.steps * 1e6:.2f} us a step")
     if arguments.output is not None:
         print(f"written: {arguments.output}, {len(found.time)} rows of {len(found.names)} outputs")
-    elif len(found.time):
+    else:
         width = max(len(name) for name in found.names)
         print(f"outputs at {found.time[-1]:g} s (--output CSV writes all):")
         for name, value in zip(found.names, found.values[-1].tolist(), strict=True):
@@ -186,7 +199,6 @@ def _parameters(settings: Sequence[str]) -> dict[str, float]:
 
 
 def _document(arguments: argparse.Namespace, found: Outputs) -> dict[str, Any]:
-    last = found.values[-1].tolist() if len(found.time) else []
     return {
         "fmu": str(arguments.fmu),
         "steps": found.steps,
@@ -194,8 +206,8 @@ def _document(arguments: argparse.Namespace, found: Outputs) -> dict[str, Any]:
         "us_per_step": found.seconds / found.steps * 1e6,
         "passed_over": list(found.passed_over),
         "held": list(found.held),
-        "time_s": float(found.time[-1]) if len(found.time) else None,
-        "outputs": {n: v if math.isfinite(v) else None for n, v in zip(found.names, last, strict=False)},
+        "time_s": float(found.time[-1]),
+        "outputs": {n: v if math.isfinite(v) else None for n, v in zip(found.names, found.values[-1].tolist(), strict=True)},
         "written": None if arguments.output is None else str(arguments.output),
     }
 

@@ -70,6 +70,8 @@ def train(
         raise InputError(
             f"training needs at least {len(SHARES)} seeds, one for each size of start error: here are {len(seeds)}"
         )
+    if duration_s is not None and not np.isfinite(duration_s):
+        raise InputError(f"duration_s = {duration_s:g} s: allowed is a finite number")
     if not 1 <= choice.support <= SUPPORT:
         raise InputError(f"support = {choice.support}: allowed is from 1 to {SUPPORT}")
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 from insenv.errors import InputError
+from insenv.output_file import check_output_file
 
 _LINK_BITS = 0b11
 
@@ -27,9 +28,8 @@ class TlogWriter:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.frames = 0
+        check_output_file(self.path)
         self._part = self.path.with_name(self.path.name + ".part")
-        if self.path.is_dir():
-            raise InputError(f"telemetry log {self.path}: is a folder")
         try:
             self._file = self._part.open("wb", buffering=1 << 16)
         except OSError as error:
