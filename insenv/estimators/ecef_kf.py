@@ -268,6 +268,7 @@ MODEL = Model(
     steps={
         "sample": Step(sample),
         "coarse": Step(coarse, when="coarse"),
+        "smooth": COARSE.steps["smooth"],
         "begin": Step(begin, when="coarse_over"),
         "fix": Step(fix, when="gnss_valid"),
         "pair": Step(pair, when="pair_due"),

@@ -13,7 +13,8 @@ length T are
     w(t) = l(t) h(T - t) + 2 h(t) l(T - t)
 
 alike at both ends: each rises as smoothly as the filter does, and fades over `memory_time` (why: `inertial_vectors`).  The
-running form: an integral with weights l and one that forgets of vectors with weights h, their sum through the low-pass.
+running form: an integral with weights l and one that forgets of vectors with weights h, their sum through the low-pass.  The
+integrals grow with each sample; h, l and the low-pass, which are slow, go on every `STRIDE` smoothing times.
 
 The low-pass has zeros on the frequencies of waves (`FILTER`), so it is earlier than a Butterworth filter that takes as much off
 periods of 5 to 10 s.  Its nine numbers minimise, at `smoothing_time` = 4 s and 30 deg of latitude, the heading error that
@@ -41,6 +42,7 @@ FILTER = ((1.3291, 2.6805, 0.1230), (0.7494, 0.2960, 0.2768), (0.6543, 0.1962, 0
 """Sections (1 + (c s)^2) / (1 + b s + (a s)^2) of the low-pass: a, b, c in smoothing times."""
 SECTIONS = len(FILTER)
 DELAY = 2 * sum(b for _, b, _ in FILTER)  # smoothing times by which both ends are late together
+STRIDE = 1.0 / 80.0  # smoothing times from one step of the low-pass to the next: 0.05 s of 4 s
 LATE = 2.0  # how much more late vectors count than early ones: they know the vertical now, both know heading
 
 WEIGHTS, PROFILE = 2, 9  # channels of the low-pass: h and l; the elements of B, column by column
@@ -49,18 +51,21 @@ STATE = inertial_vectors.CARRIED + Table((
     Row("early_profile", "Integral of beta alpha^T with the weights l, which fade out after the start", "m^2/s^3", (3, 3)),
     Row("late_profile", "The same with weights that fade out before now", "m^2/s^3", (3, 3)),
     Row("decay", "exp(-time / memory_time)", "1", start=1.0),
+    Row("weight", "h and l now", "1", (WEIGHTS,)),
     Row("weights", "h and l: step response of each section, its response to the decay", "1", (SECTIONS, WEIGHTS)),
     Row("weight_rates", "Their rates", "1/s", (SECTIONS, WEIGHTS)),
     Row("smoothed", "The profiles' sum inside each section", "m^2/s^3", (SECTIONS, PROFILE)),
     Row("smoothed_rates", "Their rates", "m^2/s^4", (SECTIONS, PROFILE)),
     Row("profile", "B: the sum behind the low-pass", "m^2/s^3", (3, 3)),
+    Row("smoothing_age", "Time since the low-pass' last step", "s"),
+    Row("smoothing_due", "1 when its next is due", "1"),
 ))  # fmt: skip
 
 
 def low_pass(values: Any, rates: Any, value: Any, time_constant: Any, dt: Any) -> tuple[Any, Any, Any]:
-    """States and their rates (sections x channels) after one sample, and the output at it, for an input (1 x channels).
+    """States and their rates (sections x channels) after a step of dt, and the output at it, for an input (1 x channels).
 
-    Implicit midpoint rule, input and outputs being those of mid-sample: the bilinear transform, which keeps the zeros on the
+    Implicit midpoint rule, input and outputs being those of mid-step: the bilinear transform, which keeps the zeros on the
     axis and is stable at any interval; with time constant 0 the output is the input and the states rest.
     """
     after, slopes, half, step = [], [], dt / 2, (time_constant > 0) * dt
@@ -75,27 +80,43 @@ def low_pass(values: Any, rates: Any, value: Any, time_constant: Any, dt: Any) -
     return ca.vertcat(*after), ca.vertcat(*slopes), value
 
 
+def start(p: Any) -> dict[str, Any]:
+    """What the place determines; without a low-pass all weights are 1."""
+    plain = p.smoothing_time == 0
+    return {**inertial_vectors.start(p), "weight": ca.vertcat(plain, plain)}
+
+
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample."""
     rows, alpha, beta = inertial_vectors.carried(p, x, u)
     keep = p.memory_time / (p.memory_time + u.dt)
-    decay = keep * x.decay
-    weights, weight_rates, now = low_pass(x.weights, x.weight_rates, ca.horzcat(1, decay), p.smoothing_time, u.dt)
     product = (beta @ alpha.T) * u.dt
-    early = x.early_profile + now[1] * product
-    late = keep * x.late_profile + now[0] * product
-    total = ca.reshape(early + LATE * late, 1, PROFILE)
-    smoothed, smoothed_rates, profile = low_pass(x.smoothed, x.smoothed_rates, total, p.smoothing_time, u.dt)
+    age = x.smoothing_age + u.dt
     return {
         **rows,
-        "early_profile": early,
-        "late_profile": late,
-        "decay": decay,
+        "early_profile": x.early_profile + x.weight[1] * product,
+        "late_profile": keep * x.late_profile + x.weight[0] * product,
+        "decay": keep * x.decay,
+        "smoothing_age": age,
+        "smoothing_due": age + 0.5 * u.dt >= STRIDE * p.smoothing_time,
+    }
+
+
+def smooth(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One step of the low-pass: the weights from now on, and B."""
+    dt, time_constant = x.smoothing_age, p.smoothing_time
+    weights, weight_rates, weight = low_pass(x.weights, x.weight_rates, ca.horzcat(1, x.decay), time_constant, dt)
+    total = ca.reshape(x.early_profile + LATE * x.late_profile, 1, PROFILE)
+    smoothed, smoothed_rates, profile = low_pass(x.smoothed, x.smoothed_rates, total, time_constant, dt)
+    return {
+        "weight": weight.T,
         "weights": weights,
         "weight_rates": weight_rates,
         "smoothed": smoothed,
         "smoothed_rates": smoothed_rates,
         "profile": ca.reshape(profile, 3, 3),
+        "smoothing_age": 0.0,
+        "smoothing_due": 0.0,
     }
 
 
@@ -117,9 +138,9 @@ MODEL = Model(
     state=STATE,
     inputs=SAMPLE_INPUTS,
     outputs=inertial_vectors.OUTPUTS,
-    steps={"sample": Step(sample)},
+    steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due")},
     output=output,
-    start=inertial_vectors.start,
+    start=start,
 )
 
 ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=inertial_vectors.prepare)
