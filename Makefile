@@ -12,7 +12,7 @@ TEST := .venv/.stamp-test
 BENCH := .venv/.stamp-bench
 MAVPROXY := .venv/.stamp-mavproxy
 
-.PHONY: help demo test test-slow test-mavlink test-fmu test-rl check format consistency bench clean
+.PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency bench clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -20,8 +20,11 @@ help: ## this list
 demo: $(PLOT) ## align a swaying ship: a table, and a figure in demo/
 	$(BIN)/insenv run ship-swaying -e q-method --out demo
 
-test: check ## set up, then every check: ruff, mypy, import-linter, pytest
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS)
+# mypy uses one core: the tests need not wait for it
+test: layout ## set up, then every check: ruff, mypy, import-linter, pytest
+	@$(BIN)/mypy > .venv/mypy.txt 2>&1 & types=$$!; \
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS); result=$$?; \
+	wait $$types || { cat .venv/mypy.txt; exit 1; }; exit $$result
 
 test-slow: $(TEST) ## what compiles for minutes: every estimator in the plant's loop, every environment
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow $(PYTEST_ARGS)
@@ -39,10 +42,12 @@ test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and compare 
 	@$(PIP) install --quiet -e '.[test,plot,rl]'
 	INSENV_TEST_RL=1 $(BIN)/python -m pytest tests/test_rl.py $(PYTEST_ARGS)
 
-check: $(TEST) ## the static checks alone
+check: layout ## the static checks alone
+	$(BIN)/mypy
+
+layout: $(TEST)
 	$(BIN)/ruff check --output-format concise .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 
 format: $(TEST) ## put the source in order (ruff)

@@ -30,7 +30,10 @@ def test_each_script_is_named_here():
     assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
 
 
-@pytest.mark.parametrize("name", sorted(SAID))
+COMPILES_LONG = {"active_alignment.py"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in COMPILES_LONG else ()) for n in sorted(SAID)])
 def test_script(name, tmp_path):
     if name == "train_tuner.py":
         pytest.skip("it trains for minutes: make test-rl runs it")
@@ -42,7 +45,7 @@ def test_script(name, tmp_path):
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert all(text in done.stdout for text in SAID[name]), done.stdout

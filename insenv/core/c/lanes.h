@@ -72,6 +72,15 @@ LANE_INLINE real whole(real a) {
   return r;
 }
 
+/* What runs once a run is not worth the compiler's time. */
+#if defined(__clang__)
+#define ONCE __attribute__((optnone, noinline))
+#elif defined(__GNUC__)
+#define ONCE __attribute__((optimize("O0")))
+#else
+#define ONCE
+#endif
+
 #define ONE constant(1.0)
 #define LANE(number, i) ((number)[i])
 LANE_INLINE int any(real mask) {

@@ -20,6 +20,15 @@ static inline real whole(real a) { return floor(a); }
 static inline real square(real a) { return a * a; }
 static inline real select0(real c, real a) { return c != 0 ? a : 0; }
 
+/* What runs once a run is not worth the compiler's time. */
+#if defined(__clang__)
+#define ONCE __attribute__((optnone, noinline))
+#elif defined(__GNUC__)
+#define ONCE __attribute__((optimize("O0")))
+#else
+#define ONCE
+#endif
+
 #define ONE 1.0
 #define LANE(number, i) (number)
 static inline int any(real mask) { return mask != 0; }
