@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
-@dataclass(frozen=True)
-class Instruction:
+class Instruction(NamedTuple):
     """One operation.
 
     name: CasADi's, without ``OP_``.  sources: numbers of the instructions whose values it takes.  place: of an INPUT or OUTPUT,
@@ -32,16 +30,18 @@ def instructions(function: Any) -> list[Instruction]:
     names = {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
     holder: dict[int, int] = {}
     found = []
+    name_of, input_of, output_of = function.instruction_id, function.instruction_input, function.instruction_output
     for k in range(function.n_instructions()):
-        name, taken, given = names[function.instruction_id(k)], function.instruction_input(k), function.instruction_output(k)
+        name, given = names[name_of(k)], output_of(k)
         if name == "CONST":
             found.append(Instruction(name, value=float(function.instruction_constant(k))))
         elif name == "INPUT":
-            found.append(Instruction(name, place=(taken[0], taken[1])))
+            argument, element = input_of(k)
+            found.append(Instruction(name, place=(argument, element)))
         elif name == "OUTPUT":
-            found.append(Instruction(name, (holder[taken[0]],), (given[0], given[1])))
+            found.append(Instruction(name, (holder[input_of(k)[0]],), (given[0], given[1])))
             continue
         else:
-            found.append(Instruction(name, tuple(holder[place] for place in taken)))
+            found.append(Instruction(name, tuple([holder[place] for place in input_of(k)])))
         holder[given[0]] = k
     return found

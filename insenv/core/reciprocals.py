@@ -12,6 +12,8 @@ from typing import Any
 
 from insenv.core.instructions import instructions
 
+LEAST_SHARE = 0.008
+"""Share of divisions among the instructions from which on there is something to gain."""
 _DIVISIONS = ("DIV", "INV")
 
 
@@ -19,6 +21,10 @@ def share_reciprocals(function: Any) -> Any:
     """An SX function of the same name, arguments and results, with one division for each number divided by more than once."""
     import casadi as ca
 
+    count = function.n_instructions()
+    divisions = sum(function.instruction_id(k) in (ca.OP_DIV, ca.OP_INV) for k in range(count))
+    if divisions < LEAST_SHARE * count:
+        return function
     steps = instructions(function)
     divisors = Counter(step.sources[-1] for step in steps if step.name in _DIVISIONS)
     shared = {k for k, count in divisors.items() if count > 1 and steps[k].name != "CONST"}
