@@ -1,18 +1,16 @@
-"""Instructions, their order, shared reciprocals, and results written in place."""
+"""Instructions, their order, and results written in place."""
 
 from __future__ import annotations
 
 import shutil
 
 import casadi as ca
-import numpy as np
 import pytest
 
 from insenv.core.batch import make_batch
 from insenv.core.codegen import functions_source
 from insenv.core.instructions import instructions
 from insenv.core.model import Model, Step
-from insenv.core.reciprocals import share_reciprocals
 from insenv.core.runner import make_runner
 from insenv.core.schedule import schedule
 from insenv.core.tables import Row, Table
@@ -44,29 +42,6 @@ def test_a_chain_is_broken_up_and_a_rule_kept() -> None:
     late = next(k for k, step in enumerate(steps) if step.name == "SQ")
     ruled = schedule(steps, {late: [outputs[1]]})
     assert ruled.index(late) > ruled.index(outputs[1])
-
-
-def test_divisions_by_one_number_become_one() -> None:
-    x, d = ca.SX.sym("x", 4), ca.SX.sym("d")
-    before = ca.Function("f", [x, d], [ca.vertcat(x / d, 1.0 / d, x[0] / 3.0, x[1] / 3.0, x[0] / x[1])])
-    after = share_reciprocals(before)
-    names = [step.name for step in instructions(after)]
-    assert names.count("INV") + names.count("DIV") == 4  # what is divided by a constant, or once, stays
-    assert ca.GlobalOptions.getSimplificationOnTheFly()
-    rng = np.random.default_rng(1)
-    for _ in range(200):
-        numbers, divisor = rng.normal(size=4), rng.normal()
-        expected, found = (np.array(f(numbers, divisor)).ravel() for f in (before, after))
-        assert np.all(np.abs(found - expected) <= 1.5 * np.spacing(np.abs(expected)))
-    assert share_reciprocals(after) is after
-
-
-def test_every_division_of_an_estimator_has_a_divisor_of_its_own() -> None:
-    for kernel in get("qakf").model.kernels.values():
-        steps = instructions(kernel.function)
-        divisors = [step.sources[-1] for step in steps if step.name in ("DIV", "INV")]
-        divisors = [k for k in divisors if steps[k].name != "CONST"]
-        assert len(set(divisors)) == len(divisors)
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on the path")

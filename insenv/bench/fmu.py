@@ -27,12 +27,16 @@ from numpy.typing import NDArray
 
 from insenv import estimators
 from insenv.bench.figures import Figure
-from insenv.core.compile import find_compiler
+from insenv.core.codegen import native_source
+from insenv.core.compile import Compiler, compile_library, find_compiler
+from insenv.core.native import load as load_library
+from insenv.core.native import pointer
 from insenv.core.runner import make_runner
 from insenv.errors import InsenvError
 from insenv.estimators.feeding import input_rows
 from insenv.fmu.exporter import export
 from insenv.fmu.instance import Instance
+from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.series import flattened
 from insenv.fmu.subject import subject
 from insenv.resources import fmu_folder
@@ -139,14 +143,19 @@ def _columns() -> tuple[dict[str, Array], float]:
 
 
 def _bare(columns: dict[str, Array]) -> list[float]:
-    """A sample of the model's compiled loop, us, in a few runs."""
-    model, count = estimators.get(ESTIMATOR).model, len(columns["dt"])
-    rows, taken = input_rows(model, columns, count), []
-    runner = make_runner(model, subject(ESTIMATOR, {}).parameters)
+    """A sample of the model's compiled loop, us, in a few runs: for any processor of this kind, as the FMU's library is."""
+    model, count, compiler = estimators.get(ESTIMATOR).model, len(columns["dt"]), find_compiler()
+    if compiler is None:
+        raise InsenvError("fmu.c-host: no C compiler found")
+    portable = Compiler(compiler.command, (*FLAGS, *host().further))
+    library = load_library(str(compile_library(native_source(model), portable)))
+    rows, taken = np.ascontiguousarray(input_rows(model, columns, count)), []
+    p, x = np.array(subject(ESTIMATOR, {}).parameters), np.zeros(model.state.size)
+    y = np.empty((count, model.outputs.size))
     for _ in range(6):
-        runner.start()
+        library.insenv_start(1, pointer(p), pointer(x))
         begin = time.process_time()
-        runner.run(count, rows)
+        library.insenv_run(1, pointer(p), pointer(x), pointer(rows), rows.shape[1], 0, pointer(y), 0, 1, count)
         taken.append((time.process_time() - begin) / count * 1e6)
     return taken[1:]
 

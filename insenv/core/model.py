@@ -20,7 +20,6 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
-from insenv.core.reciprocals import share_reciprocals
 from insenv.core.tables import Row, Table
 
 Values = SimpleNamespace
@@ -157,7 +156,7 @@ def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, 
         spans.append(piece)
     # common subexpressions are shared: Python helpers may be called twice for the same quantity
     function = ca.Function(name, arguments, [ca.densify(part.assemble(values))], {"cse": True})
-    return Kernel(share_reciprocals(function), tuple(spans))
+    return Kernel(function, tuple(spans))
 
 
 def derived(table: Table, **start: Any) -> Table:
