@@ -31,16 +31,16 @@ test-slow: $(TEST) ## what compiles for minutes: every estimator in the plant's 
 
 test-mavlink: $(TEST) $(MAVPROXY) ## the heavy tests of MAVLink: MAVProxy in an environment of its own, long streams
 	INSENV_TEST_MAVLINK=1 INSENV_MAVPROXY=.venv/mavproxy/bin/python \
-	  $(BIN)/python -m pytest tests/test_mavlink_heavy.py tests/test_mavlink_link.py $(PYTEST_ARGS)
+	  $(BIN)/python -m pytest tests/mavlink/test_heavy.py tests/mavlink/test_link.py $(PYTEST_ARGS)
 
 test-fmu: $(TEST) ## the long checks of FMUs: every one of them, 60,000 steps, all platforms (minutes)
 	@$(PIP) install --quiet -e '.[test,plot,fmu]' || echo "ziglang does not install here: this machine's platform alone" >&2
-	INSENV_TEST_FMU=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/test_fmu_*.py $(PYTEST_ARGS)
+	INSENV_TEST_FMU=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/fmu $(PYTEST_ARGS)
 
 test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and compare it on held-out seeds (minutes)
 	@$(PIP) install --quiet 'torch==2.13.0+cpu' 2>/dev/null || echo "no wheel of torch without CUDA here: that with it" >&2
 	@$(PIP) install --quiet -e '.[test,plot,rl]'
-	INSENV_TEST_RL=1 $(BIN)/python -m pytest tests/test_rl.py $(PYTEST_ARGS)
+	INSENV_TEST_RL=1 $(BIN)/python -m pytest tests/envs/test_rl.py $(PYTEST_ARGS)
 
 check: layout ## the static checks alone
 	$(BIN)/mypy
@@ -55,7 +55,7 @@ format: $(TEST) ## put the source in order (ruff)
 	$(BIN)/ruff format .
 
 consistency: $(TEST) ## NEES of every filter over 56 seeds, some minutes (docs/consistency.md)
-	$(BIN)/python -m insenv.consistency
+	$(BIN)/python -m insenv.reproduce.consistency
 
 bench: $(BENCH) ## the benchmarks, each beside its floor and, where it installs, a peer
 	$(BIN)/insenv bench

@@ -6,7 +6,7 @@ python examples/compare_estimators.py
 import gymnasium
 import numpy as np
 
-from insenv import agents
+from insenv.envs import agents
 
 ROWS, SEED = 64, 100
 rms = {}

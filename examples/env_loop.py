@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 
 import insenv
-from insenv import agents
+from insenv.envs import agents
 
 env = gymnasium.make("insenv/ShipAlignment-v0", samples_per_step=200, heading_deg=(0.0, 360.0))
 agent = agents.make("qakf-improved", env, declare_after_s=240.0)

@@ -5,9 +5,8 @@ python examples/own_estimator.py
 
 import numpy as np
 
-from insenv import agents
 from insenv.attitude import numeric as attitude
-from insenv.envs import AlignmentEnv, estimate_action
+from insenv.envs import AlignmentEnv, agents, estimate_action
 from insenv.geodesy import numeric as geodesy
 
 

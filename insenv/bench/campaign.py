@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from insenv.bench.figures import Figure
 from insenv.bench.speed import EMPTY
-from insenv.campaign import make_plan, run_campaign
-from insenv.campaign.executors import cores
+from insenv.campaigns import make_plan, run_campaign
+from insenv.campaigns.executors import cores
 from insenv.core.batch import make_batch
 from insenv.scenario import load
 

@@ -16,11 +16,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from insenv import agents
 from insenv.bench.figures import Figure
 from insenv.bench.speed import EMPTY
 from insenv.core.batch import make_batch
-from insenv.envs import AlignmentEnv
+from insenv.envs import AlignmentEnv, agents
 
 ID = "insenv/ShipAlignment-v0"
 REPETITIONS = 9

@@ -33,13 +33,13 @@ from insenv.core.native import load as load_library
 from insenv.core.native import pointer
 from insenv.core.runner import make_runner
 from insenv.errors import InsenvError
-from insenv.estimators.feeding import input_rows
+from insenv.files.resources import fmu_folder
 from insenv.fmu.exporter import export
 from insenv.fmu.instance import Instance
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.series import flattened
 from insenv.fmu.subject import subject
-from insenv.resources import fmu_folder
+from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
 Array = NDArray[np.float64]

@@ -9,10 +9,10 @@ import numpy as np
 from insenv.bench.figures import Figure
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.feeding import input_rows
-from insenv.run import CHUNK, recording_interval
+from insenv.plant.feeding import input_rows
+from insenv.runs.simulated import CHUNK, recording_interval
+from insenv.runs.smoothed import Smoother
 from insenv.scenario import build, load
-from insenv.smoothing import Smoother
 
 
 def flight() -> Figure:

@@ -9,7 +9,7 @@ from insenv import estimators
 from insenv.bench.figures import Figure
 from insenv.bench.speed import EMPTY
 from insenv.core.runner import make_runner
-from insenv.run import run
+from insenv.runs.simulated import run
 from insenv.scenario import load
 
 REPETITIONS = 5

@@ -11,7 +11,7 @@ from insenv.bench import peers
 from insenv.bench.figures import Figure
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.feeding import input_rows
+from insenv.plant.feeding import input_rows
 from insenv.scenario import Plant, build, load
 
 SCENARIOS = {"ship": "ship-swaying", "car": "car-city-drive", "aircraft": "aircraft-survey"}

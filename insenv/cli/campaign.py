@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
-    from insenv.campaign.executors import Workers
+    from insenv.campaigns.executors import Workers
 
 
 def campaign(
@@ -28,7 +28,7 @@ def campaign(
     as_json: bool,
 ) -> None:
     """Run; print the tables; write the files."""
-    from insenv.campaign import Folder, make_plan, parse_variation, run_campaign
+    from insenv.campaigns import Folder, make_plan, parse_variation, run_campaign
     from insenv.cli.output import print_json, print_line, print_parts, quiet_warnings, working
     from insenv.report import OutputFolder
     from insenv.report.campaign import campaign_document, campaign_tables, write_campaign
@@ -67,7 +67,7 @@ def campaign(
 
 
 def _workers(workers: int | None, scheduler: str | None) -> Workers | None:
-    from insenv.campaign import cluster, processes
+    from insenv.campaigns import cluster, processes
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers and --scheduler: allowed is one of them")

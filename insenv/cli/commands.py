@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from insenv.bench import Figure
-    from insenv.evaluation import Report
+    from insenv.evaluation.errors import Report
     from insenv.report import OutputFolder
 
 
@@ -25,7 +25,7 @@ def run(
     """Simulate and estimate; print and write the report."""
     from insenv.cli.output import quiet_warnings, working
     from insenv.report import OutputFolder
-    from insenv.run import run as simulate
+    from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
 
     chosen = _known(estimator_ids)
@@ -40,8 +40,8 @@ def run(
 def replay(log: Path, estimator_ids: Sequence[str], *, start: str, out: Path | None, figure: bool, as_json: bool) -> None:
     """Run a log through estimators; print and write the report."""
     from insenv.cli.output import quiet_warnings, working
-    from insenv.replay import replay as follow
     from insenv.report import OutputFolder
+    from insenv.runs.replayed import replay as follow
 
     chosen = _known(estimator_ids)
     folder = None if out is None else OutputFolder(out)

@@ -37,12 +37,12 @@ def stream(
 ) -> None:
     """Stream until the duration is over or Ctrl-C; print what was sent."""
     from insenv.cli.output import print_json, quiet_warnings
-    from insenv.mavlink.link import open_link
-    from insenv.mavlink.schedule import parse_rates
-    from insenv.mavlink.signing import Signing
+    from insenv.mavlink.messages.schedule import parse_rates
     from insenv.mavlink.stream import Stream
-    from insenv.mavlink.tlog import TlogWriter
     from insenv.mavlink.vehicle import Vehicle
+    from insenv.mavlink.wire.link import open_link
+    from insenv.mavlink.wire.signing import Signing
+    from insenv.mavlink.wire.tlog import TlogWriter
     from insenv.scenario import load
 
     loaded = load(scenario)

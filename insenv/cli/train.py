@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from insenv.errors import InputError, nearest
-from insenv.output_file import check_output_file
+from insenv.files.output import check_output_file
 
 LEARNERS = ("lssvm",)
 MOST_SEEDS = 10_000

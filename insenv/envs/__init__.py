@@ -7,10 +7,10 @@ Ids: `IDS`.  The action is the agent's estimate, the observation what a navigato
 """
 
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
+from insenv.envs.knowledge import knowledge_of
 from insenv.envs.manoeuvre import ManoeuvreEnv, ManoeuvreVectorEnv
 from insenv.envs.single import InertialEnv, Snapshot
 from insenv.envs.task import Task, estimate_action
-from insenv.envs.told import knowledge_of
 from insenv.envs.tuning import TuningEnv, TuningVectorEnv
 from insenv.envs.vector import InertialVectorEnv
 from insenv.registration import IDS, register

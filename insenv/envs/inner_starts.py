@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.envs.inner import Inner
+from insenv.envs.filter_inside import Inner
+from insenv.envs.knowledge import TOLD, knowledge_of
 from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import Task
-from insenv.envs.told import TOLD, knowledge_of
+from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, tuning
-from insenv.simulation.loop import PREFIX
 
 Array = NDArray[np.float64]
 

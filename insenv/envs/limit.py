@@ -8,11 +8,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import estimators, geodesy, limits
+from insenv import estimators, geodesy
 from insenv.core.runner import make_runner
 from insenv.envs.task import Task
 from insenv.estimators import SensorNotes
-from insenv.estimators.feeding import input_rows
+from insenv.evaluation import limits
+from insenv.plant.feeding import input_rows
 from insenv.scenario import Scenario, build
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ def limits_of(task: Task, scenario: Scenario, rows: Mapping[str, Array], notes: 
     """1-sigma limits of the error's components (k, components), for episodes with plant rows `rows` and data sheets `notes`.
 
     Alignment: tilts and heading (rad about n) that the biases (1 sigma) and the white noise over `duration` leave, see
-    `insenv.limits`.  Navigation: see `navigation_limit`; the same for all episodes.
+    `insenv.evaluation.limits`.  Navigation: see `navigation_limit`; the same for all episodes.
     """
     if task.model.parameters["limit"].size > 3:
         return np.tile(navigation_limit(scenario.model_dump_json(), duration), (len(notes), 1))

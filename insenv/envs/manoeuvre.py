@@ -9,7 +9,7 @@ from typing import Any
 from insenv.core.model import Model
 from insenv.envs.commands import COMMANDS
 from insenv.envs.estimation import ScenarioLike
-from insenv.envs.inner import inner_loop
+from insenv.envs.filter_inside import inner_loop
 from insenv.envs.inner_starts import InnerStarts
 from insenv.envs.manoeuvre_task import REWARDS, manoeuvre_task
 from insenv.envs.setup import Setup, chosen_scenario, make_setup
@@ -17,10 +17,10 @@ from insenv.envs.single import InertialEnv
 from insenv.envs.starts import IMU_RANGE, Range, Ranges
 from insenv.envs.vector import FACE, InertialVectorEnv
 from insenv.errors import InputError
+from insenv.plant import plant_model
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.legs import Structure
 from insenv.scenario.vehicles import make_vehicle
-from insenv.simulation import plant_model
 from insenv.vehicles.turntable import on_turntable
 
 

@@ -18,7 +18,7 @@ from insenv.core.elementary import clamp, log, select, wrap_angle
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.commands import COMMANDS
-from insenv.envs.inner import COMMON, ERROR, SMALLEST, TRUTH, Inner, inner_loop, log10, truth, within
+from insenv.envs.filter_inside import COMMON, ERROR, SMALLEST, TRUTH, Inner, inner_loop, log10, truth, within
 from insenv.envs.task import CLOCK, REWARD, Task
 from insenv.envs.window import SHOWN, begun, shown, window_part
 

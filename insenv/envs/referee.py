@@ -19,7 +19,7 @@ from insenv.core.compose import Part
 from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
-from insenv.envs.told import TOLD
+from insenv.envs.knowledge import TOLD
 
 WORST = 20.0
 """Largest value of the error measure: that of garbage."""

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
+from insenv.envs.knowledge import TOLD, told_rows
 from insenv.envs.limit import limits_of
 from insenv.envs.task import Task
-from insenv.envs.told import TOLD, told_rows
 from insenv.errors import InputError
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import check_speed_of_sinusoids

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from insenv.core.compose import as_part, merge
 from insenv.core.model import Model
 from insenv.core.tables import Row, Table
+from insenv.envs.knowledge import TOLD
 from insenv.envs.referee import FIX, POSITION_RANGE, VELOCITY_RANGE, Referee, fix_part, true_position
-from insenv.envs.told import TOLD
 from insenv.errors import InputError
 from insenv.vehicles import TRUTH_STATE
 

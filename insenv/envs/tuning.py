@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from insenv.envs.estimation import ScenarioLike
-from insenv.envs.inner import inner_loop
+from insenv.envs.filter_inside import inner_loop
 from insenv.envs.inner_starts import InnerStarts
 from insenv.envs.setup import Setup, check_samples, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv

@@ -15,7 +15,7 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs.inner import COMMON, ERROR, SCALED, TRUTH, Inner, inner_loop, log10, power10, truth, within
+from insenv.envs.filter_inside import COMMON, ERROR, SCALED, TRUTH, Inner, inner_loop, log10, power10, truth, within
 from insenv.envs.task import CLOCK, REWARD, Task
 from insenv.envs.window import SHOWN, begun, shown, window_part
 

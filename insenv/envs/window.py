@@ -10,8 +10,8 @@ from insenv.core.compose import Part
 from insenv.core.elementary import clamp, maximum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
-from insenv.envs.inner import log10
-from insenv.simulation.loop import PREFIX
+from insenv.envs.filter_inside import log10
+from insenv.plant.loop import PREFIX
 
 LARGEST_RATIO = 100.0
 """A test ratio counts as at most that."""

@@ -20,7 +20,7 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import cos, maximum, minimum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.registry import Estimator, Knowledge
 
 GRAVITY = 9.8  # m/s^2, in the stated accuracy

@@ -1,6 +1,6 @@
 """`aqe-ekf`: large-misalignment alignment by the additive quaternion error, extended Kalman filter.
 
-The model of `insenv.estimators.aqe_model` linearised at the estimate: of (9) only 2 Y^T(dQ) U(Q_hat) f is kept.
+The model of `insenv.estimators.parts.quaternion_error` linearised at the estimate: of (9) only 2 Y^T(dQ) U(Q_hat) f is kept.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude
-from insenv.estimators.aqe_algebra import Nonlinear, sensitivity
-from insenv.estimators.aqe_model import estimator
+from insenv.estimators.parts.aqe_algebra import Nonlinear, sensitivity
+from insenv.estimators.parts.quaternion_error import estimator
 
 
 def linearised(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:

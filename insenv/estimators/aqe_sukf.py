@@ -21,8 +21,8 @@ import casadi as ca
 
 from insenv import attitude
 from insenv.core.elementary import select
-from insenv.estimators.aqe_algebra import Nonlinear, U
-from insenv.estimators.aqe_model import estimator
+from insenv.estimators.parts.aqe_algebra import Nonlinear, U
+from insenv.estimators.parts.quaternion_error import estimator
 
 SPREAD = 3.0  # n + kappa
 _ROOT = 1.7320508075688772

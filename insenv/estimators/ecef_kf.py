@@ -1,7 +1,7 @@
 """`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place, with feedback.
 
 Source: the ECEF fine-alignment paper: error model and observation (12), (22), (25), (26) (`insenv.estimators.ecef_model`),
-two-sample quaternion recursion (28)-(34) (`insenv.estimators.two_sample`); attitude, velocity and biases are fed back.
+two-sample quaternion recursion (28)-(34) (`insenv.estimators.parts.two_sample`); attitude, velocity and biases are fed back.
 The first sample of a pair is held; outputs in between are turned on by it.
 
 Start: from the attitude told, or, where none good enough for a linear filter is known, from a coarse alignment of its own, the
@@ -34,9 +34,10 @@ from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select, sin_cos
 from insenv.core.model import Model, Step
-from insenv.estimators import q_method, two_sample
+from insenv.estimators import q_method
 from insenv.estimators.ecef_model import ACCEL, GYRO, TILT, VELOCITY, N, observation, observe, propagate, transition
 from insenv.estimators.ecef_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
+from insenv.estimators.parts import two_sample
 from insenv.estimators.registry import Estimator, Knowledge
 
 COARSE = q_method.MODEL

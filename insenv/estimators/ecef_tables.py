@@ -8,7 +8,7 @@ from insenv.core import symmetric
 from insenv.core.tables import Row, Table
 from insenv.estimators import q_method
 from insenv.estimators.ecef_model import N
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 
 _TURN = 2 * math.pi
 

@@ -23,8 +23,8 @@ import casadi as ca
 from insenv.core.elementary import PI, clamp, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import frozen_frame
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import frozen_frame
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.registry import Estimator, Knowledge
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((

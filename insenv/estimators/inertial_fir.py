@@ -31,9 +31,9 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import PI, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import frozen_frame
-from insenv.estimators.fir_design import BLOCK_S, CASCADE, filtered
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import frozen_frame
+from insenv.estimators.parts.fir import BLOCK_S, CASCADE, filtered
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.registry import Estimator
 
 TAPS = tuple(len(h) for h in CASCADE.filters)

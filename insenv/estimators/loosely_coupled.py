@@ -1,7 +1,8 @@
 """`loosely-coupled`: strapdown navigation aided by GNSS positions and velocities, a 15-state Kalman filter with full feedback.
 
 Source: the airborne-navigation paper's GPS/SINS filter (15 states, first-order Gauss-Markov drift and bias), with the
-wander-azimuth mechanization of `insenv.estimators.strapdown` and the psi-angle error model of `insenv.estimators.error_model`.
+wander-azimuth mechanization of `insenv.estimators.parts.strapdown` and the psi-angle error model of
+`insenv.estimators.parts.error_model`.
 
 A GNSS fix is fused at its own time.  It comes with its age: the time from its validity to the end of the last inertial
 sample, which need not be a whole number of samples.  The antenna's place and velocity at that time follow from the present
@@ -24,8 +25,9 @@ from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import exp, select
 from insenv.core.model import Model, Step
-from insenv.estimators import standing, strapdown
-from insenv.estimators.error_model import (
+from insenv.estimators.loosely_coupled_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
+from insenv.estimators.parts import standing, strapdown
+from insenv.estimators.parts.error_model import (
     ACCEL,
     GYRO,
     POSITION,
@@ -38,7 +40,6 @@ from insenv.estimators.error_model import (
     propagate,
     transition,
 )
-from insenv.estimators.loosely_coupled_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
 from insenv.estimators.registry import Estimator, Knowledge
 
 PATIENCE = 10  # fixes refused in a row before the gate opens

@@ -6,9 +6,9 @@ import math
 
 from insenv.core import symmetric
 from insenv.core.tables import Row, Table
-from insenv.estimators import strapdown
-from insenv.estimators.error_model import N
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import strapdown
+from insenv.estimators.parts.error_model import N
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 
 _DEG = math.pi / 180
 

@@ -1,7 +1,8 @@
 """`lssvm`: large-misalignment alignment by a least-squares support vector machine that has learnt from `aqe-sukf`.
 
 Source: the LS-SVM large misalignment paper, sections 3 and 4.  In the loop the machine takes the place of the filter: from the
-differences of SINS and GNSS (`insenv.estimators.lssvm_differences`) it tells the misalignment, which is fed back to the SINS.
+differences of SINS and GNSS (`insenv.estimators.parts.sins_gnss_differences`) it tells the misalignment, which is fed back to
+the SINS.
 
     y(x) = sum over i of a_i K(x, x_i) + b,   K = exp(-|x - x_i|^2 / sigma^2)                                  (14)
 
@@ -26,9 +27,10 @@ from insenv import geodesy
 from insenv.core.elementary import minimum, polynomial, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import lssvm_differences, lssvm_file
+from insenv.estimators import lssvm_file
 from insenv.estimators.loosely_coupled_tables import INPUTS as AIDED_INPUTS
-from insenv.estimators.lssvm_differences import FEATURES, READY
+from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
+from insenv.estimators.parts.sins_gnss_differences import FEATURES, READY
 from insenv.estimators.registry import Estimator, Knowledge
 
 SUPPORT = 96

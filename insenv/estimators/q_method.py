@@ -2,7 +2,8 @@
 inertial frame.
 
 The constant quaternion Q minimises the integral of w |beta - C(Q) alpha|^2 over the vectors of
-`insenv.estimators.inertial_vectors`: it is the eigenvector of the largest eigenvalue of Davenport's 4x4 matrix, which is formed
+`insenv.estimators.parts.inertial_vectors`: it is the eigenvector of the largest eigenvalue of Davenport's 4x4 matrix, which is
+formed
 from the profile B, the integral of w beta alpha^T.  No start attitude, no singular one, nothing random.  Source: the quaternion
 adaptive-Kalman paper, section 2.1; Davenport's matrix: Markley and Crassidis (2014), section 5.3.
 
@@ -32,10 +33,10 @@ import casadi as ca
 
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import inertial_vectors
-from insenv.estimators.eigen import largest_eigenvector
-from insenv.estimators.increments import SAMPLE_INPUTS
-from insenv.estimators.inertial_vectors import davenport
+from insenv.estimators.parts import inertial_vectors
+from insenv.estimators.parts.eigen import largest_eigenvector
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts.inertial_vectors import davenport
 from insenv.estimators.registry import Estimator
 
 FILTER = ((1.3291, 2.6805, 0.1230), (0.7494, 0.2960, 0.2768), (0.6543, 0.1962, 0.4056))

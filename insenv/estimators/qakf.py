@@ -1,7 +1,7 @@
 """`qakf` and `qakf-improved`: alignment in place by a quaternion adaptive Kalman filter in the inertial frame.
 
 State Q (4), the constant quaternion from b at the start to n at the start, without process noise; vectors alpha, beta of
-`insenv.estimators.inertial_vectors`. The observation is zero, 0 = H Q + v, with
+`insenv.estimators.parts.inertial_vectors`. The observation is zero, 0 = H Q + v, with
 
     qakf:           H = M / (2 g),   M = [beta +] - [alpha -]
     qakf-improved:  H = K / (2 S),   K = integral of w M^T M,   S = integral of w (|alpha|^2 + |beta|^2)
@@ -46,9 +46,9 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import inertial_vectors
-from insenv.estimators.increments import SAMPLE_INPUTS
-from insenv.estimators.inertial_vectors import davenport
+from insenv.estimators.parts import inertial_vectors
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts.inertial_vectors import davenport
 from insenv.estimators.registry import Estimator
 
 MEMORY = 10.0  # the noise estimate remembers the last so-many-th part of the samples

@@ -68,7 +68,7 @@ class Estimator:
     model: its equations.  kind: "alignment" (attitude of a vehicle that stays in place) or "navigation" (position and
     velocity too). aided: whether it takes GNSS fixes. prepare: its parameters, by row name, from what is known.
     read_file: rows by name from the file that its tuning key `file` names, for one that has learnt; None: it takes no file.
-    smooths: id of the filter whose whole run `insenv.smoothing` goes back over to give this one's results, or empty: the
+    smooths: id of the filter whose whole run `insenv.runs.smoothed` goes back over to give this one's results, or empty: the
     model's own outputs are the results. It is tuned as that filter is, with its own tuning on top.
     """
 

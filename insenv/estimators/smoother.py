@@ -1,4 +1,4 @@
-"""`smoother`: the run of `loosely-coupled`, smoothed over the whole interval by `insenv.smoothing`.
+"""`smoother`: the run of `loosely-coupled`, smoothed over the whole interval by `insenv.runs.smoothed`.
 
 The model here is its forward pass: the same filter, step by step, which also tells what the backward pass needs: every stretch
 that the covariance was carried over, and every scalar measurement with its gain.  On its own it gives the filter's estimates.
@@ -19,9 +19,9 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import loosely_coupled as filter15
-from insenv.estimators import standing
-from insenv.estimators.error_model import N, weight_and_gain
 from insenv.estimators.loosely_coupled_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
+from insenv.estimators.parts import standing
+from insenv.estimators.parts.error_model import N, weight_and_gain
 
 INTERVAL = Table(
     (

@@ -1,6 +1,7 @@
 """`wander-sins`: free-inertial navigation in the wander-azimuth frame, from a given start.
 
-Source: the airborne-navigation paper, equations (3)-(11), in exact form (`insenv.estimators.strapdown`).  Nothing bounds the
+Source: the airborne-navigation paper, equations (3)-(11), in exact form (`insenv.estimators.parts.strapdown`).  Nothing bounds
+the
 vertical channel: errors of height grow by a factor of e every 9.5 minutes.
 """
 
@@ -9,8 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 from insenv.core.model import Model, Step
-from insenv.estimators import strapdown
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import strapdown
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.registry import Estimator
 
 

@@ -17,8 +17,8 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import strapdown
-from insenv.estimators.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import strapdown
+from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.registry import Estimator
 
 STATE = Table(

@@ -10,7 +10,7 @@ from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from insenv.errors import InputError
-from insenv.output_file import check_output_file
+from insenv.files.output import check_output_file
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can tell
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 from zipfile import ZipFile
 
 from insenv.errors import InputError
+from insenv.files.resources import fmu_folder
 from insenv.fmu import description
 from insenv.fmu.archive import check_output, write_archive
 from insenv.fmu.documentation import page
@@ -17,7 +18,6 @@ from insenv.fmu.reference import EVERY, STEPS, csv, signals
 from insenv.fmu.sources import TOKEN, amalgamated, main_source, sources, token
 from insenv.fmu.subject import Subject, subject
 from insenv.fmu.variables import Kind, Variable, variables
-from insenv.resources import fmu_folder
 
 _REFERENCE = "extra/org.fmi-standard.fmi-ls-ref/"
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.runner import make_runner
-from insenv.estimators.feeding import bridge_lost, input_rows
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable
+from insenv.plant.feeding import bridge_lost, input_rows
 
 Array = NDArray[np.float64]
 STEPS = 300  # more than a second of every scenario, so that a fix comes

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError, InsenvError
+from insenv.files.output import check_output_file
 from insenv.fmu.instance import Array, Instance, Progress
 from insenv.fmu.series import Series, chosen, flattened, read_csv, uniform, write_csv
-from insenv.output_file import check_output_file
 
 MOST_STEPS = 10**9
 

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from insenv.core.codegen import embedded_source
 from insenv.core.tables import Row
+from insenv.files.resources import fmu_folder
 from insenv.fmu.subject import EVENTS, Subject
 from insenv.fmu.variables import Kind, Variable
-from insenv.resources import fmu_folder
 
 TOKEN = "@TOKEN@"
 """Stands in the sources and the description where the token goes, which is a hash of both."""

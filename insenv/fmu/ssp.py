@@ -1,7 +1,8 @@
 """A scenario's plant and an estimator on what its sensors show, as one SSP file (System Structure and Parameterization 1.0).
 
 The archive holds two FMUs (FMI 2, Co-Simulation) and SystemStructure.ssd, which connects each input of the estimator to the
-plant's output of the same name.  The estimator starts from the scenario's start knowledge and tuning, as in `insenv.run`.
+plant's output of the same name.  The estimator starts from the scenario's start knowledge and tuning, as in
+`insenv.runs.simulated`.
 
 A master steps both components from t to t + h and then hands the plant's outputs on, so that the estimator works one step h on
 the samples of the step before: its estimate at t + h is the attitude at t.

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
-from insenv.ensemble import Ensemble, ensemble
 from insenv.errors import InputError
 from insenv.estimators.lssvm import FEATURES, SUPPORT
 from insenv.learning.wavelet import denoised
+from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator
 
-from insenv.toml_files import Number, Parameter, Positive, Section, Vector3, check_three, key
+from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, check_three, key
 
 __all__ = [
     "AngleUnit",

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from insenv.files.toml import key_table, renew_page, renewed
 from insenv.logs import description
-from insenv.toml_files import key_table, renew_page, renewed
 
 BEGIN, END = "<!-- keys: begin (python -m insenv.logs.keys docs/logs.md) -->", "<!-- keys: end -->"
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from insenv.files.toml import read_toml, validated
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log, load_flight
 from insenv.logs.recorded import RecordedLog, build
 from insenv.logs.toml import parse_description
-from insenv.toml_files import read_toml, validated
 
 
 def load(path: str | Path) -> RecordedLog:

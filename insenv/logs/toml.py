@@ -6,8 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from insenv.files.toml import read_toml, validated
 from insenv.logs.description import LogDescription
-from insenv.toml_files import read_toml, validated
 
 
 def read_description(path: str | Path) -> LogDescription:

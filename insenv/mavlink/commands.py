@@ -22,8 +22,8 @@ from functools import lru_cache
 from math import isfinite
 
 from insenv.errors import InputError
-from insenv.mavlink.fields import Message
-from insenv.mavlink.schedule import DEFAULT_HZ, MAX_HZ
+from insenv.mavlink.messages.fields import Message
+from insenv.mavlink.messages.schedule import DEFAULT_HZ, MAX_HZ
 from insenv.mavlink.vehicle import MESSAGES, Vehicle
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4

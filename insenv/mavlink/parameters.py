@@ -20,7 +20,7 @@ import numpy as np
 from insenv.core.model import Model
 from insenv.core.tables import Row
 from insenv.errors import InputError, nearest
-from insenv.mavlink.parameter_names import parameter_name
+from insenv.mavlink.messages.parameter_names import parameter_name
 from insenv.mavlink.simulation import Simulation
 from insenv.sensors import units
 from insenv.sensors.gnss import GNSS_PARAMETERS

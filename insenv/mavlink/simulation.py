@@ -1,6 +1,7 @@
 """A scenario live: its plant and one estimator, advanced together, one inertial sample at a time.
 
-What `insenv.run` does in stretches this does sample by sample, with the same numbers, but that a lost inertial sample is
+What `insenv.runs.simulated` does in stretches this does sample by sample, with the same numbers, but that a lost inertial
+sample is
 bridged by holding the one before: the next one is not there yet.  And it can be meddled with: the receiver cut off, the
 alignment begun anew, the vehicle steered.
 """

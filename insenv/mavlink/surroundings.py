@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from insenv.core import noise
 from insenv.core.tables import Vector
-from insenv.mavlink.derived import body_field
+from insenv.mavlink.messages.derived import body_field
 
 NOISE_STREAM = 0xFFFFFFFD
 """Stream of the magnetometer's noise, and one below it that of the barometer's; the plant's own streams are other ones."""

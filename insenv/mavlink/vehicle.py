@@ -7,16 +7,16 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from insenv.errors import InputError
-from insenv.mavlink.estimate_messages import ESTIMATES
-from insenv.mavlink.fields import Message
 from insenv.mavlink.manual import DEFAULT_SCALES, LOST_AFTER_S, FullScale, commanded, released
+from insenv.mavlink.messages.estimate_messages import ESTIMATES
+from insenv.mavlink.messages.fields import Message
+from insenv.mavlink.messages.schedule import Schedule
+from insenv.mavlink.messages.sensor_messages import SENSORS
+from insenv.mavlink.messages.status_messages import ON_REQUEST, STATUS
+from insenv.mavlink.messages.view import View
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
-from insenv.mavlink.schedule import Schedule
-from insenv.mavlink.sensor_messages import SENSORS
 from insenv.mavlink.simulation import Simulation
-from insenv.mavlink.status_messages import ON_REQUEST, STATUS
 from insenv.mavlink.surroundings import Surroundings
-from insenv.mavlink.view import View
 from insenv.scenario import Scenario
 
 STREAMED = {**STATUS, **SENSORS, **ESTIMATES}

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.campaign import PERCENTILES, Summary
-from insenv.evaluation import ATTITUDE, POSITION, VELOCITY
+from insenv.campaigns import PERCENTILES, Summary
+from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
 from insenv.report.files import NO_MATPLOTLIB, FilesWritten, OutputFolder

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from insenv.evaluation import Report
+from insenv.evaluation.errors import Report
 
 
 def document(report: Report, files: Sequence[str] = ()) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
-from insenv.evaluation import ATTITUDE, CHANNELS, POSITION, VELOCITY, Report, Result, Track
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Report, Result, Track
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
 

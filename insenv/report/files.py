@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
-from insenv.evaluation import Report, Result
+from insenv.evaluation.errors import Report, Result
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable, save
 

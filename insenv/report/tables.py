@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from insenv.evaluation import ATTITUDE, CHANNELS, VELOCITY, Report, Result, Track
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Report, Result, Track
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

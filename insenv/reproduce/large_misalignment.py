@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import limits
-from insenv.ensemble import Ensemble, ensemble
+from insenv.evaluation import limits
 from insenv.reproduce import update_time
 from insenv.reproduce.quantity import Quantity
+from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 
 Array = NDArray[np.float64]

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
-from insenv.ensemble import Ensemble, ensemble
-from insenv.evaluation import POSITION, Result
+from insenv.evaluation.errors import POSITION, Result
 from insenv.reproduce.quantity import Quantity
-from insenv.run import run
+from insenv.runs.ensemble import Ensemble, ensemble
+from insenv.runs.simulated import run
 from insenv.scenario import Scenario, load
 from insenv.sensors import units
 

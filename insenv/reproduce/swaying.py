@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude, limits
-from insenv.ensemble import Ensemble, ensemble
+from insenv import attitude
 from insenv.estimators import inertial_fir
-from insenv.estimators.fir_design import BLOCK_S
+from insenv.estimators.parts.fir import BLOCK_S
+from insenv.evaluation import limits
 from insenv.reproduce.quantity import Quantity
+from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 
 Array = NDArray[np.float64]

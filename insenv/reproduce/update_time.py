@@ -12,7 +12,7 @@ import numpy as np
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.feeding import input_rows
+from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
 REPETITIONS = 5

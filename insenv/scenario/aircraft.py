@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Strict
 
 from insenv.errors import InputError
+from insenv.files.toml import Number, Section, key
 from insenv.scenario.legs import MAX_LEGS, Engine, Structure, dumped, engine_rows, in_legs
 from insenv.scenario.values import PerAxis, within
-from insenv.toml_files import Number, Section, key
 from insenv.vehicles import flight_plan, survey_pattern
 
 if TYPE_CHECKING:

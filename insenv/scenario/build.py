@@ -17,12 +17,12 @@ from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.estimators.registry import Knowledge
+from insenv.plant import plant_model
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.imu import sensor_notes
 from insenv.scenario.legs import Structure
 from insenv.scenario.tuning import tuning
 from insenv.scenario.vehicles import make_vehicle
-from insenv.simulation import plant_model
 from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import radians
 from typing import TYPE_CHECKING, Any, Literal
 
+from insenv.files.toml import Number, Section, key
 from insenv.scenario.legs import MAX_LEGS, Engine, Structure, dumped, engine_rows, in_legs
-from insenv.toml_files import Number, Section, key
 from insenv.vehicles import car_route
 
 if TYPE_CHECKING:

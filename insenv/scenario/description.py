@@ -9,12 +9,12 @@ import numpy as np
 from pydantic import PrivateAttr, Strict, field_validator, model_validator
 
 from insenv.errors import InputError
+from insenv.files.toml import Number, Parameter, Section, Vector3, key
 from insenv.scenario.imu import ImuSection
 from insenv.scenario.values import LeverArm, NotNegative, Sigmas, Window, one_of, within
 from insenv.scenario.vehicles import VehicleSection
 from insenv.sensors import GNSS_GRADES, check_timing, gnss_grade
 from insenv.sensors.gnss import OUTAGES
-from insenv.toml_files import Number, Parameter, Section, Vector3, key
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53

@@ -7,11 +7,11 @@ from typing import Any
 
 from insenv.errors import InputError, nearest
 from insenv.estimators import registry
-from insenv.resources import scenario_folder
+from insenv.files.resources import scenario_folder
+from insenv.files.toml import read_toml, validated
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario
 from insenv.scenario.tuning import tuning
-from insenv.toml_files import read_toml, validated
 
 
 def names() -> list[str]:

@@ -10,10 +10,10 @@ from pydantic import create_model, field_validator
 
 from insenv.errors import InputError
 from insenv.estimators.registry import SensorNotes
+from insenv.files.toml import Number, Section, key
 from insenv.scenario.values import LeverArm, PerAxis, Rotation, one_of, within
 from insenv.sensors import IMU_GRADES, IMU_PARAMETERS, imu_grade, units
 from insenv.sensors.grades import CONVERSIONS, ImuGrade
-from insenv.toml_files import Number, Section, key
 
 LARGEST = 1e9
 """Bound of every figure, in its data-sheet unit."""

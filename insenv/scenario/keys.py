@@ -10,9 +10,9 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from insenv.files.toml import key_table, renew_page, renewed
 from insenv.scenario import aircraft, car, description, legs, ship
 from insenv.scenario.files import json_schema
-from insenv.toml_files import key_table, renew_page, renewed
 
 PAGE, SCHEMA = Path("docs/scenarios.md"), Path("scenarios/schema.json")
 BEGIN, END = "<!-- keys: begin (python -m insenv.scenario.keys) -->", "<!-- keys: end -->"

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field
 
 from insenv.errors import InputError
-from insenv.toml_files import Number, Section, key
+from insenv.files.toml import Number, Section, key
 
 Structure = tuple[Any, ...]
 """What of a vehicle its equations depend on, hashable: scenarios of equal structure share one compiled model."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Strict, model_validator
 
+from insenv.files.toml import Number, Section, key
 from insenv.scenario.legs import MAX_LEGS, MAX_WAVES, Structure, dumped, in_legs
-from insenv.toml_files import Number, Section, key
 from insenv.vehicles import Hull, irregular_sea, regular_sway, ship_course
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ import numpy as np
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError, nearest
 from insenv.estimators import registry
+from insenv.files.toml import shown
 from insenv.sensors import units
-from insenv.toml_files import shown
 
 _UNITS: dict[str, dict[str, Callable[[Any], Any]]] = {
     "rad": {"deg": units.deg_to_rad},

@@ -1,4 +1,4 @@
-"""Kinds of values in a scenario file, besides those of `insenv.toml_files`."""
+"""Kinds of values in a scenario file, besides those of `insenv.files.toml`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
-from insenv.toml_files import Number, Vector3
+from insenv.files.toml import Number, Vector3
 
 
 def _check_axes(value: object) -> object:

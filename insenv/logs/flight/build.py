@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from insenv.errors import InputError, nearest
+from insenv.files.toml import validated
 from insenv.logs.assemble import Source
 from insenv.logs.bridging import nominal_interval
 from insenv.logs.description import LogDescription
@@ -21,7 +22,6 @@ from insenv.logs.flight.ulog import read_ulog
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, increments, sanity
 from insenv.logs.resources import read_bytes
 from insenv.logs.units import Array, wrap
-from insenv.toml_files import validated
 
 READERS: dict[str, Callable[[str, bytes], Flight]] = {
     ".tlog": read_telemetry,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from insenv.files.toml import key_table, renew_page, renewed
 from insenv.logs.flight.description import FlightDescription
-from insenv.toml_files import key_table, renew_page, renewed
 
 BEGIN = "<!-- keys: begin (python -m insenv.logs.flight.keys docs/flight-logs.md) -->"
 END = "<!-- keys: end -->"

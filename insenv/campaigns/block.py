@@ -1,0 +1,75 @@
+"""One block of a campaign: some tens of runs in the batch core.  A pure function of the plan, on whatever machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import estimators
+from insenv.campaigns.model import Measured, measured_model, predictor
+from insenv.campaigns.plan import Plan
+from insenv.core.batch import make_batch
+from insenv.errors import InputError
+from insenv.estimators import Estimator
+from insenv.scenario import Plant, reseeded
+
+Arrays = dict[str, NDArray[np.float64]]
+
+
+def run_block(plan: Plan, number: int) -> Arrays:
+    """Simulate and estimate the runs of block `number`; give their summaries, run by run.
+
+    seed (runs,); values (runs, variations); of the model's outputs (`measured_model`) each (runs, records, ...), and `told`
+    (runs, 4): latitude (rad), height (m), white noise of gyros and accelerometers as the estimator knows them; `wander`
+    (runs, 3), m: standard deviation of the fixes' slow error.
+    """
+    runs = plan.blocks[number]
+    seeds = [plan.first_seed + run for run in runs]
+    plants = _plants(plan, seeds)
+    estimator = estimators.get(plan.estimator)
+    measured = measured_model(plants[0].model, estimator)
+    batch = make_batch(measured.model, len(plants), _parameters(plan, plants, estimator, measured))
+    shown = measured.model.outputs.unpack(batch.run(plan.samples, every=plan.record_samples))
+    known = [plant.knowledge for plant in plants]
+    wander = [np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3) for plant in plants]
+    return {
+        "seed": np.array(seeds, dtype=np.float64),
+        "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
+        "told": np.array([
+            (k.latitude, k.height, k.sensors.angle_random_walk, k.sensors.velocity_random_walk) for k in known
+        ]),
+        "wander": np.array(wander),
+        **{name: np.ascontiguousarray(value) for name, value in shown.items()},
+    }  # fmt: skip
+
+
+def _plants(plan: Plan, seeds: list[int]) -> list[Plant]:
+    if not plan.variations:
+        return reseeded(plan.plant, seeds)
+    plants = [plan.plant_of(seed) for seed in seeds]
+    for plant in plants:
+        if plant.model is not plan.plant.model:
+            raise InputError(f"vary: in the run of seed {plant.seed} the parts of the plant are others than in the first")
+    return plants
+
+
+def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator, measured: Measured) -> NDArray[np.float64]:
+    """Parameters of the campaign's model, a row a run."""
+    model = plants[0].model
+    place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
+    own = estimator.model.parameters
+    rows = []
+    for plant in plants:
+        if plan.variations:
+            one = model.parameters.pack(plant.parameters)
+        one[place] = plant.seed
+        tuned: dict[str, Any] = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning.get(estimator.id, {})}
+        parts = [one, own.pack(tuned)]
+        if measured.predicted:
+            unaided = predictor()
+            parts.append(unaided.model.parameters.pack(unaided.prepare(plant.knowledge)))
+        parts.append(np.array([plan.evaluation_samples, plan.evaluations], dtype=np.float64))
+        rows.append(np.concatenate(parts))
+    return np.array(rows)

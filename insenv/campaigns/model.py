@@ -1,0 +1,215 @@
+"""What a campaign runs: plant, sensors, estimator and the statistics of its errors as one model, which only summaries leave.
+
+Errors are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records them, and their squares
+summed; the
+outputs are read every `evaluations` of those.  They are arithmetic of the model like all else, hence the same to the bit on
+every machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import pi
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude, estimators, geodesy
+from insenv.core.elementary import select, sin_cos, wrap_angle
+from insenv.core.model import Model, Step, Values
+from insenv.core.tables import Row, Table
+from insenv.estimators import Estimator
+from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
+from insenv.evaluation.nees import nees
+from insenv.plant import loop_model
+from insenv.plant.loop import PREFIX
+from insenv.sensors.imu import systematic_error
+
+PREDICTOR = "predictor_"
+_DEG = 180.0 / pi
+_GROUPS = (
+    (ATTITUDE, "q_nb", "attitude_sigma"),
+    (POSITION, "latitude", "position_sigma"),
+    (VELOCITY, "velocity_n", "velocity_sigma"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """The model of a campaign and what its outputs are.
+
+    channels: the errors' names, of `insenv.evaluation.errors.CHANNELS`.  stated: those whose standard deviation the estimator
+    states.
+    predicted: those whose standard deviation the covariance of the free-inertial filter predicts, or none.
+    degrees: of freedom of the NEES; 0: there is none.  senses: whether the sensors' errors are summed (for alignments).
+    """
+
+    model: Model
+    channels: tuple[str, ...]
+    stated: tuple[str, ...]
+    predicted: tuple[str, ...]
+    degrees: int
+    senses: bool
+
+
+@lru_cache(maxsize=16)
+def measured_model(plant: Model, estimator: Estimator) -> Measured:
+    """The campaign's model for a plant and an estimator; the same object for the same pair.
+
+    Outputs: `error` (channels) now and `mean_square` (channels) since the record before; `sigma` and `predicted` by those
+    channels; `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers (m/s^2) in n since the start,
+    noise left out; `heading` (rad), the true one.  Parameters added: `evaluation_samples`, `evaluations`.
+    """
+    loop = loop_model(plant, estimator.model)
+    predicts = estimator.kind == "navigation" and not estimator.aided
+    if predicts:
+        loop = loop_model(loop, predictor().model, PREDICTOR)
+    statistics = _Statistics(loop, estimator, predicts)
+    added = Table((Row("evaluation_samples", "Samples between evaluations", start=1.0, lower=1.0),
+                   Row("evaluations", "Evaluations between records", start=1.0, lower=1.0)))  # fmt: skip
+    model = Model(
+        id=f"campaign-{loop.id}",
+        title=f"{loop.title}; statistics",
+        parameters=loop.parameters + added,
+        state=loop.state + statistics.state,
+        inputs=loop.inputs,
+        outputs=statistics.outputs,
+        steps={
+            **loop.steps,
+            "statistics_sample": Step(statistics.sample),
+            "statistics_evaluate": Step(statistics.evaluate, when="evaluation_due"),
+        },
+        output=statistics.output,
+        start=loop.start,
+        start_uniforms=loop.start_uniforms,
+    )
+    stated, predicted = statistics.stated, statistics.predicted
+    return Measured(model, statistics.channels, stated, predicted, statistics.degrees, statistics.senses)
+
+
+@lru_cache(maxsize=1)
+def predictor() -> Estimator:
+    """The 15-state filter that nothing aids: its covariance is the limit of free-inertial navigation."""
+    filter15 = estimators.get("loosely-coupled")
+    steps = {name: filter15.model.steps[name] for name in ("sample", "covariance")}
+    return replace(
+        filter15,
+        model=replace(filter15.model, id="unaided", steps=steps),
+        prepare=lambda known: {**filter15.prepare(known), "standing_window": 0.0},
+    )
+
+
+class _Statistics:
+    """Rows and functions of the statistics behind a loop."""
+
+    def __init__(self, loop: Model, estimator: Estimator, predicts: bool) -> None:
+        self.loop, self.estimator = loop, estimator
+        outputs = estimator.model.outputs
+        self.channels = tuple(c for names, row, _ in _GROUPS if row in outputs for c in names)
+        self.stated = tuple(c for names, row, sigma in _GROUPS if row in outputs and sigma in outputs for c in names)
+        self.predicted = self.channels if predicts else ()
+        self.senses = estimator.kind == "alignment"
+        self.degrees = self._degrees()
+        count = len(self.channels)
+        rows = [
+            Row("evaluation_count", "Samples since the last evaluation"),
+            Row("evaluation_due", "1 on the sample after which errors are evaluated"),
+            Row("evaluated", "Evaluations since the last record"),
+            Row("squared_error", "Their sum of squared errors", "deg^2, m^2, m^2/s^2", (count,)),
+        ]
+        shown = [
+            Row("error", "Estimate minus truth", "deg, m, m/s", (count,)),
+            Row("mean_square", "Mean squared error since the last record", "deg^2, m^2, m^2/s^2", (count,)),
+            Row("heading", "True heading", "rad"),
+        ]
+        if self.stated:
+            shown.append(Row("sigma", "Standard deviation that the estimator states", "deg, m, m/s", (len(self.stated),)))
+        if self.predicted:
+            shown.append(Row("predicted", "Standard deviation predicted", "deg, m, m/s", (len(self.predicted),)))
+        if self.degrees:
+            shown.append(Row("nees", "Normalised estimation error squared"))
+        if self.senses:
+            rows.append(Row("excess_n", "Sum of the sensors' errors, noise left out", "rad, m/s", (6,), "n"))
+            shown.append(Row("sensor_error_n", "Mean error of the sensors, noise left out", "rad/s, m/s^2", (6,), "n"))
+        self.state, self.outputs = Table(tuple(rows)), Table(tuple(shown))
+
+    def sample(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
+        """Every sample: count, and sum the sensors' errors in n."""
+        count = x.evaluation_count + 1
+        due = count >= p.evaluation_samples
+        rows: dict[str, Any] = {"evaluation_count": count - due * count, "evaluation_due": due}
+        if self.senses:
+            excess = (attitude.rotate(x.q_nb, error) for error in systematic_error(p, x))
+            rows["excess_n"] = x.excess_n + ca.vertcat(*excess)
+        return rows
+
+    def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
+        """Squares summed; the first evaluation after a record begins anew."""
+        error = self._error(x, self._named(self.estimator.model, PREFIX, p, x))
+        goes_on = x.evaluated < p.evaluations
+        # a sum that is no number would stay one for ever
+        squared = select(goes_on, x.squared_error, 0.0)
+        return {"evaluated": goes_on * x.evaluated + 1, "squared_error": squared + error * error}
+
+    def output(self, p: Values, x: Values) -> dict[str, Any]:
+        """At a record."""
+        found = self._named(self.estimator.model, PREFIX, p, x)
+        rows: dict[str, Any] = {
+            "error": self._error(x, found),
+            "mean_square": x.squared_error / (x.evaluated + (x.evaluated == 0)),
+            "heading": attitude.to_euler(x.q_nb)[2],
+        }
+        if self.stated:
+            rows["sigma"] = _sigma(self.stated, found)
+        if self.predicted:
+            rows["predicted"] = _sigma(self.predicted, self._named(predictor().model, PREDICTOR, p, x))
+        if self.degrees:
+            own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
+            rows["nees"] = nees(self.estimator.id, own, found, x)[0]
+        if self.senses:
+            rows["sensor_error_n"] = x.excess_n / (x.time + (x.time == 0))
+        return rows
+
+    def _degrees(self) -> int:
+        """Degrees of freedom of the NEES, found by asking for it once."""
+        model = self.estimator.model
+        p, x = (table.symbols(ca.SX.sym(n, table.size)) for n, table in (("p", model.parameters), ("x", model.state)))
+        truth = self.loop.state.symbols(ca.SX.sym("t", self.loop.state.size))
+        return nees(self.estimator.id, x, SimpleNamespace(**model.output(p, x)), truth)[1]
+
+    def _named(self, model: Model, prefix: str, p: Values, x: Values) -> Values:
+        """The outputs of one of the loop's estimators, by its own names."""
+        tables = ((p, model.parameters), (x, model.state))
+        own = [SimpleNamespace(**{r.name: getattr(values, prefix + r.name) for r in table}) for values, table in tables]
+        return SimpleNamespace(**model.output(*own))
+
+    def _error(self, x: Values, found: Values) -> Any:
+        """Errors by channel; the formulas of `insenv.evaluation.errors.errors`."""
+        parts = []
+        if "roll_deg" in self.channels:
+            angles = zip(attitude.to_euler(found.q_nb), attitude.to_euler(x.q_nb), strict=True)
+            parts += [_DEG * wrap_angle(estimate - truth) for estimate, truth in angles]
+        if "north_m" in self.channels:
+            places = [(v.latitude, v.longitude, v.height) for v in (found, x)]
+            parts.append(geodesy.ned_offset(*places[0], *places[1]))
+        if "vn_mps" in self.channels:
+            parts.append(found.velocity_n - x.velocity_n)
+        return ca.vertcat(*parts)
+
+
+def _sigma(channels: tuple[str, ...], found: Values) -> Any:
+    """Standard deviations by channel; the formulas of `insenv.evaluation.errors.stated_sigma`."""
+    parts = []
+    for names, _, row in _GROUPS:
+        if names[0] not in channels:
+            continue
+        sigma = getattr(found, row)
+        if names is ATTITUDE:
+            s, c = sin_cos(attitude.to_euler(found.q_nb)[2])
+            north, east = sigma[0] * sigma[0], sigma[1] * sigma[1]
+            level = (north * c * c + east * s * s, north * s * s + east * c * c)
+            sigma = _DEG * ca.vertcat(*(ca.sqrt(square) for square in level), sigma[2])
+        parts.append(sigma)
+    return ca.vertcat(*parts)

@@ -1,0 +1,167 @@
+"""The plan of a campaign: everything that its numbers depend on, and how its runs are parted into blocks."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import insenv
+from insenv import estimators
+from insenv.campaigns.variation import Variation, check_variations, varied
+from insenv.errors import InputError
+from insenv.estimators import Estimator
+from insenv.evaluation import applicability
+from insenv.runs.simulated import recording_interval
+from insenv.scenario import Plant, Scenario, build, parse
+
+RECORDS = 120
+"""At most so many recorded times, about."""
+BLOCK_SAMPLES = 10_000_000
+"""Inertial samples in a block, about: some seconds of one core, so that handing it out costs nothing beside it."""
+LARGEST_BLOCK, LANES = 1024, 8
+MAX_RUNS = 10_000_000
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign: run i is the scenario with seed `first_seed` + i, and what is varied drawn from that seed.
+
+    scenario: its values by key, as of a TOML file.  name: the scenario's.  estimator: id.  duration_s: of every run.
+    block_samples: inertial samples in a block, about.
+    """
+
+    scenario: Mapping[str, Any]
+    name: str
+    estimator: str
+    runs: int
+    first_seed: int
+    duration_s: float
+    variations: tuple[Variation, ...] = ()
+    block_samples: int = BLOCK_SAMPLES
+
+    def as_json(self) -> dict[str, Any]:
+        """What the results depend on, the version included."""
+        return {"insenv": insenv.__version__, **asdict(self), "variations": [asdict(v) for v in self.variations]}
+
+    @property
+    def digest(self) -> str:
+        """Hash of it: two campaigns with the same give the same numbers."""
+        text = json.dumps(self.as_json(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What travels to a worker: the fields, and not the plant, which it builds itself."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @functools.cached_property
+    def plant(self) -> Plant:
+        """The plant of the first run: model, interval and number of samples are those of all."""
+        return self.plant_of(self.first_seed)
+
+    def plant_of(self, seed: int) -> Plant:
+        """The plant of one run."""
+        values = {v.key: v.value(seed) for v in self.variations}
+        scenario = parse(varied(self.scenario, values), self.name, self.name)
+        return build(scenario, seed, self.duration_s)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the estimator in this scenario (`insenv.evaluation.applicability`), of the first run's."""
+        estimator = estimators.get(self.estimator)
+        own = {**estimator.prepare(self.plant.knowledge), **self.plant.estimator_tuning.get(estimator.id, {})}
+        table = estimator.model.parameters
+        found = applicability.notes(estimator, table.unpack(table.pack(own)), self.duration_s)
+        if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
+            found += ("lost inertial samples are replaced by the last that arrived, not interpolated as `insenv run` does",)
+        return found
+
+    @property
+    def evaluation_samples(self) -> int:
+        """Samples from one evaluation of the errors to the next: what `insenv.runs.simulated` has between records."""
+        return recording_interval(self.plant.samples)
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations from one record to the next."""
+        return recording_interval(self.plant.samples // self.evaluation_samples, RECORDS)
+
+    @property
+    def record_samples(self) -> int:
+        """Samples from one record to the next."""
+        return self.evaluation_samples * self.evaluations
+
+    @property
+    def samples(self) -> int:
+        """Samples of a run, to its last record."""
+        return self.plant.samples // self.record_samples * self.record_samples
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Recorded times (records,), s."""
+        count = self.samples // self.record_samples
+        return np.arange(1.0, count + 1.0) * (self.record_samples * self.plant.sample_interval)
+
+    @functools.cached_property
+    def blocks(self) -> tuple[range, ...]:
+        """The runs of each block.  They depend on nothing but the plan, so the workers change no number."""
+        size = min(max(self.block_samples // self.samples // LANES * LANES, LANES), LARGEST_BLOCK)
+        return tuple(range(first, min(first + size, self.runs)) for first in range(0, self.runs, size))
+
+
+def make_plan(
+    scenario: Scenario,
+    estimator_id: str,
+    runs: int,
+    *,
+    first_seed: int | None = None,
+    duration_s: float | None = None,
+    variations: Iterable[Variation] = (),
+) -> Plan:
+    """The plan of `runs` runs of a scenario with an estimator; seed and duration instead of the scenario's own.
+
+    Raises `InputError` for what cannot be run; both ends of every range are tried.
+    """
+    estimator = estimators.get(estimator_id)
+    if isinstance(runs, bool) or not 1 <= runs <= MAX_RUNS:
+        raise InputError(f"runs = {runs}: allowed is 1 to {MAX_RUNS}")
+    plan = Plan(
+        scenario=scenario.model_dump(mode="json", warnings=False),
+        name=scenario.name or "scenario",
+        estimator=estimator.id,
+        runs=int(runs),
+        first_seed=scenario.seed if first_seed is None else first_seed,
+        duration_s=scenario.duration_s if duration_s is None else float(duration_s),
+        variations=tuple(sorted(variations, key=lambda v: v.key)),
+    )
+    check_variations(plan.variations)
+    plants = [plan.plant]
+    build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # the last seed too
+    for variation in plan.variations:
+        for end in (variation.low, variation.high):
+            plants.append(
+                build(parse(varied(plan.scenario, {variation.key: end}), plan.name), plan.first_seed, plan.duration_s)
+            )
+    for plant in plants:
+        _check(plant, estimator, scenario.name)
+        if plant.model is not plan.plant.model:
+            raise InputError(
+                f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, for example)"
+            )
+    return plan
+
+
+def _check(plant: Plant, estimator: Estimator, name: str) -> None:
+    """Raise `InputError` if the estimator cannot work in the scenario or in a campaign."""
+    if estimator.smooths:
+        raise InputError(f"estimator {estimator.id!r} goes back over a whole run: `insenv run` takes it, seed by seed")
+    if estimator.aided and not plant.has_gnss:
+        raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {name!r} has no [gnss]")
+    if estimator.kind == "alignment" and not plant.in_place:
+        raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {name!r} moves")

@@ -1,0 +1,239 @@
+"""What a campaign found: error statistics over the runs, along time and at the end, beside the limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import estimators
+from insenv.campaigns.model import Measured
+from insenv.campaigns.plan import Plan
+from insenv.evaluation import limits
+from insenv.evaluation.errors import POSITION
+
+Array = NDArray[np.float64]
+Columns = Callable[[str], list[Array]]
+"""An array of the blocks by name, block after block."""
+
+PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
+FAR = 10.0
+"""A run whose error is so many times the median run's is named as far off."""
+BOUNDS = (0.025, 0.975)
+"""Probabilities between which the mean NEES of a consistent estimator lies."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """One channel along the recorded times (records,): over the runs whose errors are finite numbers there.
+
+    mean of the errors; rms, of all evaluations since the record before; percentiles (5, records) of the errors; limit, rms
+    over the runs, or None; stated: rms of the standard deviations that the estimator states, or None.
+    """
+
+    mean: Array
+    rms: Array
+    percentiles: Array
+    limit: Array | None
+    stated: Array | None
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """NEES along the recorded times: mean over the runs (records,), states compared, bounds of that mean at 95 %."""
+
+    mean: Array
+    degrees: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The result of a campaign.
+
+    time (records,) s; courses by channel; nees or None; from_s: statistics of a whole run are taken from there on.
+    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; limit NaN where there is none).
+    diverged: seeds of runs with a number that is not finite; far: of those whose rms is `FAR` times the median run's.
+    """
+
+    plan: Plan
+    time: Array
+    courses: dict[str, Course]
+    nees: Consistency | None
+    from_s: float
+    seeds: Array
+    values: Array
+    final: Array
+    rms: Array
+    limit: Array
+    diverged: tuple[int, ...]
+    far: tuple[int, ...]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The errors' names."""
+        return tuple(self.courses)
+
+    def figures(self) -> dict[str, dict[str, Any]]:
+        """By channel: "mean", "percentiles" of the errors at the end, "rms" and "limit" over the runs from `from_s` on."""
+        kept = ~np.isin(self.seeds, self.diverged)
+        found = {}
+        for place, (name, course) in enumerate(self.courses.items()):
+            limit = float(_rms(self.limit[kept, place])) if course.limit is not None and kept.any() else None
+            late = self.time >= self.from_s - 1e-9
+            found[name] = {
+                "mean": float(course.mean[-1]),
+                "rms": float(_rms(self.rms[kept, place])) if kept.any() else float("nan"),
+                "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
+                "limit": limit,
+                "stated": None if course.stated is None else float(_rms(course.stated[late])),
+            }
+        return found
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        plan, nees = self.plan, None
+        if self.nees is not None:
+            late = self.time >= self.from_s - 1e-9
+            nees = {
+                "mean": float(np.mean(self.nees.mean[late])),
+                "degrees_of_freedom": self.nees.degrees,
+                "low": self.nees.low,
+                "high": self.nees.high,
+                "share_inside": float(
+                    np.mean((self.nees.mean[late] >= self.nees.low) & (self.nees.mean[late] <= self.nees.high))
+                ),
+            }
+        return {
+            "scenario": plan.name,
+            "estimator": plan.estimator,
+            "runs": plan.runs,
+            "first_seed": plan.first_seed,
+            "duration_s": plan.duration_s,
+            "imu_samples": plan.runs * plan.samples,
+            "varied": [{"key": v.key, "low": v.low, "high": v.high} for v in plan.variations],
+            "statistics_from_s": self.from_s,
+            "errors": self.figures(),
+            "nees": nees,
+            "diverged": list(self.diverged),
+            "far": list(self.far),
+            "notes": list(plan.notes),
+        }
+
+
+def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
+    """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which block."""
+    time = plan.times
+    alignment = estimators.get(plan.estimator).kind == "alignment"
+    from_s = 0.75 * float(time[-1]) if alignment else 0.0
+    late = time >= from_s - 1e-9
+    seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))
+    limit = _limits(measured, time, columns)
+    sigma = np.concatenate(columns("sigma")) if measured.stated else None
+    finite: NDArray[np.bool_] = np.all(np.isfinite(error) & np.isfinite(square), axis=2)
+
+    courses = {}
+    for place, name in enumerate(measured.channels):
+        stated = sigma[:, :, measured.stated.index(name)] if sigma is not None and name in measured.stated else None
+        own = None if limit is None else limit[:, :, place]
+        courses[name] = _course(error[:, :, place], square[:, :, place], own, stated, finite)
+    rms = np.sqrt(np.mean(square[:, late], axis=1))
+    whole = np.all(finite, axis=1)
+    far = whole & (rms > FAR * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
+    return Summary(
+        plan=plan,
+        time=time,
+        courses=courses,
+        nees=_consistency(measured, columns),
+        from_s=from_s,
+        seeds=seeds,
+        values=np.concatenate(columns("values")),
+        final=error[:, -1],
+        rms=rms,
+        limit=np.full_like(rms, np.nan) if limit is None else np.sqrt(np.mean(limit[:, late] ** 2, axis=1)),
+        diverged=tuple(int(seed) for seed in seeds[~whole]),
+        far=tuple(int(seed) for seed in seeds[far]),
+    )
+
+
+def _course(error: Array, square: Array, limit: Array | None, stated: Array | None, finite: NDArray[np.bool_]) -> Course:
+    """Statistics of one channel over the runs (runs, records), at each time over those that are finite there."""
+
+    def rms(squares: Array) -> Array:
+        return np.sqrt(_mean(squares, finite))
+
+    return Course(
+        mean=_mean(error, finite),
+        rms=rms(square),
+        percentiles=_percentiles(error, finite),
+        limit=None if limit is None else rms(limit**2),
+        stated=None if stated is None else rms(stated**2),
+    )
+
+
+def _mean(values: Array, finite: NDArray[np.bool_]) -> Array:
+    """Mean over the runs that are finite; NaN where none is."""
+    count = finite.sum(axis=0)
+    return np.where(count > 0, np.sum(np.where(finite, values, 0.0), axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _percentiles(error: Array, finite: NDArray[np.bool_]) -> Array:
+    if finite.all():
+        return np.percentile(error, PERCENTILES, axis=0)
+    none = np.full(len(PERCENTILES), np.nan)
+    courses = zip(error.T, finite.T, strict=True)
+    return np.stack([np.percentile(e[good], PERCENTILES) if good.any() else none for e, good in courses], axis=1)
+
+
+def _rms(values: Array) -> Array:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
+    """Limit of every run (runs, records, channels): as `insenv.runs.simulated` has it at the end, at each recorded time."""
+    if measured.senses:
+        return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("told", "sensor_error_n", "heading")))
+    if measured.predicted:
+        return np.concatenate(columns("predicted"))
+    if set(measured.stated) == set(measured.channels):
+        limit, wander = np.concatenate(columns("sigma")), np.concatenate(columns("wander"))
+        for place, name in enumerate(POSITION):
+            at = measured.channels.index(name)
+            limit[:, :, at] = np.hypot(limit[:, :, at], wander[:, None, place])
+        return limit
+    return None
+
+
+def _alignment_limits(time: Array, told: Array, sensor_error_n: Array, heading: Array) -> Array:
+    """What the sensors' mean errors up to each time leave, and white noise; in roll and pitch at the heading then."""
+    latitude, height = told[:, None, 0], told[:, None, 1]
+    bias = limits.bias_tilts(sensor_error_n[..., :3], sensor_error_n[..., 3:], latitude, height)
+    # the bound is smooth in what is told: one for all runs that agree to a percent or so; of latitudes, whose secant does
+    about = np.arctan(np.sinh(np.round(np.arcsinh(np.tan(told[:, 0])), 2)))
+    grid = np.stack([about, np.round(told[:, 1], -2), _two_digits(told[:, 2]), _two_digits(told[:, 3])], axis=1)
+    kinds, kind = np.unique(grid, axis=0, return_inverse=True)
+    noise = limits.noise_bound(kinds[:, 2], kinds[:, 3], kinds[:, 0], kinds[:, 1], time)
+    return limits.alignment_limits(bias, noise[kind.ravel()], heading)
+
+
+def _two_digits(values: Array) -> Array:
+    """Rounded to steps of 1 %."""
+    safe = np.where(values > 0.0, values, 1.0)
+    return np.where(values > 0.0, np.exp(np.round(np.log(safe), 2)), 0.0)
+
+
+def _consistency(measured: Measured, columns: Columns) -> Consistency | None:
+    if not measured.degrees:
+        return None
+    from scipy.stats import chi2
+
+    nees = np.concatenate(columns("nees"))
+    whole = nees[np.isfinite(nees).all(axis=1)]
+    count = max(len(whole), 1)
+    low, high = chi2.ppf(BOUNDS, measured.degrees * count) / count
+    mean = np.mean(whole, axis=0) if len(whole) else np.full(nees.shape[1], np.nan)
+    return Consistency(mean, measured.degrees, float(low), float(high))

@@ -1,0 +1,195 @@
+"""Baseline agents: the registered estimators as agents of the estimation environments, single and vector.
+
+    agent = insenv.envs.agents.make("qakf-improved", env)
+    observation, info = env.reset(seed=1)
+    action = agent.act(observation, info)
+
+An agent looks at observations alone: what it is told of the start and of the sensors stands in them, an episode's first
+observation has time 0.  The info is taken and not looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+from numpy.typing import NDArray
+
+from insenv import estimators, geodesy
+from insenv.core.batch import make_batch
+from insenv.core.model import Model
+from insenv.core.runner import make_runner
+from insenv.envs.knowledge import knowledge_of
+from insenv.envs.setup import Setup
+from insenv.envs.task import estimate_action
+from insenv.errors import InputError
+from insenv.estimators import Estimator
+from insenv.plant.feeding import bridge_lost
+from insenv.scenario import tuning
+
+Array = NDArray[np.float64]
+
+
+def make(
+    id: str, env: Any, *, declare_after_s: float | None = None, tuning: Mapping[str, Any] | None = None, threads: int = 1
+) -> Agent:
+    """The estimator registered as `id` as an agent of `env`, single (wrapped or not) or vector.
+
+    declare_after_s: an alignment is declared from this time on (s; None: the time limit ends it).  tuning: the estimator's
+    parameter rows, SI, on top of the scenario's.  threads: over the rows of a vector environment.  Raises `InputError` for an
+    estimator that cannot work there.
+    """
+    estimator, setup = estimators.get(id), getattr(env.unwrapped, "setup", None)
+    if not isinstance(setup, Setup) or not {"estimate_q_nb"} <= set(setup.task.actions.names):
+        raise InputError(
+            f"env = {env}: allowed is an environment whose action is an estimate (insenv/...Alignment, ...Navigation)"
+        )
+    navigates = "estimate_velocity" in setup.task.actions
+    if estimator.smooths:
+        raise InputError(f"estimator {id!r} looks back over a whole run: it cannot act step by step")
+    if navigates and estimator.kind != "navigation":
+        raise InputError(f"estimator {id!r} gives no velocity and position: this environment asks for them")
+    if not navigates and estimator.kind == "navigation" and estimator.aided and "fix_new" not in setup.task.observation:
+        raise InputError(f"estimator {id!r} needs GNSS: the scenario has no [gnss]")
+    kind = VectorAgent if isinstance(env.unwrapped, VectorEnv) else SingleAgent
+    rows = env.unwrapped.num_envs if kind is VectorAgent else 1
+    return kind(estimator, setup, rows, declare_after_s, dict(tuning or {}), threads)
+
+
+class Agent:
+    """An estimator that acts.  Made by `make`."""
+
+    def __init__(
+        self, estimator: Estimator, setup: Setup, rows: int, declare_after: float | None, tuned: dict[str, Any], threads: int
+    ) -> None:
+        self.estimator, self.setup, self.rows = estimator, setup, rows
+        self._declare_after = np.inf if declare_after is None else declare_after
+        scenario = tuning(estimator.id, setup.scenario.estimator.get(estimator.id, {}))
+        self._tuning = {**scenario, **tuned}
+        self._layout, self._samples = setup.layout, setup.samples
+        model = estimator.model
+        self._inputs = np.tile(model.inputs.start_vector(), (rows, setup.samples, 1))
+        if "dt" in model.inputs:
+            self._inputs[..., model.inputs.slice("dt")] = setup.interval
+        imu = ("delta_angle", "delta_velocity")
+        self._imu = _joined([(model.inputs.slice(name), setup.task.watched.slice(name)) for name in imu])
+        self._takes_fixes = "gnss_valid" in model.inputs and "fix_new" in setup.task.observation
+
+    def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
+        """The action for an observation (of all rows, for a vector environment): the estimate at its time."""
+        raise NotImplementedError
+
+    def _parameters(self, told: Mapping[str, Any]) -> Array:
+        rows = {**self.estimator.prepare(knowledge_of(told)), **self._tuning}
+        return self.estimator.model.parameters.pack(rows)
+
+    def _feed(self, seen: Mapping[str, Any]) -> Array:
+        """The estimator's inputs (rows, samples, inputs.size) for observations by name, first axis rows."""
+        imu = seen["imu"]
+        if not imu[..., 6].all():
+            imu = _bridged(imu)
+        for mine, theirs in self._imu:
+            self._inputs[..., mine] = imu[..., theirs]
+        if self._takes_fixes:
+            self._fixes(seen)
+        return self._inputs
+
+    def _fixes(self, seen: Mapping[str, Any]) -> None:
+        """Each new fix with the sample with which it was delivered."""
+        inputs, table = self._inputs, self.estimator.model.inputs
+        for name in ("gnss_valid", "gnss_velocity_valid"):
+            if name in table:
+                inputs[..., table.slice(name)] = 0.0
+        new = np.flatnonzero(seen["fix_new"])
+        if not len(new):
+            return
+        since = (seen["fix_age"][new] - seen["fix_delay"][new]) / self.setup.interval
+        sample = self._samples - 1 - np.rint(since).astype(int)
+        reference = (seen[f"told_{name}"][new] for name in ("latitude", "longitude", "height"))
+        latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(seen["fix_position"][new], *reference)
+        rows = {
+            "gnss_valid": np.ones(len(new)), "gnss_age": seen["fix_delay"][new], "gnss_latitude": latitude,
+            "gnss_longitude": longitude, "gnss_height": height, "gnss_position_sigma": seen["fix_position_sigma"][new],
+            "gnss_velocity_valid": seen["fix_has_velocity"][new], "gnss_velocity_n": seen["fix_velocity_n"][new],
+            "gnss_velocity_sigma": seen["fix_velocity_sigma"][new],
+        }  # fmt: skip
+        for name, values in rows.items():
+            if name in table:
+                inputs[new, sample, table.slice(name)] = values.reshape(len(new), -1)
+
+    def _action(self, outputs: Array, seen: Mapping[str, Any]) -> Array:
+        """Actions (rows, actions.size) from the estimator's outputs."""
+        told = self.estimator.model.outputs.unpack(outputs)
+        q_nb = told["q_nb"] / np.linalg.norm(told["q_nb"], axis=1, keepdims=True)
+        declare = np.where(seen["time"] >= self._declare_after, 1.0, -1.0)
+        if "estimate_velocity" not in self.setup.task.actions:
+            return estimate_action(self.setup.task, q_nb, declare)
+        reference = (seen[f"told_{name}"] for name in ("latitude", "longitude", "height"))
+        position = geodesy.numeric.ned_offset(told["latitude"], told["longitude"], told["height"], *reference)
+        return estimate_action(self.setup.task, q_nb, -1.0, told["velocity_n"], position)
+
+
+class SingleAgent(Agent):
+    """On one runner."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._runner = make_runner(self.estimator.model)
+
+    def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
+        seen = self._layout.unpack(np.asarray(observation)[None])
+        if seen["time"][0] == 0.0:
+            self._runner.p[:] = self._parameters({name: value[0] for name, value in seen.items()})
+            self._runner.start()
+            outputs = self._runner.output()
+        else:
+            outputs = self._runner.run(self._samples, self._feed(seen)[0], self._samples)[0]
+        return self._action(outputs[None], seen)[0]
+
+
+class VectorAgent(Agent):
+    """On one batch: row i does what the single agent does."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        model: Model = self.estimator.model
+        base = np.tile(model.parameters.start_vector(), (self.rows, 1))
+        self._batch = make_batch(model, self.rows, base, threads=args[-1])
+
+    def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
+        seen = self._layout.unpack(np.asarray(observation))
+        fresh = np.flatnonzero(seen["time"] == 0.0)
+        if len(fresh) < self.rows:
+            outputs = self._batch.run(self._samples, self._feed(seen), self._samples)[:, 0]
+        if len(fresh):
+            told = [self._parameters({name: value[i] for name, value in seen.items()}) for i in fresh]
+            self._batch.start_rows(fresh, np.array(told))
+            shown = self._batch.output()
+            if len(fresh) == self.rows:
+                outputs = shown
+            else:
+                outputs[fresh] = shown[fresh]
+        return self._action(outputs, seen)
+
+
+def _joined(pairs: Sequence[tuple[slice, slice]]) -> list[tuple[slice, slice]]:
+    """Places to copy to and from, neighbours on both sides as one: six numbers are copied as fast as three."""
+    joined = [pairs[0]]
+    for to, come in pairs[1:]:
+        before_to, before_come = joined[-1]
+        if before_to.stop == to.start and before_come.stop == come.start:
+            joined[-1] = slice(before_to.start, to.stop), slice(before_come.start, come.stop)
+        else:
+            joined.append((to, come))
+    return joined
+
+
+def _bridged(imu: Array) -> Array:
+    """Samples (rows, n, 7) with the lost ones interpolated between their neighbours in the window."""
+    imu = imu.copy()
+    for row in np.flatnonzero(~imu[..., 6].all(axis=1)):
+        columns = {"delta_angle": imu[row, :, 0:3], "delta_velocity": imu[row, :, 3:6], "imu_valid": imu[row, :, 6]}
+        bridge_lost(columns)
+    return imu

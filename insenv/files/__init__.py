@@ -1,0 +1,1 @@
+"""Files: TOML checked by pydantic, the one atomic writer, packaged data."""

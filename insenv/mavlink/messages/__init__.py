@@ -1,0 +1,1 @@
+"""MAVLink messages: what each holds and when it is due."""

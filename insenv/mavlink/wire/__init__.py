@@ -1,0 +1,1 @@
+"""The wire: links, peers, frames, signing."""

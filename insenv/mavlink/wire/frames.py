@@ -1,0 +1,119 @@
+"""MAVLink frames on the wire: found in bytes, checked, and put together again with another sequence number.
+
+A frame found here has a whole header, a known message number and the right checksum; what it says is decoded afterwards by
+pymavlink.  Nothing is trusted: every byte may come from anyone, so the work on wrong bytes is bounded as well.
+
+Layout of MAVLink 2: magic 0xFD, payload length, incompatible flags, compatible flags, sequence, system, component, message
+number (3 bytes, little end first), payload, checksum (2 bytes over all but the magic, and the message's extra byte), and, if
+the first incompatible flag is set, 13 bytes of signature.  MAVLink 1: 0xFE, length, sequence, system, component, number.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from insenv.mavlink.wire.statistics import Statistics
+
+V1, V2 = 0xFE, 0xFD
+SIGNED = 0x01
+"""The incompatible flag of a signed frame, the only one that is understood."""
+SIGNATURE = 13
+"""Bytes of link number, timestamp and signature."""
+HEADER_V1, HEADER_V2, CHECKSUM = 6, 10, 2
+LONGEST = HEADER_V2 + 255 + CHECKSUM + SIGNATURE
+"""Bytes of the longest frame."""
+WRONG_CANDIDATES = 16
+"""So many magic bytes that no frame follows are looked at in one piece; then what is left of it is thrown away."""
+
+_MAGIC = re.compile(b"[\xfd\xfe]")
+
+
+@dataclass(frozen=True)
+class Sender:
+    """Who says a frame is from: its system and component."""
+
+    system: int
+    component: int
+
+
+@lru_cache(maxsize=1)
+def dialect() -> Any:
+    """The module of messages, version 2 whatever the environment says."""
+    from pymavlink.dialects.v20 import common
+
+    return common
+
+
+@lru_cache(maxsize=1)
+def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
+    """Extra checksum bytes by message number, and the checksum's function."""
+    from fastcrc import crc16
+
+    return {number: kind.crc_extra for number, kind in dialect().mavlink_map.items()}, crc16.mcrf4xx
+
+
+def sender(frame: bytes) -> Sender:
+    """The sender that a frame names."""
+    return Sender(frame[5], frame[6]) if frame[0] == V2 else Sender(frame[3], frame[4])
+
+
+def is_signed(frame: bytes) -> bool:
+    """Whether the frame ends in a signature (right or wrong)."""
+    return frame[0] == V2 and bool(frame[2] & SIGNED)
+
+
+def split(piece: bytes, statistics: Statistics) -> tuple[list[bytes], int]:
+    """The checked frames in `piece`, in order, and how many of its bytes are done with.
+
+    The bytes after those may begin a frame that is not all there: a stream keeps them, a datagram throws them away.  After a
+    wrong frame the search goes on one byte behind its magic, so that a lost byte costs one frame.
+    """
+    extra, checksum = _tools()
+    frames: list[bytes] = []
+    end, at, wrong = len(piece), 0, 0
+    while wrong < WRONG_CANDIDATES:
+        found = _MAGIC.search(piece, at)
+        if found is None:
+            statistics.skipped_bytes += end - at
+            return frames, end
+        start = found.start()
+        statistics.skipped_bytes += start - at
+        at = start
+        version_2 = piece[start] == V2
+        header = HEADER_V2 if version_2 else HEADER_V1
+        if end - start < header:
+            return frames, start
+        flags = piece[start + 2] if version_2 else 0
+        number = int.from_bytes(piece[start + 7 : start + 10], "little") if version_2 else piece[start + 5]
+        body = start + header + piece[start + 1]
+        size = body - start + CHECKSUM + (SIGNATURE if flags & SIGNED else 0)
+        if flags & ~SIGNED or number not in extra:
+            statistics.unknown += 1
+        elif end - start < size:
+            return frames, start
+        elif checksum(piece[start + 1 : body] + bytes((extra[number],))) != int.from_bytes(piece[body : body + 2], "little"):
+            statistics.wrong_checksum += 1
+            wrong += 1
+        else:
+            frames.append(piece[start : start + size])
+            at = start + size
+            continue
+        statistics.skipped_bytes += 1
+        at = start + 1
+    statistics.skipped_bytes += end - at
+    return frames, end
+
+
+def resequenced(frame: bytes, sequence: int, *, signed: bool) -> bytes:
+    """The MAVLink 2 frame without a signature, with another sequence number, its signed flag as said, and a new checksum."""
+    extra, checksum = _tools()
+    changed = bytearray(frame[: HEADER_V2 + frame[1]])
+    changed[2] = SIGNED if signed else 0
+    changed[4] = sequence
+    body = bytes(changed)
+    number = int.from_bytes(body[7:10], "little")
+    return body + checksum(body[1:] + bytes((extra[number],))).to_bytes(2, "little")

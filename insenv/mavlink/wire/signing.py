@@ -1,0 +1,241 @@
+"""MAVLink 2 signing: what we send is signed, and what comes is believed only after its signature.
+
+A signature is the first 6 bytes of SHA-256 over key, frame and signing time; the time counts 10 us since the start of 2015 and
+must grow within a stream (link number, system, component).  https://mavlink.io/en/guide/message_signing.html
+
+The order of the checks is the point: nothing about a sender is stored before the hash has been found right, so that nobody
+without the key can move a sender's time and lock it out.
+
+Times are kept in a file beside the key.  It holds, for each stream, a time a second *ahead* of the last one believed, and for
+ourselves one ahead of the last one used; a new mark is stored before the first frame that needs it takes effect.  So after a
+restart, even after a crash, no frame that was ever believed is believed again, and none of ours is signed with a time used
+before; a sender that goes on through our restart is heard again after a second at most.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import os
+import stat
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from enum import Enum
+from pathlib import Path
+
+from insenv.errors import InputError
+from insenv.mavlink.wire.frames import SIGNATURE, is_signed, sender
+
+KEY_BYTES = 32
+EPOCH_UNIX_S = 1420070400
+"""2015-01-01 00:00 UTC, where signing times begin."""
+TICKS_PER_S = 100_000
+MOST_TICKS = 2**48 - 1
+WINDOW_TICKS = 60 * TICKS_PER_S
+"""How far the first signing time of a new stream may lie behind our clock."""
+AHEAD_TICKS = TICKS_PER_S
+"""How far the stored marks lie ahead."""
+MOST_STREAMS = 1024
+HASH_BYTES = 6
+FOLLOW_TICKS = 24 * 3600 * TICKS_PER_S
+"""A sender whose clock is further ahead of ours is believed, but our signing times do not follow it."""
+
+Stream = tuple[int, int, int]
+"""Link number, system, component."""
+
+
+class Verdict(Enum):
+    """What `Signing.verify` found; the values are names of `Statistics`."""
+
+    GOOD = "good"
+    UNSIGNED = "unsigned"
+    WRONGLY_SIGNED = "wrongly_signed"
+    REPLAYED = "replayed"
+    STALE = "stale"
+    REFLECTED = "reflected"
+
+
+def read_key(path: str | Path) -> bytes:
+    """The key in a file: 32 bytes as they are, or as 64 hexadecimal digits (white space around them allowed).
+
+    Raises InputError: not found, not a file, readable or writable by others than its owner (where the system has such
+    permissions), another length, nothing but zeros.
+    """
+    path = Path(path)
+    try:
+        # the permissions of the very file that is read
+        with path.open("rb") as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise InputError(f"signing key {path}: must be a plain file")
+            if os.name == "posix" and stat.S_IMODE(status.st_mode) & 0o077:
+                raise InputError(
+                    f"signing key {path}: its permissions are {stat.S_IMODE(status.st_mode):04o}, others could read or change"
+                    f" it; allowed is 0600 or less (chmod 600 {path})"
+                )
+            raw = file.read(4096)
+    except FileNotFoundError:
+        raise InputError(f"signing key {path}: file not found") from None
+    except OSError as error:
+        raise InputError(f"signing key {path}: cannot be read: {error.strerror or error}") from None
+    key = raw
+    if len(raw) != KEY_BYTES:
+        key = b""
+        with suppress(ValueError):
+            key = bytes.fromhex(raw.decode("ascii").strip())
+    if len(key) != KEY_BYTES:
+        raise InputError(f"signing key {path}: {len(raw)} bytes; must be {KEY_BYTES} bytes, or {2 * KEY_BYTES} hex digits")
+    if not any(key):
+        raise InputError(f"signing key {path}: all zero; make one with: head -c {KEY_BYTES} /dev/urandom > {path}")
+    return key
+
+
+def signature(key: bytes, frame: bytes, link: int, ticks: int) -> bytes:
+    """The 13 bytes behind a frame: link number, signing time, hash."""
+    tail = bytes((link,)) + ticks.to_bytes(6, "little")
+    return tail + hashlib.sha256(key + frame + tail).digest()[:HASH_BYTES]
+
+
+class Signing:
+    """One key, our signing time, and the last time of every stream.
+
+    link: the link number in our signatures, 0 to 255.  clock: Unix time (s).  marks: the file that keeps the times, None to
+    keep none (a restart then forgets).  Raises InputError: a wrong length of the key, a marks file that does not fit.
+    """
+
+    def __init__(
+        self, key: bytes, *, link: int = 0, clock: Callable[[], float] = time.time, marks: str | Path | None = None
+    ) -> None:
+        if len(key) != KEY_BYTES:
+            raise InputError(f"signing key: {len(key)} bytes, must be {KEY_BYTES}")
+        if not 0 <= link <= 255:
+            raise InputError(f"signing link {link}: allowed is 0 to 255")
+        self._key, self._link, self._clock = key, link, clock
+        self._marks = None if marks is None else Path(marks)
+        self._own = 0
+        self._own_mark = 0
+        self._last: dict[Stream, int] = {}
+        self._mark: dict[Stream, int] = {}
+        self.unstored = 0
+        if self._marks is not None:
+            self._load(self._marks)
+            self._write(self._marks)  # says now, not in flight, when it cannot
+
+    @classmethod
+    def from_key_file(cls, path: str | Path, *, link: int = 0, clock: Callable[[], float] = time.time) -> Signing:
+        """With the key in a file (`read_key`), and the times in ``<that file>.times`` beside it."""
+        return cls(read_key(path), link=link, clock=clock, marks=Path(f"{path}.times"))
+
+    def _now(self) -> int:
+        return min(max(int((self._clock() - EPOCH_UNIX_S) * TICKS_PER_S), 0), MOST_TICKS)
+
+    # --- out -------------------------------------------------------------------------------------
+
+    def signed(self, frame: bytes) -> bytes:
+        """The frame (signed flag set, checksum in place) with its signature; each has a later time than all before."""
+        self._own = max(self._own + 1, self._now())
+        if self._own > self._own_mark and self._marks is not None:
+            self._own_mark = self._own + AHEAD_TICKS
+            self._kept()
+        return frame + signature(self._key, frame, self._link, self._own)
+
+    # --- in --------------------------------------------------------------------------------------
+
+    def verify(self, frame: bytes, *, own: tuple[int, int] | None = None) -> Verdict:
+        """Judge a checked frame; only `Verdict.GOOD` changes anything.
+
+        own: our system and component, whose frames cannot come from outside.
+        """
+        if not is_signed(frame):
+            return Verdict.UNSIGNED
+        body, link, ticks = frame[:-SIGNATURE], frame[-SIGNATURE], int.from_bytes(frame[-12:-6], "little")
+        if not hmac.compare_digest(signature(self._key, body, link, ticks), frame[-SIGNATURE:]):
+            return Verdict.WRONGLY_SIGNED
+        who = sender(frame)
+        if own == (who.system, who.component):
+            return Verdict.REFLECTED
+        stream = (link, who.system, who.component)
+        last = self._last.get(stream)
+        if last is not None:
+            if ticks <= last:
+                return Verdict.REPLAYED
+        elif ticks + WINDOW_TICKS < self._now() or len(self._last) >= MOST_STREAMS:
+            return Verdict.STALE
+        if self._marks is not None and ticks > self._mark.get(stream, -1):
+            before, self._mark = self._mark, {**self._mark, stream: min(ticks + AHEAD_TICKS, MOST_TICKS)}
+            if not self._kept():
+                self._mark = before
+                return Verdict.STALE
+        self._last[stream] = ticks
+        # the other end judges our first frame by its own clock, which may be ahead of ours
+        self._own = max(self._own, min(ticks, self._now() + FOLLOW_TICKS))
+        return Verdict.GOOD
+
+    # --- the file of times -------------------------------------------------------------------------
+
+    def _load(self, path: Path) -> None:
+        try:
+            stored = json.loads(path.read_text("utf-8"))
+            streams = {_stream(name): _ticks(ticks) for name, ticks in stored["streams"].items()}
+            own = _ticks(stored["own"])
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise InputError(f"signing times {path}: cannot be read: {error.strerror or error}") from None
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise InputError(
+                f"signing times {path}: not a file of signing times; without it, frames of the last minute could be replayed:"
+                " mend it, or wait a minute and remove it"
+            ) from None
+        self._own = self._own_mark = own
+        self._last, self._mark = dict(streams), dict(streams)
+
+    def _write(self, path: Path) -> None:
+        streams = {" ".join(map(str, stream)): ticks for stream, ticks in sorted(self._mark.items())}
+        text = json.dumps({"own": max(self._own, self._own_mark), "streams": streams}, indent=1)
+        try:
+            # mkstemp: readable by the owner alone
+            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
+            try:
+                with open(handle, "w", encoding="utf-8") as file:
+                    file.write(text + "\n")
+                os.replace(temporary, path)
+            except BaseException:
+                with suppress(OSError):
+                    os.unlink(temporary)
+                raise
+        except OSError as error:
+            raise InputError(
+                f"signing times {path}: cannot be written: {error.strerror or error}; they are kept beside the key, against"
+                " replay after a restart"
+            ) from None
+
+    def _kept(self) -> bool:
+        assert self._marks is not None
+        try:
+            self._write(self._marks)
+        except InputError:
+            self.unstored += 1
+            return False
+        return True
+
+    def store(self) -> None:
+        """Write the exact times down, at an orderly end: nobody then has to wait for the marks."""
+        if self._marks is not None:
+            self._mark = dict(self._last)
+            self._own_mark = self._own
+            self._write(self._marks)
+
+
+def _stream(name: str) -> Stream:
+    link, system, component = (int(part) for part in name.split(" "))
+    return link, system, component
+
+
+def _ticks(value: object) -> int:
+    if not isinstance(value, int) or not 0 <= value <= MOST_TICKS:
+        raise ValueError
+    return value

@@ -1,0 +1,182 @@
+"""Consistency of the filters: whether their errors are as large as their covariances say.  `make consistency` prints the table.
+
+For each case the normalised estimation error squared (NEES) e^T P^-1 e is averaged over the runs at every recorded time.
+If the errors have the covariance stated, the mean times the number of runs is chi-square with (degrees of freedom) x (runs)
+degrees, so it lies within the 95 % bounds of that in 95 % of the times; times are correlated, so one table scatters.
+Estimators that state standard deviations and no covariance are judged by the sum of (error / sigma)^2 of roll, pitch, heading.
+
+Bar-Shalom, Li, Kirubarajan (2001), section 5.4.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import estimators
+from insenv.campaigns.block import run_block
+from insenv.campaigns.model import measured_model
+from insenv.campaigns.plan import make_plan
+from insenv.reproduce.ecef import laboratory
+from insenv.scenario import Scenario, load
+
+Array = NDArray[np.float64]
+
+RUNS = 56
+LEVEL = 0.95
+FIRST_SEED = 5000  # seeds that nothing was tuned on
+MODELLED = {
+    f"{triad}_{error}": 0.0
+    for triad, error in (
+        ("gyro", "scale_factor_sigma_ppm"), ("accel", "scale_factor_sigma_ppm"), ("gyro", "misalignment_sigma_urad"),
+        ("accel", "misalignment_sigma_urad"), ("gyro", "g_sensitivity_deg_h_g"),
+    )
+}  # fmt: skip
+"""Without the errors of the unit that grow with the motion: those of the error model are left."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One filter on one scenario.
+
+    what: for the table.  scenario: makes it.  from_s: when the filter has converged.  duration_s: None for the scenario's.
+    """
+
+    what: str
+    estimator: str
+    scenario: Callable[[], Scenario]
+    from_s: float
+    duration_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """What a case came to.
+
+    time (records,) s, from the case's `from_s` on.  nees (runs, records).  degrees: of freedom.  runs: how many.
+    """
+
+    case: Case
+    time: Array
+    nees: Array
+    degrees: int
+
+    @property
+    def mean(self) -> Array:
+        """Mean over the runs at every time, over the degrees of freedom: 1 for a consistent filter."""
+        return np.asarray(self.nees.mean(axis=0) / self.degrees)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Those of `mean`."""
+        return bounds(self.degrees, len(self.nees))
+
+    @property
+    def inside(self) -> float:
+        """Share of the times at which the mean lies within the bounds."""
+        low, high = self.bounds
+        return float(np.mean((self.mean > low) & (self.mean < high)))
+
+
+def bounds(degrees: int, runs: int, level: float = LEVEL) -> tuple[float, float]:
+    """Two-sided bounds of the mean over `runs` of a chi-square variable, over its degrees of freedom."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf([(1 - level) / 2, (1 + level) / 2], degrees * runs) / (degrees * runs)
+    return float(low), float(high)
+
+
+def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> Consistency:
+    """Run the case over seeds."""
+    plan = make_plan(case.scenario(), case.estimator, runs, first_seed=first_seed, duration_s=case.duration_s)
+    blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
+    degrees = measured_model(plan.plant.model, estimators.get(case.estimator)).degrees
+    if degrees:
+        nees = np.concatenate([block["nees"] for block in blocks])
+    else:
+        degrees = 3
+        error, sigma = (np.concatenate([block[name] for block in blocks])[..., :3] for name in ("error", "sigma"))
+        nees = np.sum((error / sigma) ** 2, axis=-1)
+    late = plan.times >= case.from_s
+    return Consistency(case, plan.times[late], nees[:, late], degrees)
+
+
+def changed(
+    name: str,
+    imu: Mapping[str, Any] | None = None,
+    gnss: Mapping[str, Any] | None = None,
+    tuning: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Scenario:
+    """A scenario with other values in [imu] and [gnss], and other tunings of estimators."""
+    loaded = load(name)
+    update: dict[str, Any] = {"imu": loaded.imu.model_copy(update=imu or {})}
+    if gnss and loaded.gnss is not None:
+        update["gnss"] = loaded.gnss.model_copy(update=gnss)
+    if tuning is not None:
+        update["estimator"] = {**loaded.estimator, **tuning}
+    return loaded.model_copy(update=update)
+
+
+ID = "loosely-coupled"
+RTK = {"grade": "rtk", "outlier_probability": 0.0}
+TOLD: Mapping[str, Any] = {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0, "standing_window_s": 0.0}
+UNTOLD: Mapping[str, Any] = {"standing_window_s": 0.0}
+
+
+def _city(imu: Mapping[str, Any] | None, gnss: Mapping[str, Any] | None, tuning: Mapping[str, Any]) -> Callable[[], Scenario]:
+    return lambda: changed("car-city-drive", imu, gnss, {ID: tuning})
+
+
+def _named(name: str) -> Callable[[], Scenario]:
+    return lambda: load(name)
+
+
+WHITE_FIXES = Case("city drive, errors of the model, white fixes", ID, _city(MODELLED, RTK, UNTOLD), 60.0)
+WANDER_TOLD = Case("the same, wandering fixes, the filter told of it", ID, _city(MODELLED, None, TOLD), 60.0)
+WANDER_UNTOLD = Case("the same, the filter not told of it", ID, _city(MODELLED, None, UNTOLD), 60.0)
+
+CASES: tuple[Case, ...] = (
+    Case("laboratory, at rest", "ecef-kf", laboratory, 120.0),
+    Case("ship-swaying", "q-method", _named("ship-swaying"), 150.0),
+    Case("ship-swaying", "qakf", _named("ship-swaying"), 150.0),
+    Case("ship-swaying", "qakf-improved", _named("ship-swaying"), 150.0),
+    Case("ship-swaying", "inertial-fir", _named("ship-swaying"), 200.0),
+    Case("ship-swaying", "gyrocompass", _named("ship-swaying"), 250.0),
+    WHITE_FIXES,
+    WANDER_TOLD,
+    WANDER_UNTOLD,
+    Case("city drive as it is", ID, _named("car-city-drive"), 60.0),
+    Case("large-misalignment", "aqe-sukf", _named("large-misalignment"), 60.0),
+    Case("large-misalignment-extreme", "aqe-sukf", _named("large-misalignment-extreme"), 60.0),
+    Case("large-misalignment", "aqe-ekf", _named("large-misalignment"), 60.0),
+)
+"""What `make consistency` measures."""
+
+
+def measured(runs: int = RUNS) -> Iterator[Consistency]:
+    """All cases, one after the other."""
+    for case in CASES:
+        yield measure(case, runs)
+
+
+def row(found: Consistency) -> str:
+    """A line of the table, Markdown."""
+    low, high = found.bounds
+    return (
+        f"| {found.case.estimator} | {found.case.what} | {found.degrees} | {100 * found.inside:.0f} % | "
+        f"{found.mean.mean():.2f} | {found.mean.min():.2f} - {found.mean.max():.2f} | {low:.2f} - {high:.2f} |"
+    )
+
+
+HEADER = "\n".join((
+    "| estimator | case | states | time inside | mean NEES / states | range in time | 95 % bounds |", "|---" * 7 + "|",
+))  # fmt: skip
+
+if __name__ == "__main__":
+    print(HEADER)
+    for one in measured():
+        print(row(one), flush=True)

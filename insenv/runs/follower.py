@@ -1,0 +1,52 @@
+"""An estimator along a run or a replay."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.runner import Runner, make_runner
+from insenv.errors import InsenvError
+from insenv.estimators import Estimator, Knowledge
+from insenv.evaluation import applicability
+from insenv.plant.feeding import input_rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Follower:
+    """One estimator along a run: its runner, what it has given so far, and the time it took."""
+
+    estimator: Estimator
+    runner: Runner
+    every: int
+    outputs: list[Array] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @classmethod
+    def started(cls, estimator: Estimator, known: Knowledge, tuning: dict[str, Any], every: int) -> Follower:
+        """The estimator started from what is known, with its tuning on top; outputs every `every` samples."""
+        return cls(estimator, make_runner(estimator.model, {**estimator.prepare(known), **tuning}), every)
+
+    def follow(self, columns: dict[str, Array], count: int) -> None:
+        """Take `count` samples (a multiple of `every`).  Raises `InsenvError` when the estimate is no longer finite."""
+        rows = input_rows(self.estimator.model, columns, count)
+        begin = time.process_time()
+        outputs = self.runner.run(count, rows, self.every)
+        self.seconds += time.process_time() - begin
+        if not np.isfinite(outputs).all():
+            raise InsenvError(f"estimator {self.estimator.id!r} diverged: its outputs are no longer finite numbers")
+        self.outputs.append(outputs)
+
+    def named(self) -> dict[str, Array]:
+        """All outputs so far by row name, time along the first axis."""
+        return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
+
+    def notes(self, duration_s: float) -> tuple[str, ...]:
+        """What must be said of the estimate after `duration_s` of data: see `insenv.evaluation.applicability`."""
+        return applicability.notes(self.estimator, self.estimator.model.parameters.unpack(self.runner.p), duration_s)

@@ -1,0 +1,161 @@
+"""`run`: a scenario simulated, and estimators on what its sensors show, in one pass of bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude, estimators
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.estimators import Estimator, Knowledge
+from insenv.evaluation import limits
+from insenv.evaluation.errors import POSITION, Report, Result, Track, errors, stated_sigma
+from insenv.plant.assembly import SENSOR_ERROR
+from insenv.plant.feeding import bridge_lost
+from insenv.runs.follower import Follower
+from insenv.runs.smoothing_follower import SmoothingFollower
+from insenv.scenario import Plant, Scenario, build
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+"""Told after each stretch: samples done, samples in all."""
+
+CHUNK = 20_000  # samples simulated before the estimators see them: some 10 MB
+RECORDS = 3_000  # at most so many recorded times a run, about
+
+
+def recording_interval(samples: int, records: int = RECORDS) -> int:
+    """Every how many samples outputs are recorded: at most about `records` times, if possible so that the last sample is
+    one.
+    """
+    least = max(1, -(-samples // records))
+    return next((every for every in range(least, 4 * least) if samples % every == 0), least)
+
+
+def follower_of(estimator: Estimator, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]], every: int) -> Follower:
+    """The estimator started from what is known, with outputs every `every` samples.
+
+    tunings: parameter rows by estimator id; a smoother takes those of the filter it smooths, and its own on top.
+    """
+    tuning = {**tunings.get(estimator.smooths, {}), **tunings.get(estimator.id, {})}
+    kind = SmoothingFollower if estimator.smooths else Follower
+    return kind.started(estimator, known, tuning, every)
+
+
+def run(
+    scenario: Scenario,
+    estimator_ids: Sequence[str] | None = None,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Simulate `scenario` and run the estimators (those that it names, if None) on its measurements.
+
+    seed, duration_s: instead of the scenario's.  Raises `InputError` for an unknown estimator or one that cannot work here.
+    """
+    chosen = [estimators.get(id) for id in (estimator_ids or scenario.estimators)]
+    plant = build(scenario, seed=seed, duration_s=duration_s)
+    for estimator in chosen:
+        if estimator.aided and not plant.has_gnss:
+            raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {scenario.name!r} has no [gnss]")
+        if estimator.kind == "alignment" and not plant.in_place:
+            raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {scenario.name!r} moves")
+
+    every = recording_interval(plant.samples)
+    runner = make_runner(plant.model, plant.parameters)
+    followers = [follower_of(e, plant.knowledge, plant.estimator_tuning, every) for e in chosen]
+    # the covariance of the 15-state filter without fixes is the limit of free-inertial navigation
+    predictor = None
+    if any(e.kind == "navigation" and not e.aided for e in chosen):
+        filter15 = estimators.get("loosely-coupled")
+        predictor = follower_of(filter15, plant.knowledge, {filter15.id: {"standing_window": 0.0}}, every)
+
+    kept: list[Array] = []
+    bridged, sensor_error_n = 0, np.zeros(6)
+    chunk = max(every, CHUNK // every * every)
+    total = plant.samples // every * every
+    for begin in range(0, total, chunk):
+        count = min(chunk, total - begin)
+        shown = runner.run(count)
+        columns = plant.model.outputs.unpack(shown)
+        columns = {name: np.array(column) for name, column in columns.items()}
+        columns["dt"] = np.full(count, plant.sample_interval)
+        bridged += bridge_lost(columns)
+        sensor_error_n += _sensor_error_n(columns) / (total * plant.sample_interval)
+        for follower in followers:
+            follower.follow(columns, count)
+        if predictor is not None:
+            predictor.follow({**columns, "gnss_valid": np.zeros(count)}, count)
+        kept.append(shown[every - 1 :: every])
+        if progress is not None:
+            progress(begin + count, total)
+
+    truth = plant.model.outputs.unpack(np.concatenate(kept))
+    track = track_of(truth["time"], truth)
+    results = tuple(_result(f, plant, track, sensor_error_n, predictor) for f in followers)
+    notes = (f"{bridged} lost inertial samples bridged by interpolation",) if bridged else ()
+    return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, notes)
+
+
+def track_of(times: Array, rows: dict[str, Array]) -> Track:
+    """A track from the rows of outputs that it has."""
+    return Track(times, **{name: rows.get(name) for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")})
+
+
+def _sensor_error_n(columns: dict[str, Array]) -> Array:
+    """Sums of the errors of the gyros (3, rad) and the accelerometers (3, m/s) in n, noise left out: its bound is added."""
+    C_nb = attitude.numeric.to_dcm(columns["q_nb"])
+    return np.concatenate([np.einsum("nij,nj->i", C_nb, columns[name]) for name in SENSOR_ERROR.names])
+
+
+def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Array, predictor: Follower | None) -> Result:
+    outputs = follower.named()
+    estimator = follower.estimator
+    sigma = stated_sigma(outputs)
+    from_s = 0.0
+    if estimator.kind == "alignment":
+        from_s = 0.75 * float(track.time[-1])
+        limit = _alignment_limit(plant, track, sensor_error_n)
+    elif estimator.aided:
+        limit = _aided_limit(plant, sigma)
+    else:
+        limit = _stated(stated_sigma(predictor.named())) if predictor is not None else {}
+    return Result(
+        estimator=estimator.id,
+        time=track.time,
+        outputs=outputs,
+        errors=errors(track_of(track.time, outputs), track),
+        sigma=sigma,
+        limit=limit,
+        from_s=from_s,
+        us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
+        notes=follower.notes(plant.duration_s),
+    )
+
+
+def _stated(sigma: dict[str, Array]) -> dict[str, float]:
+    """Root mean square of the covariance's standard deviations: what an optimal filter leaves on average."""
+    return {name: float(np.sqrt(np.mean(value**2))) for name, value in sigma.items()}
+
+
+def _aided_limit(plant: Plant, sigma: dict[str, Array]) -> dict[str, float]:
+    """What the covariance says, and for position the part of the fixes' error that changes too slowly to be averaged."""
+    limit = _stated(sigma)
+    wander = np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3)
+    for name, slow in zip(POSITION, wander, strict=True):
+        limit[name] = float(np.hypot(limit[name], slow))
+    return limit
+
+
+def _alignment_limit(plant: Plant, track: Track, sensor_error_n: Array) -> dict[str, float]:
+    known, sensors = plant.knowledge, plant.knowledge.sensors
+    bias = limits.bias_tilts(sensor_error_n[:3], sensor_error_n[3:], known.latitude, known.height)
+    noises = sensors.angle_random_walk, sensors.velocity_random_walk
+    noise = limits.noise_bound(*noises, known.latitude, known.height, np.array([plant.duration_s]))[0]
+    heading = np.radians(track.euler_deg()[:, 2])
+    return limits.alignment_limit(bias, noise, float(np.angle(np.mean(np.exp(1j * heading)))))

@@ -1,0 +1,121 @@
+"""Fixed-interval smoothing of a `loosely-coupled` run: forward once with a record, backward once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core import symmetric
+from insenv.core.numeric import vectorized
+from insenv.core.runner import make_runner
+from insenv.core.tables import Vector
+from insenv.errors import InsenvError
+from insenv.estimators import loosely_coupled, smoother
+from insenv.estimators.parts import smoother_backward as backward
+from insenv.estimators.parts import strapdown
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, N
+from insenv.plant.feeding import input_rows
+from insenv.runs.smoother_record import Record
+
+Array = NDArray[np.float64]
+
+STRETCH = 2000  # samples between looks at the filter: 7 MB
+
+
+class Smoother:
+    """A run of the filter that can be smoothed: `take` samples, then `smoothed`.
+
+    parameters: of `loosely-coupled`, by row name.  backend: as for `make_runner`.
+    """
+
+    def __init__(self, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> None:
+        self.forward = make_runner(smoother.MODEL, parameters, backend)
+        table = smoother.MODEL.parameters
+        shared = {name: self.forward.p[table.slice(name)][0] for name in backward.MODEL.parameters.names}
+        self._backward = make_runner(backward.MODEL, shared, backend)
+        self.record = Record()
+
+    def take(self, columns: Mapping[str, Array], wanted: Array) -> None:
+        """Filter samples; `columns` as `loosely-coupled` takes them, (samples, ...) by name; `wanted` (samples, bool): which to
+        smooth.
+
+        Raises `InsenvError` when the filter's estimate is no longer finite.
+        """
+        rows = input_rows(smoother.MODEL, {**columns, "smoothed": wanted.astype(np.float64)}, len(wanted))
+        for begin in range(0, len(wanted), STRETCH):
+            part = slice(begin, begin + STRETCH)
+            outputs = self.forward.run(len(rows[part]), rows[part])
+            if not np.isfinite(outputs[-1]).all():
+                raise InsenvError("the filter under the smoother diverged: its outputs are no longer finite numbers")
+            self.record.add(outputs, wanted[part])
+
+    def smoothed(self) -> dict[str, Array]:
+        """The smoothed run so far at the wanted samples: the rows of `smoother_outputs`, time along the first axis."""
+        corrections, covariances, nominal = self.error_states()
+        return smoother_outputs(nominal, corrections, covariances)
+
+    def error_states(self) -> tuple[Array, Array, Array]:
+        """Smoothed error states (n, 15), their covariances (n, 15, 15), and the filter's states (n, NOMINAL.size)."""
+        found: list[tuple[Array, Array, Array]] = []
+        self._backward.start()
+        for rows, instants, nominal in self.record.backward():
+            # what stands before the pass goes back into an instant is what the measurements after it say
+            said = np.concatenate([self._backward.output()[None], self._backward.run(len(rows), rows[::-1])])[-2::-1]
+            told = backward.STATE.unpack(said[instants])
+            found.append((*_smoothed_errors(nominal, told["adjoint"], told["information"]), nominal))
+        found.reverse()
+        corrections, covariances, nominals = (np.concatenate(part) for part in zip(*found, strict=True))
+        return corrections, covariances, nominals
+
+
+def smooth(
+    parameters: Mapping[str, Any] | Vector, columns: Mapping[str, Array], every: int = 1, backend: str | None = None
+) -> dict[str, Array]:
+    """The smoothed run of `loosely-coupled` with `parameters` over the samples in `columns`, after each `every` of them.
+
+    Rows by name as `smoother_outputs` gives them, time along the first axis.
+    """
+    run = Smoother(parameters, backend)
+    run.take(columns, (np.arange(len(columns["dt"])) + 1) % every == 0)
+    return run.smoothed()
+
+
+def smoother_outputs(nominal: Array, corrections: Array, covariances: Array) -> dict[str, Array]:
+    """Navigation and its standard deviations from the filter's states (n, NOMINAL.size) and smoothed error states.
+
+    Rows by name: q_nb, velocity_n, latitude, longitude, height, gyro_bias, accel_bias, position_sigma, velocity_sigma (n),
+    attitude_sigma (rad about n).
+    """
+    values = smoother.NOMINAL.unpack(nominal)
+    states = [values[name] for name in _NAVIGATION]
+    *rows, C_nw = _corrected_outputs(*states, corrections)
+    named = dict(zip((*strapdown.OUTPUTS.names, "gyro_bias", "accel_bias"), rows, strict=True))
+    for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
+        named[name] = np.sqrt(np.einsum("nij,njk,nik->ni", C_nw, covariances[:, part, part], C_nw))
+    return named
+
+
+def _smoothed_errors(nominal: Array, adjoint: Array, information: Array) -> tuple[Array, Array]:
+    P = symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], N)
+    L = symmetric.full_array(information, N)
+    return np.einsum("nij,nj->ni", P, adjoint), P - P @ L @ P
+
+
+_NAVIGATION = tuple(name for name in smoother.NOMINAL.names if name != "covariance")
+
+
+def _corrected(*arguments: Any) -> tuple[Any, ...]:
+    *states, correction = arguments
+    x = SimpleNamespace(**dict(zip(_NAVIGATION, states, strict=True)))
+    changed = SimpleNamespace(**loosely_coupled.corrected(x, correction))
+    outputs = strapdown.navigation_outputs(changed)
+    shown = [outputs[name] for name in strapdown.OUTPUTS.names]
+    return (*shown, changed.gyro_bias, changed.accel_bias, ca.SX(strapdown.C_nw(changed.q_ew)))
+
+
+_corrected_outputs = vectorized(_corrected, *[smoother.NOMINAL[name].shape for name in _NAVIGATION], N)

@@ -1,0 +1,272 @@
+"""Campaigns: whole runs in the core; the same to the bit whoever does the blocks, and after interruptions."""
+
+import os
+import pickle
+import shutil
+import signal
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaigns import same, slow_ship, small_plan
+
+from insenv.campaigns import Folder, cluster, make_plan, processes, run_campaign, threads
+from insenv.campaigns import block as block_module
+from insenv.campaigns import campaign as campaign_module
+from insenv.campaigns.block import run_block
+from insenv.errors import InputError, InsenvError
+from insenv.evaluation.errors import ATTITUDE, CHANNELS
+from insenv.runs.simulated import run
+from insenv.scenario import build, load, reseeded
+
+has_compiler = shutil.which("cc") is not None
+native = pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch):
+    """These campaigns are short: compiling would take longer than running them."""
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+
+
+# --- what a run is ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "id", "duration_s"),
+    [
+        ("ship-swaying", "q-method", 6.0),
+        pytest.param("car-city-drive", "loosely-coupled", 6.0, marks=pytest.mark.slow),
+        pytest.param("car-city-drive", "wander-sins", 4.0, marks=pytest.mark.slow),
+    ],
+)
+def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
+    """Errors and stated accuracy at the recorded times are those of `insenv.runs.simulated`, mean squares those between."""
+    scenario = load(name).model_copy(update={"rate_hz": 100.0})
+    plan = make_plan(scenario, id, 3, first_seed=11, duration_s=duration_s)
+    arrays = run_block(plan, 0)
+    report = run(scenario, [id], seed=12, duration_s=duration_s)
+    result = report.results[0]
+    k = plan.evaluations
+    assert np.allclose(plan.times, result.time[k - 1 :: k], rtol=1e-12)
+    for place, channel in enumerate(c for c in CHANNELS if c in result.errors):
+        error = result.errors[channel]
+        assert np.allclose(arrays["error"][1, :, place], error[k - 1 :: k], rtol=1e-9, atol=1e-9)
+        blocks = (error[: len(plan.times) * k] ** 2).reshape(-1, k).mean(axis=1)
+        assert np.allclose(arrays["mean_square"][1, :, place], blocks, rtol=1e-6, atol=1e-15)
+        if channel in result.sigma:
+            assert np.allclose(arrays["sigma"][1, :, place], result.sigma[channel][k - 1 :: k], rtol=1e-9)
+        if id == "wander-sins":
+            level = np.sqrt(np.mean(arrays["predicted"][1, :, place] ** 2))
+            assert level == pytest.approx(result.limit[channel], rel=0.05)
+
+
+def test_the_alignment_limit_is_that_of_the_errors_of_the_sensors():
+    """Without noise the limit is what the bias alone leaves, and `insenv.runs.simulated` finds the same."""
+    quiet = {"gyro_arw_deg_sqrt_h": 0.0, "accel_vrw_ug_sqrt_hz": 0.0}
+    scenario = slow_ship(grade="perfect", gyro_bias_deg_h=(0.01, 0.02, 0.0), accel_bias_ug=(50.0, -30.0, 0.0), **quiet)
+    found = run_campaign(make_plan(scenario, "q-method", 2, first_seed=1, duration_s=60.0))
+    report = run(scenario, ["q-method"], seed=1, duration_s=60.0)
+    for place, name in enumerate(ATTITUDE[2:], 2):
+        assert found.limit[0, place] == pytest.approx(report.results[0].limit[name], rel=0.03)
+    expected = np.degrees(50e-6 * 9.80665 / 9.793)
+    assert np.hypot(*found.courses["roll_deg"].limit[-1:], *found.courses["pitch_deg"].limit[-1:]) == pytest.approx(
+        np.hypot(expected, expected * 0.6), rel=0.02
+    )
+
+
+def test_reseeded_plants_are_those_built_for_the_seeds():
+    for name in ("car-city-drive", "ship-irregular-sea"):
+        first = build(load(name), seed=1, duration_s=50.0)
+        for plant, seed in zip(reseeded(first, [4, 9]), (4, 9), strict=True):
+            other = build(load(name), seed=seed, duration_s=50.0)
+            vectors = [p.model.parameters.pack(p.parameters) for p in (plant, other)]
+            assert plant.seed == seed and np.array_equal(*vectors)
+            assert repr(plant.knowledge) == repr(other.knowledge)
+
+
+# --- the same whoever does it -------------------------------------------------------------------------
+
+
+def test_threads_and_processes_give_the_same_to_the_bit():
+    plan = small_plan()
+    assert [len(b) for b in plan.blocks] == [8] * 5
+    told = []
+    first = run_campaign(plan, workers=threads(1), progress=lambda done, total: told.append((done, total)))
+    assert told[0] == (0, 40 * 40) and told[-1] == (40 * 40, 40 * 40) and len(told) == 6
+    assert list(first.seeds) == list(range(3, 43))
+    assert same(first, run_campaign(plan, workers=threads(3)))
+    assert same(first, run_campaign(replace(plan, block_samples=10**6), workers=threads(2)))  # one block
+    assert same(first, run_campaign(plan, workers=processes(2)))
+    assert pickle.loads(pickle.dumps(plan)).digest == plan.digest
+
+
+@native
+def test_the_compiled_core_gives_the_same_to_the_bit(monkeypatch):
+    plan = small_plan(9)
+    first = run_campaign(plan)
+    monkeypatch.setenv("INSENV_BACKEND", "native")
+    assert same(first, run_campaign(plan))
+
+
+def test_a_cluster_whose_worker_is_killed_gives_the_same_to_the_bit(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    plan = small_plan(80)
+    expected = run_campaign(plan)
+    blocks, killed = [], []
+
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50, local_directory=tmp_path
+    ) as local:
+
+        def kill(done, total):
+            if 0 < done < total and not killed:
+                killed.append(next(iter(local.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        class Counting(Folder):
+            def put(self, number, arrays):
+                blocks.append(number)
+                super().put(number, arrays)
+
+        store = Counting(tmp_path / "out", plan)
+        found = run_campaign(plan, store=store, workers=cluster(local.scheduler_address), progress=kill)
+    assert killed and sorted(blocks) == list(range(10))  # each block once
+    assert same(found, expected)
+
+
+@pytest.mark.parametrize("address", ["nonsense", "http://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786", "127.0.0.1:8786"])
+def test_an_address_of_another_form_is_refused_at_once(address):
+    with pytest.raises(InputError, match=f"scheduler '{address}': allowed is tcp://HOST:PORT"):
+        cluster(address)
+
+
+def test_processes_that_die_are_replaced_and_at_last_given_up(monkeypatch):
+    from concurrent.futures.process import BrokenProcessPool
+
+    plan, calls = small_plan(16), []
+
+    class Breaking:
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def submit(self, *_):
+            calls.append(1)
+            raise BrokenProcessPool("a process in the process pool was terminated abruptly")
+
+    makers = iter([Breaking, Breaking, threads(1)])
+    assert same(run_campaign(plan, workers=lambda: next(makers)()), run_campaign(plan))
+    with pytest.raises(InsenvError, match="died 4 times"):
+        run_campaign(plan, workers=Breaking)
+    assert len(calls) == 2 + campaign_module.ATTEMPTS
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_processes_do_not_hear_ctrl_c():
+    with processes(1)() as executor:
+        assert signal.SIGINT in executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_a_worker_of_another_version_is_refused():
+    with pytest.raises(InsenvError, match="same on all"):
+        campaign_module._block(small_plan(8), 0, "the digest of another version")
+
+
+# --- the folder ---------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_campaign_goes_on_and_gives_the_same_to_the_bit(tmp_path):
+    plan = small_plan()
+    expected = run_campaign(plan)
+    done = []
+
+    def interrupt(now, total):
+        done.append(now)
+        if now >= total // 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1), progress=interrupt)
+    kept = sorted(p.name for p in (tmp_path / "blocks").iterdir())
+    assert kept == ["000000.npz", "000001.npz", "000002.npz"]
+    with pytest.raises(InputError, match="--resume"):
+        Folder(tmp_path, plan)
+    told = []
+    found = run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda now, _: told.append(now))
+    assert told[0] == 3 * 8 * 40 and same(found, expected)
+    told.clear()  # nothing is left to do
+    assert same(run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda n, _: told.append(n)), expected)
+    assert told == [40 * 40]
+
+
+def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
+    plan, original, begun = small_plan(), block_module.run_block, []
+
+    def slow(plan, number):
+        begun.append(number)
+        time.sleep(0.5)
+        return original(plan, number)
+
+    def interrupt(done, total):
+        if done:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign_module, "run_block", slow)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaign(plan, workers=threads(1), progress=interrupt)
+    assert begun == [0, 1]  # the second one was under way
+
+
+def test_damaged_blocks_are_done_again(tmp_path):
+    plan = small_plan()
+    expected = run_campaign(plan, store=Folder(tmp_path, plan))
+    files = sorted((tmp_path / "blocks").iterdir())
+    data = files[0].read_bytes()
+    files[0].write_bytes(data[: len(data) // 2])
+    turned = bytearray(files[1].read_bytes())
+    turned[len(turned) // 2] ^= 0x10
+    files[1].write_bytes(turned)
+    files[2].write_bytes(b"")
+    shutil.copy(files[4], files[3])  # whole, but of other runs
+    store = Folder(tmp_path, plan, resume=True)
+    assert [store.has(k) for k in range(5)] == [False] * 4 + [True]
+    assert same(run_campaign(plan, store=store), expected)
+    assert all(store.has(k) for k in range(5))
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_the_folder_of_another_campaign_is_refused(tmp_path):
+    plan = small_plan(16)
+    run_campaign(plan, store=Folder(tmp_path, plan))
+    with pytest.raises(InputError, match="another campaign: it differs in first_seed"):
+        Folder(tmp_path, replace(plan, first_seed=4), resume=True)
+    with pytest.raises(InputError, match="differs in estimator"):
+        Folder(tmp_path, make_plan(slow_ship(), "q-method", 16, first_seed=3, duration_s=2.0), resume=True)
+    (tmp_path / "manifest.json").write_text("{}")
+    with pytest.raises(InputError, match="no manifest"):
+        Folder(tmp_path, plan, resume=True)
+    (tmp_path / "manifest.json").unlink()
+    with pytest.raises(InputError, match=r"no manifest\.json"):
+        Folder(tmp_path, plan)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="not a folder"):
+        Folder(tmp_path / "file", plan)
+
+
+def test_a_block_that_fails_ends_the_campaign_and_keeps_the_others(tmp_path, monkeypatch):
+    plan, original = small_plan(), block_module.run_block
+
+    def failing(plan, number):
+        if number == 2:
+            raise InputError("no such wave")
+        return original(plan, number)
+
+    monkeypatch.setattr(campaign_module, "run_block", failing)
+    with pytest.raises(InputError, match="no such wave"):
+        run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1))
+    assert len(list((tmp_path / "blocks").iterdir())) >= 2

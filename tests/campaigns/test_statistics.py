@@ -1,0 +1,323 @@
+"""Campaigns: what is varied from run to run, the statistics, the files and the command."""
+
+import json
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from campaigns import slow_ship, small_plan
+from command_line import call
+from navigation import FUNCTIONS, error_state, random_state, with_error
+
+from insenv import geodesy
+from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign
+from insenv.campaigns import block as block_module
+from insenv.campaigns import campaign as campaign_module
+from insenv.campaigns.block import run_block
+from insenv.core import symmetric
+from insenv.core.numeric import vectorized
+from insenv.errors import InputError, InsenvError
+from insenv.estimators import get
+from insenv.estimators import loosely_coupled as lc
+from insenv.estimators.parts import aqe_tables
+from insenv.estimators.parts.aqe_algebra import Y
+from insenv.evaluation import limits
+from insenv.evaluation.errors import ATTITUDE
+from insenv.evaluation.nees import nees, normalised
+from insenv.report import OutputFolder
+from insenv.report.campaign import write_campaign
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch):
+    """These campaigns are short: compiling would take longer than running them."""
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+
+
+# --- what is varied -----------------------------------------------------------------------------------
+
+
+def test_varied_keys_are_drawn_from_seed_and_key_alone():
+    first, second = Variation("imu.gyro_bias_deg_h", -1.0, 3.0), Variation("start.latitude_deg", 10.0, 50.0)
+    drawn = np.array([first.value(seed) for seed in range(4000)])
+    assert drawn.min() >= -1 and drawn.max() <= 3
+    assert drawn.mean() == pytest.approx(1.0, abs=5 * 4 / np.sqrt(12 * 4000))
+    assert abs(np.corrcoef(drawn, [second.value(seed) for seed in range(4000)])[0, 1]) < 5 / np.sqrt(4000)
+
+    alone = run_campaign(small_plan(12, variations=[first]))
+    both = run_campaign(small_plan(12, variations=[second, first]))
+    assert np.array_equal(alone.values[:, 0], both.values[:, 0]) and both.values.shape == (12, 2)
+    assert np.array_equal(alone.values[:, 0], [first.value(int(seed)) for seed in alone.seeds])
+
+
+def test_a_varied_run_is_the_scenario_with_that_value():
+    variation = Variation("vehicle.sway.roll.0.amplitude_deg", 1.0, 10.0)
+    plan = small_plan(9, variations=[variation, Variation("imu.gyro_bias_deg_h", 0.0, 5.0)])
+    arrays = run_block(plan, 0)
+    data = json.loads(json.dumps(dict(plan.scenario)))
+    data["imu"]["gyro_bias_deg_h"] = plan.variations[0].value(5)
+    data["vehicle"]["sway"]["roll"][0]["amplitude_deg"] = variation.value(5)
+    other = make_plan(type(slow_ship()).model_validate(data), "analytic", 1, first_seed=5, duration_s=2.0)
+    assert np.array_equal(arrays["error"][2], run_block(other, 0)["error"][0])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("imu.gyro_bias_deg_h", "key=low:high"),
+        ("imu.gyro_bias_deg_h=1", "key=low:high"),
+        ("imu.gyro_bias_deg_h=2:1", "lower first"),
+        ("imu.gyro_bias_deg_h=0:inf", "finite"),
+        ("imu.gyro_bais_deg_h=0:1", "did you mean 'gyro_bias_deg_h'"),
+        ("start.latitude_deg.0=0:1", "below the number"),
+        ("gnss.latency_s=0:1", r"no \[gnss\]"),
+        ("start.latitude_deg=0:100", "latitude_deg = 100"),
+        ("seed=0:100", "in common"),
+        ("title=0:1", "value is a number"),
+        ("vehicle=0:1", "value is a number"),
+        ("vehicle.sway.roll=0:1", "value is a number"),
+        ("vehicle.sway.roll.3.amplitude_deg=0:1", "no place in a list of 1"),
+        ("estimator.q-method.arw=0:1", "unknown key"),
+    ],
+)
+def test_what_cannot_be_varied_is_said(text, said):
+    with pytest.raises(InputError, match=said):
+        make_plan(slow_ship(), "q-method", 4, duration_s=2.0, variations=[parse_variation(text)])
+
+
+def test_an_estimators_parameter_can_be_varied():
+    variation = parse_variation("estimator.q-method.smoothing_time_s=0.01:0.3")
+    plan = make_plan(slow_ship(), "q-method", 3, first_seed=3, duration_s=2.0, variations=[variation])
+    plain = make_plan(slow_ship(), "q-method", 3, first_seed=3, duration_s=2.0)
+    varied, fixed = run_campaign(plan), run_campaign(plain)
+    assert (varied.final[:, 2] != fixed.final[:, 2]).all()
+    assert ((varied.values > 0.01) & (varied.values < 0.3)).all()
+
+
+def test_the_parts_of_the_plant_must_stay_the_same():
+    from insenv.campaigns import plan as plan_module
+
+    models = iter([1, 2, 3, 4])
+    original = plan_module.build
+
+    def changing(*arguments):
+        return replace(original(*arguments), model=replace(original(*arguments).model, id=f"plant-{next(models)}"))
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(InputError, match="parts of 'ship-swaying' change"):
+        patch.setattr(plan_module, "build", changing)
+        small_plan(8, variations=[parse_variation("start.latitude_deg=0:1")])
+
+
+# --- statistics ---------------------------------------------------------------------------------------
+
+
+def test_summaries_are_those_of_the_runs(tmp_path):
+    plan = small_plan(100)
+    found = run_campaign(plan, store=Folder(tmp_path, plan))
+    errors = np.concatenate([run_block(plan, k)["error"] for k in range(len(plan.blocks))])
+    squares = np.concatenate([run_block(plan, k)["mean_square"] for k in range(len(plan.blocks))])
+    late = found.time >= 1.5 - 1e-9
+    for place, name in enumerate(ATTITUDE):
+        course, row = found.courses[name], found.figures()[name]
+        assert np.allclose(course.mean, errors[:, :, place].mean(axis=0))
+        assert np.allclose(course.rms, np.sqrt(squares[:, :, place].mean(axis=0)))
+        assert np.allclose(course.percentiles[4], np.percentile(errors[:, :, place], 97.5, axis=0))
+        assert row["rms"] == pytest.approx(np.sqrt(squares[:, late, place].mean()))
+        assert row["percentiles"]["50"] == pytest.approx(np.median(errors[:, -1, place]))
+    assert found.diverged == () and found.from_s == 1.5
+
+
+def test_diverged_runs_are_named_and_left_out(monkeypatch):
+    plan, original = small_plan(24), block_module.run_block
+    expected = run_campaign(plan)
+
+    def spoilt(plan, number):
+        arrays = {name: value.copy() for name, value in original(plan, number).items()}
+        if number == 1:
+            arrays["error"][2, 30:, 1] = np.nan
+            arrays["mean_square"][4, 35:, 0] = np.inf
+            arrays["mean_square"][6, :, 2] *= 1e6
+        return arrays
+
+    monkeypatch.setattr(campaign_module, "run_block", spoilt)
+    found = run_campaign(plan)
+    assert found.diverged == (3 + 8 + 2, 3 + 8 + 4) and found.far == (3 + 8 + 6,)
+    kept = ~np.isin(found.seeds, found.diverged)
+    assert kept.sum() == 22
+    pitch, whole = found.courses["pitch_deg"], expected.courses["pitch_deg"]
+    assert np.allclose(pitch.mean[:30], whole.mean[:30], rtol=1e-12)
+    assert pitch.mean[-1] == pytest.approx(expected.final[kept, 1].mean())
+    assert np.isfinite([row["rms"] for row in found.figures().values()]).all()
+    assert found.as_json()["diverged"] == [13, 15]
+
+
+def test_nees_is_the_squared_error_over_the_covariance():
+    rng = np.random.default_rng(5)
+    numeric = vectorized(normalised, 9, (9, 9))
+    for _ in range(20):
+        L, e = rng.normal(size=(9, 9)), rng.normal(size=9)
+        assert numeric(e, L @ L.T) == pytest.approx(e @ np.linalg.solve(L @ L.T, e), rel=1e-8)
+
+
+def nees_of(id, estimate, truth_rows):
+    """NEES as the campaign's model computes it, from a state vector and the truth's rows."""
+    model = get(id).model
+    x = model.state.symbols(ca.SX(ca.DM(estimate)))
+    truth = type(x)(**{name: ca.SX(ca.DM(np.atleast_1d(value))) for name, value in truth_rows.items()})
+    value, degrees = nees(id, x, type(x)(), truth)
+    return float(ca.evalf(value)), degrees
+
+
+def truth_of(state):
+    """Rows of the truth from the state of a navigation filter."""
+    outputs = lc.MODEL.outputs.unpack(
+        np.array(lc.MODEL.kernels["output"].function(lc.MODEL.parameters.start_vector(), state)).ravel()
+    )
+    return {name: outputs[name] for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")}
+
+
+def test_nees_of_the_15_state_filter_is_that_of_its_own_error_state():
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        true = random_state(rng)
+        scale = 1e-2 * np.repeat([30.0, 0.5, 1e-3, 1e-5, 1e-3], 3)
+        L = rng.normal(size=(15, 15)) * scale[:, None]
+        estimate = lc.MODEL.state.pack(
+            {"covariance": (L @ L.T).T[np.tril_indices(15)]}, with_error(true, L @ rng.normal(size=15))
+        )
+        P = symmetric.full_array(lc.MODEL.state.unpack(estimate)["covariance"], 15)[:9, :9]
+        error = error_state(estimate, true)[:9]
+        found, degrees = nees_of("loosely-coupled", estimate, truth_of(true))
+        assert degrees == 9 and found == pytest.approx(error @ np.linalg.solve(P, error), rel=1e-4)  # alike to first order
+
+
+def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
+    """Errors far below the attitude's scale, correlated, put into truth and covariance."""
+    rng = np.random.default_rng(7)
+    model, place = get("aqe-ekf").model, aqe_tables
+    for _ in range(5):
+        base = lc.MODEL.state.unpack(random_state(rng))
+        shared = {n: base[n] for n in ("q_wb", "velocity_w", "q_ew", "height")}
+        L = rng.normal(size=(9, 9)) * np.repeat([1e-4, 0.2, 2.0], 3)[:, None]
+        e = L @ rng.normal(size=9)  # turn, velocity, position, in w
+        into = np.zeros((place.N, 9))
+        into[place.DQ, 0:3] = 0.5 * np.array(ca.DM(ca.evalf(Y(ca.SX(ca.DM(base["q_wb"]))))))
+        into[place.VELOCITY, 3:6], into[place.POSITION, 6:9] = np.eye(3), np.eye(3)
+        P = into @ (L @ L.T) @ into.T
+        estimate = model.state.pack({**shared, "covariance": P.T[np.tril_indices(place.N)]})
+        # the 15-state filter's tool takes errors out: psi is minus the turn, but for that of the computed frame
+        state = lc.MODEL.state.pack(shared, random_state(rng))
+        theta = frame_turn(state, e[6:9])
+        back = np.concatenate([e[6:9], e[3:6], -e[0:3] - theta, np.zeros(6)])
+        true = np.array(FUNCTIONS["corrected"](state, back)).ravel()
+        found, degrees = nees_of("aqe-ekf", estimate, truth_of(true))
+        assert degrees == 9 and found == pytest.approx(e @ np.linalg.solve(L @ L.T, e), rel=2e-2)
+
+
+def frame_turn(state, dr):
+    """How far an error of position (3, m, w) turns the computed frame (3, rad)."""
+    rows = lc.MODEL.state.unpack(state)
+    return geodesy.numeric.transport_rate_w(dr, rows["q_ew"], rows["height"])
+
+
+@pytest.mark.slow  # compiles for half a minute
+def test_nees_of_the_alignment_filter_lies_within_its_bounds():
+    """Drawn biases and start errors, as `insenv.reproduce` has them: three states, consistent after convergence."""
+    from insenv.reproduce.ecef import laboratory
+
+    found = run_campaign(make_plan(laboratory(5.0), "ecef-kf", 16, first_seed=0, duration_s=160.0))
+    assert found.nees is not None and found.nees.degrees == 3
+    assert found.as_json()["nees"]["share_inside"] > 0.9
+
+
+# --- what is written ----------------------------------------------------------------------------------
+
+
+def test_files_hold_every_run_and_the_figure(tmp_path):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    plan = small_plan(12, variations=[parse_variation("imu.gyro_bias_deg_h=0:1")])
+    written = write_campaign(run_campaign(plan), OutputFolder(tmp_path))
+    assert [p.name for p in written.paths] == ["campaign.npz", "campaign.json", "campaign.png", "campaign.svg"]
+    with np.load(tmp_path / "campaign.npz", allow_pickle=False) as arrays:
+        assert arrays["runs/seed"].tolist() == list(range(3, 15))
+        assert arrays["runs/heading_deg/final"].shape == arrays["runs/imu.gyro_bias_deg_h"].shape == (12,)
+        assert arrays["heading_deg/percentiles"].shape == (5, len(arrays["time"]))
+        assert json.loads(arrays["meta"].item())["runs"] == 12
+    assert json.loads((tmp_path / "campaign.json").read_text())["errors"].keys() == set(ATTITUDE)
+    assert (tmp_path / "campaign.png").stat().st_size > 10_000
+
+
+def test_the_command(tmp_path):
+    arguments = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1", "--seed", "5")
+    status, out, err = call(*arguments, "--vary", "start.latitude_deg=10:40", "--out", tmp_path, "--no-figure")
+    assert (status, err) == (0, "") and "6 runs of 1 s, seeds 5 to 10" in out and "drawn from 10 to 40" in out
+    assert max(map(len, out.splitlines()[:-1])) <= 80
+    status, out, _ = call(
+        *arguments, "--vary", "start.latitude_deg=10:40", "--out", tmp_path, "--resume", "--no-figure", "--json"
+    )
+    found = json.loads(out)
+    assert status == 0 and found["runs"] == 6 and found["imu_samples"] == 1200 and found["nees"] is None
+    assert found["varied"] == [{"key": "start.latitude_deg", "low": 10.0, "high": 40.0}]
+    assert set(found["errors"]["heading_deg"]) == {"mean", "rms", "percentiles", "limit", "stated"}
+    status, _, err = call(*arguments, "--out", tmp_path)
+    assert status == 2 and "another campaign: it differs in variations" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("ship-swaying", "-e", "q-methd", "-n", "4"), "did you mean 'q-method'"),
+        (("ship-swaying", "-e", "q-method", "-n", "0"), "runs = 0"),
+        (("ship-swaying", "-e", "loosely-coupled", "-n", "4"), "needs GNSS"),
+        (("car-city-drive", "-e", "q-method", "-n", "4"), "moves"),
+        (("aircraft-survey", "-e", "smoother", "-n", "4"), "insenv run"),
+        (("ship-swaying", "-e", "q-method", "-n", "4", "--resume"), "--out"),
+        (("ship-swaying", "-e", "q-method", "-n", "4", "--workers", "0"), "workers = 0"),
+        (("ship-swaying", "-e", "q-method", "-n", "4", "--workers", "2", "--scheduler", "tcp://h:1"), "one of them"),
+        (("ship-swaying", "-e", "q-method", "-n", "4", "--seed", "-1"), "seed = -1"),
+        (("ship-swaying", "-e", "q-method", "-n", "4", "--seed", str(2**53 - 1)), "seed ="),
+        (("ship-swaying", "-e", "q-method", "-n", "4", "--vary", "x"), "key=low:high"),
+    ],
+)
+def test_wrong_calls_end_with_one_line(arguments, said):
+    status, out, err = call("campaign", *arguments)
+    assert status == 2 and out == "" and said in err and len(err.splitlines()) == 1
+
+
+def test_ctrl_c_says_what_is_kept(monkeypatch, tmp_path):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("insenv.campaigns.run_campaign", interrupted)
+    arguments = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1")
+    assert call(*arguments)[0] == 130 and "nothing written" in call(*arguments)[2]
+    assert "--resume goes on" in call(*arguments, "--out", tmp_path)[2]
+
+
+def test_the_noise_limit_follows_what_is_varied():
+    """At each run's own latitude and noise, to a percent: the heading's limit is theirs."""
+    quiet = {"gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0, "accel_vrw_ug_sqrt_hz": 10.0}
+    variations = [parse_variation("start.latitude_deg=20:85"), parse_variation("imu.gyro_arw_deg_sqrt_h=0.001:0.01")]
+    plan = make_plan(slow_ship(grade="perfect", **quiet), "analytic", 6, first_seed=1, duration_s=2.0, variations=variations)
+    found = run_campaign(plan)
+    late = found.time >= found.from_s - 1e-9
+    for place, seed in enumerate(found.seeds):
+        known = plan.plant_of(int(seed)).knowledge
+        noises = known.sensors.angle_random_walk, known.sensors.velocity_random_walk
+        bound = np.degrees(limits.noise_bound(*noises, known.latitude, known.height, found.time))[late, 2]
+        assert found.limit[place, 2] == pytest.approx(np.sqrt(np.mean(bound**2)), rel=0.015)
+
+
+def test_lost_samples_are_noted():
+    plan = make_plan(slow_ship(drop_probability=0.1), "analytic", 8, first_seed=1, duration_s=2.0)
+    found = run_campaign(plan)
+    assert "last that arrived" in " ".join(found.as_json()["notes"]) and found.diverged == ()
+    assert small_plan(8).notes == ()
+
+
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    monkeypatch.setattr("insenv.campaigns.executors.CONNECT_S", 0.3)
+    with pytest.raises(InsenvError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
+        run_campaign(small_plan(8), workers=cluster("tcp://127.0.0.1:9"))

@@ -1,0 +1,117 @@
+"""The cache of compiled models: damaged, foreign and contended entries."""
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from insenv.core import compile as compiling
+from insenv.core.codegen import native_source
+from insenv.core.compile import CompileError, Compiler, compile_library, find_compiler
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on the path")
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("INSENV_CACHE_DIR", str(folder))
+    return folder
+
+
+def test_a_model_is_compiled_once(cache, toy):
+    source, compiler = native_source(toy), find_compiler()
+    library = compile_library(source, compiler)
+    before = library.stat().st_mtime_ns
+    assert compile_library(source, compiler) == library
+    assert library.stat().st_mtime_ns == before
+    assert stat.S_IMODE(cache.stat().st_mode) == 0o700
+    assert [p.name for p in cache.iterdir()] == [library.parent.name]  # no build folder is left
+
+
+@pytest.mark.parametrize("damage", ["truncated", "foreign bytes", "digest missing", "writable by others"])
+def test_a_broken_or_foreign_entry_is_rebuilt(cache, toy, damage):
+    source, compiler = native_source(toy), find_compiler()
+    library = compile_library(source, compiler)
+    good = library.read_bytes()
+    if damage == "truncated":
+        library.write_bytes(good[: len(good) // 2])
+    elif damage == "foreign bytes":
+        library.write_bytes(b"\x7fELF but not ours" + good[16:])
+    elif damage == "digest missing":
+        (library.parent / "model.sha256").unlink()
+    else:
+        library.chmod(0o777)
+    again = compile_library(source, compiler)
+    assert again.read_bytes() == good
+    assert not stat.S_IMODE(again.stat().st_mode) & 0o022
+
+
+def test_another_source_is_another_entry(cache, toy):
+    compiler = find_compiler()
+    source = native_source(toy)
+    assert compile_library(source, compiler) != compile_library(source + "\n/* other */", compiler)
+
+
+def test_a_folder_that_others_may_write_is_not_used(cache, toy):
+    cache.mkdir(mode=0o777)
+    cache.chmod(0o777)
+    library = compile_library(native_source(toy), find_compiler())
+    assert cache not in library.parents
+    assert list(cache.iterdir()) == []
+
+
+def test_a_link_is_not_trusted(cache, toy, tmp_path):
+    library = compile_library(native_source(toy), find_compiler())
+    elsewhere = tmp_path / "elsewhere"
+    library.parent.rename(elsewhere)
+    library.parent.symlink_to(elsewhere)
+    again = compile_library(native_source(toy), find_compiler())
+    assert not again.parent.is_symlink()
+
+
+def test_many_threads_may_compile_at_once(cache, toy):
+    source, compiler = native_source(toy), find_compiler()
+    with ThreadPoolExecutor(4) as pool:
+        libraries = list(pool.map(lambda _: compile_library(source, compiler), range(8)))
+    assert len(set(libraries)) == 1
+    assert [p.name for p in cache.iterdir()] == [libraries[0].parent.name]
+
+
+def test_two_processes_compiling_at_once_do_no_harm(cache):
+    code = (
+        "from conftest import TOY; from insenv.core.runner import make_runner;"
+        "r = make_runner(TOY, {'seed': 1}, 'native'); print(r.run(5).tobytes().hex())"
+    )
+    root = Path(__file__).parents[1]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    started = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment, cwd=root)
+        for _ in range(2)
+    ]
+    printed = [process.communicate(timeout=120)[0] for process in started]
+    assert [process.returncode for process in started] == [0, 0]
+    assert printed[0] == printed[1] != ""
+
+
+def test_a_failing_compiler_is_reported_and_leaves_nothing(cache):
+    with pytest.raises(CompileError, match="failed on generated code"):
+        compile_library("this is not C", find_compiler())
+    assert list(cache.iterdir()) == []
+
+
+def test_environment_names_the_compiler(monkeypatch):
+    monkeypatch.setenv("CC", f"{shutil.which('cc')} -g0")
+    found = find_compiler()
+    assert isinstance(found, Compiler) and found.command[1:] == ("-g0",)
+
+
+def test_no_compiler_is_none(monkeypatch):
+    monkeypatch.setattr(compiling.shutil, "which", lambda name: None)
+    monkeypatch.setattr(compiling.importlib.util, "find_spec", lambda name: None)
+    assert find_compiler() is None

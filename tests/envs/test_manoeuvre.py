@@ -1,0 +1,213 @@
+"""`insenv/Manoeuvre-v0`: the vehicle does what it is told, the reward is what is learnt of the heading, and moving pays."""
+
+import shutil
+
+import gymnasium
+import numpy as np
+import pytest
+import tomllib
+
+from insenv import attitude
+from insenv.core.runner import make_runner
+from insenv.envs import ManoeuvreEnv, testing
+from insenv.errors import InputError
+from insenv.files.resources import scenario_folder
+from insenv.scenario import build, parse
+
+ID = "insenv/Manoeuvre-v0"
+SHORT = {"samples_per_step": 7, "duration_s": 0.3, "backend": "interpreter"}
+has_compiler = shutil.which("cc") is not None
+
+
+def changed(name, **sections):
+    """The keys of a scenario's file, some sections replaced."""
+    data = tomllib.loads((scenario_folder() / f"{name}.toml").read_text(encoding="utf-8"))
+    return {**data, **sections}
+
+
+PARKED = changed(
+    "car-parked", rate_hz=50.0, gnss={"grade": "rtk"}, knowledge={"heading_sigma_deg": 20.0},
+    vehicle={"kind": "car", "wind_roll_sigma_deg": 0.02},
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def car():
+    """Steps of one second, a goal out of reach."""
+    return ManoeuvreEnv(goal_deg=1e-3, duration_s=40.0, heading_deg=(0.0, 360.0), backend="interpreter")
+
+
+def driven(env, pattern, seconds, seed):
+    """The infos of an episode's first seconds, by name, (seconds, ...)."""
+    env.reset(seed=seed)
+    infos = [env.step(np.array(pattern(k), dtype=float))[4] for k in range(seconds)]
+    return {name: np.array([info[name] for info in infos]) for name in infos[0]}
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"scenario": PARKED, "reward": "error", "estimator": "loosely-coupled"}], ids=["car", "table"]
+)
+def test_it_conforms(given):
+    testing.check_id(ID, **SHORT, **given)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
+def test_it_conforms_natively_and_equals_the_interpreter_to_the_bit():
+    testing.check_id(ID, **{**SHORT, "backend": "native"})
+    envs = [ManoeuvreEnv(**{**SHORT, "backend": backend}) for backend in ("native", "interpreter")]
+    testing._assert_same(*(testing._episodes(env, 3) for env in envs), "native and interpreter")
+
+
+def test_manoeuvres_beat_driving_straight(car):
+    patterns = {"straight": lambda k: (0, 0), "S-turns": lambda k: (0, 1 if k % 16 < 8 else -1)}
+    found = {name: [driven(car, pattern, 30, seed) for seed in range(3)] for name, pattern in patterns.items()}
+    sigma = {name: np.degrees([run["heading_sigma"][-1] for run in runs]) for name, runs in found.items()}
+    error = {name: np.degrees(np.abs([run["heading_error"][-1] for run in runs])) for name, runs in found.items()}
+    assert np.all(sigma["straight"] > 10.0) and np.all(sigma["S-turns"] < 0.3)
+    assert np.all(error["S-turns"] < 5 * sigma["S-turns"]) and np.max(error["straight"]) > 10.0
+
+
+def test_what_is_won_is_the_fall_of_the_stated_sigma(car):
+    car.reset(seed=2)
+    told = car.setup.task.model.parameters.unpack(car._runner.p)["told_heading_sigma"]
+    total = 0.0
+    for k in range(6):
+        _, reward, terminated, _, info = car.step(np.array([1.0, 0.5 * (k % 2)]))
+        total += reward
+        assert not terminated
+        if k == 0:
+            begun = float(car.setup.task.model.state.unpack(car._runner.x)["level_before"])
+    assert total == pytest.approx(begun - np.log(info["heading_sigma"]) - 6.0 / 40.0, rel=1e-9)
+    # the filter keeps of a normal heading error the second moment of its sine, at most 1/2
+    assert begun == pytest.approx(np.log(2 * np.sqrt(0.5 * (1 - np.exp(-0.5 * told**2)))), rel=1e-3)
+
+
+def test_the_reward_by_error_is_the_fall_of_the_true_one():
+    env = ManoeuvreEnv(reward="error", goal_deg=2.0, time_weight=0.5, duration_s=20.0, backend="interpreter")
+    _, before = env.reset(seed=4)
+    for _ in range(4):
+        _, reward, terminated, _, info = env.step(np.array([1.0, 0.0]))
+        fall = 0.5 * np.log(
+            (before["heading_error"] ** 2 + info["goal"] ** 2) / (info["heading_error"] ** 2 + info["goal"] ** 2)
+        )
+        assert reward == pytest.approx(fall - 0.5 / 20.0, rel=1e-9)
+        assert info["heading_error"] == pytest.approx(info["error"][2], abs=0.05)  # to second order in the tilts
+        before = info
+        if terminated:
+            break
+
+
+def test_the_goal_ends_the_episode():
+    env = ManoeuvreEnv(goal_deg=2.0, duration_s=40.0, backend="interpreter")
+    env.reset(seed=1)
+    for k in range(40):
+        _, _, terminated, truncated, info = env.step(np.array([0.0, 1.0 if k % 16 < 8 else -1.0]))
+        assert terminated == (info["heading_sigma"] < np.radians(2.0)) == bool(info["reached"])
+        assert not truncated
+        if terminated:
+            break
+    assert 3 < k < 15 and info["goal"] == np.radians(2.0)
+
+
+def test_the_car_does_what_it_is_told(car):
+    speed = np.linalg.norm(driven(car, lambda k: (0.0, 0.0), 4, 1)["velocity_n"], axis=1)
+    assert speed == pytest.approx(12.0, abs=0.05)
+    faster = np.linalg.norm(driven(car, lambda k: (0.5, 0.0), 4, 1)["velocity_n"], axis=1)
+    assert np.diff(faster)[1:] == pytest.approx(1.5, abs=0.1)
+    stopped = np.linalg.norm(driven(car, lambda k: (-1.0, 0.0), 9, 1)["velocity_n"], axis=1)
+    assert stopped[-1] < 0.05
+    turned = driven(car, lambda k: (0.0, 1.0), 6, 1)
+    heading = np.unwrap([attitude.numeric.to_euler(q)[2] for q in turned["q_nb"]])
+    assert np.diff(heading)[2:] == pytest.approx(3.0 / 12.0, rel=0.02)  # across over along, per second
+    left = driven(car, lambda k: (0.0, -1.0), 6, 1)
+    assert np.diff(np.unwrap([attitude.numeric.to_euler(q)[2] for q in left["q_nb"]]))[2:] == pytest.approx(-0.25, rel=0.02)
+
+
+def test_an_aircraft_banks_climbs_and_keeps_its_speeds():
+    env = ManoeuvreEnv(
+        "aircraft-inflight-alignment", goal_deg=1e-3, duration_s=40.0, samples_per_step=100, backend="interpreter"
+    )
+    found = driven(env, lambda k: (1.0, 1.0, 0.5), 28, 1)
+    angles = np.array([attitude.numeric.to_euler(q) for q in found["q_nb"]])
+    assert np.linalg.norm(found["velocity_n"][-1, :2]) > 100.0
+    assert -found["velocity_n"][-1, 2] == pytest.approx(5.0, abs=1.0)
+    assert angles[-1, 0] == pytest.approx(0.7, abs=0.05)
+    rate = np.diff(np.unwrap(angles[:, 2]))[-1]
+    assert rate == pytest.approx(9.80665 * np.tan(0.7) / np.linalg.norm(found["velocity_n"][-1, :2]), rel=0.1)
+    slow = driven(env, lambda k: (-1.0, 0.0, 0.0), 14, 1)
+    assert np.linalg.norm(slow["velocity_n"][-1, :2]) == pytest.approx(60.0, abs=1.0)
+
+
+def test_a_turntable_turns_the_vehicle_and_nothing_else():
+    env = ManoeuvreEnv(PARKED, samples_per_step=50, duration_s=60.0, goal_deg=1e-3, backend="interpreter")
+    env.reset(seed=1, options={"run_seed": 5})
+    plant = build(parse(PARKED, "parked", "parked"), seed=5)
+    still = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(100))
+    for k in range(2):
+        *_, info = env.step(np.zeros(1))
+        assert info["q_nb"] == pytest.approx(still["q_nb"][50 * k + 49], abs=1e-14)
+    state = env.setup.task.model.state.unpack(env._runner.x)
+    for name in ("delta_angle", "delta_velocity"):
+        assert state[name] == pytest.approx(still[name][-1], abs=1e-14)
+    before = attitude.numeric.to_euler(info["q_nb"])
+    for _ in range(15):
+        *_, info = env.step(np.array([0.5]))
+    after = attitude.numeric.to_euler(info["q_nb"])
+    turned = np.degrees(after[2] - before[2])
+    assert turned == pytest.approx(90.0, abs=0.01)
+    assert np.linalg.norm(info["velocity_n"]) < 1e-6
+    assert np.degrees(np.abs(np.subtract(after[:2], before[:2]))).max() < 0.2  # the wind's
+
+
+def test_indexing_beats_standing_still():
+    """Gyro biases turn with the table, the Earth's rate does not: the one becomes known apart from the other."""
+    env = ManoeuvreEnv(PARKED, samples_per_step=50, duration_s=200.0, goal_deg=1e-3, backend="interpreter")
+    still = driven(env, lambda k: [0.0], 200, 3)
+    indexed = driven(env, lambda k: [1.0 if k % 60 >= 30 else 0.0], 200, 3)
+    assert indexed["heading_sigma"][-1] < 0.6 * still["heading_sigma"][-1]
+    assert abs(indexed["heading_error"][-1]) < 4 * indexed["heading_sigma"][-1]
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e9])
+def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
+    env = ManoeuvreEnv(**SHORT)
+    env.reset(seed=1)
+    env._runner.x[env.setup.task.model.state.slice("estimator_height")] = wrong
+    observation, reward, terminated, truncated, info = env.step(np.zeros(2))
+    assert terminated and not truncated and info["diverged"] == 1.0
+    assert env.observation_space.contains(observation)
+    assert reward == pytest.approx(-11.0)
+    assert all(np.all(np.isfinite(value)) for value in info.values())
+
+
+def test_an_action_outside_is_the_nearest_allowed():
+    env, ends = ManoeuvreEnv(**SHORT), []
+    for action in ([30.0, -1e5], [1.0, -1.0]):
+        env.reset(seed=1)
+        ends.append(env.step(np.array(action)))
+    testing._assert_same(list(ends[0]), list(ends[1]), "clipped")
+
+
+@pytest.mark.parametrize(
+    "given, named",
+    [
+        ({"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
+        ({"scenario": "ship-underway"}, "needs a car or an aircraft"),
+        ({"scenario": "car-parked"}, "has no .gnss."),
+        ({"reward": "speed"}, "reward = 'speed': allowed are 'uncertainty', 'error'"),
+        ({"goal_deg": 0.0}, "goal_deg = 0"),
+        ({"time_weight": -1.0}, "time_weight = -1"),
+        ({"duration_s": 1e-3}, "duration_s"),
+    ],
+)
+def test_bad_arguments_are_named(given, named):
+    with pytest.raises(InputError, match=named):
+        gymnasium.make(ID, **given)
+
+
+@pytest.mark.parametrize("action", [np.zeros(3), [np.nan, 0.0], [0.0, np.inf], None])
+def test_a_bad_action_is_an_error(car, action):
+    car.reset(seed=1)
+    with pytest.raises(InputError, match="action"):
+        car.step(action)

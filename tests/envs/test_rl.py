@@ -1,0 +1,30 @@
+"""Learning: the example's PPO beats the untuned filter on seeds that it has not seen.  Minutes: `make test-rl` runs it."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+from places import ROOT
+
+if not os.environ.get("INSENV_TEST_RL"):
+    pytest.skip("it trains for minutes: make test-rl runs it", allow_module_level=True)
+pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed: pip install insenv[rl]")
+
+
+def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
+    done = subprocess.run(
+        [sys.executable, ROOT / "examples" / "train_tuner.py", "--out", "figure"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=3000,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "figure" / "tuner.png").stat().st_size > 10_000
+    found = re.search(r"PPO less untuned, seed by seed: ([+-][\d.]+) \+- ([\d.]+)", done.stdout)
+    assert found is not None, done.stdout
+    gain, error = map(float, found.groups())
+    assert gain > 4 * error, done.stdout

@@ -1,0 +1,300 @@
+"""Large misalignment: the additive-quaternion algebra against scipy, Jacobians against differences, and how both filters
+converge.
+"""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from insenv import attitude, geodesy
+from insenv.core import symmetric
+from insenv.core.runner import make_runner
+from insenv.estimators import aqe_ekf, aqe_sukf, get
+from insenv.estimators.parts import aqe_algebra as algebra
+from insenv.estimators.parts import quaternion_error as aqe_model
+from insenv.estimators.parts.aqe_tables import ACCEL, DQ, GYRO, POSITION, VELOCITY, N
+from insenv.plant.feeding import input_rows
+from insenv.runs.ensemble import ensemble
+from insenv.scenario import build, load
+
+MODEL = aqe_ekf.ESTIMATOR.model
+SCALE = np.concatenate([np.full(4, 1e-5), np.full(3, 1e-6), np.full(3, 1e-4), np.full(3, 1e-2), np.full(3, 1.0)])
+
+
+@cache
+def functions():
+    q, dq, v = ca.SX.sym("q", 4), ca.SX.sym("dq", 4), ca.SX.sym("v", 3)
+    P, d = ca.SX.sym("P", 4, 4), ca.SX.sym("d", 3)
+    p, x = ca.SX.sym("p", MODEL.parameters.size), ca.SX.sym("x", MODEL.state.size)
+    age = ca.SX.sym("age")
+    named = MODEL.parameters.symbols(p), MODEL.state.symbols(x)
+    part = aqe_ekf.linearised(named[1].stretch_q_wb, None, named[1].stretch_velocity, named[1].stretch_distance)
+    found = aqe_sukf.unscented(q, P, v, d)
+    return {
+        "U": ca.Function("U", [q], [algebra.U(q)]),
+        "Y": ca.Function("Y", [q], [algebra.Y(q)]),
+        "left": ca.Function("left", [q], [algebra.left(q)]),
+        "right": ca.Function("right", [q], [algebra.right(q)]),
+        "delta_C": ca.Function("delta_C", [dq, q], [algebra.delta_C(dq, q)]),
+        "sensitivity": ca.Function("sensitivity", [q, v], [algebra.sensitivity(q, v)]),
+        "Phi": ca.Function("Phi", [x], [aqe_model.transition(named[1], part)]),
+        "fix": ca.Function("fix", [p, x, age], list(aqe_model.predicted_fix(*named, age))),
+        "unscented": ca.Function("unscented", [q, P, v, d], [found.G, found.mean, found.extra, found.C]),
+    }
+
+
+def call(name, *arguments):
+    result = functions()[name](*arguments)
+    return [r.full() for r in result] if isinstance(result, (list, tuple)) else result.full()
+
+
+def unit(rng):
+    q = rng.normal(size=4)
+    return q / np.linalg.norm(q)
+
+
+def dcm(q):
+    return Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_difference_of_attitude_matrices_is_exact_for_errors_of_any_size(seed):
+    rng = np.random.default_rng(seed)
+    q_hat, q = unit(rng), unit(rng)
+    dQ = q_hat - q
+    assert np.allclose(call("delta_C", dQ, q_hat), dcm(q_hat) - dcm(q), atol=1e-14)  # (8), (9)
+    other = 2 * call("Y", dQ).T @ call("U", q) + call("Y", dQ).T @ call("U", dQ)  # the second line of (9)
+    assert np.allclose(other, dcm(q_hat) - dcm(q), atol=1e-14)
+
+
+def test_identities_of_the_matrices():
+    rng = np.random.default_rng(0)
+    q, p, u = unit(rng), unit(rng), rng.normal(size=3)
+    U, Y = call("U", q), call("Y", q)
+    assert np.allclose(U.T @ U, np.eye(3)) and np.allclose(Y.T @ Y, np.eye(3))
+    assert np.allclose(Y @ Y.T, np.eye(4) - np.outer(q, q)) and np.allclose(Y.T @ q, 0)
+    assert np.allclose(Y.T @ U, dcm(q))  # (5)
+    product = attitude.numeric.multiply(q, p)
+    assert np.allclose(call("left", q) @ p, product) and np.allclose(call("right", p) @ q, product)
+    assert np.allclose(U @ u, attitude.numeric.multiply(q, np.r_[0, u]))
+    assert np.allclose(Y @ u, attitude.numeric.multiply(np.r_[0, u], q))
+    # the derivative of the rotated vector, along the unit sphere
+    v, e = rng.normal(size=3), Y @ rng.normal(size=3) * 1e-6
+    there, here = (q - s * e for s in (1, -1))
+    difference = (dcm(here) - dcm(there)) @ v / 2
+    assert np.allclose(call("sensitivity", q, v) @ e, difference, rtol=1e-6, atol=1e-12)
+
+
+def random_state(rng):
+    q = unit(rng)
+    return MODEL.state.pack(
+        {
+            "q_wb": q,
+            "stretch_q_wb": q,
+            "velocity_w": rng.normal(size=3) * [80, 80, 5],
+            "q_ew": geodesy.numeric.q_ew_from_geodetic(0.6, rng.uniform(-3, 3), rng.uniform(-3, 3)),
+            "height": 500.0,
+            "gyro_bias": rng.normal(size=3) * 1e-4,
+            "accel_bias": rng.normal(size=3) * 1e-2,
+            "samples": 10.0,
+            "previous_delta_angle": rng.normal(size=3) * 1e-3,
+            "previous_delta_velocity": rng.normal(size=3) * 1e-2,
+            "acceleration_w": rng.normal(size=3),
+            "dt": 0.01,
+        }
+    )
+
+
+def with_error(x, error):
+    """The state of an estimate off from the state x by `error` (16): estimate less truth, biases what is left of them."""
+    s = MODEL.state.unpack(x)
+    q = s["q_wb"] + error[DQ]
+    theta = geodesy.numeric.transport_rate_w(error[POSITION], s["q_ew"], s["height"])
+    return MODEL.state.pack(
+        {
+            "q_wb": q / np.linalg.norm(q),
+            "stretch_q_wb": q / np.linalg.norm(q),
+            "velocity_w": s["velocity_w"] + error[VELOCITY],
+            "q_ew": attitude.numeric.multiply(s["q_ew"], attitude.numeric.from_rotation_vector(theta)),
+            "height": s["height"] - error[POSITION][2],
+            "gyro_bias": s["gyro_bias"] - error[GYRO],
+            "accel_bias": s["accel_bias"] - error[ACCEL],
+        },
+        base=x,
+    )
+
+
+def error_state(estimate, truth):
+    """Error state (16) of a state vector relative to another."""
+    e, t = MODEL.state.unpack(estimate), MODEL.state.unpack(truth)
+    places = [(*geodesy.numeric.geodetic_from_q_ew(s["q_ew"])[:2], s["height"]) for s in (e, t)]
+    ned = geodesy.numeric.ned_offset(*places[0], *places[1])
+    wander = geodesy.numeric.geodetic_from_q_ew(t["q_ew"])[2]
+    dr = Rotation.from_euler("z", wander).inv().apply(ned)
+    bias = t["gyro_bias"] - e["gyro_bias"], t["accel_bias"] - e["accel_bias"]
+    return np.concatenate([e["q_wb"] - t["q_wb"], *bias, e["velocity_w"] - t["velocity_w"], dr])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_transition_against_differences_of_the_mechanization(seed):
+    rng = np.random.default_rng(seed)
+    x, count = random_state(rng), 100
+    tangent = np.linalg.svd(MODEL.state.unpack(x)["q_wb"][None])[2][1:].T  # 4x3
+    u = np.tile(MODEL.inputs.start_vector(), (count, 1))
+    u[:, MODEL.inputs.slice("delta_angle")] = rng.normal(size=3) * 3e-3
+    u[:, MODEL.inputs.slice("delta_velocity")] = rng.normal(size=3) * 0.1
+    u[:, MODEL.inputs.slice("dt")] = 0.01
+
+    def moved(state):
+        runner = make_runner(MODEL, {"filter_interval": 10.0}, "interpreter")
+        runner.x[:] = state
+        runner.run(count, u, 0)
+        return runner.x.copy()
+
+    end = moved(x)
+    Phi = call("Phi", end)
+    directions = np.zeros((N, N - 1))
+    directions[DQ, :3] = tangent
+    directions[4:, 3:] = np.eye(12)
+    scale = np.r_[SCALE[:3], SCALE[4:]]
+    for j in range(N - 1):
+        step = directions[:, j] * scale[j]
+        up, down = moved(with_error(x, step)), moved(with_error(x, -step))
+        difference = (error_state(up, end) - error_state(down, end)) / 2
+        # what a second leaves out: products of the Earth's rate and the motion, some 1e-3 of the largest
+        size = np.concatenate([np.full(n, np.abs(difference[part]).max()) for part, n in
+                               ((DQ, 4), (GYRO, 3), (ACCEL, 3), (VELOCITY, 3), (POSITION, 3))])  # fmt: skip
+        assert (np.abs(Phi @ step - difference) < 0.03 * size + 2e-4 * SCALE).all(), j
+
+
+def test_errors_of_any_size_go_by_the_closed_form():
+    """An attitude wrong by 100 deg: its quaternion error and its velocity error after a second."""
+    rng = np.random.default_rng(5)
+    x = random_state(rng)
+    s = MODEL.state.unpack(x)
+    wrong = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.6, -0.9, 1.4])), s["q_wb"])
+    other = MODEL.state.pack({"q_wb": wrong, "stretch_q_wb": wrong}, base=x)
+    u = np.tile(MODEL.inputs.start_vector(), (100, 1))
+    u[:, MODEL.inputs.slice("delta_angle")] = rng.normal(size=(100, 3)) * 3e-3
+    u[:, MODEL.inputs.slice("delta_velocity")] = rng.normal(size=3) * 0.1
+    u[:, MODEL.inputs.slice("dt")] = 0.01
+    ends = []
+    for state in (other, x):
+        runner = make_runner(MODEL, {"filter_interval": 10.0}, "interpreter")
+        runner.x[:] = state
+        runner.run(100, u, 0)
+        ends.append(runner.state)
+    dQ = wrong - s["q_wb"]
+    expected = call("delta_C", dQ, wrong) @ ends[0]["stretch_velocity"]
+    assert np.allclose(ends[0]["velocity_w"] - ends[1]["velocity_w"], expected, atol=1e-3 * np.linalg.norm(expected))
+    rate = ends[0]["omega_ie_w"] + ends[0]["omega_ew_w"]
+    carried = attitude.numeric.multiply(np.r_[1, -rate / 2], attitude.numeric.multiply(dQ, ends[0]["stretch_turn"]))
+    assert np.allclose(ends[0]["q_wb"] - ends[1]["q_wb"], carried, atol=3e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("age", [0.0, 0.1])
+def test_fix_sensitivities_against_differences(seed, age):
+    rng = np.random.default_rng(seed)
+    x = random_state(rng)
+    p = MODEL.parameters.pack({"antenna_lever_arm": rng.normal(size=3) * 3})
+    s = MODEL.state.unpack(x)
+
+    def predicted(error):
+        state = with_error(x, error)
+        e = MODEL.state.unpack(state)
+        change = dcm(e["q_wb"]) - dcm(s["q_wb"])
+        axis = Rotation.from_quat(s["q_ew"][[1, 2, 3, 0]]).as_matrix()[2]
+        gravity = geodesy.numeric.normal_gravity(-axis[2], s["height"])
+        force_b = dcm(s["q_wb"]).T @ (s["acceleration_w"] - [0, 0, gravity])
+        felt = change @ force_b + dcm(s["q_wb"]) @ error[ACCEL]
+        state[MODEL.state.slice("acceleration_w")] += felt
+        state[MODEL.state.slice("previous_delta_angle")] += error[GYRO] * s["dt"]
+        offset, velocity, _ = call("fix", p, state, age)
+        return np.concatenate([offset.ravel() + error[POSITION], velocity.ravel()])
+
+    H = call("fix", p, x, age)[2]
+    tangent = np.linalg.svd(s["q_wb"][None])[2][1:].T
+    for step in [*(np.r_[t, np.zeros(12)] * 1e-5 for t in tangent.T), *(np.eye(N)[j] * SCALE[j] for j in range(4, N))]:
+        difference = (predicted(step) - predicted(-step)) / 2
+        assert np.allclose(H @ step, difference, rtol=2e-3, atol=2e-8), step
+
+
+def test_sigma_points_against_monte_carlo():
+    """Mean and covariance of the nonlinear part for level attitude within 3 deg and heading within 40 deg."""
+    rng = np.random.default_rng(1)
+    q_hat = unit(rng)
+    force = dcm(q_hat).T @ [0, 0, -9.8]
+    sigma = np.radians([3.0, 3.0, 40.0])
+    P = call("Y", q_hat) @ np.diag((sigma / 2) ** 2) @ call("Y", q_hat).T
+    G, mean, extra, C = call("unscented", q_hat, P, force, force / 2)
+    total = (G @ P @ G.T + extra)[:3, :3]
+    q = q_hat - rng.normal(size=(200_000, 3)) * (sigma / 2) @ call("Y", q_hat).T
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    y = (dcm(q_hat) - Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()) @ force
+    assert np.allclose(mean[:3, 0], y.mean(axis=0), atol=0.01)
+    found = np.cov(y.T)
+    assert np.allclose(np.sqrt(np.diag(total))[:2], np.sqrt(np.diag(found))[:2], rtol=0.15)
+    assert np.linalg.eigvalsh(extra).min() > -1e-12
+    spin = call("U", q_hat) @ force / 9.8
+    assert np.abs(G @ spin).max() < 1e-9  # a turn about the specific force moves nothing
+    assert C.shape == (3, 3)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "id"),
+    [("large-misalignment", "aqe-ekf"), ("large-misalignment", "aqe-sukf"), ("large-misalignment-extreme", "aqe-sukf")],
+)
+def test_alignment_from_large_errors(scenario, id):
+    """Within two minutes level to the accelerometer's bias and heading to some tenths of a degree, as stated."""
+    found = ensemble(load(scenario), [id], range(8), duration_s=120.0, records=120)
+    error, sigma = found.attitude_errors_deg(id)[:, -1], np.degrees(found.outputs[id]["attitude_sigma"][:, -1])
+    assert np.abs(error[:, :2]).max() < 0.01
+    assert np.abs(error[:, 2]).max() < 0.7
+    assert (np.abs(error[:, 2]) < 4 * sigma[:, 2]).all()
+
+
+def test_alignment_in_flight():
+    found = ensemble(load("aircraft-inflight-alignment"), ["aqe-sukf"], range(4), duration_s=120.0, records=120)
+    assert np.abs(found.attitude_errors_deg("aqe-sukf")[:, -1]).max() < 0.01
+
+
+@pytest.mark.parametrize("id", ["aqe-ekf", "aqe-sukf"])
+def test_covariance_stays_positive(id):
+    estimator = get(id)
+    plant = build(load("large-misalignment"), duration_s=60.0)
+    runner = make_runner(plant.model, plant.parameters, "interpreter")
+    columns = plant.model.outputs.unpack(runner.run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    filter = make_runner(estimator.model, estimator.prepare(plant.knowledge), "interpreter")
+    filter.run(plant.samples, input_rows(estimator.model, columns, plant.samples), 0)
+    P = symmetric.full_array(filter.state["covariance"], N)
+    q = filter.state["q_wb"]
+    assert np.abs(P[DQ, DQ] @ q).max() < 1e-9 * np.sqrt(P[DQ, DQ].max())  # on the tangent of the unit sphere
+    onto = np.zeros((N, N - 1))
+    onto[DQ, :3] = np.linalg.svd(q[None])[2][1:].T
+    onto[4:, 3:] = np.eye(12)
+    P = onto.T @ P @ onto
+    D = np.sqrt(np.diag(P))
+    assert np.linalg.eigvalsh(P / np.outer(D, D)).min() > 0
+
+
+def test_a_vehicle_that_stands_is_levelled_without_fixes():
+    model, dt, count = aqe_sukf.ESTIMATOR.model, 0.01, 4000
+    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.05, -0.1, 2.0))
+    rate = C_nb.T @ geodesy.numeric.earth_rate_n(-0.7)
+    force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(-0.7), 0.0))]
+    known = {"start_latitude": -0.7, "start_roll": 0.3, "start_pitch": 0.1, "start_heading": 2.5, "tilt_sigma": 0.3}
+    runner = make_runner(
+        model, {**known, "heading_sigma": 0.5, "gyro_bias_sigma": 1e-8, "accel_bias_sigma": 1e-5}, "interpreter"
+    )
+    standing = np.arange(count) % 100 == 99
+    columns = {"delta_angle": np.tile(rate * dt, (count, 1)), "delta_velocity": np.tile(force * dt, (count, 1))}
+    columns |= {"dt": np.full(count, dt), "standing": standing.astype(float)}
+    y = model.outputs.unpack(runner.run(count, input_rows(model, columns, count), count))
+    roll, pitch, _ = attitude.numeric.to_euler(y["q_nb"][-1])
+    assert abs(roll - 0.05) < 2e-3 and abs(pitch + 0.1) < 2e-3
+    assert np.abs(y["velocity_n"][-1]).max() < 0.02

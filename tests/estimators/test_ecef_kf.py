@@ -1,0 +1,320 @@
+"""ecef-kf and analytic: the paper's recursion against its matrices and scipy, Jacobians, table 1, starts, moving base."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from insenv import attitude, geodesy
+from insenv.core import symmetric
+from insenv.core.numeric import vectorized
+from insenv.core.runner import make_runner
+from insenv.estimators import ecef_kf, ecef_model, get
+from insenv.estimators.parts import two_sample
+from insenv.evaluation import limits
+from insenv.plant.feeding import input_rows
+from insenv.runs.ensemble import ensemble
+from insenv.runs.simulated import run
+from insenv.scenario import load
+
+turned = vectorized(two_sample.turned, 4, 3, 3)
+EARTH = np.array([0, 0, geodesy.OMEGA_IE])
+
+
+def paper_matrix(w):
+    """(31)."""
+    return np.array([[0, w[0], w[1], w[2]], [-w[0], 0, w[2], -w[1]], [-w[1], -w[2], 0, w[0]], [-w[2], w[1], -w[0], 0]])
+
+
+def paper_recursion(q, first, second):
+    """(30) with (32)-(34), as printed."""
+    B2, B1, B = (paper_matrix(w) for w in (3 * first - second, first + second, 3 * second - first))
+    unit = np.eye(4)
+    return (unit + (B + 4 * B1 + B2) / 12 + (unit + B / 4) @ B1 @ B2 / 12 + B @ (B1 - B2 / 2) / 12) @ q
+
+
+def paper_dcm(q):
+    """(35)."""
+    a, b, c, d = q
+    return np.array(
+        [
+            [a * a + b * b - c * c - d * d, 2 * (b * c + d * a), 2 * (b * d - c * a)],
+            [2 * (b * c - d * a), a * a + c * c - b * b - d * d, 2 * (c * d + a * b)],
+            [2 * (b * d + c * a), 2 * (c * d - a * b), a * a + d * d - b * b - c * c],
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_recursion_is_the_papers_and_turns_as_scipy_does(seed):
+    rng = np.random.default_rng(seed)
+    start = Rotation.random(random_state=seed)
+    conjugate = start.as_quat(scalar_first=True) * [1, -1, -1, -1]
+    assert np.allclose(paper_dcm(conjugate), start.as_matrix(), atol=1e-15)  # (31) and (35) go together
+
+    # a rate that grows linearly in time, integrated finely by scipy: the error falls with the fourth power of the interval
+    rate, growth, steps, errors = rng.normal(size=3), rng.normal(size=3) * 3, 1000, []
+    for h in (0.04, 0.02):
+        t = (np.arange(steps) + 0.5) * 2 * h / steps
+        true = start
+        for turn in Rotation.from_rotvec((rate + growth * t[:, None]) * 2 * h / steps):
+            true = true * turn
+        first, second = (rate * h + growth * (b * b - a * a) / 2 for a, b in ((0, h), (h, 2 * h)))
+        ours, papers = turned(start.as_quat(scalar_first=True), first, second), paper_recursion(conjugate, first, second)
+        assert np.allclose(ours, papers * [1, -1, -1, -1], atol=1e-15)
+        errors.append((Rotation.from_quat(ours, scalar_first=True) * true.inv()).magnitude())
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[1] > 11
+
+
+def test_recursion_is_of_third_order():
+    q, w = np.array([1.0, 0, 0, 0]), np.array([0.3, -0.2, 0.5])
+    errors = []
+    for h in (0.1, 0.05):
+        found = turned(q, w * h, w * h)
+        errors.append(np.abs(found - Rotation.from_rotvec(2 * w * h).as_quat(scalar_first=True)).max())
+    assert errors[0] / errors[1] > 13  # local error of fourth order: 16
+
+
+def test_velocity_change_over_two_samples():
+    """Against fine integration with rate and force linear in time."""
+    rng = np.random.default_rng(1)
+    rate, growth, force, jerk, h, n = (
+        rng.normal(size=3),
+        rng.normal(size=3),
+        rng.normal(size=3) * 9,
+        rng.normal(size=3) * 9,
+        0.02,
+        4000,
+    )
+    t = (np.arange(n) + 0.5) * 2 * h / n
+    angle = rate * t[:, None] + growth * t[:, None] ** 2 / 2
+    coning = np.cross(rate, growth) * t[:, None] ** 3 / 12
+    true = Rotation.from_rotvec(angle + coning).apply(force + jerk * t[:, None]).sum(axis=0) * 2 * h / n
+    parts = [v * h + g * (b * b - a * a) / 2 for v, g in ((rate, growth), (force, jerk)) for a, b in ((0, h), (h, 2 * h))]
+    found = vectorized(two_sample.velocity_change, 3, 3, 3, 3)(*parts)
+    assert np.abs(found - true).max() < 1e-5 * np.abs(true).max()
+
+
+def _errors(seed):
+    """Error equations of the true nonlinear dynamics by differences: F (12x12) at a random attitude."""
+    rng = np.random.default_rng(seed)
+    C, force, rate, velocity = (
+        Rotation.random(random_state=seed).as_matrix(),
+        rng.normal(size=3) * 9,
+        rng.normal(size=3),
+        rng.normal(size=3),
+    )
+
+    def derivative(error):
+        """d(dv)/dt, d(phi)/dt of an estimate off by `error`, C_hat = exp(-phi) C, to first order in phi."""
+        dv, phi, b_a, b_g = error.reshape(4, 3)
+        turn = Rotation.from_rotvec(-phi).as_matrix()
+        C_hat = turn @ C
+        d_velocity = C_hat @ (force + b_a) - 2 * np.cross(EARTH, velocity + dv) - (C @ force - 2 * np.cross(EARTH, velocity))
+        # body rate relative to e, estimated and true; C_hat C^T = exp(-phi)
+        spin = C_hat @ (rate + b_g - C_hat.T @ EARTH) - turn @ C @ (rate - C.T @ EARTH)
+        return np.concatenate([d_velocity, -spin])
+
+    step = 1e-6
+    return C, force, np.array([(derivative(e) - derivative(-e)) / (2 * step) for e in np.eye(12) * step]).T
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_error_model_against_differences(seed):
+    C, force, F = _errors(seed)
+    A = ecef_model.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
+    assert np.allclose(np.array(ca.DM(A))[:6], F, atol=1e-8)
+    assert not np.array(ca.DM(A))[6:].any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_observation_of_a_mean_against_integration(seed):
+    """The mean of the velocity error over a window from the error at its end."""
+    rng = np.random.default_rng(seed)
+    C, force, _ = _errors(seed)
+    T, n = 0.5, 500
+    F = np.array(ca.DM(ecef_model.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
+    x = rng.normal(size=12)
+    mean = np.zeros(3)
+    for _ in range(n):
+        mean += (x + F @ x * T / n / 2)[:3] / n
+        x = x + F @ x * (T / n) + F @ F @ x * (T / n) ** 2 / 2
+    H = np.array(ca.DM(ecef_model.observation(ecef_model.transition(ca.SX(T), ca.SX(C @ force * T), ca.SX(C * T)), 0.5)))
+    # what is left out: the drift of phi within the window, force T^2 / 6 b_g, and 2 omega_ie T / 2 dv
+    assert np.abs(H @ x - mean).max() < 1.1 * np.linalg.norm(force) * T**2 / 6 * np.linalg.norm(x[9:]) + 1e-3
+
+
+def test_propagation_and_observation_of_the_covariance():
+    rng = np.random.default_rng(4)
+    L = rng.normal(size=(12, 12))
+    P, H = L @ L.T, rng.normal(size=(1, 12))
+    A = np.array(
+        ca.DM(ecef_model.transition(ca.SX(1e-4), ca.SX(rng.normal(size=3) * 1e-3), ca.SX(rng.normal(size=(3, 3)) * 1e-4)))
+    )
+    noise, stored = rng.uniform(size=12), symmetric.triangle(ca.SX(P))
+    found = symmetric.full_array(np.array(ca.DM(ecef_model.propagate(stored, ca.sparsify(ca.SX(A)), ca.SX(noise)))).ravel(), 12)
+    assert np.allclose(found, (np.eye(12) + A) @ P @ (np.eye(12) + A).T + np.diag(noise), atol=1e-5)
+    stored, correction = ecef_model.observe(stored, ca.SX.zeros(12), ca.SX(H), 0.7, 0.3, 1)
+    K = P @ H.T / (H @ P @ H.T + 0.3)
+    assert np.allclose(np.array(ca.DM(correction)), K * 0.7)
+    assert np.allclose(symmetric.full_array(np.array(ca.DM(stored)).ravel(), 12), P - K @ H @ P, atol=1e-10)
+
+
+def test_table_1():
+    """With a prior wide enough not to count; the prior of the data sheet moves pitch by 0.00013 deg."""
+    prior = {"tilt_sigma": np.radians(1), "heading_sigma": np.radians(10), "gyro_bias_sigma": 5e-8}
+    found = ensemble(load("static-ecef"), ["ecef-kf"], [1], tuning={"ecef-kf": prior}, records=10)
+    roll, pitch, heading = found.attitude_errors_deg("ecef-kf")[0, -1]
+    error = found.sensor_error_n[0]
+    expected = np.degrees(limits.bias_tilts(error[:3], error[3:], np.radians(45), 0.0))
+    assert abs(roll - expected[0]) < 3e-5
+    assert abs(pitch - expected[1]) < 3e-5
+    assert abs(heading - expected[2]) < 0.00251
+
+
+def at_rest(id, q_nb, latitude, duration=100.0, dt=0.05, parameters=None):
+    """Attitude error (rotation vector in n, rad) after `duration` at rest without sensor errors, and the stated sigma."""
+    C_nb = attitude.numeric.to_dcm(q_nb)
+    rate, force = (
+        C_nb.T @ geodesy.numeric.earth_rate_n(latitude),
+        C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))],
+    )
+    model, n = get(id).model, round(duration / dt)
+    columns = {"delta_angle": np.tile(rate * dt, (n, 1)), "delta_velocity": np.tile(force * dt, (n, 1)), "dt": np.full(n, dt)}
+    runner = make_runner(model, {"latitude": latitude, **(parameters or {})})
+    runner.run(n, input_rows(model, columns, n), 0)
+    out = runner.outputs()
+    return attitude.numeric.error_rotation_vector(out["q_nb"], q_nb), out["attitude_sigma"]
+
+
+ATTITUDES = [*np.eye(4), [0.5, 0.5, 0.5, 0.5], [0.5**0.5, 0, 0.5**0.5, 0], [0.1, -0.7, 0.1, 0.7]]
+
+
+@pytest.mark.parametrize("q", ATTITUDES)
+@pytest.mark.parametrize("latitude_deg", [-60.0, 1.0, 45.0, 88.0])
+def test_any_attitude_in_both_hemispheres(q, latitude_deg):
+    q, latitude = np.array(q) / np.linalg.norm(q), np.radians(latitude_deg)
+    assert np.abs(at_rest("analytic", q, latitude)[0]).max() < 1e-9
+    # by its own coarse alignment, then the filter
+    parameters = {"coarse_time": 90.0, "tilt_sigma": 0.002, "heading_sigma": 0.03, "velocity_random_walk": 1e-5}
+    assert np.abs(at_rest("ecef-kf", q, latitude, parameters=parameters)[0]).max() < 2e-5
+
+
+@pytest.mark.parametrize("q", ATTITUDES)
+def test_told_attitude_with_errors(q):
+    q, latitude = np.array(q) / np.linalg.norm(q), -0.6
+    wrong = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.005, -0.004, 0.02])), q)
+    names = ("start_roll", "start_pitch", "start_heading")
+    told = dict(zip(names, map(float, attitude.numeric.to_euler(wrong)), strict=True))
+    parameters = {
+        **told,
+        "accel_bias_sigma": 1e-5,
+        "gyro_bias_sigma": 1e-9,
+        "velocity_random_walk": 1e-5,
+        "angle_random_walk": 1e-8,
+    }
+    error, sigma = at_rest("ecef-kf", q, latitude, 200.0, parameters=parameters)
+    assert np.abs(error[:2]).max() < 2e-5
+    assert abs(error[2]) < 3 * sigma[2] < 0.003
+
+
+def test_analytic_has_the_error_that_biases_leave():
+    result = run(load("static-ecef"), ["analytic"], duration_s=60.0).results[0]
+    final = result.statistics()["final"]
+    for name, value in final.items():
+        assert abs(value) == pytest.approx(result.limit[name], rel=0.02)
+
+
+def test_prepare_chooses_the_start():
+    from dataclasses import replace
+
+    from insenv.scenario import build
+
+    known = build(load("ship-swaying")).knowledge
+    assert ecef_kf.prepare(known)["coarse_time"] == 0
+    unknown = ecef_kf.prepare(replace(known, heading_sigma=np.pi))
+    assert unknown["coarse_time"] == ecef_kf.COARSE_TIME
+    assert unknown["heading_sigma"] < 0.1
+
+
+def test_covariance_is_consistent_in_the_laboratory():
+    """Drawn biases, noise and start errors; 24 seeds at 25 Hz: mean NEES within its bounds at 150 to 300 s."""
+    from scipy.stats import chi2
+
+    from insenv.reproduce.ecef import laboratory, nees
+
+    found = ensemble(laboratory(25.0), ["ecef-kf"], range(24), duration_s=300.0, records=60)
+    low, high = chi2.ppf([0.001, 0.999], 3 * 24) / 24
+    mean = nees(found).mean(axis=0)[30:]
+    assert low < mean.min() <= mean.max() < high
+
+
+def test_swaying_ship_from_told_attitude():
+    found = ensemble(load("ship-swaying"), ["ecef-kf"], range(8))
+    errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
+    assert np.abs(errors[:, :2]).max() < 0.02
+    assert np.sqrt(np.mean((errors / sigma) ** 2)) < 1.5
+
+
+def test_irregular_sea_that_is_expected():
+    """A sway too gentle at the start to be seen would be taken for tilt: `sway_sigma` says that it is there."""
+    found = ensemble(load("ship-irregular-sea"), ["ecef-kf"], range(6), tuning={"ecef-kf": {"sway_sigma": 0.3}})
+    errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
+    assert np.abs(errors[:, 2]).max() < 0.3
+    assert np.sqrt(np.mean((errors / sigma) ** 2)) < 1.5
+
+
+def test_moving_base_with_fixes():
+    found = ensemble(load("ship-underway"), ["ecef-kf"], range(2), duration_s=300.0, tuning={"ecef-kf": {"moving": 1}})
+    errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
+    assert np.sqrt(np.mean((errors / sigma) ** 2)) < 2
+
+
+def test_a_day_keeps_the_covariance_positive():
+    model = get("ecef-kf").model
+    n, dt = 24 * 3600 // 1, 1.0
+    rate, force = geodesy.numeric.earth_rate_n(0.5), np.array([0, 0, -float(geodesy.numeric.normal_gravity(np.sin(0.5), 0.0))])
+    runner = make_runner(model, {"latitude": 0.5, "angle_random_walk": 1e-9, "velocity_random_walk": 1e-7})
+    runner.run(n, model.inputs.pack({"delta_angle": rate * dt, "delta_velocity": force * dt, "dt": dt}), 0)
+    assert np.linalg.eigvalsh(symmetric.full_array(runner.state["covariance"], 12)).min() > 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("age", [0.0, 0.15])
+def test_observation_of_a_fix_against_differences(seed, age):
+    """Moving base: lever arm and age in the innovation are also in H, at random attitudes, rates and accelerations."""
+    rng = np.random.default_rng(seed)
+    model = ecef_kf.MODEL
+    p, x = ca.SX.sym("p", model.parameters.size), ca.SX.sym("x", model.state.size)
+    function = ca.Function("f", [p, x], list(ecef_kf.fix_observation(model.parameters.symbols(p), model.state.symbols(x))))
+    parameters = model.parameters.pack({"antenna_lever_arm": rng.normal(size=3) * 5})
+    C_eb = Rotation.random(random_state=seed)
+    values = {
+        "q_eb": C_eb.as_quat(scalar_first=True),
+        "velocity_e": rng.normal(size=3) * 10,
+        "rate_b": rng.normal(size=3),
+        "acceleration_e": rng.normal(size=3),
+        "gravity_e": rng.normal(size=3) * 6,
+        "fix_velocity_n": rng.normal(size=3) * 10,
+        "fix_age": age,
+        "place": (0.6, 1.2, 50.0),
+    }
+
+    def innovation(error):
+        """Of an estimate off by `error`: C_hat = exp(-phi) C, rates and forces with what is left of the biases in them."""
+        dv, phi, accel, gyro = error.reshape(4, 3)
+        turn, force = Rotation.from_rotvec(-phi), values["acceleration_e"] - values["gravity_e"]
+        off = {
+            "q_eb": (turn * C_eb).as_quat(scalar_first=True),
+            "velocity_e": values["velocity_e"] + dv,
+            "rate_b": values["rate_b"] + gyro,
+            "acceleration_e": values["gravity_e"] + turn.apply(force + C_eb.apply(accel)),
+        }
+        return function(parameters, model.state.pack({**values, **off}))[0].full().ravel()
+
+    H = function(parameters, model.state.pack(values))[1].full()
+    step = 1e-6
+    difference = np.array([(innovation(e) - innovation(-e)) / (2 * step) for e in np.eye(12) * step]).T
+    assert np.allclose(H, difference, atol=1e-7)
+    assert np.abs(H[:, 3:6]).max() > 0.1 and np.abs(H[:, 9:]).max() > 0.1

@@ -1,0 +1,254 @@
+"""`lssvm` in the loop: its inputs against closed forms, the same bits in every runner, its file, and what it was trained on."""
+
+import json
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from insenv import attitude
+from insenv.core.batch import make_batch
+from insenv.core.elementary import inexact_operations
+from insenv.core.runner import make_runner
+from insenv.errors import InputError, InsenvError
+from insenv.estimators import get, lssvm, lssvm_file
+from insenv.estimators.lssvm_file import TrainedMachine
+from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
+from insenv.plant.feeding import input_rows
+from insenv.reproduce import large_misalignment
+from insenv.runs.ensemble import ensemble
+from insenv.scenario import build, load, tuning
+
+MODEL = lssvm.MODEL
+EMPTY = {row.name: np.zeros(row.shape) for row in lssvm.MACHINE}
+
+
+def fed(seconds, seed=3, **tuned):
+    """Parameters and input rows of a run of `large-misalignment`."""
+    plant = build(load("large-misalignment"), seed=seed, duration_s=seconds)
+    columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples)))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    parameters = MODEL.parameters.pack({**get("lssvm").prepare(plant.knowledge), **tuned})
+    return parameters, input_rows(MODEL, columns, plant.samples), columns
+
+
+def test_only_exactly_rounded_operations():
+    for kernel in MODEL.kernels.values():
+        assert inexact_operations(kernel.function) == set()
+
+
+def test_the_same_bits_in_every_runner():
+    parameters, rows, _ = fed(60.0)
+    one = make_runner(MODEL, parameters, "interpreter").run(len(rows), rows, 100)
+    assert np.abs(MODEL.outputs.unpack(one)["ready"]).max() == 1.0  # the machine has been asked
+    assert np.array_equal(make_runner(MODEL, parameters).run(len(rows), rows, 100), one)
+    batch = make_batch(MODEL, 3, np.tile(parameters, (3, 1)))
+    for row in batch.run(len(rows), np.tile(rows, (3, 1, 1)), every=100):
+        assert np.array_equal(row, one)
+
+
+def test_machine_is_the_sum_over_its_support_vectors():
+    rng = np.random.default_rng(0)
+    rows = {"support": rng.normal(size=(lssvm.SUPPORT, 6)), "coefficients": rng.normal(size=(lssvm.SUPPORT, 3))}
+    rows |= {"offset": rng.normal(size=3), "scale": rng.uniform(0.2, 1, 6), "machine_sigma": np.zeros(3)}
+    p, x = ca.SX.sym("p", MODEL.parameters.size), ca.SX.sym("x", 6)
+    function = ca.Function("f", [p, x], [lssvm.machine(MODEL.parameters.symbols(p), x)])
+    point = rng.normal(size=6)
+    square = ((point * rows["scale"] - rows["support"]) ** 2).sum(axis=1)
+    expected = np.exp(-square) @ rows["coefficients"] + rows["offset"]
+    assert np.allclose(function(MODEL.parameters.pack(rows), point).full().ravel(), expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("phi_deg", [(0.0, 0.0, 0.0), (0.5, -0.3, 2.0), (20.0, 10.0, -60.0), (50.0, -40.0, 140.0)])
+def test_inputs_against_closed_form(phi_deg):
+    """Perfect sensors at rest: acceleration difference (R - I)(-down), its rate (R - I) east, whatever the misalignment R."""
+    scenario = load("large-misalignment")
+    still = {"roll": [], "pitch": [], "yaw": [], "north": [], "east": [], "down": []}
+    sway = scenario.vehicle.sway.model_copy(update=still)
+    scenario = scenario.model_copy(
+        update={
+            "vehicle": scenario.vehicle.model_copy(update={"sway": sway}),
+            "imu": scenario.imu.model_copy(update={"grade": "perfect"}),
+            "gnss": scenario.gnss.model_copy(
+                update={"position_noise_m": (1e-6,) * 3, "velocity_noise_mps": (1e-6,) * 3, "lever_arm_m": (0.5, 0.2, -1.0)}
+            ),
+        }
+    )
+    plant = build(scenario, duration_s=300.0)
+    columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples)))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    numeric = attitude.numeric
+    turn = numeric.from_rotation_vector(np.radians(phi_deg))
+    told = numeric.to_euler(numeric.multiply(turn, columns["q_nb"][0]))
+    known = get("lssvm").prepare(plant.knowledge) | dict(zip(("start_roll", "start_pitch", "start_heading"), told, strict=True))
+    runner = make_runner(MODEL, known | EMPTY)
+    y = MODEL.outputs.unpack(runner.run(plant.samples, input_rows(MODEL, columns, plant.samples), plant.samples))
+    R = numeric.to_dcm(numeric.multiply(y["q_nb"][0], numeric.conjugate(columns["q_nb"][-1])))
+    features = y["features"][0]
+    # the chain takes the rate as constant: its own change, of the Earth's turn squared, is left out where R is large
+    size = np.linalg.norm(R - np.eye(3))
+    assert np.allclose(features[:3], (R - np.eye(3)) @ [0, 0, -1], atol=1e-5 + 3e-5 * size)
+    assert np.allclose(features[3:5], ((R - np.eye(3)) @ [0, 1, 0])[:2], atol=1e-3 + 5e-3 * size)
+    assert abs(features[5]) < 0.1  # no sway, no heading by it
+
+
+def test_sway_shows_the_heading():
+    """With a gyro bias told to be large the share of the sway grows, and the share of the rate falls as much."""
+    parameters, rows, columns = fed(150.0, gyro_bias_sigma=1e-5, **EMPTY)
+    y = MODEL.outputs.unpack(make_runner(MODEL, parameters).run(len(rows), rows, len(rows)))
+    numeric = attitude.numeric
+    R = numeric.to_dcm(numeric.multiply(y["q_nb"][0], numeric.conjugate(columns["q_nb"][-1])))
+    by_sway = y["features"][0, 5]
+    heading = np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
+    assert abs(by_sway - np.sin(heading)) < 0.06 and abs(y["features"][0, 3]) < 0.05
+
+
+def test_the_shipped_machine_aligns_from_any_error():
+    """As the filter that it learnt from: tilt to the accelerometer's bias, heading to the gyro's; and as it states."""
+    scenario = load("large-misalignment-extreme")
+    drawn = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"))
+    scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=drawn)})
+    found = ensemble(scenario, ["lssvm"], range(8), duration_s=200.0, records=20)
+    error, sigma = found.attitude_errors_deg("lssvm")[:, -1], np.degrees(found.outputs["lssvm"]["attitude_sigma"][:, -1])
+    assert np.abs(error[:, :2]).max() < 0.006
+    assert np.abs(error[:, 2]).max() < 0.6
+    assert (np.abs(error[:, 2]) < 4 * sigma[:, 2]).all() and (sigma[:, 2] < 0.4).all()
+    first = np.degrees(found.outputs["lssvm"]["attitude_sigma"][:, 0])
+    assert np.allclose(first, [60, 60, 150])  # what was told, until the machine has been asked
+
+
+def test_a_fix_between_samples_and_late_is_taken_at_its_time():
+    scenario = load("large-misalignment")
+    gnss = scenario.gnss.model_copy(update={"latency_s": 0.2, "epoch_offset_s": 0.004})
+    found = [
+        ensemble(s, ["lssvm"], range(4), duration_s=150.0, records=3).attitude_errors_deg("lssvm")[:, -1]
+        for s in (scenario, scenario.model_copy(update={"gnss": gnss}))
+    ]
+    assert np.abs(found[1] - found[0])[:, :2].max() < 0.002 and np.abs(found[1] - found[0])[:, 2].max() < 0.2
+
+
+# --- trained and judged ----------------------------------------------------------------------------
+
+
+def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
+    trained = lssvm_file.shipped().seeds
+    judged = {*large_misalignment.STARTS.values()}
+    seeds = set(range(1, large_misalignment.SEEDS + 1))
+    assert trained and all(trained.values())
+    for scenario, used in trained.items():
+        assert scenario not in judged
+        assert not used & seeds
+    plain = {name: load(name).model_dump(exclude={"title", "description", "estimators"}) for name in [*trained, *judged]}
+    for ours in trained:
+        for theirs in judged:  # other runs, not the same under another name
+            differs = {key for key, value in plain[ours].items() if value != plain[theirs][key]}
+            assert {"start", "vehicle", "imu", "knowledge"} <= differs
+    biases = plain["large-misalignment-training"]["imu"]
+    assert biases["gyro_bias_deg_h"] == (0.0, 0.0, 0.0) and biases["gyro_bias_sigma_deg_h"] == 0.05  # none to learn by heart
+
+
+def test_the_shipped_machine_is_of_the_scenario_as_it_is_now():
+    training = pytest.importorskip("insenv.learning.training")
+    for run in lssvm_file.shipped().training["runs"]:
+        assert run["digest"] == training.digest(load(run["scenario"]))
+
+
+# --- the file ------------------------------------------------------------------------------------
+
+
+def machine(count=5):
+    rng = np.random.default_rng(1)
+    training = {"runs": [{"scenario": "x", "seeds": [1, 2], "digest": "0", "duration_s": 1.0}]}
+    return TrainedMachine(
+        rng.normal(size=(count, 6)), rng.normal(size=(count, 3)) * 1e5, rng.normal(size=3), np.full(6, 1 / 3), np.ones(3),
+        training, "0.1.0",
+    )  # fmt: skip
+
+
+def test_file_keeps_every_bit(tmp_path):
+    one = machine()
+    one.save(tmp_path / "m.json")
+    other = lssvm_file.load(tmp_path / "m.json")
+    for name in ("support", "coefficients", "offset", "scale", "machine_sigma"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+    assert other.training == one.training and other.insenv == "0.1.0" and other.seeds == {"x": {1, 2}}
+    assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
+    rows = tuning("lssvm", {"file": str(tmp_path / "m.json")})
+    assert np.array_equal(rows["support"][:5], one.support) and not rows["coefficients"][5:].any()
+    with pytest.raises(InputError, match="97 support vectors: allowed is up to 96"):
+        machine(97).rows(lssvm.SUPPORT)
+    with pytest.raises(InsenvError, match="cannot write"):
+        one.save(tmp_path / "none" / "m.json")
+
+
+def changed(**changes):
+    def change(content):
+        for key, value in changes.items():
+            place, _, name = key.rpartition("__")
+            (content[place] if place else content)[name] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (changed(format="other"), "its format is not 'insenv-lssvm'"),
+        (changed(version=2), "version 2: this insenv reads up to 1; use a newer insenv"),
+        (changed(version="1"), "version '1': allowed is 1"),
+        (changed(machine=None), "damaged: it lacks its machine"),
+        (changed(training={}), "damaged: it does not say which runs"),
+        (changed(machine__support=[[1.0, 2.0]]), r"damaged: machine.support has shape \(1, 2\)"),
+        (changed(machine__offset=["a", 1, 2]), "damaged: machine.offset is not an array of numbers"),
+        (changed(machine__scale=[1e999] * 6), "damaged: machine.scale .* not finite"),
+        (changed(machine__coefficients=[[1.0, 2.0, 3.0]]), "damaged: 5 support vectors, 1 coefficients"),
+    ],
+)
+def test_wrong_files_are_told(tmp_path, change, words):
+    machine().save(tmp_path / "m.json")
+    content = json.loads((tmp_path / "m.json").read_text())
+    change(content)
+    (tmp_path / "m.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=words):
+        lssvm_file.load(tmp_path / "m.json")
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(b"", "not JSON"), (b"\xff\xfe\x00", "not JSON"), (b"[1]", "not a trained machine"), (b'{"format":', "not JSON")],
+)
+def test_files_that_are_none(tmp_path, data, words):
+    (tmp_path / "m.json").write_bytes(data)
+    with pytest.raises(InputError, match=words):
+        lssvm_file.load(tmp_path / "m.json")
+    with pytest.raises(InputError, match="cannot read"):
+        lssvm_file.load(tmp_path / "n.json")
+    with pytest.raises(InputError, match=r"'lssvm'\.file: .*m\.json"):
+        tuning("lssvm", {"file": str(tmp_path / "m.json")})
+    with pytest.raises(InputError, match="allowed is the path of a file"):
+        tuning("lssvm", {"file": 3})
+    with pytest.raises(InputError, match="unknown key"):
+        tuning("q-method", {"file": "m.json"})
+
+
+def test_chain_covariance_is_that_of_the_differences():
+    """White noises alone: the scatter of the inputs about their mean is what the chain states."""
+    scenario = load("large-misalignment")
+    right = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)
+    scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=right)})
+    tuned = {"lssvm": {**EMPTY, "gyro_bias_sigma": 0.0}}
+    found = ensemble(scenario, ["lssvm"], range(24), duration_s=120.0, records=120, tuning=tuned)
+    rate = found.outputs["lssvm"]["features"][:, [79, 119], 3:5]
+    scatter = rate.std(axis=0, ddof=1).mean(axis=1)
+    plant = found.plants[0]
+    parameters = MODEL.parameters.pack({**get("lssvm").prepare(plant.knowledge), **EMPTY})
+    runner = make_runner(MODEL, parameters)
+    columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(12000)))
+    columns["dt"] = np.full(12000, 0.01)
+    rows, sigma = input_rows(MODEL, columns, 12000), []
+    x = ca.SX.sym("x", MODEL.state.size)
+    function = ca.Function("s", [x], [lssvm_differences.heading_sigma(MODEL.state.symbols(x))])
+    for part in (rows[:8000], rows[8000:]):
+        runner.run(len(part), part, 0)
+        sigma.append(float(function(runner.x)))
+    assert np.allclose(scatter, sigma, rtol=0.35)  # 48 values: 10 % at one sigma

@@ -1,0 +1,81 @@
+"""Standing found from the inertial unit and the filter's velocity: never while moving, nearly always at rest."""
+
+import numpy as np
+import pytest
+
+from insenv import geodesy
+from insenv.core.runner import make_runner
+from insenv.estimators import get
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
+
+MODEL = get("loosely-coupled").model
+FLAG = MODEL.state.slice("standing_now").start
+WINDOW = 200  # samples: one second
+
+
+def drive(seed, duration_s=260.0, **tuning):
+    """(largest speed, whether standing was found) by windows of a second, and the errors of velocity by sample (n, 3)."""
+    plant = build(load("car-city-drive"), seed=seed, duration_s=duration_s)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    tuned = {**plant.estimator_tuning["loosely-coupled"], **tuning}
+    runner = make_runner(MODEL, {**get("loosely-coupled").prepare(plant.knowledge), **tuned})
+    rows = input_rows(MODEL, columns, plant.samples)
+    found, outputs = np.zeros(plant.samples, bool), []
+    for k in range(0, plant.samples, WINDOW):  # a window ends with its last sample, which tells
+        outputs.append(runner.run(WINDOW, rows[k : k + WINDOW], WINDOW))
+        found[k + WINDOW - 1] = runner.x[FLAG] != 0
+    speed = np.linalg.norm(columns["velocity_n"], axis=1).reshape(-1, WINDOW).max(axis=1)
+    velocity = MODEL.outputs.unpack(np.concatenate(outputs))["velocity_n"]
+    return speed, found.reshape(-1, WINDOW).any(axis=1), velocity - columns["velocity_n"][WINDOW - 1 :: WINDOW]
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_stops_are_found_and_motion_is_never_taken_for_one(seed):
+    speed, found, _ = drive(seed)
+    at_rest = speed < 0.02
+    assert at_rest.sum() > 40 and (~at_rest).sum() > 150
+    assert found[at_rest].mean() > 0.9
+    assert not found[speed > 0.05].any()
+
+
+def test_standing_bounds_the_velocity():
+    speed, found, error = drive(3)
+    _, none, free = drive(3, standing_window=0.0)
+    assert found.any() and not none.any()
+    stops = found & (speed < 0.02)
+    assert np.abs(error[stops]).max() < 0.01
+    assert np.sqrt(np.mean(error[stops] ** 2)) < 0.3 * np.sqrt(np.mean(free[stops] ** 2))
+
+
+def still(count, dt, velocity_n=(0.0, 0.0, 0.0), vibration=0.0, **parameters):
+    """The flag after `count` samples of a level unit carried at a constant velocity, with specific force shaken (m/s^2)."""
+    latitude = 0.6
+    rng = np.random.default_rng(2)
+    force = np.array([0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))])
+    force = force + rng.normal(size=(count, 3)) * vibration
+    columns = {"delta_angle": np.tile(geodesy.numeric.earth_rate_n(latitude) * dt, (count, 1)), "delta_velocity": force * dt}
+    columns["dt"] = np.full(count, dt)
+    known = {
+        "start_latitude": latitude,
+        "start_velocity_n": velocity_n,
+        "tilt_sigma": 1e-3,
+        "velocity_sigma": 0.1,
+        **parameters,
+    }
+    runner = make_runner(MODEL, known, "interpreter")
+    runner.run(count, input_rows(MODEL, columns, count), 0)
+    return runner.x[FLAG] != 0
+
+
+def test_what_is_taken_for_standing():
+    """100 Hz, the window's last sample: rest; a smooth ride at 5 m/s, which the unit cannot tell from it; shaking beyond
+    allowance.
+    """
+    assert still(100, 0.01)
+    assert not still(100, 0.01, velocity_n=(5.0, 0.0, 0.0))
+    assert still(100, 0.01, vibration=0.04)
+    assert not still(100, 0.01, vibration=0.2)
+    assert not still(100, 0.01, standing_window=0.0)
+    assert not still(99, 0.01)

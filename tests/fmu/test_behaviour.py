@@ -1,0 +1,344 @@
+"""What an exported FMU does in an importer: FMPy's low-level instances, simulate_fmu and compile."""
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from ctypes import byref
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy import fmi2, fmi3
+from fmpy.fmi1 import FMICallException
+from fmpy.logging import addLoggerProxy
+from fmu_tools import exported, unzipped
+from places import ROOT
+
+from insenv.core.compile import find_compiler
+from insenv.core.runner import make_runner
+from insenv.fmu.subject import subject
+
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler found")
+
+IDS = ("qakf-improved", "loosely-coupled", "ship-swaying")
+
+
+class Slave:
+    """An instance of either version, its values in the tables' flat order, its messages kept."""
+
+    def __init__(self, id, fmi, folder=None, start=True, stop_time=None):
+        self.what, self.fmi, self.said = subject(id, {}), fmi, []
+        folder = str(folder or unzipped(id, fmi))
+        description = fmpy.read_model_description(folder, validate=False)
+        shared = {
+            "guid": description.guid or description.instantiationToken,
+            "unzipDirectory": folder,
+            "modelIdentifier": description.coSimulation.modelIdentifier,
+            "instanceName": "one",
+        }
+        listed = {
+            kind: [v for v in description.modelVariables if v.causality == kind] for kind in ("parameter", "input", "output")
+        }
+        self.references = {kind: [v.valueReference for v in found] for kind, found in listed.items()}
+        self.names = {v.name: v.valueReference for v in description.modelVariables}
+        model = self.what.model
+        self.shown = np.concatenate([np.full(row.size, row.name != "time") for row in model.outputs])
+        self.sizes = {"output": int(self.shown.sum())}
+        if fmi == 2:
+            callbacks = fmi2.fmi2CallbackFunctions()
+            callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda e, name, *message: self.said.append(message))
+            addLoggerProxy(byref(callbacks))  # puts the values into the message
+            self.fmu = fmi2.FMU2Slave(**shared)
+            self.fmu.instantiate(callbacks=callbacks)
+        else:
+            self.fmu = fmi3.FMU3Slave(**shared)
+            self.fmu.instantiate(logMessage=lambda e, status, category, text: self.said.append((status, category, text)))
+        if start:
+            self.begin(stop_time)
+
+    def begin(self, stop_time=None):
+        if self.fmi == 2:
+            self.fmu.setupExperiment(startTime=0.0, stopTime=stop_time)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(startTime=0.0, stopTime=stop_time)
+        self.fmu.exitInitializationMode()
+
+    def set(self, references, values):
+        (self.fmu.setReal if self.fmi == 2 else self.fmu.setFloat64)(references, values)
+
+    def outputs(self):
+        if self.fmi == 2:
+            return self.fmu.getReal(self.references["output"])
+        return self.fmu.getFloat64(self.references["output"], self.sizes["output"])
+
+    def step(self, k, n=1):
+        self.fmu.doStep(currentCommunicationPoint=k * self.interval, communicationStepSize=n * self.interval)
+
+    @property
+    def interval(self):
+        return self.what.sample_interval
+
+    def run(self, rows, first=0, n=1):
+        """Steps of n samples, a row of inputs each; the outputs after each."""
+        found = np.empty((len(rows), self.sizes["output"]))
+        for k, row in enumerate(rows):
+            if row.size:
+                self.set(self.references["input"], row.tolist())
+            self.step(first + k * n, n)
+            found[k] = self.outputs()
+        return found
+
+    def refused(self, call, *words):
+        """The call ends with an error status, and one message that has all words."""
+        self.said.clear()
+        with pytest.raises(FMICallException) as raised:
+            call()
+        assert raised.value.status == 3 and len(self.said) == 1, self.said
+        status, category, text = self.said[0]
+        assert (status, category) == (3, b"logStatusError")
+        assert all(word in text.decode() for word in words), text
+
+    def state(self):
+        return self.fmu.getFMUState() if self.fmi == 3 else self.fmu.getFMUstate()
+
+    def restore(self, state):
+        (self.fmu.setFMUState if self.fmi == 3 else self.fmu.setFMUstate)(state)
+
+    def free(self):
+        self.fmu.freeInstance()
+
+
+@pytest.fixture
+def slave():
+    """Makes instances, freed at the end."""
+    with contextlib.ExitStack() as stack:
+
+        def make(*arguments, **named):
+            made = Slave(*arguments, **named)
+            stack.callback(made.free)
+            return made
+
+        yield make
+
+
+def rows_for(id, count):
+    """Inputs of the reference signals, again and again."""
+    from insenv.fmu.reference import signals
+
+    what = subject(id, {})
+    if not what.model.inputs.size:
+        return np.zeros((count, 0))
+    inputs = signals(what)[0]
+    return inputs[np.arange(count) % len(inputs)]
+
+
+def expected(id, rows, shown):
+    what = subject(id, {})
+    return make_runner(what.model, what.parameters).run(len(rows), rows if rows.size else None)[:, shown]
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("id", IDS)
+def test_outputs_are_those_of_the_model_to_the_bit(slave, id, fmi):
+    count = 60_000 if (id, fmi) in (("qakf-improved", 2), ("ship-swaying", 3)) else 2_000
+    rows, one = rows_for(id, count), slave(id, fmi)
+    start = make_runner(one.what.model, one.what.parameters).output()[one.shown]
+    np.testing.assert_array_equal(one.outputs(), start)
+    np.testing.assert_array_equal(one.run(rows), expected(id, rows, one.shown))
+
+
+@pytest.mark.parametrize(("id", "fmi"), (("loosely-coupled", 2), ("qakf-improved", 3)))
+def test_simulate_fmu_gives_the_same_and_the_reference_signals(id, fmi):
+    folder = unzipped(id, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref"
+    inputs = fmpy.read_csv(str(folder / "in.csv"))
+    if fmi == 3:  # FMPy takes inputs of one shape only; dt is left at its start value, the sample interval
+        assert (inputs["dt"] == 0.005).all()
+        inputs = inputs[["time", "delta_angle", "delta_velocity"]]
+    found = fmpy.simulate_fmu(str(exported(id, fmi)), input=inputs, output_interval=0.005, stop_time=1.5, validate=False)
+    reference = fmpy.read_csv(str(folder / "ref.csv"))
+    assert len(found) == 301 and found.dtype.names == reference.dtype.names
+    for name in reference.dtype.names[1:]:
+        np.testing.assert_array_equal(found[name][::10], reference[name], err_msg=name)
+    np.testing.assert_allclose(found["time"][::10], reference["time"], rtol=1e-12)
+    assert id != "loosely-coupled" or inputs["gnss_valid"].sum() == 1  # a fix came
+
+
+def test_simulate_fmu_is_told_why_an_interval_cannot_be():
+    path = str(exported("qakf-improved", 2))
+    said = []
+    with pytest.raises(FMICallException):
+        fmpy.simulate_fmu(path, output_interval=0.0123, validate=False, logger=lambda *message: said.append(message[-1]))
+    assert b"communication step is 0.0123" in said[-1] and b"whole number of sample intervals" in said[-1]
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_a_step_of_several_samples_holds_the_inputs(slave, fmi):
+    rows, one = rows_for("loosely-coupled", 210), slave("loosely-coupled", fmi)
+    held = np.repeat(rows[::10], 10, axis=0)
+    flag = one.what.model.inputs.slice("gnss_valid").start
+    coming = rows[::10].copy()
+    coming[5, flag] = 1.0  # a fix in the sixth step is taken with the last sample of it
+    held[:, flag] = 0.0
+    held[59, flag] = 1.0
+    rows_of_steps = coming
+    np.testing.assert_array_equal(one.run(rows_of_steps, n=10), expected("loosely-coupled", held, one.shown)[9::10])
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("id", IDS)
+def test_a_restored_state_continues_to_the_bit(slave, id, fmi):
+    rows, one = rows_for(id, 400), slave(id, fmi)
+    one.run(rows[:250])
+    state = one.state()
+    ahead = one.run(rows[250:], first=250)
+    one.restore(state)
+    np.testing.assert_array_equal(one.run(rows[250:], first=250), ahead)
+    another = slave(id, fmi)
+    another.restore(state)  # in an instance that has not run
+    np.testing.assert_array_equal(another.run(rows[250:], first=250), ahead)
+
+
+OTHER_PROCESS = """
+import sys; sys.path[:0] = {path!r}
+import numpy as np
+from test_behaviour import Slave, rows_for
+one = Slave({id!r}, {fmi}, folder={folder!r})
+data = open({state!r}, "rb").read()
+load = one.fmu.deSerializeFMUstate if {fmi} == 2 else one.fmu.deserializeFMUState
+one.restore(load(data))
+np.save({out!r}, one.run(rows_for({id!r}, 400)[250:], first=250))
+"""
+
+
+@pytest.mark.parametrize(("id", "fmi"), (("loosely-coupled", 2), ("ship-swaying", 3)))
+def test_a_serialized_state_continues_in_another_process(slave, tmp_path, id, fmi):
+    rows, one = rows_for(id, 400), slave(id, fmi)
+    one.run(rows[:250])
+    save = one.fmu.serializeFMUstate if fmi == 2 else one.fmu.serializeFMUState
+    data = bytes(save(one.state()))
+    (tmp_path / "state").write_bytes(data)
+    script = OTHER_PROCESS.format(
+        path=[os.path.dirname(__file__), str(ROOT / "tests" / "helpers")],
+        id=id,
+        fmi=fmi,
+        folder=str(unzipped(id, fmi)),
+        state=str(tmp_path / "state"),
+        out=str(tmp_path / "out.npy"),
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), one.run(rows[250:], first=250))
+    load = one.fmu.deSerializeFMUstate if fmi == 2 else one.fmu.deserializeFMUState
+    for broken in (b"", data[:-1], bytes(len(data)), data[:200] + b"x" + data[201:]):
+        one.refused(lambda broken=broken: load(broken), "serialized state")
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_two_instances_interleaved_and_a_reset(slave, fmi):
+    rows, one, two = rows_for("qakf-improved", 100), slave("qakf-improved", fmi), slave("qakf-improved", fmi)
+    wanted = expected("qakf-improved", rows, one.shown)
+    for k in range(100):
+        np.testing.assert_array_equal(one.run(rows[k : k + 1], first=k)[0], wanted[k])
+        if k % 2 == 0:
+            np.testing.assert_array_equal(two.run(rows[k // 2 : k // 2 + 1], first=k // 2)[0], wanted[k // 2])
+    one.fmu.reset()
+    one.begin()
+    np.testing.assert_array_equal(one.run(rows), wanted)
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_steps_that_are_no_whole_number_of_samples_are_refused(slave, fmi):
+    rows, one = rows_for("qakf-improved", 20), slave("qakf-improved", fmi, stop_time=0.2)
+    for step in (0.0, -0.005, 0.0049, 0.0075, float("nan"), float("inf"), 1e300):
+        one.refused(lambda step=step: one.fmu.doStep(0.0, step), "communication step is", "sample interval")
+    for point in (0.005, -1.0, float("nan")):
+        one.refused(lambda point=point: one.fmu.doStep(point, 0.005), "communication point is", "the instance stands at 0 s")
+    one.refused(lambda: one.fmu.doStep(0.0, 0.205), "passes the stop time, 0.2 s")
+    # nothing was changed by what was refused; times that carry rounding are taken
+    np.testing.assert_array_equal(one.run(rows), expected("qakf-improved", rows, one.shown))
+    one.fmu.doStep(0.1 + 1e-13, 0.1 + 0.005 - 0.1)
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_values_that_are_not_allowed_are_refused(slave, fmi):
+    one = slave("loosely-coupled", fmi, start=False)
+    reference = {name: one.names[f"parameters.{name}"] for name in ("start_latitude", "heading_sigma")}
+    one.refused(lambda: one.set([reference["start_latitude"]], [2.0]), "start_latitude = 2 rad", "-1.5708 to 1.5708")
+    one.refused(lambda: one.set([reference["heading_sigma"]], [float("nan")]), "heading_sigma = nan rad")
+    one.refused(lambda: one.set([99_999], [0.0]), "no variable has the value reference 99999")
+    one.refused(lambda: one.set([one.names["sample_interval"]], [0.01]), "sample_interval cannot be set")
+    one.refused(lambda: one.step(0), "not allowed in this state (instantiated)")
+    one.begin()
+    one.refused(lambda: one.set([reference["heading_sigma"]], [0.1]), "heading_sigma cannot be set in this state: step mode")
+    one.refused(lambda: one.set([one.references["output"][0]], [1.0] * (4 if fmi == 3 else 1)), "cannot be set")
+    rows = rows_for("loosely-coupled", 210)
+    for value in (float("nan"), float("-inf")):
+        row = rows[0].tolist()
+        row[1] = value
+        one.refused(lambda row=row: one.set(one.references["input"], row), "delta_angle", "allowed is a finite number")
+    one.set([one.names["dt"]], [0.0])
+    one.refused(lambda: one.step(0), "dt = 0 s: allowed is a finite number from 1e-06 to 10")
+    # what belongs to a fix is looked at only with a fix
+    one.set(one.references["input"], rows[0].tolist())
+    one.set([one.names["gnss_latitude"], one.names["gnss_height"]], [9.0, 1e9])
+    one.step(0)
+    one.set([one.names["gnss_valid"]], [1.0])
+    one.refused(lambda: one.step(1), "gnss_latitude = 9 rad")
+    one.fmu.terminate()
+    one.refused(lambda: one.step(1), "not allowed in this state (terminated)")
+
+
+def test_an_instance_that_diverged_says_so_and_is_reset(slave):
+    rows, one = rows_for("wander-sins", 20), slave("wander-sins", 2)
+    row = rows[0].copy()
+    row[:6] = 1e3, 1e3, 1e3, 1e5, 1e5, 1e5
+    one.said.clear()
+    with pytest.raises(FMICallException):
+        for k in range(20_000):
+            one.set(one.references["input"], row.tolist())
+            one.step(k)
+    assert b"diverged" in one.said[-1][2]
+    one.refused(lambda: one.step(0), "not allowed in this state (failed)")
+    one.fmu.reset()
+    one.begin()
+    np.testing.assert_array_equal(one.run(rows), expected("wander-sins", rows, one.shown))
+
+
+def test_parameters_set_before_the_start_are_those_of_the_model(slave):
+    one = slave("ship-swaying", 2, start=False)
+    one.set([one.names["parameters.seed"]], [7.0])
+    one.begin()
+    p = one.what.parameters.copy()
+    p[one.what.model.parameters.slice("seed")] = 7.0
+    wanted = make_runner(one.what.model, p).run(50)[:, one.shown]
+    np.testing.assert_array_equal(one.run(np.zeros((50, 0))), wanted)
+
+
+def test_debug_logging_tells_the_states(slave):
+    one = slave("qakf-improved", 3)
+    assert one.said == []
+    one.fmu.setDebugLogging(True, ["logEvents"])
+    one.fmu.terminate()
+    assert one.said == [(0, b"logEvents", b"terminated")]
+    one.refused(lambda: one.fmu.setDebugLogging(True, ["logAny"]), "no category logAny")
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_the_sources_rebuild_to_the_same_outputs(slave, tmp_path, fmi):
+    import shutil
+
+    from fmpy.build import build_platform_binary
+
+    if shutil.which("cmake") is None:
+        pytest.skip("fmpy compile needs cmake")
+    folder, built = tmp_path / "x", tmp_path / "built"
+    built.mkdir()
+    shutil.copytree(unzipped("qakf-improved", fmi), folder)
+    shutil.rmtree(folder / "binaries")
+    with contextlib.redirect_stdout(io.StringIO()):
+        build_platform_binary(folder, build_dir=built)
+    assert any((folder / "binaries").rglob("qakf_improved.*"))
+    rows, one = rows_for("qakf-improved", 500), slave("qakf-improved", fmi, folder=folder)
+    np.testing.assert_array_equal(one.run(rows), expected("qakf-improved", rows, one.shown))

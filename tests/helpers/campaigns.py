@@ -1,0 +1,28 @@
+"""Small campaigns for the tests of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from insenv.campaigns import make_plan
+from insenv.report.campaign import campaign_arrays
+from insenv.scenario import load
+
+
+def slow_ship(**imu):
+    scenario = load("ship-swaying")
+    return scenario.model_copy(update={"rate_hz": 20.0, "imu": scenario.imu.model_copy(update=imu)})
+
+
+def small_plan(runs=40, **more):
+    """Blocks of 8 runs, of 40 samples each."""
+    plan = make_plan(slow_ship(), "analytic", runs, first_seed=3, duration_s=2.0, **more)
+    return replace(plan, block_samples=1)
+
+
+def same(first, second):
+    """Whether two summaries are the same to the bit."""
+    one, other = campaign_arrays(first), campaign_arrays(second)
+    return one.keys() == other.keys() and all(np.array_equal(one[k], other[k], equal_nan=one[k].dtype.kind == "f") for k in one)

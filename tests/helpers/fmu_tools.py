@@ -1,0 +1,96 @@
+"""What the tests of FMUs share: exported FMUs, inputs of a simulated run, and what the model gives for them in process."""
+
+import functools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+
+from insenv import estimators
+from insenv.core.runner import make_runner
+from insenv.files.resources import fmu_folder
+from insenv.fmu import export
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
+
+INTERVAL = 0.005
+"""s, that of the scenarios used here."""
+
+thorough = pytest.mark.skipif(
+    not os.environ.get("INSENV_TEST_FMU"), reason="takes minutes: `make test-fmu` runs it (INSENV_TEST_FMU=1)"
+)
+SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
+
+
+@functools.cache
+def scratch() -> Path:
+    """A folder for this process, gone at its end."""
+    folder = tempfile.TemporaryDirectory(prefix="insenv-fmu-tests-")
+    scratch.kept = folder
+    return Path(folder.name).resolve()
+
+
+@functools.cache
+def exported(id: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",)) -> Path:
+    """The FMU of an estimator or a scenario, exported once."""
+    return export(id, scratch() / f"{id}-{fmi}-{'-'.join(platforms)}.fmu", fmi=fmi, platforms=platforms)
+
+
+@functools.cache
+def unzipped(id: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",)) -> Path:
+    """The same, its archive unpacked."""
+    path = exported(id, fmi, platforms)
+    with ZipFile(path) as archive:
+        archive.extractall(path.with_suffix(""))
+    return path.with_suffix("")
+
+
+@functools.cache
+def plant_outputs(scenario: str, samples: int) -> dict[str, np.ndarray]:
+    """What a scenario's plant shows, by name."""
+    plant = build(load(scenario))
+    assert plant.sample_interval == INTERVAL
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(samples))
+    return {name: np.array(column) for name, column in shown.items()}
+
+
+def columns_for(id: str, samples: int) -> dict[str, np.ndarray]:
+    """Inputs of an estimator's FMU by name: what the sensors of a scenario of its kind show."""
+    estimator = estimators.get(id)
+    shown = plant_outputs(SCENARIOS[estimator.kind], samples)
+    return {name: shown[name] for name in estimator.model.inputs.names if name in shown}
+
+
+def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None = None) -> np.ndarray:
+    """The estimator's outputs after each sample, (samples, outputs), by insenv's own runner: it starts as `insenv run` lets it
+    start in the scenario of its kind, as its FMU does."""
+    estimator, count = estimators.get(id), len(next(iter(columns.values())))
+    plant = build(load(SCENARIOS[estimator.kind]))
+    rows = estimator.prepare(plant.knowledge)
+    for name in (estimator.smooths, id):
+        rows = {**rows, **plant.estimator_tuning.get(name, {})}
+    columns = {**columns, "dt": np.full(count, INTERVAL)}
+    return make_runner(estimator.model, {**rows, **(parameters or {})}).run(count, input_rows(estimator.model, columns, count))
+
+
+def c_compiler() -> str:
+    """A C compiler, or skip."""
+    found = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    return found or pytest.skip("no C compiler (cc, gcc, clang) on the path")
+
+
+@functools.cache
+def host_binary() -> Path:
+    """fmu/examples/host.c, compiled as its page says."""
+    binary = scratch() / "host"
+    libraries = [] if sys.platform == "win32" else ["-ldl", "-lm"]
+    source = fmu_folder() / "examples" / "host.c"
+    strict = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    subprocess.run([c_compiler(), "-std=c99", "-O2", *strict, str(source), "-o", str(binary), *libraries], check=True)
+    return binary

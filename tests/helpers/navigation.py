@@ -1,0 +1,89 @@
+"""Helpers of the estimator tests: models as NumPy functions, and error states by the filter's own definition."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from insenv import attitude, geodesy
+from insenv.estimators import loosely_coupled as lc
+from insenv.estimators.parts import strapdown
+
+MODEL = lc.MODEL
+
+
+def _functions():
+    p, x, u = (ca.SX.sym(n, t.size) for n, t in zip("pxu", (MODEL.parameters, MODEL.state, MODEL.inputs), strict=True))
+    named = MODEL.parameters.symbols(p), MODEL.state.symbols(x), MODEL.inputs.symbols(u)
+    error = ca.SX.sym("e", 15)
+    rows = dict(vars(named[1]))
+    corrected = MODEL.state.assemble({**rows, **lc.corrected(named[1], error)})
+    age = ca.SX.sym("age")
+    fix = lc.predicted_fix(named[0], named[1], age)
+    return {
+        "corrected": ca.Function("corrected", [x, error], [corrected]),
+        "fix": ca.Function("fix", [p, x, age], list(fix)),
+        "C_nw": ca.Function("C_nw", [x], [strapdown.C_nw(named[1].q_ew)]),
+    }
+
+
+FUNCTIONS = _functions()
+
+
+def with_error(x, error):
+    """The state of an estimate that is off from the true state x by `error` (15), to first order."""
+    return FUNCTIONS["corrected"](x, -np.asarray(error)).full().ravel()
+
+
+def error_state(estimate, truth):
+    """Error state (15) of a state vector relative to another: what `corrected` would have to take out."""
+    e, t = MODEL.state.unpack(estimate), MODEL.state.unpack(truth)
+    lle, llt = (geodesy.numeric.geodetic_from_q_ew(s["q_ew"]) for s in (e, t))
+    ned = geodesy.numeric.ned_offset(lle[0], lle[1], e["height"], llt[0], llt[1], t["height"])
+    dr = FUNCTIONS["C_nw"](estimate).full().T @ ned
+    theta = geodesy.numeric.transport_rate_w(dr, e["q_ew"], e["height"])
+    conjugate = e["q_wb"] * [1, -1, -1, -1]
+    turn = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(t["q_wb"], conjugate))
+    back = t["velocity_w"] - np.cross(theta, t["velocity_w"])
+    return np.concatenate(
+        [dr, e["velocity_w"] - back, turn - theta, t["gyro_bias"] - e["gyro_bias"], t["accel_bias"] - e["accel_bias"]]
+    )
+
+
+def true_state(estimate, columns):
+    """The true state vector at the end of a plant's columns, in the wander-azimuth frame of an estimated state."""
+    q_ew = MODEL.state.unpack(estimate)["q_ew"]
+    wander = geodesy.numeric.geodetic_from_q_ew(q_ew)[2]
+    q_wn = np.array([np.cos(wander / 2), 0, 0, -np.sin(wander / 2)])
+    last = {name: column[-1] for name, column in columns.items()}
+    return MODEL.state.pack(
+        {
+            "q_ew": geodesy.numeric.q_ew_from_geodetic(last["latitude"], last["longitude"], wander),
+            "height": last["height"],
+            "velocity_w": attitude.numeric.rotate(q_wn, last["velocity_n"]),
+            "q_wb": attitude.numeric.multiply(q_wn, last["q_nb"]),
+            "gyro_bias": last["gyro_bias_true"],
+            "accel_bias": last["accel_bias_true"],
+        },
+        base=estimate,
+    )
+
+
+def random_state(rng, latitude=0.6):
+    """A navigation state somewhere, in motion, at any attitude, with a wander angle and biases."""
+    q = rng.normal(size=4)
+    values = {
+        "q_wb": q / np.linalg.norm(q),
+        "velocity_w": rng.normal(size=3) * [80, 80, 5],
+        "q_ew": geodesy.numeric.q_ew_from_geodetic(latitude, rng.uniform(-3, 3), rng.uniform(-3, 3)),
+        "height": 500.0,
+        "gyro_bias": rng.normal(size=3) * 1e-4,
+        "accel_bias": rng.normal(size=3) * 1e-2,
+        "samples": 10.0,
+        "previous_delta_angle": rng.normal(size=3) * 1e-3,
+        "previous_delta_velocity": rng.normal(size=3) * 1e-2,
+        "dt": 0.01,
+        "acceleration_w": rng.normal(size=3),
+        "covariance": np.diag(np.full(15, 1e-2))[np.triu_indices(15)],
+    }
+    return MODEL.state.pack(values)

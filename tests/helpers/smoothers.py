@@ -1,0 +1,122 @@
+"""Three fixed-interval smoothers of a filter's recorded pass, in NumPy: what the compiled one is checked against.
+
+They all start from the same record and are the same in exact arithmetic:
+
+bryson_frazier  the adjoint filter of `insenv.estimators.parts.smoother_backward`; inverts nothing.
+two_filter      the paper's form: a filter run backward from no knowledge, combined with the one forward (Fraser, Potter 1969).
+rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed one after it.
+
+The error state is that of the filter's state as fed back: just after an instant's measurements its estimate is 0, and at a
+measurement the state it refers to jumps by the correction fed back.  A filter without feedback is the same: its estimate is the
+state and its correction the jump.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scalars:
+    """The scalar measurements of one instant in the order used: sensitivities H (m, n), gains (m, n), inverse variances of
+    their innovations `weight` (m,; 0 with a gain of 0: not used), and innovations `left` (m,) less what those before explained.
+    """
+
+    H: Array
+    gain: Array
+    weight: Array
+    left: Array
+
+    @property
+    def correction(self) -> Array:
+        """The error state estimated and fed back, (n,)."""
+        return self.left @ self.gain
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A filter's pass over K instants of a system of n states.
+
+    transition (K, n, n), noise (K, n, n): of the stretch that *ends* at each instant, so that transition[k] takes the error
+    state at k - 1 to k; that of the first instant is not used.  covariance (K, n, n): after each instant's measurements.
+    scalars: of each instant.
+    """
+
+    transition: Array
+    noise: Array
+    covariance: Array
+    scalars: Sequence[Scalars]
+
+    def predicted(self, k: int) -> Array:
+        """Covariance at instant k before its measurements."""
+        return self.transition[k] @ self.covariance[k - 1] @ self.transition[k].T + self.noise[k]
+
+
+def bryson_frazier(run: Pass) -> tuple[Array, Array]:
+    """Smoothed error states (K, n) about the fed-back states, and their covariances (K, n, n)."""
+    states, covariances = _like(run)
+    n = run.covariance.shape[-1]
+    s, L = np.zeros(n), np.zeros((n, n))
+    for k in reversed(range(len(run.covariance))):
+        P = run.covariance[k]
+        states[k], covariances[k] = P @ s, P - P @ L @ P
+        now = run.scalars[k]
+        for h, gain, weight, left in reversed(list(zip(now.H, now.gain, now.weight, now.left, strict=True))):
+            closed = np.eye(n) - np.outer(gain, h)
+            s = closed.T @ s + h * (weight * left)
+            L = closed.T @ L @ closed + np.outer(h, h) * weight
+        s, L = run.transition[k].T @ s, run.transition[k].T @ L @ run.transition[k]
+    return states, covariances
+
+
+def rts(run: Pass) -> tuple[Array, Array]:
+    """As `bryson_frazier`; every predicted covariance is inverted (scaled to a unit diagonal)."""
+    states, covariances = _like(run)
+    state, covariance = np.zeros(run.covariance.shape[-1]), run.covariance[-1]
+    states[-1], covariances[-1] = state, covariance
+    for k in reversed(range(len(run.covariance) - 1)):
+        predicted, P = run.predicted(k + 1), run.covariance[k]
+        scale = np.sqrt(np.diag(predicted))
+        solved = np.linalg.solve(predicted / np.outer(scale, scale), (run.transition[k + 1] @ P) / scale[:, None])
+        gain = (solved / scale[:, None]).T
+        # the smoothed state at k + 1 less the predicted one: beyond the fed-back state, and the jump to that
+        state = gain @ (state + run.scalars[k + 1].correction)
+        covariance = P + gain @ (covariance - predicted) @ gain.T
+        states[k], covariances[k] = state, covariance
+    return states, covariances
+
+
+def two_filter(run: Pass) -> tuple[Array, Array]:
+    """As `bryson_frazier`; the filter backward carries the information Y and Y times its estimate, y."""
+    states, covariances = _like(run)
+    n = run.covariance.shape[-1]
+    Y, y = np.zeros((n, n)), np.zeros(n)
+    for k in reversed(range(len(run.covariance))):
+        P = run.covariance[k]
+        combined = np.linalg.solve(np.eye(n) + P @ Y, P)
+        states[k], covariances[k] = combined @ y, (combined + combined.T) / 2
+        if k == 0:
+            break
+        now, before = run.scalars[k], run.predicted(k)
+        y = y + Y @ now.correction  # about the predicted state from here on
+        explained = np.zeros(n)
+        for h, gain, weight, left in zip(now.H, now.gain, now.weight, now.left, strict=True):
+            if weight > 0:
+                variance = 1 / weight - h @ before @ h
+                Y, y = Y + np.outer(h, h) / variance, y + h * ((left + h @ explained) / variance)
+            before, explained = before - np.outer(gain, h @ before), explained + gain * left
+        back = np.linalg.solve(np.eye(n) + Y @ run.noise[k], np.column_stack([Y, y]))
+        Phi = run.transition[k]
+        Y, y = Phi.T @ back[:, :n] @ Phi, Phi.T @ back[:, n]
+        Y = (Y + Y.T) / 2
+    return states, covariances
+
+
+def _like(run: Pass) -> tuple[Array, Array]:
+    return np.empty(run.covariance.shape[:2]), np.empty(run.covariance.shape)

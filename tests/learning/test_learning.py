@@ -1,0 +1,273 @@
+"""The LS-SVM as a learner: its linear system, scikit-learn's contract, de-noising, and training from runs to a file."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+sklearn = pytest.importorskip("sklearn", reason="scikit-learn is not installed (extra ml)")
+pywt = pytest.importorskip("pywt", reason="PyWavelets is not installed (extra ml)")
+
+from command_line import call, refused, strict  # noqa: E402
+from sklearn.kernel_ridge import KernelRidge  # noqa: E402
+from sklearn.model_selection import GridSearchCV  # noqa: E402
+from sklearn.utils.estimator_checks import estimator_checks_generator  # noqa: E402
+
+from insenv import attitude  # noqa: E402
+from insenv.cli.train import seed_range  # noqa: E402
+from insenv.errors import InputError  # noqa: E402
+from insenv.estimators import lssvm, lssvm_file  # noqa: E402
+from insenv.estimators.lssvm import kernel  # noqa: E402
+from insenv.learning import training  # noqa: E402
+from insenv.learning.regressor import LSSVMRegressor, pivots, rbf  # noqa: E402
+from insenv.learning.samples import EMPTY, sine_vector, smooth_misalignment  # noqa: E402
+from insenv.learning.training import Choice, digest, train  # noqa: E402
+from insenv.learning.wavelet import denoised  # noqa: E402
+from insenv.runs.ensemble import ensemble  # noqa: E402
+from insenv.scenario import load  # noqa: E402
+
+TRAINING = "large-misalignment-training"
+
+
+def problem(n=60, seed=0):
+    rng = np.random.default_rng(seed)
+    X = rng.uniform(-1, 1, (n, 3))
+    y = np.stack([np.sin(2 * X[:, 0]) + X[:, 1] ** 2, X[:, 2] * X[:, 0], np.full(n, 2.0)], axis=1)
+    return X, y + 0.01 * rng.normal(size=y.shape) * [1, 1, 0]
+
+
+# --- the machine ---------------------------------------------------------------------------------
+
+
+def test_kernel_is_the_exponential():
+    r = np.concatenate([np.linspace(0, 14, 2001), [39.0, 41.0, 1e6]])
+    value = kernel(r)
+    assert np.allclose(value[:2001], np.exp(-r[:2001]), rtol=1e-7, atol=0)
+    assert (value[2001:] < 1e-16).all() and (value > 0).all() and kernel(0.0) == 1.0
+
+
+def test_fit_solves_the_printed_linear_system():
+    X, y = problem()
+    m = LSSVMRegressor(gamma=20.0, sigma=0.7).fit(X, y)
+    n = len(X)
+    K = np.exp(-((X[:, None] - X[None]) ** 2).sum(-1) / 0.7**2)
+    A = np.block([[np.zeros((1, 1)), np.ones((1, n))], [np.ones((n, 1)), K + np.eye(n) / 20.0]])
+    solution = np.linalg.solve(A, np.vstack([np.zeros(3), y]))
+    assert np.allclose(m.intercept_, solution[0], atol=1e-6)
+    assert np.allclose(m.dual_coef_, solution[1:], atol=1e-5)
+    assert np.abs(m.dual_coef_.sum(axis=0)).max() < 1e-9  # sum of a = 0
+    assert np.allclose(m.dual_coef_ / 20.0, y - m.predict(X), atol=1e-6)  # a = gamma e
+
+
+def test_like_kernel_ridge_where_the_offset_vanishes():
+    """Samples and outputs mirrored about zero leave no offset; then 1/gamma is the ridge."""
+    X, y = problem()
+    X, y = np.vstack([X, -X]), np.vstack([y, -y])
+    ours = LSSVMRegressor(gamma=50.0, sigma=0.9).fit(X, y)
+    ridge = KernelRidge(alpha=1 / 50.0, kernel="rbf", gamma=1 / 0.9**2).fit(X, y)
+    there = np.random.default_rng(1).uniform(-1, 1, (200, 3))
+    assert np.abs(ours.intercept_).max() < 1e-9
+    assert np.allclose(ours.predict(there), ridge.predict(there), atol=1e-6)
+
+
+def test_offset_is_not_penalised():
+    X, y = problem()
+    here, above = (LSSVMRegressor(gamma=5.0).fit(X, y + shift).predict(X) for shift in (0.0, 1000.0))
+    assert np.allclose(above - here, 1000.0, atol=1e-6)
+
+
+def test_weights_count_as_repeated_samples():
+    X, y = problem(30)
+    twice = np.arange(30) % 3 == 0
+    weighted = LSSVMRegressor(gamma=10.0).fit(X, y, sample_weight=1.0 + twice)
+    repeated = LSSVMRegressor(gamma=10.0).fit(np.vstack([X, X[twice]]), np.vstack([y, y[twice]]))
+    there = np.random.default_rng(2).uniform(-1, 1, (50, 3))
+    assert np.allclose(weighted.predict(there), repeated.predict(there), atol=1e-8)
+
+
+def test_fixed_size_with_all_samples_is_the_whole_problem():
+    """Through the other formulas: all samples but one of weight 0 as support vectors."""
+    X, y = problem(40)
+    more, weights = np.vstack([X, [[5.0, 5.0, 5.0]]]), np.r_[np.ones(40), 1e-12]
+    whole = LSSVMRegressor(gamma=10.0, sigma=0.6).fit(X, y)
+    fixed = LSSVMRegressor(gamma=10.0, sigma=0.6, support=40).fit(more, np.vstack([y, [0, 0, 0]]), weights)
+    there = np.random.default_rng(3).uniform(-1, 1, (50, 3))
+    assert len(fixed.support_) == 40
+    assert np.sqrt(np.mean((fixed.predict(there) - whole.predict(there)) ** 2)) < 0.01
+    few = LSSVMRegressor(gamma=1e3, sigma=1.5, support=25).fit(X, y)
+    assert np.sqrt(np.mean((few.predict(there) - problem_truth(there)) ** 2)) < 0.05
+
+
+def problem_truth(X):
+    return np.stack([np.sin(2 * X[:, 0]) + X[:, 1] ** 2, X[:, 2] * X[:, 0], np.full(len(X), 2.0)], axis=1)
+
+
+def test_pivots_are_those_of_the_kernel_matrix():
+    X, _ = problem(50)
+    chosen = pivots(X, 0.8, 20)
+    assert len(set(chosen.tolist())) == 20
+    K = rbf(X, X, 0.8)
+    for count in (5, 20):  # each next is where the ones before leave the largest rest
+        part = K[:, chosen[: count - 1]]
+        rest = np.diag(K) - np.einsum(
+            "ij,ij->i", part @ np.linalg.inv(K[np.ix_(chosen[: count - 1], chosen[: count - 1])]), part
+        )
+        assert rest[chosen[count - 1]] > rest.max() * (1 - 1e-6)
+    assert len(pivots(np.zeros((5, 2)), 1.0, 3)) == 1  # samples all alike support one vector
+
+
+@pytest.mark.parametrize(("support", "sigma"), [(None, 1.0), (50, 10.0)])
+def test_scikit_learn_contract(support, sigma):
+    left_out = {"check_array_api_input"}  # of libraries other than NumPy; needs a setting made before SciPy is imported
+    if support is not None:  # the pivots of samples repeated are other ones than of samples weighted
+        left_out |= {"check_sample_weight_equivalence_on_dense_data", "check_sample_weight_equivalence_on_sparse_data"}
+    count = 0
+    for estimator, check in estimator_checks_generator(LSSVMRegressor(sigma=sigma, support=support)):
+        if getattr(check, "func", check).__name__ not in left_out:
+            check(estimator)
+            count += 1
+    assert count > 30
+
+
+def test_grid_search_finds_the_width():
+    X, y = problem(120)
+    search = GridSearchCV(LSSVMRegressor(), {"gamma": [1.0, 1e3], "sigma": [0.01, 1.0]}, cv=3).fit(X, y[:, :2])
+    assert search.best_params_ == {"gamma": 1e3, "sigma": 1.0} and search.best_score_ > 0.99
+    assert search.best_estimator_.get_params() == {"gamma": 1e3, "sigma": 1.0, "support": None}
+
+
+@pytest.mark.parametrize("parameters", [{"gamma": 0.0}, {"sigma": -1.0}, {"support": 0}])
+def test_wrong_parameters_are_refused(parameters):
+    with pytest.raises(ValueError, match=next(iter(parameters))):
+        LSSVMRegressor(**parameters).fit(*problem())
+
+
+# --- de-noising ----------------------------------------------------------------------------------
+
+
+def test_denoising_takes_noise_and_leaves_the_signal():
+    t = np.linspace(0, 1, 600)
+    signal = np.stack([np.exp(-3 * t), np.sin(2 * t)], axis=1)
+    noisy = signal + 0.05 * np.random.default_rng(0).normal(size=signal.shape)
+    left = np.sqrt(np.mean((denoised(noisy) - signal) ** 2, axis=0))
+    assert (left < 0.05 / 3).all()
+    assert np.allclose(denoised(signal), signal, atol=2e-3)
+    assert np.array_equal(denoised(signal[:5]), signal[:5])  # too short to be parted
+
+
+def test_denoised_misalignment_of_any_size():
+    rng = np.random.default_rng(1)
+    numeric = attitude.numeric
+    constant = numeric.from_rotation_vector(np.array([1.0, -0.5, 2.4]))
+    noise = numeric.from_rotation_vector(rng.normal(size=(400, 3)) * 1e-3)
+    sins = numeric.from_rotation_vector(rng.normal(size=(400, 3)))
+    filter = numeric.multiply(numeric.conjugate(numeric.multiply(noise, constant)), sins)
+    found = smooth_misalignment(sins, filter)
+    away = numeric.to_rotation_vector(numeric.multiply(found, numeric.conjugate(constant)))
+    assert np.abs(away[50:-50]).max() < 2e-3 and np.sqrt(np.mean(away**2)) < 0.7e-3
+    q = numeric.from_rotation_vector(np.array([[0.0, 0.3, 0.4], [0.0, 0.0, 3.0]]))
+    assert np.allclose(sine_vector(q), [[0, 0.6 * np.sin(0.5), 0.8 * np.sin(0.5)], [0, 0, np.sin(3.0)]])
+
+
+# --- training ------------------------------------------------------------------------------------
+
+CHOICE = Choice(gammas=(1e4, 1e5), sigmas=(2.0,), support=48)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A tiny machine: ten runs of three minutes."""
+    told = []
+    machine = train([TRAINING], range(500, 510), duration_s=180.0, choice=CHOICE, progress=lambda *news: told.append(news))
+    path = tmp_path_factory.mktemp("machine") / "tiny.json"
+    machine.save(path)
+    return machine, path, told
+
+
+def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
+    """From start errors of any size; without it the SINS stays as wrong as it was told."""
+    _, path, _ = trained
+    scenario = load("large-misalignment-extreme")
+    seeds = range(6)
+    rows = lssvm.read_file(str(path))
+    found = {
+        name: ensemble(scenario, ["lssvm"], seeds, duration_s=150.0, records=15, tuning={"lssvm": part}).attitude_errors_deg(
+            "lssvm"
+        )
+        for name, part in (("with", rows), ("without", EMPTY))
+    }
+    assert np.abs(found["with"][:, -1, 2]).max() < 2.0
+    assert np.abs(found["with"][:, -1, :2]).max() < 0.2
+    assert np.abs(found["without"][:, -1, 2]).max() > 90.0
+
+
+def test_conditions_are_kept(trained):
+    machine, path, told = trained
+    loaded = lssvm_file.load(path)
+    assert loaded.seeds == {TRAINING: set(range(500, 510))}
+    run = loaded.training["runs"][0]
+    assert run["duration_s"] == 180.0 and run["digest"] == digest(load(TRAINING))
+    assert loaded.training["parameters"]["gamma"] in CHOICE.gammas and loaded.training["parameters"]["support"] == 48
+    assert loaded.training["samples"] == 24 * loaded.training["runs_used"] == 240
+    assert loaded.training["scores"]["relative_error"] < 0.5
+    assert np.array_equal(loaded.support, machine.support) and np.array_equal(loaded.coefficients, machine.coefficients)
+    assert told[0] == ("simulating", 1, 5) and told[-1] == ("learning", 8, 8)
+    other = load(TRAINING).model_copy(update={"rate_hz": 50.0})
+    assert digest(other) != digest(load(TRAINING))
+
+
+def test_training_is_repeatable(trained):
+    machine, _, _ = trained
+    samples = training.train([TRAINING], range(500, 510), duration_s=180.0, choice=CHOICE)
+    assert np.array_equal(samples.support, machine.support) and np.array_equal(samples.coefficients, machine.coefficients)
+
+
+def test_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(training, "GAMMAS", (1e4,))
+    arguments = ("train", "lssvm", TRAINING, "--seeds", "20-24", "--duration", "120", "--support", "20", "-o", "m.json")
+    code, out, err = call(*arguments, "--json")
+    assert code == 0, err
+    answer = strict(out)
+    assert answer["file"] == "m.json" and answer["runs"][0]["seeds"] == [20, 21, 22, 23, 24]
+    assert answer["parameters"]["support"] == 20 == len(json.loads((tmp_path / "m.json").read_text())["machine"]["support"])
+    scenario = (lssvm_scenario() + '\n[estimator.lssvm]\nfile = "m.json"\n').replace("600.0", "60.0")
+    (tmp_path / "own.toml").write_text(scenario)
+    code, out, err = call("run", "own.toml", "-e", "lssvm", "--json")
+    assert code == 0, err
+    (tmp_path / "own.toml").write_text(scenario.replace("m.json", "n.json"))
+    refused(call("run", "own.toml", "-e", "lssvm"), "lssvm", "file", "n.json")
+
+
+def lssvm_scenario():
+    from insenv.files.resources import scenario_folder
+
+    return (scenario_folder() / "large-misalignment.toml").read_text("utf-8")
+
+
+def test_wrong_calls_are_refused(tmp_path):
+    base = ("train", "lssvm", TRAINING, "-o", tmp_path / "m.json")
+    refused(call("train", "aqe-sukf", TRAINING), "aqe-sukf", "lssvm")
+    refused(call(*base, "--seeds", "5-1"), "5-1", "FIRST-LAST")
+    refused(call(*base, "--seeds", "1-3"), "at least 5 seeds")
+    refused(call(*base, "--seeds", "1-9", "--support", "1000"), "support", "1000")
+    refused(call("train", "lssvm", "nonesuch", "-o", tmp_path / "m.json"), "nonesuch")
+    refused(call("train", "lssvm", "car-city-drive", "-o", tmp_path / "m.json", "--seeds", "1-9"), "moves")
+    refused(call("train", "lssvm", "ship-swaying", "-o", tmp_path / "m.json", "--seeds", "1-9"), "gnss")
+    refused(call("train", "lssvm", TRAINING, "-o", tmp_path / "no" / "m.json"), "No such file")
+    refused(call("train", "lssvm", TRAINING, "-o", tmp_path), "folder")
+    refused(call("train", "lssvm", TRAINING, "-o", os.devnull), "no plain file")
+    refused(call(*base, "--seeds", "1-9", "--duration", "nan"), "duration_s = nan s")
+    assert seed_range("7") == range(7, 8) and seed_range("3-5") == range(3, 6)
+    with pytest.raises(InputError, match="at least 5 seeds"):
+        train([TRAINING], [1])
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_packages_are_told(monkeypatch):
+    import importlib.util
+
+    real = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "pywt" else real(name, *rest))
+    refused(call("train", "lssvm", TRAINING, "--seeds", "1-9"), "PyWavelets", "insenv[ml]", status=1)

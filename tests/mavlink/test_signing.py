@@ -1,0 +1,435 @@
+"""Signing: pymavlink's own signatures are believed and ours by it, and every attack we know of is tried."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import call, strict
+
+from insenv.errors import InputError
+from insenv.mavlink.wire.frames import dialect, split
+from insenv.mavlink.wire.link import Link, open_link
+from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, FOLLOW_TICKS, TICKS_PER_S, Signing, Verdict, read_key
+from insenv.mavlink.wire.statistics import Statistics
+
+m = dialect()
+KEY = bytes(range(32))
+OTHER_KEY = bytes(range(1, 33))
+NOW_S = 1_800_000_000.0
+POSIX = pytest.mark.skipif(os.name != "posix", reason="this system has no such permissions")
+
+
+class Clock:
+    def __init__(self, now: float = NOW_S) -> None:
+        self.now = now
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def ticks(seconds: float) -> int:
+    return round((seconds - EPOCH_UNIX_S) * TICKS_PER_S)
+
+
+class Ground:
+    """A ground tool that signs as pymavlink does."""
+
+    def __init__(self, key: bytes = KEY, at_s: float = NOW_S, system: int = 255, link: int = 0) -> None:
+        self.mav = m.MAVLink(None, srcSystem=system, srcComponent=190)
+        self.mav.signing.secret_key = key
+        self.mav.signing.sign_outgoing = True
+        self.mav.signing.link_id = link
+        self.mav.signing.timestamp = ticks(at_s)
+
+    def frame(self, message: Any | None = None) -> bytes:
+        return (message or command()).pack(self.mav)
+
+    def at(self, seconds: float) -> bytes:
+        self.mav.signing.timestamp = ticks(seconds)
+        return self.frame()
+
+
+def command() -> Any:
+    return m.MAVLink_command_long_message(1, 1, m.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
+
+
+def unsigned(message: Any | None = None) -> bytes:
+    return (message or command()).pack(m.MAVLink(None, srcSystem=255, srcComponent=190))
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> Path:
+    return key_in(tmp_path / "key", KEY)
+
+
+def key_in(path: Path, content: bytes, mode: int = 0o600) -> Path:
+    path.write_bytes(content)
+    path.chmod(mode)
+    return path
+
+
+# --- the key -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("content", [KEY, KEY.hex().encode(), KEY.hex().upper().encode() + b"\n"], ids=["raw", "hex", "HEX"])
+def test_keys_are_read(tmp_path: Path, content: bytes) -> None:
+    assert read_key(key_in(tmp_path / "key", content)) == KEY
+
+
+@pytest.mark.parametrize("content", [b"", KEY[:31], KEY + b"\n", KEY.hex().encode()[:63], b"z" * 64, KEY.hex().encode() * 2])
+def test_keys_of_a_wrong_length(tmp_path: Path, content: bytes) -> None:
+    with pytest.raises(InputError, match=f"{len(content)} bytes; must be 32 bytes, or 64 hex digits"):
+        read_key(key_in(tmp_path / "key", content))
+
+
+def test_a_key_of_zeros_and_no_key(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="all zero"):
+        read_key(key_in(tmp_path / "key", bytes(32)))
+    with pytest.raises(InputError, match="file not found"):
+        read_key(tmp_path / "none")
+    with pytest.raises(InputError, match=r"plain file|cannot be read"):
+        read_key(tmp_path)
+    with pytest.raises(InputError, match="5 bytes, must be 32"):
+        Signing(b"short")
+
+
+@POSIX
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o602, 0o610, 0o644, 0o777])
+def test_keys_that_others_may_read_or_write(tmp_path: Path, mode: int) -> None:
+    path = key_in(tmp_path / "key", KEY, mode)
+    with pytest.raises(InputError, match=f"{mode:04o}.*chmod 600"):
+        read_key(path)
+    path.chmod(0o400)
+    assert read_key(path) == KEY
+
+
+@POSIX
+def test_the_file_of_times_is_ours_alone(key_file: Path) -> None:
+    Signing.from_key_file(key_file)
+    assert Path(f"{key_file}.times").stat().st_mode & 0o077 == 0
+
+
+@POSIX
+@pytest.mark.skipif(os.name == "posix" and os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written(key_file: Path) -> None:
+    key_file.parent.chmod(0o500)
+    try:
+        with pytest.raises(InputError, match="cannot be written"):
+            Signing.from_key_file(key_file)
+    finally:
+        key_file.parent.chmod(0o700)
+
+
+# --- with pymavlink ------------------------------------------------------------------------------
+
+
+def test_pymavlink_believes_us_and_we_believe_it(opened: Callable[..., Link]) -> None:
+    vehicle = opened("udpin:127.0.0.1:0", signing=Signing(KEY))
+    ground = opened(f"udpout:127.0.0.1:{vehicle.address.port}", signing=Signing(KEY, link=3), system=255, component=190)
+    their = m.MAVLink(None)
+    their.signing.secret_key = KEY
+    their.signing.timestamp = ticks(time.time())
+    for _ in range(300):  # past a sequence of 256
+        frame = vehicle.send(m.MAVLink_heartbeat_message(11, 0, 0, 0, 4, 3))
+        assert their.decode(bytearray(frame)).get_signed()
+    frame = ground.send(command())
+    assert their.decode(bytearray(frame)).get_link_id() == 3
+    ((_, message),) = received(vehicle)
+    assert message.get_type() == "COMMAND_LONG"
+    signing = Signing(KEY)
+    mine = Ground(at_s=time.time())
+    assert all(signing.verify(mine.frame()) is Verdict.GOOD for _ in range(300))
+
+
+def received(link: Link) -> list[Any]:
+    for _ in range(1000):
+        if got := link.receive():
+            return got
+        time.sleep(0.001)
+    raise AssertionError(link.statistics)
+
+
+@pytest.fixture
+def opened() -> Any:
+    from contextlib import ExitStack
+
+    with ExitStack() as stack:
+        yield lambda *a, **k: stack.enter_context(open_link(*a, **k))
+
+
+# --- attacks -------------------------------------------------------------------------------------
+
+
+def test_unsigned_and_wrongly_signed_commands() -> None:
+    signing = Signing(KEY, clock=Clock())
+    good = Ground().frame()
+    assert signing.verify(unsigned()) is Verdict.UNSIGNED
+    assert signing.verify(command().pack(m.MAVLink(None, srcSystem=255), force_mavlink1=True)) is Verdict.UNSIGNED
+    assert signing.verify(Ground(OTHER_KEY).frame()) is Verdict.WRONGLY_SIGNED
+    for at in range(10, len(good)):  # payload, checksum, link, time, hash
+        broken = bytearray(good)
+        broken[at] ^= 1
+        assert signing.verify(bytes(broken)) is Verdict.WRONGLY_SIGNED
+    assert signing.verify(good) is Verdict.GOOD
+
+
+def test_a_signed_flag_taken_off() -> None:
+    """Cut the signature off and clear the flag: then the checksum is wrong, or with another checksum the frame unsigned."""
+    good = Ground().frame()
+    cut = bytearray(good[:-13])
+    cut[2] = 0
+    assert split(bytes(cut), Statistics())[0] == []
+    checksum = m.x25crc(bytes(cut[1:-2]) + bytes((m.MAVLink_command_long_message.crc_extra,))).crc
+    cut[-2:] = checksum.to_bytes(2, "little")
+    (frame,) = split(bytes(cut), Statistics())[0]
+    assert Signing(KEY, clock=Clock()).verify(frame) is Verdict.UNSIGNED
+
+
+def test_one_forged_frame_does_not_lock_the_genuine_sender_out() -> None:
+    """The fault of pymavlink 2.4: it stores a frame's time before it checks the hash."""
+    signing = Signing(KEY, clock=Clock())
+    ground = Ground()
+    assert signing.verify(ground.frame()) is Verdict.GOOD
+    forged = bytearray(ground.at(NOW_S + 30 * 365 * 86400))
+    forged[-1] ^= 1
+    for _ in range(3):
+        assert signing.verify(bytes(forged)) is Verdict.WRONGLY_SIGNED
+    assert signing.verify(ground.at(NOW_S + 0.1)) is Verdict.GOOD
+    # and before the first genuine frame
+    fresh = Signing(KEY, clock=Clock())
+    assert fresh.verify(bytes(forged)) is Verdict.WRONGLY_SIGNED
+    assert fresh.verify(Ground().frame()) is Verdict.GOOD
+    # pymavlink itself does lose the sender
+    their = m.MAVLink(None)
+    their.signing.secret_key = KEY
+    their.signing.timestamp = ticks(NOW_S)
+    with pytest.raises(m.MAVError):
+        their.decode(bytearray(forged))
+    with pytest.raises(m.MAVError):
+        their.decode(bytearray(Ground().frame()))
+
+
+def test_forged_frames_move_neither_our_time_nor_the_file(key_file: Path) -> None:
+    clock = Clock()
+    signing = Signing.from_key_file(key_file, clock=clock)
+    marks = Path(f"{key_file}.times")
+    signing.verify(Ground().frame())
+    before = marks.read_bytes()
+    forger = Ground(OTHER_KEY, NOW_S + 3600)
+    for system in range(1, 255):
+        forger.mav.srcSystem = system
+        assert signing.verify(forger.frame()) is Verdict.WRONGLY_SIGNED
+    assert marks.read_bytes() == before
+    frame = signing.signed(unsigned())
+    assert int.from_bytes(frame[-12:-6], "little") <= ticks(NOW_S) + 1
+
+
+def test_replay() -> None:
+    clock = Clock()
+    signing = Signing(KEY, clock=clock)
+    ground = Ground()
+    frames = [ground.frame() for _ in range(5)]
+    assert signing.verify(frames[0]) is Verdict.GOOD
+    assert signing.verify(frames[0]) is Verdict.REPLAYED
+    assert signing.verify(frames[4]) is Verdict.GOOD
+    assert [signing.verify(frame) for frame in frames] == [Verdict.REPLAYED] * 5  # late ones too
+    clock.now += 3600
+    assert signing.verify(frames[4]) is Verdict.REPLAYED
+    assert signing.verify(Ground(at_s=NOW_S + 0.01).frame()) is Verdict.GOOD  # slow clocks of known senders do no harm
+
+
+def test_other_streams_and_their_first_frames() -> None:
+    clock = Clock()
+    signing = Signing(KEY, clock=clock)
+    old = Ground(at_s=NOW_S - 61).frame()
+    assert signing.verify(old) is Verdict.STALE
+    recent = Ground(at_s=NOW_S - 59).frame()
+    assert signing.verify(recent) is Verdict.GOOD
+    # each system and each link number has its own time
+    assert signing.verify(Ground(at_s=NOW_S - 30, system=254).frame()) is Verdict.GOOD
+    assert signing.verify(Ground(at_s=NOW_S - 40, link=1).frame()) is Verdict.GOOD
+    assert signing.verify(Ground(at_s=NOW_S - 59.5).frame()) is Verdict.REPLAYED
+
+
+def test_a_recorded_frame_of_another_stream_number_needs_the_key() -> None:
+    """Moving a recorded frame to a stream that we have not heard breaks its hash."""
+    signing = Signing(KEY, clock=Clock())
+    good = Ground().frame()
+    for at, value in ((5, 7), (6, 7), (len(good) - 13, 7)):
+        moved = bytearray(good)
+        moved[at] = value
+        checksum = m.x25crc(bytes(moved[1:-15]) + bytes((m.MAVLink_command_long_message.crc_extra,))).crc
+        moved[-15:-13] = checksum.to_bytes(2, "little")
+        assert split(bytes(moved), Statistics())[0] == [bytes(moved)]
+        assert signing.verify(bytes(moved)) is Verdict.WRONGLY_SIGNED
+
+
+def test_our_own_frames_reflected() -> None:
+    clock = Clock()
+    signing = Signing(KEY, clock=clock)
+    own = signing.signed(m.MAVLink_heartbeat_message(11, 0, 0, 0, 4, 3).pack(m.MAVLink(None, srcSystem=1, srcComponent=1)))
+    flagged = bytearray(own[:-13])
+    flagged[2] = 1
+    own = signing.signed(bytes(flagged))
+    assert signing.verify(own, own=(1, 1)) is Verdict.REFLECTED
+
+
+def test_a_sender_with_a_wrong_clock_locks_nobody_out() -> None:
+    clock = Clock()
+    signing = Signing(KEY, clock=clock)
+    century = Ground(at_s=NOW_S + 50 * 365 * 86400, system=254)
+    assert signing.verify(century.frame()) is Verdict.GOOD  # it has the key
+    assert signing.verify(Ground().frame()) is Verdict.GOOD  # others are judged by our clock, not by its
+    assert int.from_bytes(signing.signed(unsigned())[-12:-6], "little") <= ticks(NOW_S) + FOLLOW_TICKS + 1
+
+
+def test_our_times_follow_the_clock_and_never_stand_still() -> None:
+    clock = Clock()
+    signing = Signing(KEY, clock=clock)
+
+    def time_of() -> int:
+        return int.from_bytes(signing.signed(unsigned())[-12:-6], "little")
+
+    assert time_of() == ticks(NOW_S)
+    assert [time_of() - ticks(NOW_S) for _ in range(3)] == [1, 2, 3]
+    clock.now += 1
+    assert time_of() == ticks(NOW_S + 1)
+    clock.now -= 1000  # set back
+    assert time_of() == ticks(NOW_S + 1) + 1
+    # a ground tool ahead of us would not believe our first frame: we follow it
+    assert signing.verify(Ground(at_s=NOW_S + 3600).frame()) is Verdict.GOOD
+    assert time_of() == ticks(NOW_S + 3600) + 1
+
+
+def test_streams_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("insenv.mavlink.wire.signing.MOST_STREAMS", 4)
+    signing = Signing(KEY, clock=Clock())
+    assert [signing.verify(Ground(system=i).frame()) for i in range(2, 8)] == [Verdict.GOOD] * 4 + [Verdict.STALE] * 2
+    assert signing.verify(Ground(at_s=NOW_S + 1, system=2).frame()) is Verdict.GOOD
+
+
+# --- restarts ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("orderly", [True, False])
+def test_nothing_is_believed_twice_over_a_restart(key_file: Path, orderly: bool) -> None:
+    clock = Clock()
+    ground = Ground()
+    believed = []
+    for start in range(4):
+        signing = Signing.from_key_file(key_file, clock=clock)
+        assert [signing.verify(frame) for frame in believed] == [Verdict.REPLAYED] * len(believed)
+        for step in range(30):
+            clock.now += 0.07
+            frame = ground.at(clock.now)
+            verdict = signing.verify(frame)
+            # a sender that goes on through a crash waits for the mark, a second at most
+            assert verdict is Verdict.GOOD or (not orderly and start and step * 0.07 < AHEAD_TICKS / TICKS_PER_S)
+            if verdict is Verdict.GOOD:
+                believed.append(frame)
+        if orderly:
+            signing.store()
+    assert len(believed) == 120 if orderly else len(believed) > 70
+
+
+def test_ours_are_not_signed_twice_with_a_time_though_the_clock_is_set_back(key_file: Path) -> None:
+    clock = Clock()
+    times = []
+    for _ in range(3):
+        signing = Signing.from_key_file(key_file, clock=clock)
+        times += [int.from_bytes(signing.signed(unsigned())[-12:-6], "little") for _ in range(50)]
+        clock.now -= 600
+    assert all(a < b for a, b in itertools.pairwise(times))
+
+
+def test_a_broken_file_of_times_is_refused(key_file: Path) -> None:
+    for text in (
+        "",
+        "{}",
+        '{"own": 1, "streams": []}',
+        '{"own": -1, "streams": {}}',
+        '{"own": 1, "streams": {"1 2": 3}}',
+        "\xff",
+    ):
+        Path(f"{key_file}.times").write_text(text, encoding="latin-1")
+        with pytest.raises(InputError, match="not a file of signing times"):
+            Signing.from_key_file(key_file)
+
+
+def test_what_cannot_be_stored_is_not_believed_but_ours_go_out(key_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    signing = Signing.from_key_file(key_file, clock=clock)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.replace", full)
+        frame = Ground().frame()
+        assert signing.verify(frame) is Verdict.STALE
+        assert len(signing.signed(unsigned())) == len(unsigned()) + 13
+        assert signing.unstored == 2
+    assert signing.verify(frame) is Verdict.GOOD
+    assert sorted(path.name for path in key_file.parent.iterdir()) == ["key", "key.times"]
+
+
+# --- over a link ---------------------------------------------------------------------------------
+
+
+def test_a_signed_link_turns_everything_else_away_and_counts_it(opened: Callable[..., Link], key_file: Path) -> None:
+    import socket
+
+    clock = Clock()
+    vehicle = opened("udpin:127.0.0.1:0", signing=Signing.from_key_file(key_file, clock=clock))
+    target = ("127.0.0.1", vehicle.address.port)
+    ground = Ground()
+    frames = [ground.frame() for _ in range(3)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tool:
+        for bad in (unsigned(), Ground(OTHER_KEY).frame(), Ground(at_s=NOW_S - 3600, system=254).frame()):
+            attacker.sendto(bad, target)
+        tool.sendto(frames[0], target)
+        assert [message.get_type() for _, message in received(vehicle)] == ["COMMAND_LONG"]
+        attacker.sendto(frames[0], target)
+        tool.sendto(frames[1], target)
+        received(vehicle)
+        # who has no key gets no telemetry by asking; it would read it, though, where it can listen
+        assert [peer.key for peer in vehicle.peers] == [("127.0.0.1", tool.getsockname()[1])]
+    counts = vehicle.statistics
+    assert (counts.unsigned, counts.wrongly_signed, counts.stale, counts.replayed) == (1, 1, 1, 1)
+    assert counts.received_messages == 2
+
+
+def test_the_stream_signs(key_file: Path, tmp_path: Path) -> None:
+    """`insenv stream` with a key: a tool with the same key believes all of it, one with another nothing."""
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tool:
+        tool.bind(("127.0.0.1", 0))
+        tool.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        to = f"udpout:127.0.0.1:{tool.getsockname()[1]}"
+        begun = ticks(time.time())
+        arguments = ("--to", to, "--signing-key-file", key_file, "--speed", "0", "--duration", "0.2", "--json")
+        status, out, err = call("stream", "ship-swaying", *arguments)
+        assert status == 0, err
+        assert strict(out)["link"]["sent_messages"] > 20
+        tool.settimeout(1)
+        believed = Signing(KEY)
+        frames = []
+        tool.setblocking(False)
+        while True:
+            try:
+                frames.append(tool.recv(4096))
+            except BlockingIOError:
+                break
+    assert len(frames) > 20
+    assert {believed.verify(frame) for frame in frames} == {Verdict.GOOD}
+    assert {Signing(OTHER_KEY).verify(frame) for frame in frames} == {Verdict.WRONGLY_SIGNED}
+    assert int.from_bytes(frames[0][-12:-6], "little") >= begun
+    status, _, err = call("stream", "ship-swaying", "--to", to, "--signing-key-file", tmp_path / "none")
+    assert status == 2 and "file not found" in err

@@ -1,0 +1,451 @@
+"""The stream on a real link: the command line, its log, a receiver that counts, a real client."""
+
+import io
+import json
+import os
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import ROOT, call, refused, strict
+
+from insenv import attitude, geodesy
+from insenv.mavlink.messages.schedule import DEFAULT_HZ
+from insenv.mavlink.stream import Stream
+from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire.link import open_link
+from insenv.mavlink.wire.signing import Signing
+from insenv.scenario import load
+
+common = pytest.importorskip("pymavlink.dialects.v20.common")
+
+PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
+SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
+
+
+class Receiver:
+    """A UDP socket read by a thread of its own, into memory."""
+
+    def __init__(self):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(0.2)
+        self.port = self.socket.getsockname()[1]
+        self.frames = []
+        self._open = True
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self):
+        while self._open:
+            try:
+                self.frames.append(self.socket.recv(2048))
+            except TimeoutError:
+                continue
+
+    def close(self):
+        time.sleep(0.3)
+        self._open = False
+        self._thread.join()
+        self.socket.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.close()
+
+    def messages(self):
+        reader = common.MAVLink(None)
+        return [reader.decode(bytearray(frame)) for frame in self.frames]
+
+
+def lost(frames):
+    """Frames missing between the first and the last, by their sequence numbers."""
+    numbers = np.array([frame[4] for frame in frames])
+    return int(np.sum((np.diff(numbers) - 1) % 256))
+
+
+# --- the command line ----------------------------------------------------------------------------------
+
+
+def test_stream_prints_one_document_and_writes_a_log_that_mavlogdump_reads_whole(tmp_path):
+    log = tmp_path / "flight.tlog"
+    with Receiver() as client:
+        arguments = ("--to", f"udpout:127.0.0.1:{client.port}", "--speed", 0, "--duration", 6, "--tlog", log, "--json")
+        status, out, err = call("stream", "car-city-drive", *arguments, "--rate", "ATTITUDE=50", "--rate", "ALTITUDE=0")
+    found = strict(out)
+    assert (status, err) == (0, "") and found["simulated_s"] == pytest.approx(6.0) and found["tlog"] == str(log)
+    assert found["sent"]["ATTITUDE"] == 300 and found["sent"]["HIL_SENSOR"] == 1200 and "ALTITUDE" not in found["sent"]
+    assert not found["saturated"] and not found["refused"] and found["link"]["dropped_frames"] == 0
+    total = sum(found["sent"].values())
+    assert len(client.frames) == total and lost(client.frames) == 0
+
+    dump = [sys.executable, "-m", "pymavlink.tools.mavlogdump"]
+    if find_spec("pymavlink.tools.mavlogdump") is None:
+        dump = [sys.executable, str(Path(sys.executable).parent / "mavlogdump.py")]
+    shown = subprocess.run([*dump, "--format", "json", str(log)], capture_output=True, text=True, timeout=120)
+    assert shown.returncode == 0, shown.stderr
+    rows = [json.loads(line) for line in shown.stdout.splitlines() if line.startswith("{")]
+    assert Counter(row["meta"]["type"] for row in rows) == found["sent"]
+    from pymavlink import mavutil
+
+    reader = mavutil.mavlogfile(str(log))
+    while reader.recv_match() is not None:
+        pass
+    assert (reader.mav_loss, reader.mav_count) == (0, total)
+    reader.close()
+
+
+def test_wrong_calls_are_refused(tmp_path):
+    to = ("--to", "udpout:127.0.0.1:9")
+    refused(call("stream", "car-city-drive"), "--to")
+    refused(call("stream", "no-such", *to), "no-such", "car-city-drive")
+    refused(call("stream", "car-city-drive", "--to", "udp:1"), "udp:1", "udpout:HOST:PORT")
+    refused(call("stream", "car-city-drive", *to, "--rate", "ATITUDE=5"), "ATITUDE", "ATTITUDE")
+    refused(call("stream", "car-city-drive", *to, "--speed", "-1"), "speed", "as fast as possible")
+    refused(call("stream", "car-city-drive", *to, "--duration", "0"), "--duration")
+    refused(call("stream", "car-city-drive", *to, "-e", "smoother"), "smoother", "loosely-coupled")
+    refused(call("stream", "car-city-drive", *to, "--lockstep", "px4", "--speed", "2"), "--lockstep")
+    refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--tlog", tmp_path / "a"), "--tlog")
+    refused(call("stream", "car-city-drive", *to, "--signing-key-file", tmp_path / "no"), "not found")
+    refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--rate", "ATTITUDE=5"), "--rate")
+    for path, word in (
+        (tmp_path, "folder"),
+        (".", "folder"),
+        (os.devnull, "no plain file"),
+        (tmp_path / "no" / "a", "No such"),
+    ):
+        refused(call("stream", "car-city-drive", *to, "--tlog", path), word)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_stream_to_nobody_says_so():
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))  # and does not listen
+        to = f"tcpout:127.0.0.1:{closed.getsockname()[1]}"
+        status, out, err = call("stream", "ship-swaying", "--to", to, "--speed", 0, "--duration", 1)
+    assert (status, err) == (0, "") and f"none sent: nobody was at {to}" in out
+
+
+def test_ctrl_c_ends_a_stream_cleanly(tmp_path):
+    with Receiver() as client:
+        arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
+        running = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        for _ in range(400):
+            if len(client.frames) > 100:
+                break
+            time.sleep(0.05)
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=30)
+    assert running.returncode == 0 and err == b"", err
+    assert b"ship-swaying, q-method" in out and b"written:" in out
+    assert (tmp_path / "a.tlog").stat().st_size > 1000 and not list(tmp_path.glob("*.part"))
+
+
+def test_dashboard_shows_rates_lateness_clients_and_alignment():
+    from rich.console import Console
+
+    from insenv.cli.stream import Rates, picture
+
+    vehicle = Vehicle(load("ship-swaying"), speed=0.0)
+    with Receiver() as client, open_link(f"udpout:127.0.0.1:{client.port}") as link:
+        stream, rates = Stream(vehicle, link), Rates()
+        console = Console(width=100, record=True, file=io.StringIO())
+        picture(stream, rates, now=0.0)
+        stream.run(10.0)
+        console.print(picture(stream, rates, now=10.0))
+    text = console.export_text()
+    assert re.search(r"HIL_SENSOR +200\.0", text) and re.search(r"ATTITUDE +20\.0", text)
+    for word in ("lateness", "p99", f"127.0.0.1:{client.port}", "aligning", "tilt", "q-method", "as fast as possible"):
+        assert word in text, word
+    assert max(map(len, text.splitlines())) <= 100
+
+
+@pytest.mark.parametrize("kind", ["px4", "ardupilot-json"])
+def test_lockstep_from_the_command_line(kind, tmp_path):
+    """A stand-in for the autopilot, which answers each step once; the drive is the prescribed one, or follows its throttle."""
+    scheme = "tcpin" if kind == "px4" else "udpin"
+    family = socket.SOCK_STREAM if kind == "px4" else socket.SOCK_DGRAM
+    with socket.socket(socket.AF_INET, family) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    arguments = [
+        "stream",
+        "car-city-drive",
+        "--lockstep",
+        kind,
+        "--to",
+        f"{scheme}:127.0.0.1:{port}",
+        "--duration",
+        "1",
+        "--json",
+    ]
+    arguments += ["--tlog", str(tmp_path / "px4.tlog")] if kind == "px4" else []
+    said = []
+    running = threading.Thread(target=lambda: said.append(call(*arguments)), daemon=True)
+    running.start()
+    peer = socket.socket(socket.AF_INET, family)
+    peer.settimeout(0.5)
+    until, times = time.monotonic() + 60.0, []
+    packer, reader, number = common.MAVLink(None, 1, 1), common.MAVLink(None), 0
+    if kind == "px4":
+        while peer.connect_ex(("127.0.0.1", port)) and time.monotonic() < until:
+            time.sleep(0.05)
+            peer.close()
+            peer = socket.socket(socket.AF_INET, family)
+            peer.settimeout(0.5)
+        peer.send(common.MAVLink_heartbeat_message(1, 12, 0, 0, 3, 3).pack(packer))
+    else:
+        peer.connect(("127.0.0.1", port))
+    while running.is_alive() and time.monotonic() < until:
+        try:
+            if kind == "ardupilot-json":
+                peer.send(struct.pack("<HHI16H", 18458, 200, number, *[1500] * 16))
+                row = json.loads(peer.recv(4096))
+                number, times = number + 1, [*times, row["timestamp"]]
+                continue
+            data = peer.recv(65536)
+        except (TimeoutError, ConnectionError):
+            time.sleep(0.05)
+            continue
+        for message in reader.parse_buffer(data) or ():
+            if message.get_type() == "HIL_SENSOR":
+                times.append(message.time_usec / 1e6)
+                answer = common.MAVLink_hil_actuator_controls_message(message.time_usec, [0.0] * 16, 0, 1)
+                peer.send(answer.pack(packer))
+    peer.close()
+    running.join(timeout=30)
+    ((status, out, err),) = said
+    assert (status, err) == (0, "")
+    found = strict(out)
+    assert found["simulated_s"] == pytest.approx(1.0) and found["progress"]["steps"] == 200
+    np.testing.assert_allclose(np.diff(np.unique(times)), 0.005, atol=1e-9)  # a repeated request has the same answer
+    assert times[-1] == pytest.approx(1.0) or times[-1] == pytest.approx(0.995)  # the last answer may find us gone
+    assert kind != "px4" or (tmp_path / "px4.tlog").stat().st_size > 200 * 70
+
+
+# --- nothing is lost -------------------------------------------------------------------------------------
+
+
+def test_200_hz_and_telemetry_arrive_whole_and_in_time_order():
+    vehicle = Vehicle(load("car-city-drive"))
+    with Receiver() as client:
+        with open_link(f"udpout:127.0.0.1:{client.port}") as link:
+            stream = Stream(vehicle, link)
+            stream.run(3.0)
+        time.sleep(0.2)
+    assert len(client.frames) == link.statistics.sent_frames == sum(stream.sent.values()) and lost(client.frames) == 0
+    sensors = [m.time_usec for m in client.messages() if m.get_type() == "HIL_SENSOR"]
+    assert sensors == [5000 * k for k in range(1, 601)]  # the simulation's clock, no gap and no double
+
+
+def test_heart_beats_while_paused_and_replies_come_back():
+    vehicle = Vehicle(load("car-city-drive"), rates=SILENT)
+    vehicle.set_paused(True)
+    with open_link("udpin:127.0.0.1:0") as link:
+        client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        client.settimeout(0.0)
+        client.connect(("127.0.0.1", link.address.port))
+        packer, reader = common.MAVLink(None, 245, 190), common.MAVLink(None)
+        client.send(common.MAVLink_param_request_list_message(1, 1).pack(packer))
+        stream, found = Stream(vehicle, link), []
+        until = time.monotonic() + 2.5
+        while time.monotonic() < until:
+            stream.tick()
+            while True:
+                try:
+                    found.append(reader.decode(bytearray(client.recv(2048))))
+                except BlockingIOError:
+                    break
+        client.close()
+    kinds = Counter(m.get_type() for m in found)
+    assert kinds["PARAM_VALUE"] == len(vehicle.parameters) and kinds["HEARTBEAT"] >= 2 and kinds["STATUSTEXT"] == 1
+    assert vehicle.simulation.samples == 0 and lost([bytes(m.get_msgbuf()) for m in found]) == 0
+
+
+def test_on_a_signed_link_only_signed_commands_act(tmp_path):
+    key_file = tmp_path / "key"
+    key_file.write_bytes(bytes(range(32)))
+    key_file.chmod(0o600)
+    vehicle = Vehicle(load("car-city-drive"), rates=SILENT)
+    with open_link("udpin:127.0.0.1:0", signing=Signing.from_key_file(key_file)) as link:
+        stream = Stream(vehicle, link)
+        client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        client.connect(("127.0.0.1", link.address.port))
+        packer = common.MAVLink(None, 245, 190)
+
+        def cut():
+            client.send(common.MAVLink_command_long_message(1, 1, 31011, 0, 0, 0, 0, 0, 0, 0, 0).pack(packer))
+            packer.seq = (packer.seq + 1) % 256
+            for _ in range(20):
+                stream.tick()
+
+        cut()
+        packer.signing.sign_outgoing, packer.signing.timestamp = True, int((time.time() - 1420070400) * 1e5)
+        packer.signing.secret_key = bytes(32)
+        cut()
+        assert (
+            vehicle.simulation.gnss_on
+            and not stream.received
+            and link.statistics.unsigned == link.statistics.wrongly_signed == 1
+        )
+        packer.signing.secret_key = bytes(range(32))
+        cut()
+        assert not vehicle.simulation.gnss_on and stream.received["COMMAND_LONG"] == 1
+        client.settimeout(5.0)
+        frames = [client.recv(2048)]
+        while packer.decode(bytearray(frames[-1])).get_type() != "COMMAND_ACK":
+            frames.append(client.recv(2048))
+        client.close()
+    assert all(frame[2] & 1 for frame in frames)  # all that is sent is signed
+
+
+# --- a real client ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """What MAVSDK saw of `insenv stream`, and the same vehicle simulated again here, sample by sample."""
+    pytest.importorskip("mavsdk", reason="MAVSDK-Python (extra `test`) is not installed")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    vehicle = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "stream", "car-city-drive", "--to", f"udpout:127.0.0.1:{port}", "--json"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        client = [
+            sys.executable,
+            str(ROOT / "tests" / "helpers" / "mavsdk_client.py"),
+            f"udpin://127.0.0.1:{port}",
+            "5",
+            "MAN_SPEED",
+            "7.5",
+        ]
+        seen = subprocess.run(client, capture_output=True, text=True, timeout=90)
+    finally:
+        vehicle.send_signal(signal.SIGINT)
+        out, _ = vehicle.communicate(timeout=30)
+    assert seen.returncode == 0, seen.stderr
+    (document,) = [line for line in seen.stdout.splitlines() if line.startswith("{")]
+    summary = strict(out)
+
+    twin = Vehicle(load("car-city-drive"), rates=SILENT)
+    rows = []
+    for _ in range(round(summary["simulated_s"] * 200)):
+        twin.step()
+        simulation = twin.simulation
+        rows.append(
+            {
+                "truth": {name: np.array(value) for name, value in simulation.truth.items()},
+                "estimate": {name: np.array(value) for name, value in simulation.estimate.items()},
+                "increments": simulation.increments.copy(),
+                "magnetic": twin.view.air.data.magnetic_b.copy(),
+                "fix": simulation.fix,
+            }
+        )
+    return {"seen": json.loads(document), "summary": summary, "rows": rows, "twin": twin}
+
+
+def at(session, time_us):
+    """The simulation at a time told."""
+    return session["rows"][round(time_us / 5000) - 1]
+
+
+def test_client_discovers_a_healthy_vehicle(session):
+    found = session["seen"]
+    assert found["system"] == [1, [1], "ROVER", "GENERIC"]
+    assert found["seen"]["health_all_ok"][-1] is True and all(found["seen"]["health"][-1].values())
+    assert found["seen"]["landed_state"][-1] == "ON_GROUND"
+    assert (found["version"]["flight_sw_major"], found["version"]["flight_sw_minor"]) == (0, 1)
+    assert session["summary"]["received"]["PARAM_SET"] >= 1 and not session["summary"]["saturated"]
+
+
+def test_client_reads_all_parameters_and_sets_one(session):
+    found, twin = session["seen"], session["twin"]
+    listed = {row["name"]: row["value"] for row in found["parameters"]["float_params"]}
+    assert not found["parameters"]["int_params"] and not found["parameters"]["custom_params"]
+    expected = {parameter.name: parameter.value() for parameter in twin.parameters.all}
+    assert set(listed) == set(expected)
+    for name, value in expected.items():
+        if not name.startswith("MAN_SPEED"):
+            assert listed[name] == pytest.approx(value, rel=1e-6, abs=1e-30), name
+    assert found["set"] == [15.0, 7.5]
+
+
+def test_client_sees_the_attitude_and_odometry_that_were_estimated(session):
+    seen = session["seen"]["seen"]
+    assert min(len(seen[name]) for name in ("attitude_quaternion", "odometry", "attitude_euler")) > 30
+    for row in seen["attitude_quaternion"]:
+        q, expected = np.array([row[k] for k in "wxyz"]), at(session, row["timestamp_us"])["estimate"]["q_nb"]
+        np.testing.assert_allclose(q * np.sign(q @ expected), expected, rtol=0, atol=1e-7)
+    for row in seen["attitude_euler"]:
+        angles = [row[f"{name}_deg"] for name in ("roll", "pitch", "yaw")]
+        expected = attitude.numeric.to_euler(at(session, row["timestamp_us"])["estimate"]["q_nb"])
+        np.testing.assert_allclose(angles, np.degrees(np.array(expected)), rtol=3e-7, atol=1e-6)
+    home = session["twin"].view.home
+    for row in seen["odometry"]:
+        estimate = at(session, row["time_usec"])["estimate"]
+        offset = geodesy.numeric.ned_offset(estimate["latitude"], estimate["longitude"], estimate["height"], *home)
+        velocity_b = attitude.numeric.to_dcm(estimate["q_nb"]).T @ estimate["velocity_n"]
+        np.testing.assert_allclose([row["position_body"][k] for k in ("x_m", "y_m", "z_m")], offset, rtol=1e-7, atol=1e-6)
+        told = [row["velocity_body"][k] for k in ("x_m_s", "y_m_s", "z_m_s")]
+        np.testing.assert_allclose(told, velocity_b, rtol=1e-6, atol=1e-7)
+        variance = row["pose_covariance"]["covariance_matrix"][0]
+        assert variance == pytest.approx(estimate["position_sigma"][0] ** 2, rel=1e-6)
+
+
+def test_client_sees_the_imu_and_the_truth(session):
+    seen, rows = session["seen"]["seen"], session["rows"]
+    assert len(seen["imu"]) > 100 and len(seen["ground_truth"]) > 30
+    for row in seen["imu"]:
+        sample = round(row["timestamp_us"] / 5000)
+        mean = (rows[sample - 1]["increments"] - (rows[sample - 5]["increments"] if sample > 4 else 0.0)) / 0.02
+        force = [row["acceleration_frd"][f"{k}_m_s2"] for k in ("forward", "right", "down")]
+        rate = [row["angular_velocity_frd"][f"{k}_rad_s"] for k in ("forward", "right", "down")]
+        field = [row["magnetic_field_frd"][f"{k}_gauss"] for k in ("forward", "right", "down")]
+        np.testing.assert_allclose(force, mean[3:], rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(rate, mean[:3], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(field, rows[sample - 1]["magnetic"] * 1e4, rtol=1e-6, atol=1e-8)
+    for row in seen["ground_truth"]:
+        truth = at(session, row["timestamp_us"])["truth"]
+        assert abs(row["latitude_deg"] - np.degrees(truth["latitude"])) <= 0.51e-7
+        assert abs(row["longitude_deg"] - np.degrees(truth["longitude"])) <= 0.51e-7
+        assert abs(row["absolute_altitude_m"] - truth["height"]) <= 0.6e-3
+
+
+def test_client_sees_positions_velocities_and_fixes(session):
+    seen, rows = session["seen"]["seen"], session["rows"]
+    estimates = [row["estimate"] for row in rows[19::20]]  # those of 10 Hz
+    latitude, longitude, height = (np.array([e[name] for e in estimates]) for name in ("latitude", "longitude", "height"))
+    velocity = np.array([e["velocity_n"] for e in estimates])
+    for row in seen["position"]:
+        off = [
+            np.abs(np.degrees(latitude) - row["latitude_deg"]) / 0.51e-7,
+            np.abs(np.degrees(longitude) - row["longitude_deg"]) / 0.51e-7,
+        ]
+        assert np.min(np.max([*off, np.abs(height - row["absolute_altitude_m"]) / 0.6e-3], axis=0)) <= 1.0
+    for row in seen["velocity_ned"]:
+        told = [row[f"{name}_m_s"] for name in ("north", "east", "down")]
+        assert np.min(np.max(np.abs(velocity - told), axis=1)) <= 0.00501
+    fixes = {round(row["fix"].time * 1e6): row["fix"] for row in rows if row["fix"] is not None}
+    assert seen["raw_gps"]
+    for row in seen["raw_gps"]:
+        fix = fixes[row["timestamp_us"]]
+        assert abs(row["latitude_deg"] - np.degrees(fix.latitude)) <= 0.51e-7
+        assert abs(row["absolute_altitude_m"] - fix.height) <= 0.6e-3
+    assert seen["gps_info"][-1]["fix_type"] == "FIX_3D"
+    assert seen["home"][-1]["latitude_deg"] == pytest.approx(np.degrees(session["twin"].view.home[0]), abs=0.51e-7)

@@ -1,0 +1,473 @@
+"""The simulated vehicle without a socket: the same numbers as `insenv run`, what it answers, what can be done to it."""
+
+from math import nan
+
+import numpy as np
+import pytest
+
+from insenv import attitude, estimators
+from insenv.errors import InputError
+from insenv.mavlink.answers import HANDLERS, answers
+from insenv.mavlink.commands import ACTIONS, names_by_number
+from insenv.mavlink.manual import AXIS_UNUSED, commanded
+from insenv.mavlink.messages.parameter_names import LONGEST
+from insenv.mavlink.messages.schedule import DEFAULT_HZ
+from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
+from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW, elements
+from insenv.mavlink.simulation import Simulation
+from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire.outbox import AT_ONCE, PEERS, WAITING, Outbox
+from insenv.runs.simulated import run
+from insenv.scenario import build, load
+
+common = pytest.importorskip("pymavlink.dialects.v20.common")
+
+SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
+UNSUPPORTED, DENIED, ACCEPTED = 3, 2, 0
+
+
+def quiet(scenario="car-city-drive", **options):
+    """A vehicle that streams nothing."""
+    return Vehicle(load(scenario), rates=SILENT, **options)
+
+
+def steps(vehicle, seconds):
+    """So long; the messages sent meanwhile."""
+    return [message for _ in range(round(seconds / vehicle.simulation.interval)) for message in vehicle.step()]
+
+
+def sent(name, *values, system=245, component=190):
+    """A message as a client sends it and the vehicle reads it."""
+    message = getattr(common, f"MAVLink_{name.lower()}_message")(*values)
+    return common.MAVLink(None).decode(bytearray(message.pack(common.MAVLink(None, system, component))))
+
+
+def told(vehicle, message):
+    """The answers as the client reads them."""
+    reader, sender = common.MAVLink(None), common.MAVLink(None, 1, 1)
+    return [reader.decode(bytearray(m.pack(sender))) for m in answers(vehicle, message)]
+
+
+def command(vehicle, number, *parameters):
+    """The result of a command, and what else is answered."""
+    padded = [*parameters, *[0.0] * (7 - len(parameters))]
+    ack, *more = told(vehicle, sent("COMMAND_LONG", 1, 1, number, 0, *padded))
+    assert (ack.get_type(), ack.command, ack.target_system, ack.target_component) == ("COMMAND_ACK", number, 245, 190)
+    return ack.result, more
+
+
+def texts(vehicle):
+    return [message.text for message in vehicle.texts()]
+
+
+# --- the same numbers --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scenario, estimator", [("car-city-drive", "loosely-coupled"), ("ship-swaying", "qakf")])
+def test_estimates_are_those_of_a_run(scenario, estimator):
+    result = run(load(scenario), [estimator], duration_s=20.0).results[0]
+    vehicle = quiet(scenario, estimator=estimator)
+    found = []
+    for _ in range(4000):
+        vehicle.step()
+        found.append(vehicle.simulation.estimate["q_nb"].copy())
+    every = round(4000 / len(result.time))
+    np.testing.assert_array_equal(np.array(found)[every - 1 :: every], result.outputs["q_nb"])
+    assert vehicle.simulation.time == pytest.approx(result.time[-1])
+
+
+def test_a_lost_sample_is_bridged_by_the_one_before():
+    vehicle = quiet()
+    place = vehicle.parameters.find("S_IMU_DROP_PROB")
+    vehicle.parameters.all[place].set(0.2)
+    before = vehicle.simulation.increments.copy()
+    for _ in range(400):
+        held = vehicle.simulation.last_increment.copy()
+        vehicle.step()
+        truth = vehicle.simulation.truth
+        shown = held if not truth["imu_valid"] else np.concatenate([truth["delta_angle"], truth["delta_velocity"]])
+        np.testing.assert_array_equal(vehicle.simulation.last_increment, shown)
+        np.testing.assert_allclose(vehicle.simulation.increments - before, shown, rtol=0, atol=1e-12)
+        before = vehicle.simulation.increments.copy()
+    assert 40 < vehicle.simulation.bridged < 130
+
+
+def test_estimators_that_cannot_run_live_are_refused():
+    with pytest.raises(InputError, match="loosely-coupled"):
+        Simulation(load("car-city-drive"), "smoother")
+    with pytest.raises(InputError, match="GNSS"):
+        Simulation(load("ship-swaying"), "loosely-coupled")
+    with pytest.raises(InputError, match="in place"):
+        Simulation(load("car-city-drive"), "q-method")
+
+
+# --- parameters --------------------------------------------------------------------------------------
+
+
+def test_all_parameters_are_told_as_real32_with_short_names():
+    vehicle = quiet()
+    listed = told(vehicle, sent("PARAM_REQUEST_LIST", 1, 1))
+    assert len(listed) == len(vehicle.parameters) > 100
+    assert [m.param_index for m in listed] == list(range(len(listed))) and {m.param_type for m in listed} == {9}
+    ids = [m.param_id for m in listed]
+    assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST for name in ids)
+    values = {m.param_id: m.param_value for m in listed}
+    plant = vehicle.simulation.plant
+    assert values["SIM_SPEED"] == 1 and values["SIM_RATE"] == 200 and values["E_INN_GATE"] == 5
+    north = plant.parameters["gnss_position_noise"][0]
+    assert values["S_GNSS_POS_N_N"] == pytest.approx(north, rel=1e-7)
+    arw = np.degrees(plant.knowledge.sensors.angle_random_walk) * 60
+    assert values["E_ANG_R_W"] == pytest.approx(arw, rel=1e-7)  # deg/sqrt(h)
+    (one,) = told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"E_INN_GATE", -1))
+    assert one.param_value == 5 and one.param_id == "E_INN_GATE"
+    (again,) = told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", one.param_index))
+    assert again.param_id == "E_INN_GATE"
+    assert not told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"NONE", -1))
+    assert not told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", 30000))
+
+
+def test_every_estimator_and_plant_has_names_for_its_parameters():
+    plants = [("S", build(load(name)).model) for name in ("ship-irregular-sea", "car-city-drive", "aircraft-survey")]
+    for prefix, model in [*plants, *(("E", e.model) for e in estimators.registered().values())]:
+        ids = [name for _, _, name in elements(prefix, model, model.parameters.names)]
+        assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST and name.isascii() for name in ids)
+
+
+def set_parameter(vehicle, name, value, kind=9):
+    (answer,) = told(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
+    return answer.param_value
+
+
+def test_a_parameter_set_acts_at_once_or_says_when():
+    vehicle, untouched = quiet(), quiet()
+    assert set_parameter(vehicle, "E_ANG_R_W", 30.0) == 30.0
+    steps(vehicle, 2.0), steps(untouched, 2.0)
+    assert vehicle.simulation.estimate["attitude_sigma"][0] > 1.5 * untouched.simulation.estimate["attitude_sigma"][0]
+    np.testing.assert_array_equal(vehicle.simulation.truth["q_nb"], untouched.simulation.truth["q_nb"])
+    assert {p.acts for p in vehicle.parameters.all} == {NOW, NEXT_ALIGNMENT, NEVER}
+
+    vehicle.texts()
+    assert set_parameter(vehicle, "E_HDG_SIG", 90.0) == 90.0
+    assert texts(vehicle) == ["E_HDG_SIG: acts at next alignment"]
+    vehicle.realign()
+    assert np.degrees(vehicle.simulation.estimate["attitude_sigma"][2]) == pytest.approx(90.0)
+    (answer,) = told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"E_ANG_R_W", -1))
+    assert answer.param_value == 30.0  # it outlives a new alignment
+
+
+def test_noise_of_the_receiver_can_be_set_live():
+    vehicle = quiet()
+    for axis in "NED":
+        set_parameter(vehicle, f"S_GNSS_POS_N_{axis}", 500.0)
+    vehicle.simulation.gnss_on = True
+    errors = []
+    for _ in range(3000):
+        vehicle.step()
+        fix, truth = vehicle.simulation.fix, vehicle.simulation.truth
+        if truth["gnss_valid"]:
+            errors.append((fix.height - float(truth["height"])) / 500.0)
+    assert 0.4 < np.std(errors) < 2.0 and len(errors) == 14
+
+
+@pytest.mark.parametrize(
+    "name, value, kind",
+    [
+        ("E_INN_GATE", nan, 9), ("E_INN_GATE", -1.0, 9), ("E_INN_GATE", 6.0, 6), ("S_GYR_BIAS_X", 1.0, 9),
+        ("SIM_RATE", 100.0, 9), ("SIM_SPEED", 1e9, 9), ("E_COV_DT", float("inf"), 9), ("E_ST_LAT", 1.0, 9),
+    ],
+)  # fmt: skip
+def test_a_wrong_setting_changes_nothing_and_says_so(name, value, kind):
+    vehicle = quiet()
+    before = vehicle.parameters.all[vehicle.parameters.find(name)].value()
+    assert set_parameter(vehicle, name, value, kind) == pytest.approx(before, rel=1e-7)
+    assert any(name in text for text in texts(vehicle))
+
+
+# --- commands ----------------------------------------------------------------------------------------
+
+
+def test_every_command_is_answered():
+    vehicle = quiet()
+    for number in (0, 1, 16, 176, 300, 511, 65535, *ACTIONS):
+        for parameters in ([0.0] * 7, [nan] * 7, [float("inf")] * 7, [1e30] * 7):
+            result, _ = command(vehicle, number, *parameters)
+            assert result == UNSUPPORTED if number not in ACTIONS else result in (0, 1, 2, 3)
+    (ack,) = told(vehicle, sent("COMMAND_INT", 1, 1, 0, 31011, 0, 0, 0.0, 0, 0, 0, 0, 0, 0))
+    assert (ack.get_type(), ack.result) == ("COMMAND_ACK", ACCEPTED) and not vehicle.simulation.gnss_on
+
+
+def test_gnss_is_cut_and_restored():
+    vehicle = quiet()
+    steps(vehicle, 60.5)  # it drives: standing it would know that it stands
+    fixes = vehicle.simulation.fixes
+    assert fixes == 60 and vehicle.view.has_lock
+    assert command(vehicle, 31011, 0.0)[0] == ACCEPTED
+    before = float(vehicle.simulation.estimate["position_sigma"][0])
+    steps(vehicle, 4.0)
+    assert vehicle.simulation.fixes == fixes and not vehicle.view.has_lock
+    assert vehicle.simulation.estimate["position_sigma"][0] > before
+    assert vehicle.make("GPS_RAW_INT").fix_type == 1 and not vehicle.make("SYS_STATUS").onboard_control_sensors_health & 32
+    assert command(vehicle, 31011, 1.0)[0] == ACCEPTED
+    steps(vehicle, 2.0)
+    assert vehicle.simulation.fixes == fixes + 2 and vehicle.view.has_lock
+    assert command(vehicle, 31011, 0.5)[0] == DENIED
+    assert command(quiet("ship-swaying"), 31011, 0.0)[0] == DENIED
+
+
+def test_a_cut_receiver_is_an_outage_to_the_estimator():
+    """As the scenario's own outage windows: the same estimate to the bit."""
+    cut = quiet()
+    steps(cut, 5.5)
+    cut.set_gnss(False)
+    steps(cut, 4.0)
+    with_outage = load("car-city-drive")
+    gnss = with_outage.gnss.model_copy(update={"outages_s": ((5.5, 9.5),)})
+    other = Vehicle(with_outage.model_copy(update={"gnss": gnss}), rates=SILENT)
+    steps(other, 9.5)
+    np.testing.assert_array_equal(cut.simulation.estimate["q_nb"], other.simulation.estimate["q_nb"])
+    assert float(cut.simulation.estimate["height"]) == float(other.simulation.estimate["height"])
+
+
+def test_a_new_alignment_starts_with_the_errors_of_the_first():
+    vehicle = quiet("car-city-drive")
+    first = vehicle.simulation
+    start_error = attitude.numeric.error_rotation_vector(first.estimate["q_nb"], first.truth["q_nb"])
+    steps(vehicle, 60.0)
+    assert first.truth["velocity_n"][0] ** 2 + first.truth["velocity_n"][1] ** 2 > 25
+    assert command(vehicle, 31010)[0] == ACCEPTED and first.alignments == 2
+    error = attitude.numeric.error_rotation_vector(first.estimate["q_nb"], first.truth["q_nb"])
+    assert np.linalg.norm(error) == pytest.approx(np.linalg.norm(start_error), rel=0.2) and np.linalg.norm(error) > 1e-3
+    assert np.linalg.norm(first.estimate["velocity_n"] - first.truth["velocity_n"]) < 1.0
+    message = vehicle.make("ATTITUDE")
+    assert message.yaw == pytest.approx(float(attitude.numeric.to_euler(first.estimate["q_nb"])[2]), abs=1e-9)
+    steps(vehicle, 30.0)
+    assert vehicle.view.state == "navigating"
+
+
+def test_a_diverged_estimate_is_said_to_be_and_never_sent():
+    vehicle = Vehicle(load("car-city-drive"))
+    steps(vehicle, 2.5)
+    vehicle.simulation._filter.x[:] = nan
+    said = steps(vehicle, 2.0)
+    kinds = {m.get_type() for m in said}
+    estimated = {
+        "ATTITUDE",
+        "ATTITUDE_QUATERNION",
+        "GLOBAL_POSITION_INT",
+        "LOCAL_POSITION_NED",
+        "ODOMETRY",
+        "VFR_HUD",
+        "ALTITUDE",
+    }
+    assert not kinds & estimated and {"HIL_SENSOR", "HIL_STATE_QUATERNION", "GPS_RAW_INT", "ESTIMATOR_STATUS"} <= kinds
+    assert vehicle.view.fields.refused["GLOBAL_POSITION_INT.lat"] == 20
+    assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == ["estimate diverged: begin a new alignment"]
+    assert not vehicle.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
+    assert command(vehicle, 31010)[0] == ACCEPTED
+    assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "navigating"
+
+
+def test_pause_speed_and_arming():
+    vehicle = quiet()
+    assert command(vehicle, 31012, 1.0)[0] == ACCEPTED and vehicle.paused
+    assert command(vehicle, 31012, 0.0)[0] == ACCEPTED and not vehicle.paused
+    assert command(vehicle, 31013, 4.0)[0] == ACCEPTED and vehicle.speed == 4.0
+    assert command(vehicle, 31013, -1.0)[0] == DENIED and vehicle.speed == 4.0
+    assert set_parameter(vehicle, "SIM_PAUSE", 1.0) == 1.0 and vehicle.paused
+    assert vehicle.make("HEARTBEAT").base_mode & 128
+    assert command(vehicle, 400, 0.0)[0] == ACCEPTED and not vehicle.make("HEARTBEAT").base_mode & 128
+
+
+def test_messages_are_requested_and_timed():
+    vehicle = quiet()
+    steps(vehicle, 2.5)
+    for number, name in names_by_number().items():
+        result, more = command(vehicle, 512, float(number))
+        if name == "HIL_GPS" and not more:
+            assert result == 1  # a fix goes out once
+            continue
+        assert (result, [m.get_type() for m in more]) == (ACCEPTED, [name])
+    assert command(vehicle, 512, 435.0) == (UNSUPPORTED, [])
+    assert command(vehicle, 520)[1][0].get_type() == "AUTOPILOT_VERSION"
+    assert command(vehicle, 410)[1][0].get_type() == "HOME_POSITION"
+    attitude_id = 30.0
+    assert command(vehicle, 511, attitude_id, 10_000.0)[0] == ACCEPTED
+    sent_now = [m.get_type() for _ in range(200) for m in vehicle.step()]
+    assert sent_now.count("ATTITUDE") == 100
+    assert command(vehicle, 510, attitude_id)[1][0].interval_us == 10_000
+    assert command(vehicle, 512, 244.0, attitude_id)[1][0].interval_us == 10_000
+    assert command(vehicle, 511, attitude_id, -1.0)[0] == ACCEPTED
+    assert command(vehicle, 510, attitude_id)[1][0].interval_us == -1
+    assert command(vehicle, 511, attitude_id, 0.0)[0] == ACCEPTED and vehicle.schedule.rates["ATTITUDE"] == 20
+    assert command(vehicle, 511, attitude_id, -5.0)[0] == DENIED and command(vehicle, 511, 9999.0, 1.0)[0] == UNSUPPORTED
+
+
+def test_data_streams_leave_rates_of_the_command_line_alone():
+    vehicle = Vehicle(load("car-city-drive"), rates={"ATTITUDE": 33.0})
+    assert not told(vehicle, sent("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1))
+    rates = vehicle.schedule.rates
+    assert (rates["ATTITUDE"], rates["VFR_HUD"], rates["HIL_SENSOR"], rates["HEARTBEAT"]) == (33.0, 4.0, 200.0, 1.0)
+    told(vehicle, sent("REQUEST_DATA_STREAM", 1, 1, 6, 4, 0))
+    assert rates["GLOBAL_POSITION_INT"] == 0 and rates["VFR_HUD"] == 4.0
+
+
+# --- steering ------------------------------------------------------------------------------------------
+
+
+def steer(vehicle, x, y, z, r):
+    assert not told(vehicle, sent("MANUAL_CONTROL", 1, x, y, z, r, 0))
+
+
+def test_a_car_is_driven_by_manual_control_and_stops_without_it():
+    vehicle = quiet()
+    said = []
+    for _ in range(80):  # 10 s at 8 Hz
+        steer(vehicle, 0, 0, 600, 500)
+        said += steps(vehicle, 0.125)
+    truth = vehicle.simulation.truth
+    speed = np.hypot(*truth["velocity_n"][:2])
+    assert speed == pytest.approx(0.6 * vehicle.scale.speed, rel=0.02)
+    turned = np.degrees(float(vehicle.view.values["true_rate_nb_b"][2]))
+    rates = []
+    for _ in range(200):
+        said += vehicle.step()
+        rates.append(np.degrees(float(vehicle.view.values["true_rate_nb_b"][2])))
+    assert abs(np.mean(rates) - 0.5 * vehicle.scale.turn_deg_s) < 0.5 and abs(turned) < 30
+    said += steps(vehicle, 12.0)
+    assert np.hypot(*truth["velocity_n"][:2]) < 0.05
+    assert [m.text for m in said] == ["manual control: the script has ended", "manual control lost"]
+
+
+def test_an_aircraft_banks_and_climbs():
+    vehicle = quiet("aircraft-inflight-alignment")
+    before = float(vehicle.simulation.truth["height"])
+    for _ in range(40):
+        steer(vehicle, -1000, 500, 1000, AXIS_UNUSED)
+        steps(vehicle, 0.5)
+    roll = np.degrees(float(attitude.numeric.to_euler(vehicle.simulation.truth["q_nb"])[0]))
+    assert 10 < roll < 20 and float(vehicle.simulation.truth["height"]) > before + 50
+
+
+def test_vehicles_that_cannot_be_steered_say_so_once():
+    for scenario, why in (("ship-swaying", "aligning in place"), ("car-parked", "aligning in place")):
+        vehicle = quiet(scenario)
+        for _ in range(5):
+            steer(vehicle, 0, 0, 1000, 0)
+        assert texts(vehicle) == [f"no manual control: {why}"]
+    prescribed = quiet("large-misalignment")
+    steer(prescribed, 0, 0, 1000, 0)
+    assert texts(prescribed) == ["no manual control: motion is prescribed"]
+    with pytest.raises(InputError, match="prescribed"):
+        prescribed.simulation.command({"speed": 1.0})
+
+
+def test_axes_that_are_not_there_command_nothing():
+    scale = quiet().scale
+    assert commanded("car", scale, 0, AXIS_UNUSED, AXIS_UNUSED, AXIS_UNUSED) == {}
+    assert commanded("car", scale, 0, 500, 0, 0) == {"speed": 0.0, "yaw_rate": pytest.approx(np.radians(10.0))}
+    assert commanded("ship", scale, 0, 500, -300, -1000) == {"speed": 0.0, "turn_rate": pytest.approx(-np.radians(20.0))}
+    assert commanded("aircraft", scale, -32768, 32766, 9999, 0)["climb_rate"] == scale.climb
+
+
+# --- what is not there ---------------------------------------------------------------------------------
+
+
+def test_file_transfer_is_refused_with_the_next_number_and_the_same_session():
+    request = bytearray(251)
+    request[0:2], request[2], request[3] = (65535).to_bytes(2, "little"), 7, 4
+    (reply,) = told(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
+    payload = bytes(reply.payload)
+    assert payload[:6] == bytes([0, 0, 7, 129, 1, 4]) and payload[12] == 10
+    assert (reply.target_system, reply.target_component) == (245, 190)
+    request[3] = 129
+    assert not told(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))  # an answer has none
+
+
+def test_missions_logs_clocks_and_pings():
+    vehicle = quiet()
+    steps(vehicle, 1.0)
+    for kind in (0, 1, 2):
+        (count,) = told(vehicle, sent("MISSION_REQUEST_LIST", 1, 1, kind))
+        assert (count.count, count.mission_type, count.target_system) == (0, kind, 245)
+    assert [m.type for m in told(vehicle, sent("MISSION_COUNT", 1, 1, 5, 0))] == [3]
+    assert [m.type for m in told(vehicle, sent("MISSION_CLEAR_ALL", 1, 1, 0))] == [0]
+    assert [m.num_logs for m in told(vehicle, sent("LOG_REQUEST_LIST", 1, 1, 0, 65535))] == [0]
+    (clock,) = told(vehicle, sent("TIMESYNC", 0, 1234))
+    assert (clock.tc1, clock.ts1) == (1_000_000_000, 1234) and not told(vehicle, sent("TIMESYNC", 5, 1234))
+    (echo,) = told(vehicle, sent("PING", 99, 3, 0, 0))
+    assert (echo.seq, echo.target_system) == (3, 245) and not told(vehicle, sent("PING", 99, 3, 1, 1))
+
+
+def test_messages_for_others_are_left_alone():
+    vehicle = quiet()
+    assert not told(vehicle, sent("PARAM_REQUEST_LIST", 2, 1)) and not told(vehicle, sent("PARAM_REQUEST_LIST", 1, 100))
+    assert not told(vehicle, sent("COMMAND_LONG", 7, 1, 31010, 0, *[0.0] * 7)) and vehicle.simulation.alignments == 1
+    assert not told(vehicle, sent("PARAM_REQUEST_LIST", 1, 1, system=1, component=1))  # our own, come back
+    assert len(told(vehicle, sent("PARAM_REQUEST_LIST", 0, 0))) == len(vehicle.parameters)
+    for name in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE", "ATTITUDE"):
+        assert name not in HANDLERS
+
+
+# --- outbox and pacing ---------------------------------------------------------------------------------
+
+
+def test_answers_are_bounded_and_each_peer_has_its_turn():
+    outbox, out = Outbox(), []
+    for peer in ("a", "b"):
+        for _ in range(WAITING + 50):
+            outbox.put(peer, [peer])
+    assert outbox.dropped == 100
+    while outbox.send(lambda peer, message: out.append((peer, message))):
+        assert len(out) <= 2 * WAITING
+    assert out[:4] == [("a", "a"), ("b", "b")] * 2 and out.count(("a", "a")) == out.count(("b", "b")) == WAITING
+    for number in range(PEERS + 10):
+        outbox.put(number, [0])
+    assert outbox.dropped == 110
+    assert outbox.send(lambda *_: None) == AT_ONCE
+    # all parameters, asked for without end: one list on its way
+    fresh, out = Outbox(), []
+    for _ in range(1000):
+        fresh.put("a", iter(range(40)))
+        fresh.put("b", iter(range(40)))
+    while fresh.send(lambda peer, message: out.append(peer)):
+        pass
+    assert out.count("a") == out.count("b") == 40
+
+
+class Clock:
+    def __init__(self):
+        self.now, self.slept = 0.0, []
+
+    def __call__(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.slept.append(seconds)
+        self.now += seconds
+
+
+def test_deadlines_are_absolute_and_bursts_have_pauses():
+    clock = Clock()
+    pacer = Pacer(0.005, 2.0, clock, clock.sleep)
+    for _ in range(1000):
+        pacer.wait(lambda: None)
+        clock.now += 0.001  # the work of a sample
+    assert clock.now == pytest.approx(2.5 + 0.001, abs=1e-9) and pacer.lateness(1.0) < 1e-9
+    clock.now += 1.0  # a stall of 400 samples: caught up, in bursts
+    clock.slept.clear()
+    for _ in range(400):
+        pacer.wait(lambda: None)
+        pacer.sent(2)
+    assert len(clock.slept) >= 400 * 2 // BURST_MESSAGES - 1 and pacer.slips == 0
+    assert pacer.lateness(0.99) > 0.5
+    clock.now += GIVE_UP_S + 2.0
+    pacer.wait(lambda: None)
+    assert pacer.slips == 1 and pacer.slipped == pytest.approx(GIVE_UP_S + 2.0, abs=0.2)
+    served = []
+    slow = Pacer(1.0, 1.0, clock, clock.sleep)
+    slow.wait(lambda: served.append(clock.now))
+    assert len(served) > 40  # a long wait does not leave anyone without an answer
+    pacer.restart(0.0)
+    clock.slept.clear()
+    pacer.wait(lambda: None)
+    assert not clock.slept

@@ -1,0 +1,141 @@
+"""A plant with an estimator behind it as one model: the numbers of the two one after the other."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from insenv.core.batch import make_batch
+from insenv.core.model import Step, derived
+from insenv.core.runner import make_runner
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError
+from insenv.estimators import get, registered
+from insenv.plant import loop_model
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
+
+has_compiler = shutil.which("cc") is not None
+native = pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
+QUICK = ("q-method",)  # the others take long to compile: make test-slow
+SAMPLES = 220  # a fix, some tens of covariances, the first windows
+
+
+def scenario_for(estimator):
+    return load("car-parked" if estimator.kind == "alignment" else "car-city-drive")
+
+
+def parameters(plant, estimator):
+    return {**plant.parameters, **{f"estimator_{k}": v for k, v in estimator.prepare(plant.knowledge).items()}}
+
+
+def loop_and_expected(id):
+    """The loop's model, its parameters, and the outputs of the two one after the other."""
+    estimator = get(id)
+    plant = build(scenario_for(estimator), seed=21)
+    model = loop_model(plant.model, estimator.model)
+    return model, parameters(plant, estimator), np.concatenate(one_after_the_other(plant, estimator), axis=1)
+
+
+def one_after_the_other(plant, estimator, samples=SAMPLES, lost=False):
+    """Outputs of plant and estimator, (samples, ...), by the interpreter."""
+    shown = make_runner(plant.model, plant.parameters, "interpreter").run(samples)
+    columns = {name: np.array(column) for name, column in plant.model.outputs.unpack(shown).items()}
+    columns["dt"] = np.full(samples, plant.sample_interval)
+    if lost:
+        held = {"delta_angle": np.zeros(3), "delta_velocity": np.array([0.0, 0.0, -9.80665]) * plant.sample_interval}
+        for k, valid in enumerate(columns["imu_valid"]):
+            for name, latest in held.items():
+                if valid:
+                    latest[:] = columns[name][k]
+                columns[name][k] = latest
+    runner = make_runner(estimator.model, estimator.prepare(plant.knowledge), "interpreter")
+    return shown, runner.run(samples, input_rows(estimator.model, columns, samples))
+
+
+@pytest.mark.parametrize("id", sorted(registered()))
+def test_the_loop_equals_plant_then_estimator_to_the_bit(id):
+    model, rows, expected = loop_and_expected(id)
+    assert np.isfinite(expected).all()
+    assert model.outputs.names[-1] == f"estimator_{get(id).model.outputs.names[-1]}"
+    assert np.array_equal(make_runner(model, rows, "interpreter").run(SAMPLES), expected)
+
+
+@native
+@pytest.mark.parametrize(
+    "id", [pytest.param(id, marks=[] if id in QUICK else [pytest.mark.slow]) for id in sorted(registered())]
+)
+def test_the_loop_equals_it_natively_and_in_a_batch(id):
+    """Slow: each pair is two libraries to compile."""
+    model, rows, expected = loop_and_expected(id)
+    assert np.array_equal(make_runner(model, rows, "native").run(SAMPLES), expected)
+    batch = make_batch(model, 3, {**rows, "seed": 19.0}, backend="native").run(SAMPLES, every=1)
+    assert np.array_equal(batch[2], expected)
+
+
+@pytest.mark.parametrize("id", ["q-method", "loosely-coupled"])
+def test_a_lost_sample_is_the_last_that_arrived_once_more(id):
+    estimator = get(id)
+    scenario = scenario_for(estimator)
+    scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"drop_probability": 0.4})})
+    seen = set()
+    for seed in range(6):
+        plant = build(scenario, seed=seed)
+        shown, found = one_after_the_other(plant, estimator, 60, lost=True)
+        seen.add(plant.model.outputs.unpack(shown)["imu_valid"][0])
+        model = loop_model(plant.model, estimator.model)
+        runner = make_runner(model, parameters(plant, estimator), "interpreter")
+        assert np.array_equal(runner.run(60), np.concatenate([shown, found], axis=1))
+    assert seen == {0.0, 1.0}  # runs that begin with a lost sample too
+
+
+def test_the_pair_gives_one_model():
+    plant, estimator = build(load("ship-swaying")).model, get("q-method").model
+    assert loop_model(plant, estimator) is loop_model(plant, estimator)
+    assert loop_model(plant, get("analytic").model) is not loop_model(plant, estimator)
+
+
+def test_two_estimators_stand_behind_one_plant():
+    plant = build(load("car-parked"), seed=2)
+    first, second = get("q-method"), get("analytic")
+    model = loop_model(loop_model(plant.model, first.model), second.model, "other_")
+    rows = parameters(plant, first) | {f"other_{k}": v for k, v in second.prepare(plant.knowledge).items()}
+    found = model.outputs.unpack(make_runner(model, rows, "interpreter").run(50))
+    for estimator, prefix in ((first, "estimator_"), (second, "other_")):
+        alone = estimator.model.outputs.unpack(one_after_the_other(plant, estimator, 50)[1])
+        assert np.array_equal(found[f"{prefix}q_nb"], alone["q_nb"])
+
+
+def test_conditions_on_inputs_that_the_plant_has_not_are_settled_beforehand():
+    plant, filter = build(load("ship-swaying")).model, get("ecef-kf").model
+    steps = loop_model(plant, filter).steps
+    assert filter.steps["fix"].when == "gnss_valid" and "estimator_fix" not in steps  # there is no receiver
+    assert steps["estimator_pair"].when == "estimator_pair_due"
+    always = replace(filter, inputs=derived(filter.inputs, gnss_valid=1.0))
+    assert loop_model(plant, always).steps["estimator_fix"].when is None
+    driving = build(load("car-city-drive")).model
+    assert loop_model(driving, filter).steps["estimator_fix"].when == "gnss_valid"
+
+
+def test_the_plants_inputs_are_kept():
+    plant = build(load("car-city-drive")).model
+    model = loop_model(plant, get("loosely-coupled").model)
+    assert model.inputs == plant.inputs
+    assert [k for k, s in model.steps.items() if s.uniforms] == [k for k, s in plant.steps.items() if s.uniforms]
+    assert list(model.steps)[: len(plant.steps)] == list(plant.steps)  # the places of the streams of random numbers
+
+
+def test_what_does_not_fit_is_refused():
+    plant, estimator = build(load("ship-swaying")).model, get("q-method").model
+    random = replace(
+        estimator,
+        parameters=estimator.parameters + Table((plant.parameters["seed"],)),
+        state=estimator.state + Table((plant.state["step"],)),
+        steps={"sample": Step(lambda p, x, u, r: {"time": r[0]}, uniforms=1)},
+    )
+    with pytest.raises(InputError, match="random"):
+        loop_model(plant, random)
+    wide = replace(estimator, inputs=Table((Row("latitude", "Two of them", "rad", (2,)),)))
+    with pytest.raises(InputError, match="latitude"):
+        loop_model(plant, wide)

@@ -1,0 +1,69 @@
+"""The examples: each script runs from an empty folder, each description is read and agrees with its sibling."""
+
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+from places import ROOT
+
+from insenv.files.toml import read_toml
+from insenv.runs.simulated import run
+from insenv.scenario import load
+
+EXAMPLES = ROOT / "examples"
+SAID = {  # what each script must print
+    "active_alignment.py": ("S-turns", "straight, even speed"),
+    "align_a_ship.py": ("heading_deg", "limit"),
+    "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
+    "env_loop.py": ("aligned after", "limit"),
+    "navigate_a_log.py": ("vd_mps", "KF-GINS"),
+    "own_estimator.py": ("two vectors", "ship-swaying"),
+    "step_by_step.py": ("90 s", "stated sigma"),
+    "train_tuner.py": ("PPO less untuned", "best fixed factors"),
+}
+
+
+def test_each_script_is_named_here():
+    assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
+
+
+COMPILES_LONG = {"active_alignment.py"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in COMPILES_LONG else ()) for n in sorted(SAID)])
+def test_script(name, tmp_path):
+    if name == "train_tuner.py":
+        pytest.skip("it trains for minutes: make test-rl runs it")
+    if name == "navigate_a_log.py" and find_spec("onavdata") is None:
+        pytest.skip("the log is in the package onavdata, which is not installed")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", EXAMPLES / name],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert all(text in done.stdout for text in SAID[name]), done.stdout
+    assert "nan" not in done.stdout
+    assert done.stderr == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_own_scenario():
+    report = run(load(EXAMPLES / "own_scenario.toml"), duration_s=5.0)
+    assert [result.estimator for result in report.results] == ["q-method"]
+
+
+def test_the_two_descriptions_of_the_car_log_differ_in_the_velocities_alone():
+    both, positions = (read_toml(EXAMPLES / f"n380-car{kind}.toml") for kind in ("", "-position-only"))
+    for name in ("velocity", "velocity_sigma"):
+        assert both["gnss"].pop(name)
+        assert name not in positions["gnss"]
+    both["imu"].pop("rate_hz")  # the same as the median step
+    for section in ("imu", "gnss", "reference", "initial", "estimator"):
+        assert positions[section] == both[section]
+    assert positions["evaluation"]["published"] == both["evaluation"]["published"]

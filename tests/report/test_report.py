@@ -1,0 +1,257 @@
+"""Tables, figures and result files of reports made up here."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from insenv.errors import InputError, InsenvError
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, Report, Result, Track
+from insenv.report import OutputFolder, comparison, document, to_json, write_files
+from insenv.report.figures import draw, save
+from insenv.report.files import collect, file_name
+from insenv.report.tables import number
+
+TIME = np.linspace(0.5, 100.0, 200)
+PLACE = {"latitude": 0.5 + 1e-6 * TIME, "longitude": 2.0 + 1e-6 * TIME, "height": 10.0 + 0 * TIME}
+
+
+def track(**more):
+    return Track(TIME, np.tile([1.0, 0.0, 0.0, 0.0], (200, 1)), np.zeros((200, 3)), **{**PLACE, **more})
+
+
+def result(estimator="loosely-coupled", channels=CHANNELS, size=0.01, **more):
+    errors = {name: size * np.sin(TIME + place) * (1 + 100 * np.exp(-TIME / 5)) for place, name in enumerate(channels)}
+    outputs = {"q_nb": track().q_nb, **PLACE, "test_ratio": np.zeros((200, 6))}
+    if set(channels) <= set(ATTITUDE):
+        outputs = {"q_nb": outputs["q_nb"]}
+    values = {
+        "time": TIME,
+        "outputs": outputs,
+        "errors": errors,
+        "sigma": {name: np.full(200, 2 * size) for name in channels},
+        "limit": dict.fromkeys(channels, size),
+        "from_s": 75.0,
+        "us_per_sample": 0.4321,
+    }
+    return Result(estimator, **{**values, **more})
+
+
+def report(*results, **more):
+    values = {"scenario": "made-up", "title": "A made-up run, 10 % [x]", "seed": 7, "duration_s": 100.0, "imu_samples": 20000}
+    return Report(**{**values, "truth": track(), "results": results or (result(),), **more})
+
+
+def printed(made):
+    console = Console(width=80, markup=False, highlight=False, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    with console.file:
+        for part in comparison(made):
+            console.print(part)
+        return console.export_text()
+
+
+# --- table -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (1.0, "1.00"), (-0.012345, "-0.0123"), (123456.7, "123457"), (1e-7, "1.0e-07"), (-1e9, "-1.0e+09")],
+)
+def test_numbers(value, text):
+    assert number(value) == text
+
+
+@pytest.mark.parametrize("value", [None, math.nan, math.inf])
+def test_unknown_numbers_are_a_dash(value):
+    assert number(value) == "-"
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 0.01, 123.456, 1e5, 1e9])
+@pytest.mark.parametrize("published", [0, 1, 2, 4])
+def test_table_fits_80_columns_and_cuts_nothing(size, published):
+    peers = tuple((f"Package number {i}, from the reference state", dict.fromkeys(CHANNELS, size)) for i in range(published))
+    text = printed(report(result(size=-size, limit=dict.fromkeys(CHANNELS, size)), published=peers))
+    assert max(map(len, text.splitlines())) <= 80
+    assert "…" not in text
+    assert all(f"Package number {i}" in text for i in range(published))
+
+
+def test_table_says_what_was_run():
+    text = printed(report(result(notes=("one remark",)), notes=("another",)))
+    for wanted in (
+        "made-up",
+        "[x]",
+        "seed 7",
+        "100 s",
+        "20000",
+        "from 75 s on",
+        "0.432 us",
+        "one remark",
+        "another",
+        "heading [deg]",
+    ):
+        assert wanted in text
+    row = next(line for line in text.splitlines() if line.startswith("roll"))
+    final, rms, largest, limit, ratio = map(float, row.split()[2:])
+    figures = result().statistics()
+    assert (final, rms, largest) == pytest.approx([figures[k]["roll_deg"] for k in ("final", "rms", "max")], rel=5e-3)
+    assert limit == 0.01 and ratio == pytest.approx(rms / limit, rel=1e-2)
+
+
+def test_table_without_limits_or_errors():
+    assert re.search(r"^roll \[deg\] .* - +-$", printed(report(result(limit={}))).replace("  \n", "\n"), re.MULTILINE)
+    text = printed(report(result(errors={}, sigma={"heading_deg": np.full(200, 0.1), "north_m": np.full(200, 3.0)})))
+    assert re.search(r"^heading \[deg\] +0.0000 +0.100$", text.replace(" \n", "\n"), re.MULTILINE) and "rms" not in text
+    assert re.search(r"^latitude \[deg\] +28.6536\d+ +3.00 m$", text.replace(" \n", "\n"), re.MULTILINE)
+
+
+# --- JSON --------------------------------------------------------------------------------------------
+
+
+def test_document_has_the_documented_keys():
+    found = document(report(published=(("Other", {"roll_deg": 1.0}),)), ["a.npz"])
+    assert {"scenario", "seed", "duration_s", "imu_samples", "results", "published", "files"} <= set(found)
+    assert {"estimator", "final", "rms", "max", "limit", "us_per_sample"} <= set(found["results"][0])
+    assert all(set(found["results"][0][kind]) == set(CHANNELS) for kind in ("final", "rms", "max", "limit"))
+    assert "published" not in document(report())
+
+
+def test_no_nan_in_json():
+    bad = result(errors={"roll_deg": np.full(200, np.nan)}, limit={"roll_deg": math.inf})
+    text = to_json(document(report(bad)))
+    parsed = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
+    assert parsed["results"][0]["rms"] == {"roll_deg": None} and parsed["results"][0]["limit"] == {"roll_deg": None}
+    assert to_json({"é": np.float64(1.5), "n": np.array([1, 2])}, indent=None) == '{"\\u00e9": 1.5, "n": [1, 2]}'
+
+
+# --- files -------------------------------------------------------------------------------------------
+
+
+def test_npz_round_trip(tmp_path):
+    made = report(result(), result("q-method", ATTITUDE))
+    written = write_files(made, OutputFolder(tmp_path / "new" / "out"), figure=False)
+    assert sorted(p.name for p in (tmp_path / "new" / "out").iterdir()) == ["made-up.json", "made-up.npz"]
+    with np.load(written.paths[0], allow_pickle=False) as file:
+        meta = json.loads(file["meta"].item())
+        arrays = {name: file[name] for name in file.files if name != "meta"}
+    assert set(meta["arrays"]) == set(arrays)
+    assert meta["format"] == "insenv-results" and meta["run"] == document(made)
+    assert np.array_equal(arrays["truth/latitude"], PLACE["latitude"])
+    assert np.array_equal(arrays["q-method/errors/heading_deg"], made.results[1].errors["heading_deg"])
+    assert np.array_equal(arrays["loosely-coupled/outputs/q_nb"], made.results[0].outputs["q_nb"])
+    for name, about in meta["arrays"].items():
+        assert about["unit"] and about["meaning"] and about["shape"] == list(arrays[name].shape), name
+    assert meta["arrays"]["truth/velocity_n"]["unit"] == "m/s" and meta["arrays"]["truth/velocity_n"]["frame"] == "n"
+    assert meta["arrays"]["loosely-coupled/sigma/vn_mps"]["unit"] == "m/s"
+    summary = json.loads(written.paths[1].read_text())
+    assert summary == document(made, [str(p) for p in written.paths])
+
+
+def test_files_are_readable_by_others_as_the_umask_says(tmp_path):
+    (tmp_path / "plain").write_text("")
+    written = write_files(report(), OutputFolder(tmp_path), figure=False)
+    assert written.paths[0].stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError])
+def test_interrupted_writing_leaves_what_was_there(tmp_path, monkeypatch, fault):
+    def interrupted(*_, **__):
+        raise fault
+
+    write_files(report(), OutputFolder(tmp_path), figure=False)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    monkeypatch.setattr("insenv.report.files.save", interrupted)
+    with pytest.raises(fault):
+        write_files(report(seed=8), OutputFolder(tmp_path))
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_a_folder_in_the_way_is_told_and_nothing_written(tmp_path):
+    (tmp_path / "made-up.json").mkdir()
+    with pytest.raises(InsenvError, match=r"made-up\.json.*is a folder"):
+        write_files(report(), OutputFolder(tmp_path), figure=False)
+    assert [p.name for p in tmp_path.iterdir()] == ["made-up.json"]
+
+
+def test_output_folder_is_tried_at_once_and_made_late(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is not a folder"):
+        OutputFolder(tmp_path / "file" / "deep" / "out")
+    OutputFolder(tmp_path / "new" / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "name"),
+    [("ship-swaying", "ship-swaying"), ("../a b/my log.toml", "my-log"), ("..", "run"), ("a/b:c", "a-b-c")],
+)
+def test_file_names(scenario, name):
+    assert file_name(scenario) == name
+
+
+def test_without_matplotlib_the_rest_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("insenv.report.files.find_spec", lambda name: None)
+    written = write_files(report(), OutputFolder(tmp_path))
+    assert "pip install 'insenv[plot]'" in written.note
+    assert {p.suffix for p in tmp_path.iterdir()} == {".npz", ".json"}
+
+
+def test_arrays_of_an_unregistered_estimator_are_kept():
+    assert "mine/outputs/q_nb" in collect(report(result("mine")))[0]
+
+
+# --- figures -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def figure():
+    return draw(report(result(), result("wander-sins", size=50.0, sigma={})))
+
+
+def test_figure_shows_every_channel_limit_and_band(figure):
+    titles = [axis.get_title(loc="left") for axis in figure.axes]
+    assert titles[:3] == ["roll error [deg]", "pitch error [deg]", "heading error [deg]"] and len(titles) == 10
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"loosely-coupled", "wander-sins", "loosely-coupled: stated ±3 sigma", "theoretical limit, ±1 sigma"} <= texts
+
+
+def test_figure_files_are_the_same_every_time(figure, tmp_path):
+    for name in ("a", "b"):
+        save(draw(report(result("q-method", ATTITUDE))), {"svg": tmp_path / f"{name}.svg", "png": tmp_path / f"{name}.png"})
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert b"<dc:date>" not in (tmp_path / "a.svg").read_bytes()
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_figure_leaves_matplotlib_as_it_was():
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    draw(report(result("q-method", ATTITUDE)))
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        report(result(errors={}, sigma={}, limit={}), truth=Track(TIME), seed=None),  # a log without a reference
+        report(result(channels=("north_m", "east_m", "down_m"))),  # a reference without attitude
+        report(result(errors=dict.fromkeys(CHANNELS, np.zeros(200)), sigma={}, limit={})),
+        report(
+            result(errors={"roll_deg": np.full(200, np.nan)}), truth=track(latitude=np.r_[[np.nan] * 9, PLACE["latitude"][9:]])
+        ),
+        report(title="costs $5 and $6"),
+    ],
+    ids=["no reference", "position only", "no error at all", "not known", "dollars"],
+)
+def test_unusual_reports_are_drawn(made, tmp_path):
+    assert len(write_files(made, OutputFolder(tmp_path)).paths) == 4
+
+
+def test_nothing_to_draw(tmp_path):
+    made = report(result("q-method", ATTITUDE, errors={}), truth=Track(TIME), seed=None)
+    assert "no figure" in write_files(made, OutputFolder(tmp_path)).note

@@ -1,0 +1,272 @@
+"""Fixed-interval smoothing: against dense least squares on a time-varying system, and one form against another on a flight."""
+
+import importlib.util
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from places import ROOT
+from scipy.stats import chi2
+from smoothers import Pass, Scalars, bryson_frazier, rts, two_filter
+
+from insenv import geodesy
+from insenv.core import symmetric
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.estimators import get, loosely_coupled, smoother
+from insenv.estimators.parts import error_model
+from insenv.estimators.parts import smoother_backward as backward
+from insenv.evaluation.errors import POSITION, VELOCITY, errors
+from insenv.plant.feeding import input_rows
+from insenv.runs import smoother_record as record
+from insenv.runs.ensemble import ensemble
+from insenv.runs.replayed import replay
+from insenv.runs.simulated import run, track_of
+from insenv.runs.smoothed import Smoother, smooth
+from insenv.scenario import build, load
+
+PLACE = ("latitude", "longitude", "height")
+FORMS = {"bryson-frazier": bryson_frazier, "two-filter": two_filter, "rts": rts}
+
+
+# --- a linear system whose transition changes from step to step -------------------------------------------------------
+
+
+def linear_problem(seed, instants=40, n=4):
+    """(transitions, noises, sensitivities, variances, measurements, start covariance): every one another at every instant."""
+    rng = np.random.default_rng(seed)
+    Phi = 0.95 * np.array([np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(instants)])
+    G = rng.normal(size=(instants, n, 2))  # noise of rank 2
+    Q = 0.1 * G @ G.transpose(0, 2, 1)
+    H = rng.normal(size=(instants, 2, n))
+    R = rng.uniform(0.1, 2.0, (instants, 2))
+    start = np.diag(rng.uniform(0.5, 2.0, n))
+    x, z = np.linalg.cholesky(start) @ rng.normal(size=n), []
+    for k in range(instants):
+        if k:
+            x = Phi[k] @ x + np.sqrt(0.1) * G[k] @ rng.normal(size=2)
+        z.append(H[k] @ x + np.sqrt(R[k]) * rng.normal(size=2))
+    return Phi, Q, H, R, np.array(z), start
+
+
+def filtered(problem):
+    """The pass of a Kalman filter, and its estimates after each instant."""
+    Phi, Q, H, R, z, start = problem
+    m, P = np.zeros(len(start)), start
+    estimates, covariances, scalars = [], [], []
+    for k in range(len(z)):
+        if k:
+            m, P = Phi[k] @ m, Phi[k] @ P @ Phi[k].T + Q[k]
+        rows = []
+        correction = np.zeros(len(m))
+        for h, r, value in zip(H[k], R[k], z[k], strict=True):
+            weight = 1 / (h @ P @ h + r)
+            gain, left = P @ h * weight, value - h @ (m + correction)
+            P = P - np.outer(gain, h @ P)
+            correction = correction + gain * left
+            rows.append((h, gain, weight, left))
+        m = m + correction
+        estimates.append(m)
+        covariances.append(P)
+        scalars.append(Scalars(*(np.array(part) for part in zip(*rows, strict=True))))
+    return Pass(Phi, Q, np.array(covariances), scalars), np.array(estimates)
+
+
+def batch_least_squares(problem):
+    """All states at once from all measurements: mean (K, n) and covariance blocks (K, n, n) of the joint Gaussian."""
+    Phi, Q, H, R, z, start = problem
+    K, n = len(z), len(start)
+    joint = np.zeros((K * n, K * n))  # covariance of the states before any measurement
+    block = [slice(k * n, (k + 1) * n) for k in range(K)]
+    joint[block[0], block[0]] = start
+    for k in range(1, K):
+        for j in range(k):
+            joint[block[k], block[j]] = Phi[k] @ joint[block[k - 1], block[j]]
+            joint[block[j], block[k]] = joint[block[k], block[j]].T
+        joint[block[k], block[k]] = Phi[k] @ joint[block[k - 1], block[k - 1]] @ Phi[k].T + Q[k]
+    A = np.zeros((2 * K, K * n))
+    for k in range(K):
+        A[2 * k : 2 * k + 2, block[k]] = H[k]
+    S = A @ joint @ A.T + np.diag(R.ravel())
+    gain = np.linalg.solve(S, A @ joint).T
+    mean, covariance = gain @ z.ravel(), joint - gain @ A @ joint
+    return mean.reshape(K, n), np.array([covariance[b, b] for b in block])
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("seed", range(4))
+def test_every_form_is_the_least_squares_solution_of_a_time_varying_system(form, seed):
+    problem = linear_problem(seed)
+    kept, estimates = filtered(problem)
+    states, covariances = FORMS[form](kept)
+    mean, expected = batch_least_squares(problem)
+    assert np.abs(estimates + states - mean).max() < 1e-11 * np.abs(mean).max()
+    assert np.abs(covariances - expected).max() < 1e-11 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_transition_taken_one_instant_off_would_be_seen(form):
+    problem = linear_problem(0)
+    kept, estimates = filtered(problem)
+    shifted = replace(kept, transition=np.roll(kept.transition, 1, axis=0))
+    assert np.abs(estimates + FORMS[form](shifted)[0] - batch_least_squares(problem)[0]).max() > 0.1
+
+
+# --- the filter of a vehicle -----------------------------------------------------------------------------------------
+
+
+def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), seed=0, **gnss):
+    """(plant, columns, parameters of the filter) of a simulated run whose unit has the errors that the filter models."""
+    loaded = load(scenario)
+    changed = {"grade": "rtk", "outages_s": outages, "outlier_probability": 0.0, **gnss}
+    loaded = loaded.model_copy(update={"gnss": loaded.gnss.model_copy(update=changed)})
+    plant = build(loaded, seed=seed, duration_s=duration_s)
+    for key in plant.parameters:
+        if "scale_factor" in key or "misalignment" in key:
+            plant.parameters[key] = np.zeros_like(np.asarray(plant.parameters[key], dtype=float))
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    columns["standing"] = np.zeros(plant.samples)
+    return plant, columns, dict(get("smoother").prepare(plant.knowledge))
+
+
+def kept_pass(kept, p):
+    """The record of a forward pass, every instant of it smoothed, as a `Pass`: transitions rebuilt from the error model."""
+    flat = ca.SX.sym("i", smoother.INTERVAL.size)
+    rows = smoother.INTERVAL.symbols(flat)
+    interval = error_model.Interval(*[getattr(rows, name) for name in smoother.INTERVAL.names])
+    A = error_model.transition(interval, loosely_coupled.GRAVITY, p["gyro_correlation_time"], p["accel_correlation_time"])
+    function = ca.Function("A", [flat], [ca.densify(A)])
+    density = np.repeat([0, p["velocity_random_walk"], p["angle_random_walk"], p["gyro_bias_sigma"], p["accel_bias_sigma"]], 3)
+    density = density**2
+    density[9:12] *= 2 / p["gyro_correlation_time"]
+    density[12:15] *= 2 / p["accel_correlation_time"]
+    transition, noise, covariance, scalars = [], [], [], []
+    for block, instants, nominal in reversed(list(kept.backward())):
+        covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
+        first = np.flatnonzero(block[:, backward.INPUTS.slice("carried").start])
+        assert len(instants) == len(first)
+        for begin, last in zip(first, instants, strict=True):
+            rows = backward.INPUTS.unpack(block[begin : last + 1])
+            given = function(block[begin, -smoother.INTERVAL.size :]).full()
+            Phi = np.eye(15)
+            for i in range(15):  # row after row, as error_model.propagate applies them
+                E = np.eye(15)
+                E[i] = given[i] * (1 + given[i, i])
+                E[i, i] = 1 + given[i, i]
+                Phi = E @ Phi
+            transition.append(Phi)
+            noise.append(np.diag(density * rows["last_stretch"][0]))
+            used = rows["scalar_used"] == 1
+            scalars.append(Scalars(*(rows[name][used] for name in ("H", "gain", "weight", "left"))))
+    return Pass(np.array(transition), np.array(noise), np.array(covariance), scalars)
+
+
+def test_all_forms_agree_on_a_drive_with_an_outage_and_a_stop():
+    _, columns, p = drive()
+    wanted = np.arange(len(columns["dt"])) % 5 == 4
+    columns["standing"][wanted] = (columns["time"][wanted] > 30) & (columns["time"][wanted] < 31)
+    columns["gnss_latitude"] = columns["gnss_latitude"] + 1e-4 * (np.arange(len(wanted)) == 1999)  # one that the gate refuses
+    run_ = Smoother(p)
+    run_.take(columns, wanted)
+    states, covariances, _ = run_.error_states()
+    kept = kept_pass(run_.record, p)
+    assert min(weight for s in kept.scalars for weight in s.weight) == 0  # the one refused
+    sigma = np.sqrt(np.einsum("kii->ki", covariances))
+    for form, bound in (("bryson-frazier", 1e-8), ("two-filter", 1e-7), ("rts", 1e-7)):
+        other, other_covariances = FORMS[form](kept)
+        assert np.abs((other - states) / sigma).max() < bound, form
+        unit = sigma[:, :, None] * sigma[:, None, :]
+        assert np.abs((other_covariances - covariances) / unit).max() < bound, form
+
+
+def test_the_forward_pass_is_the_filter_to_the_bit_and_the_last_state_is_the_filters():
+    _, columns, p = drive()
+    models = [get(id).model for id in ("loosely-coupled", "smoother")]
+    rows = [input_rows(m, columns, len(columns["dt"])) for m in models]
+    runs = [m.outputs.unpack(make_runner(m, p).run(len(u), u, 100)) for m, u in zip(models, rows, strict=True)]
+    for name in models[0].outputs.names:
+        assert np.array_equal(runs[0][name], runs[1][name]), name
+    smoothed = smooth(p, columns, every=len(columns["dt"]))
+    for name in ("q_nb", "velocity_n", "latitude", "longitude", "height", "position_sigma"):
+        assert np.allclose(smoothed[name][0], runs[0][name][-1], rtol=1e-12, atol=1e-12), name
+
+
+def test_neither_the_blocks_nor_the_file_nor_the_runner_matter(monkeypatch):
+    _, columns, p = drive(duration_s=12.0, outages=())
+    whole = smooth(p, columns, every=60)
+    monkeypatch.setattr(record, "MEMORY", 1000)
+    parts = Smoother(p, backend="interpreter")
+    for begin in range(0, 2400, 240):
+        parts.take({name: c[begin : begin + 240] for name, c in columns.items()}, np.arange(1, 241) % 60 == 0)
+    for name, value in parts.smoothed().items():
+        assert np.array_equal(value, whole[name]), name
+
+
+def test_a_record_is_as_small_as_said():
+    """Some 45 MB for 2 h at 200 Hz, a fix a second and 3000 smoothed instants."""
+    _, columns, p = drive(duration_s=36.0, outages=())
+    run_ = Smoother(p)
+    run_.take(columns, (np.arange(7200) + 1) % 480 == 0)
+    assert run_.record.size * 200 < 50e6
+
+
+def test_smoothed_errors_are_what_the_covariance_says_over_seeds():
+    """Normalised errors in mid-run over 24 seeds inside the 99.9 % chi-square bounds."""
+    total, count = 0.0, 0
+    for seed in range(24):
+        _, columns, p = drive(duration_s=100.0, outages=((45.0, 55.0),), seed=seed)
+        run_ = Smoother(p)
+        run_.take(columns, np.arange(1, 20001) % 10000 == 0)  # at 50 and 100 s
+        y = run_.smoothed()
+        _, covariances, _ = run_.error_states()
+        truth = track_of(np.zeros(1), {name: columns[name][9999:10000] for name in ("q_nb", "velocity_n", *PLACE)})
+        error = errors(track_of(np.zeros(1), {name: value[:1] for name, value in y.items()}), truth)
+        e = np.array([error[name][0] for name in (*POSITION, *VELOCITY)])
+        C = strapdown_turn(run_)
+        P = covariances[0][:6, :6]
+        turn = np.kron(np.eye(2), C)
+        total += e @ np.linalg.solve(turn @ P @ turn.T, e)
+        count += 6
+    low, high = chi2.ppf([0.0005, 0.9995], count)
+    assert low < total < high, f"{total / count:.2f} per degree of freedom, bounds {low / count:.2f} to {high / count:.2f}"
+
+
+def strapdown_turn(run_):
+    """C_nw of the first smoothed instant."""
+    wander = geodesy.numeric.geodetic_from_q_ew(smoother.NOMINAL.unpack(run_.error_states()[2])["q_ew"][0])[2]
+    c, s = np.cos(wander), np.sin(wander)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+# --- runs and replays ------------------------------------------------------------------------------------------------
+
+
+def test_four_outages_of_a_minute_smoothed():
+    """The airborne paper's: within 0.3 m in every channel, the largest error in mid-outage, no jump at the ends."""
+    report = run(load("aircraft-survey"), ["smoother", "loosely-coupled"], seed=1, duration_s=1300.0)
+    smoothed, aided = report.results
+    assert smoothed.estimator == "smoother" and set(smoothed.limit) == set(aided.limit)
+    for channel in POSITION:
+        e, time = smoothed.errors[channel], smoothed.time
+        assert np.abs(e).max() < 0.3
+        assert np.abs(np.diff(e)).max() < 0.003, channel  # in 0.5 s
+        out = (time > 1060) & (time < 1120)
+        sigma = smoothed.sigma[channel]
+        assert 1075 < time[out][np.argmax(sigma[out])] < 1105
+        assert np.sqrt(np.mean(e[out] ** 2)) < np.sqrt(np.mean(aided.errors[channel][out] ** 2))
+
+
+def test_an_ensemble_refuses_a_smoother():
+    with pytest.raises(InputError, match="whole run"):
+        ensemble(load("car-city-drive"), ["smoother"], [0, 1], duration_s=5.0)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("onavdata") is None, reason="onavdata is not installed")
+def test_the_real_log_smoothed():
+    smoothed, aided = replay(ROOT / "examples" / "n380-car.toml", ["smoother", "loosely-coupled"]).results
+    rms = smoothed.statistics()["rms"]
+    for channel, bound in {"north_m": 0.35, "east_m": 0.31, "down_m": 0.35, "vn_mps": 0.051, "ve_mps": 0.048}.items():
+        assert rms[channel] < bound, channel
+    assert all(smoothed.limit[channel] < aided.limit[channel] for channel in aided.limit)
