@@ -17,7 +17,7 @@ plant = build(load("car-city-drive"), seed=3)
 estimator = estimators.get("loosely-coupled")
 
 car = make_runner(plant.model, plant.parameters)
-navigator = make_runner(estimator.model, estimator.prepare(plant.knowledge))
+navigator = make_runner(estimator.model, estimator.parameters(plant.knowledge))
 fix = [name for name in estimator.model.inputs.names if name.startswith("gnss_")]
 
 print("  time  horizontal error   stated sigma")

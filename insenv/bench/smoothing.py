@@ -18,7 +18,7 @@ from insenv.scenario import build, load
 def flight() -> Figure:
     """`aircraft-survey`, 7200 s at 200 Hz, through the smoother, forward and backward; the floor is the filter alone."""
     plant = build(load("aircraft-survey"))
-    parameters = get("smoother").prepare(plant.knowledge)
+    parameters = get("smoother").parameters(plant.knowledge)
     every = recording_interval(plant.samples)
     simulator = make_runner(plant.model, plant.parameters)
     smoother, alone = Smoother(parameters), make_runner(get("loosely-coupled").model, parameters)

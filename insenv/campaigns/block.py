@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,11 +63,10 @@ def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator, measured:
         if plan.variations:
             one = model.parameters.pack(plant.parameters)
         one[place] = plant.seed
-        tuned: dict[str, Any] = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning.get(estimator.id, {})}
-        parts = [one, own.pack(tuned)]
+        parts = [one, own.pack(plant.parameters_of(estimator))]
         if measured.predicted:
             unaided = predictor()
-            parts.append(unaided.model.parameters.pack(unaided.prepare(plant.knowledge)))
+            parts.append(unaided.model.parameters.pack(unaided.parameters(plant.knowledge, rows={"standing_window": 0.0})))
         parts.append(np.array([plan.evaluation_samples, plan.evaluations], dtype=np.float64))
         rows.append(np.concatenate(parts))
     return np.array(rows)

@@ -21,8 +21,8 @@ from insenv.core.elementary import select, sin_cos, wrap_angle
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
+from insenv.evaluation.consistency import nees
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
-from insenv.evaluation.nees import nees
 from insenv.plant import loop_model
 from insenv.plant.loop import PREFIX
 from insenv.sensors.imu import systematic_error
@@ -63,7 +63,7 @@ def measured_model(plant: Model, estimator: Estimator) -> Measured:
     noise left out; `heading` (rad), the true one.  Parameters added: `evaluation_samples`, `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
-    predicts = estimator.kind == "navigation" and not estimator.aided
+    predicts = estimator.navigates and not estimator.aided
     if predicts:
         loop = loop_model(loop, predictor().model, PREDICTOR)
     statistics = _Statistics(loop, estimator, predicts)
@@ -94,11 +94,7 @@ def predictor() -> Estimator:
     """The 15-state filter that nothing aids: its covariance is the limit of free-inertial navigation."""
     filter15 = estimators.get("loosely-coupled")
     steps = {name: filter15.model.steps[name] for name in ("sample", "covariance")}
-    return replace(
-        filter15,
-        model=replace(filter15.model, id="unaided", steps=steps),
-        prepare=lambda known: {**filter15.prepare(known), "standing_window": 0.0},
-    )
+    return replace(filter15, model=replace(filter15.model, id="unaided", steps=steps))
 
 
 class _Statistics:
@@ -110,7 +106,7 @@ class _Statistics:
         self.channels = tuple(c for names, row, _ in _GROUPS if row in outputs for c in names)
         self.stated = tuple(c for names, row, sigma in _GROUPS if row in outputs and sigma in outputs for c in names)
         self.predicted = self.channels if predicts else ()
-        self.senses = estimator.kind == "alignment"
+        self.senses = not estimator.navigates
         self.degrees = self._degrees()
         count = len(self.channels)
         rows = [
@@ -167,7 +163,7 @@ class _Statistics:
             rows["predicted"] = _sigma(self.predicted, self._named(predictor().model, PREDICTOR, p, x))
         if self.degrees:
             own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
-            rows["nees"] = nees(self.estimator.id, own, found, x)[0]
+            rows["nees"] = nees(self.estimator, own, found, x)[0]
         if self.senses:
             rows["sensor_error_n"] = x.excess_n / (x.time + (x.time == 0))
         return rows
@@ -177,7 +173,7 @@ class _Statistics:
         model = self.estimator.model
         p, x = (table.symbols(ca.SX.sym(n, table.size)) for n, table in (("p", model.parameters), ("x", model.state)))
         truth = self.loop.state.symbols(ca.SX.sym("t", self.loop.state.size))
-        return nees(self.estimator.id, x, SimpleNamespace(**model.output(p, x)), truth)[1]
+        return nees(self.estimator, x, SimpleNamespace(**model.output(p, x)), truth)[1]
 
     def _named(self, model: Model, prefix: str, p: Values, x: Values) -> Values:
         """The outputs of one of the loop's estimators, by its own names."""

@@ -16,8 +16,6 @@ import insenv
 from insenv import estimators
 from insenv.campaigns.variation import Variation, check_variations, varied
 from insenv.errors import InputError
-from insenv.estimators import Estimator
-from insenv.evaluation import applicability
 from insenv.runs.simulated import recording_interval
 from insenv.scenario import Plant, Scenario, build, parse
 
@@ -73,11 +71,10 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What must be said of the estimator in this scenario (`insenv.evaluation.applicability`), of the first run's."""
+        """What must be said of the estimator in this scenario (`Estimator.notes`), of the first run's."""
         estimator = estimators.get(self.estimator)
-        own = {**estimator.prepare(self.plant.knowledge), **self.plant.estimator_tuning.get(estimator.id, {})}
         table = estimator.model.parameters
-        found = applicability.notes(estimator, table.unpack(table.pack(own)), self.duration_s)
+        found = estimator.notes(table.unpack(table.pack(self.plant.parameters_of(estimator))), self.duration_s)
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
             found += ("lost inertial samples are replaced by the last that arrived, not interpolated as `insenv run` does",)
         return found
@@ -149,19 +146,9 @@ def make_plan(
                 build(parse(varied(plan.scenario, {variation.key: end}), plan.name), plan.first_seed, plan.duration_s)
             )
     for plant in plants:
-        _check(plant, estimator, scenario.name)
+        plant.parameters_of(estimator, whole=False)
         if plant.model is not plan.plant.model:
             raise InputError(
                 f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, for example)"
             )
     return plan
-
-
-def _check(plant: Plant, estimator: Estimator, name: str) -> None:
-    """Raise `InputError` if the estimator cannot work in the scenario or in a campaign."""
-    if estimator.smooths:
-        raise InputError(f"estimator {estimator.id!r} goes back over a whole run: `insenv run` takes it, seed by seed")
-    if estimator.aided and not plant.has_gnss:
-        raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {name!r} has no [gnss]")
-    if estimator.kind == "alignment" and not plant.in_place:
-        raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {name!r} moves")

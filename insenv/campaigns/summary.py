@@ -128,7 +128,7 @@ class Summary:
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
     """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which block."""
     time = plan.times
-    alignment = estimators.get(plan.estimator).kind == "alignment"
+    alignment = not estimators.get(plan.estimator).navigates
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
     late = time >= from_s - 1e-9
     seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))

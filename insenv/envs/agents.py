@@ -27,35 +27,37 @@ from insenv.envs.task import estimate_action
 from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.plant.feeding import bridge_lost
-from insenv.scenario import tuning
 
 Array = NDArray[np.float64]
 
 
 def make(
-    id: str, env: Any, *, declare_after_s: float | None = None, tuning: Mapping[str, Any] | None = None, threads: int = 1
+    estimator: str | Estimator,
+    env: Any,
+    *,
+    declare_after_s: float | None = None,
+    tuning: Mapping[str, Any] | None = None,
+    threads: int = 1,
 ) -> Agent:
-    """The estimator registered as `id` as an agent of `env`, single (wrapped or not) or vector.
+    """An estimator (its id, or the object) as an agent of `env`, single (wrapped or not) or vector.
 
     declare_after_s: an alignment is declared from this time on (s; None: the time limit ends it).  tuning: the estimator's
     parameter rows, SI, on top of the scenario's.  threads: over the rows of a vector environment.  Raises `InputError` for an
     estimator that cannot work there.
     """
-    estimator, setup = estimators.get(id), getattr(env.unwrapped, "setup", None)
+    chosen, setup = estimators.get(estimator), getattr(env.unwrapped, "setup", None)
     if not isinstance(setup, Setup) or not {"estimate_q_nb"} <= set(setup.task.actions.names):
         raise InputError(
             f"env = {env}: allowed is an environment whose action is an estimate (insenv/...Alignment, ...Navigation)"
         )
     navigates = "estimate_velocity" in setup.task.actions
-    if estimator.smooths:
-        raise InputError(f"estimator {id!r} looks back over a whole run: it cannot act step by step")
-    if navigates and estimator.kind != "navigation":
-        raise InputError(f"estimator {id!r} gives no velocity and position: this environment asks for them")
-    if not navigates and estimator.kind == "navigation" and estimator.aided and "fix_new" not in setup.task.observation:
-        raise InputError(f"estimator {id!r} needs GNSS: the scenario has no [gnss]")
+    if navigates and not chosen.navigates:
+        raise InputError(f"estimator {chosen.id!r} gives no velocity and position: this environment asks for them")
+    scenario = setup.scenario
+    chosen.check(scenario.drive(whole=False), {**scenario.tunings.get(chosen.id, {}), **(tuning or {})})
     kind = VectorAgent if isinstance(env.unwrapped, VectorEnv) else SingleAgent
     rows = env.unwrapped.num_envs if kind is VectorAgent else 1
-    return kind(estimator, setup, rows, declare_after_s, dict(tuning or {}), threads)
+    return kind(chosen, setup, rows, declare_after_s, dict(tuning or {}), threads)
 
 
 class Agent:
@@ -66,8 +68,7 @@ class Agent:
     ) -> None:
         self.estimator, self.setup, self.rows = estimator, setup, rows
         self._declare_after = np.inf if declare_after is None else declare_after
-        scenario = tuning(estimator.id, setup.scenario.estimator.get(estimator.id, {}))
-        self._tuning = {**scenario, **tuned}
+        self._tunings, self._tuned = setup.scenario.tunings, tuned
         self._layout, self._samples = setup.layout, setup.samples
         model = estimator.model
         self._inputs = np.tile(model.inputs.start_vector(), (rows, setup.samples, 1))
@@ -82,7 +83,7 @@ class Agent:
         raise NotImplementedError
 
     def _parameters(self, told: Mapping[str, Any]) -> Array:
-        rows = {**self.estimator.prepare(knowledge_of(told)), **self._tuning}
+        rows = self.estimator.parameters(knowledge_of(told), self._tunings, self._tuned)
         return self.estimator.model.parameters.pack(rows)
 
     def _feed(self, seen: Mapping[str, Any]) -> Array:

@@ -22,7 +22,7 @@ from insenv.envs.knowledge import TOLD
 from insenv.envs.referee import true_position
 from insenv.errors import InputError
 from insenv.estimators import Estimator
-from insenv.evaluation.nees import nees
+from insenv.evaluation.consistency import nees
 from insenv.plant import loop_model
 from insenv.plant.loop import PREFIX
 from insenv.plant.scaled import SCALE, scaled_model
@@ -82,7 +82,7 @@ class Inner:
 
     def nees(self, p: Values, x: Values) -> tuple[Any, int]:
         """Normalised estimation error squared, and its degrees of freedom."""
-        return nees(self.estimator.id, self.own(p, x)[1], self.found(p, x), x)
+        return nees(self.estimator, self.own(p, x)[1], self.found(p, x), x)
 
     def sigma(self, x: Values) -> Any:
         """Standard deviations of the filter's error states (`states`), in its own order and units; 0 where a variance is not
@@ -110,7 +110,7 @@ def fits(estimator: Estimator, scaled: tuple[str, ...] = ()) -> bool:
     """Whether an estimator can run inside, with those of its rows scaled."""
     model = estimator.model
     return (
-        estimator.kind == "navigation"
+        estimator.navigates
         and estimator.aided
         and not estimator.smooths
         and all(name in model.state for name in ("covariance", "innovation", "test_ratio"))

@@ -13,7 +13,7 @@ from insenv.envs.knowledge import TOLD, knowledge_of
 from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import Task
 from insenv.plant.loop import PREFIX
-from insenv.scenario import Scenario, tuning
+from insenv.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class InnerStarts(Starts):
     ) -> None:  # fmt: skip
         super().__init__(scenario, task, ranges, constants, duration)
         self.mistuning, self._estimator = mistuning, inner.estimator
-        self._tuning = tuning(self._estimator.id, scenario.estimator.get(self._estimator.id, {}))
+        self._tunings = scenario.tunings
         first, last = (task.model.parameters.slice(PREFIX + inner.estimator.model.parameters.names[k]) for k in (0, -1))
         self._place = slice(first.start, last.stop)
 
@@ -48,5 +48,5 @@ class InnerStarts(Starts):
         parameters, estimator = self.task.model.parameters, self._estimator
         for row in p:
             told = {name: row[parameters.slice(name)].reshape(parameters[name].shape) for name in TOLD.names}
-            row[self._place] = estimator.model.parameters.pack({**estimator.prepare(knowledge_of(told)), **self._tuning})
+            row[self._place] = estimator.model.parameters.pack(estimator.parameters(knowledge_of(told), self._tunings))
         return p

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.core.tables import Row, Table
-from insenv.estimators.registry import Knowledge, SensorNotes
+from insenv.estimators.contract import Knowledge, SensorNotes
 from insenv.scenario import Scenario, start_errors
 from insenv.sensors.imu_tables import HUGE
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -14,7 +15,7 @@ from insenv.envs.task import Task
 from insenv.estimators import SensorNotes
 from insenv.evaluation import limits
 from insenv.plant.feeding import input_rows
-from insenv.scenario import Scenario, build
+from insenv.scenario import Scenario, build, load
 
 Array = NDArray[np.float64]
 
@@ -50,14 +51,13 @@ def navigation_limit(scenario_json: str, duration: float) -> Array:
     To the position comes the part of the fixes' error that changes too slowly to be averaged.  Taken from one run with the
     scenario's seed, over at most `LONGEST` seconds: a covariance depends on the motion, hardly on the noise.
     """
-    scenario = Scenario.model_validate_json(scenario_json)
+    scenario = load(json.loads(scenario_json))
     plant = build(scenario, duration_s=min(duration, LONGEST))
     estimator = estimators.get("loosely-coupled")
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns = {**shown, "dt": np.full(plant.samples, plant.sample_interval)}
     every = max(1, round(RECORD_INTERVAL / plant.sample_interval))
-    parameters = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning.get(estimator.id, {})}
-    outputs = make_runner(estimator.model, parameters).run(
+    outputs = make_runner(estimator.model, plant.parameters_of(estimator)).run(
         plant.samples, input_rows(estimator.model, columns, plant.samples), min(every, plant.samples)
     )
     rows = estimator.model.outputs.unpack(outputs)

@@ -19,8 +19,7 @@ from insenv.envs.vector import FACE, InertialVectorEnv
 from insenv.errors import InputError
 from insenv.plant import plant_model
 from insenv.scenario import Scenario, plant_of
-from insenv.scenario.legs import Structure
-from insenv.scenario.vehicles import make_vehicle
+from insenv.vehicles import Vehicle
 from insenv.vehicles.turntable import on_turntable
 
 
@@ -65,12 +64,12 @@ def _commanded(scenario: Scenario) -> tuple[Model, str]:
     """The plant, and what of it is commanded: a vehicle that stays in place stands on a turntable."""
     if not scenario.vehicle.in_place:
         return plant_of(scenario)[0], scenario.vehicle.kind
-    return _turntable_plant(scenario.vehicle.structure()), "turntable"
+    return _turntable_plant(scenario.vehicle.vehicle()), "turntable"
 
 
 @lru_cache(maxsize=16)
-def _turntable_plant(structure: Structure) -> Model:
-    return plant_model(on_turntable(make_vehicle(structure)))
+def _turntable_plant(vehicle: Vehicle) -> Model:
+    return plant_model(on_turntable(vehicle))
 
 
 class ManoeuvreEnv(InertialEnv):

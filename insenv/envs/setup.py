@@ -52,9 +52,7 @@ def chosen_scenario(scenario: str | Path | Scenario | Mapping[str, Any], vehicle
     """The scenario by name, path or object, of the kind of vehicle that an environment is for ("ship", "car", "aircraft", or
     empty for any).  Raises `InputError`.
     """
-    if isinstance(scenario, Mapping):
-        scenario = Scenario.model_validate(scenario)
-    found = scenario if isinstance(scenario, Scenario) else load(str(scenario))
+    found = load(scenario)
     if vehicle and found.vehicle.kind != vehicle:
         raise InputError(
             f"scenario {found.name or found.title!r} has a vehicle of kind {found.vehicle.kind!r}: this environment is for "

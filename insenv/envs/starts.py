@@ -18,10 +18,10 @@ from insenv.errors import InputError
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import check_speed_of_sinusoids
 from insenv.scenario.description import MAX_SEED
-from insenv.scenario.imu import sensor_notes
-from insenv.scenario.vehicles import make_vehicle
-from insenv.sensors import IMU_PARAMETERS, imu_grade
+from insenv.scenario.sensor_notes import sensor_notes
+from insenv.sensors import imu_grade
 from insenv.sensors.gnss import OUTAGES
+from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -99,7 +99,7 @@ class Starts:
         self.scenario, self.task, self.ranges, self.duration = scenario, task, ranges, duration
         self._constants = task.model.parameters.pack(constants)
         self._plant = plant_of(scenario)[0]
-        self._vehicle = make_vehicle(scenario.vehicle.structure()).parameters
+        self._vehicle = scenario.vehicle.vehicle().parameters
         if ranges.sea_state is not None:
             rows = {name: np.asarray(value) for name, value in plant_of(scenario)[1].items()}
             _scale(rows, self._vehicle, ranges.sea_state[1])

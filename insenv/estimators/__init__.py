@@ -1,5 +1,6 @@
-"""Estimators: one file a paper's idea, each a `Model`, found by id."""
+"""Estimators: one file an id, each an `Estimator` around a `Model`; `parts/` holds the equations that several share."""
 
-from insenv.estimators.registry import Estimator, Knowledge, SensorNotes, get, registered
+from insenv.estimators.contract import Drive, Estimator, Knowledge, SensorNotes
+from insenv.estimators.registry import get, register, registered
 
-__all__ = ["Estimator", "Knowledge", "SensorNotes", "get", "registered"]
+__all__ = ["Drive", "Estimator", "Knowledge", "SensorNotes", "get", "register", "registered"]

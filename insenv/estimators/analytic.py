@@ -20,8 +20,9 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import cos, maximum, minimum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
+from insenv.estimators.contract import Estimator
+from insenv.estimators.parts import applicability
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
-from insenv.estimators.registry import Estimator, Knowledge
 
 GRAVITY = 9.8  # m/s^2, in the stated accuracy
 LARGEST_SIGMA = math.pi  # rad: no heading at all
@@ -87,10 +88,4 @@ MODEL = Model(
 )
 
 
-def prepare(known: Knowledge) -> dict[str, Any]:
-    """Parameters from what is known."""
-    names = ("gyro_bias_sigma", "accel_bias_sigma", "angle_random_walk", "velocity_random_walk")
-    return {"latitude": known.latitude, **{name: getattr(known.sensors, name) for name in names}}
-
-
-ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=prepare)
+ESTIMATOR = Estimator(MODEL, kind="alignment", applicability=applicability.notes)

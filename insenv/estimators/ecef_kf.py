@@ -35,10 +35,10 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.estimators import q_method
+from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.ecef_model import ACCEL, GYRO, TILT, VELOCITY, N, observation, observe, propagate, transition
 from insenv.estimators.ecef_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
-from insenv.estimators.parts import two_sample
-from insenv.estimators.registry import Estimator, Knowledge
+from insenv.estimators.parts import applicability, inertial_vectors, two_sample
 
 COARSE = q_method.MODEL
 _COARSE_START = COARSE.start or (lambda p: {})
@@ -290,7 +290,7 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     tilt = hypot(COARSE_TILT, sensors.accel_bias_sigma / 9.8, drift)
     heading = hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth)
     return {
-        **q_method.ESTIMATOR.prepare(known),
+        **inertial_vectors.prepare(known),
         "longitude": known.longitude,
         "start_roll": known.roll,
         "start_pitch": known.pitch,
@@ -310,4 +310,4 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     }
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=prepare)
+ESTIMATOR = Estimator(MODEL, kind="alignment", moving_row="moving", prepare=prepare, applicability=applicability.notes)

@@ -23,9 +23,9 @@ import casadi as ca
 from insenv.core.elementary import PI, clamp, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts import frozen_frame
+from insenv.estimators.contract import Estimator, Knowledge
+from insenv.estimators.parts import applicability, frozen_frame
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
-from insenv.estimators.registry import Estimator, Knowledge
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((
     Row("start_heading", "Heading told at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
@@ -110,4 +110,4 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     }
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=prepare)
+ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, applicability=applicability.notes)

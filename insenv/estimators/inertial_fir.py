@@ -31,10 +31,10 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import PI, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts import frozen_frame
+from insenv.estimators.contract import Estimator
+from insenv.estimators.parts import applicability, frozen_frame
 from insenv.estimators.parts.fir import BLOCK_S, CASCADE, filtered
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
-from insenv.estimators.registry import Estimator
 
 TAPS = tuple(len(h) for h in CASCADE.filters)
 STRIDE = CASCADE.strides[-1]
@@ -225,4 +225,4 @@ MODEL = Model(
     start=frozen_frame.start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=frozen_frame.prepare)
+ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=frozen_frame.prepare, applicability=applicability.notes)

@@ -24,7 +24,8 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import exp, select
-from insenv.core.model import Model, Step
+from insenv.core.model import Model, Step, Values
+from insenv.estimators.contract import Estimator
 from insenv.estimators.loosely_coupled_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
 from insenv.estimators.parts import standing, strapdown
 from insenv.estimators.parts.error_model import (
@@ -40,7 +41,7 @@ from insenv.estimators.parts.error_model import (
     propagate,
     transition,
 )
-from insenv.estimators.registry import Estimator, Knowledge
+from insenv.estimators.parts.navigation_error import navigation_error_w
 
 PATIENCE = 10  # fixes refused in a row before the gate opens
 GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
@@ -299,25 +300,11 @@ MODEL = Model(
 )
 
 
-def prepare(known: Knowledge) -> dict[str, Any]:
-    """Parameters from what is known."""
-    sensors = known.sensors
-    return {
-        **strapdown.start_parameters(known),
-        "position_sigma": known.position_sigma,
-        "velocity_sigma": known.velocity_sigma,
-        "tilt_sigma": known.tilt_sigma,
-        "heading_sigma": known.heading_sigma,
-        "start_gyro_bias": known.gyro_bias,
-        "start_accel_bias": known.accel_bias,
-        "gyro_bias_sigma": sensors.gyro_bias_sigma,
-        "accel_bias_sigma": sensors.accel_bias_sigma,
-        "gyro_correlation_time": sensors.gyro_correlation_time,
-        "accel_correlation_time": sensors.accel_correlation_time,
-        "angle_random_walk": sensors.angle_random_walk,
-        "velocity_random_walk": sensors.velocity_random_walk,
-        "antenna_lever_arm": known.antenna_lever_arm,
-    }
+def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
+    """Position, velocity and psi (9) of the estimate, and their covariance."""
+    offset, velocity, turn, _ = navigation_error_w(x, truth)
+    P = symmetric.full(x.covariance, N)[:9, :9]
+    return ca.vertcat(offset, velocity, -turn), P
 
 
-ESTIMATOR = Estimator(MODEL, kind="navigation", aided=True, prepare=prepare)
+ESTIMATOR = Estimator(MODEL, kind="navigation", sensors=("gnss",), error=consistency_error)

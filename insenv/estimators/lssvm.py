@@ -28,10 +28,10 @@ from insenv.core.elementary import minimum, polynomial, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import lssvm_file
+from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.loosely_coupled_tables import INPUTS as AIDED_INPUTS
 from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
 from insenv.estimators.parts.sins_gnss_differences import FEATURES, READY
-from insenv.estimators.registry import Estimator, Knowledge
 
 SUPPORT = 96
 """Support vectors that the model has room for; a machine with fewer leaves the rest at coefficient 0."""
@@ -175,4 +175,4 @@ def shipped() -> Mapping[str, Any]:
     return lssvm_file.shipped().rows(SUPPORT)
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", aided=True, prepare=prepare, read_file=read_file)
+ESTIMATOR = Estimator(MODEL, kind="alignment", sensors=("gnss",), prepare=prepare, read_file=read_file)

@@ -33,11 +33,11 @@ import casadi as ca
 
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts import inertial_vectors
+from insenv.estimators.contract import Estimator
+from insenv.estimators.parts import applicability, inertial_vectors
 from insenv.estimators.parts.eigen import largest_eigenvector
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.parts.inertial_vectors import davenport
-from insenv.estimators.registry import Estimator
 
 FILTER = ((1.3291, 2.6805, 0.1230), (0.7494, 0.2960, 0.2768), (0.6543, 0.1962, 0.4056))
 """Sections (1 + (c s)^2) / (1 + b s + (a s)^2) of the low-pass: a, b, c in smoothing times."""
@@ -144,4 +144,4 @@ MODEL = Model(
     start=start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", aided=False, prepare=inertial_vectors.prepare)
+ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=inertial_vectors.prepare, applicability=applicability.notes)

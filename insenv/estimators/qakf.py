@@ -46,10 +46,10 @@ from insenv.core import symmetric
 from insenv.core.elementary import maximum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts import inertial_vectors
+from insenv.estimators.contract import Estimator
+from insenv.estimators.parts import applicability, inertial_vectors
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.parts.inertial_vectors import davenport
-from insenv.estimators.registry import Estimator
 
 MEMORY = 10.0  # the noise estimate remembers the last so-many-th part of the samples
 FADING = 6.0  # the improved filter keeps its information over the last so-many-th part of the samples
@@ -202,7 +202,7 @@ def _estimator(
         output=lambda p, x: output(p, x, lags),
         start=start,
     )
-    return Estimator(model, kind="alignment", aided=False, prepare=inertial_vectors.prepare)
+    return Estimator(model, kind="alignment", prepare=inertial_vectors.prepare, applicability=applicability.notes)
 
 
 PLAIN = _estimator(

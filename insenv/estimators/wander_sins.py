@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from insenv.core.model import Model, Step
+from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
-from insenv.estimators.registry import Estimator
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -43,4 +43,4 @@ MODEL = Model(
     start=start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="navigation", aided=False, prepare=strapdown.start_parameters)
+ESTIMATOR = Estimator(MODEL, kind="navigation")

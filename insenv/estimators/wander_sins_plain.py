@@ -17,9 +17,9 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
+from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
-from insenv.estimators.registry import Estimator
 
 STATE = Table(
     (
@@ -85,4 +85,4 @@ MODEL = Model(
     start=start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="navigation", aided=False, prepare=strapdown.start_parameters)
+ESTIMATOR = Estimator(MODEL, kind="navigation")

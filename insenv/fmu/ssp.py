@@ -43,15 +43,9 @@ def export_ssp(
     check_output(output, ".ssp")
     loaded = load(scenario)
     plant = build(loaded, seed=seed)
-    if estimator.aided and not plant.has_gnss:
-        raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {loaded.name!r} has no [gnss]")
-    if estimator.kind == "alignment" and not plant.in_place:
-        raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {loaded.name!r} moves")
     if plant.parameters.get("imu_drop_probability", 0.0) > 0.0:
         raise InputError(f"scenario {loaded.name!r} loses inertial samples: the FMU of an estimator has no input that says so")
-    started: dict[str, Any] = dict(estimator.prepare(plant.knowledge))
-    for id in (estimator.smooths, estimator.id):
-        started |= plant.estimator_tuning.get(id, {})
+    started = plant.parameters_of(estimator)
     started["sample_interval"] = plant.sample_interval
     with tempfile.TemporaryDirectory(prefix="insenv-ssp-") as name:
         parts = {PLANT: Path(name) / "plant.fmu", ESTIMATOR: Path(name) / "estimator.fmu"}

@@ -78,10 +78,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
         scenario = _at_rate(scenario, 1.0 / interval)
     plant = build(scenario)
     known = replace(plant.knowledge, sample_interval=interval)
-    rows: dict[str, Any] = dict(estimator.prepare(known))
-    for id in (estimator.smooths, estimator.id):
-        rows |= plant.estimator_tuning.get(id, {})
-    parameters = estimator.model.parameters.pack({**rows, **_set(estimator, left)})
+    parameters = estimator.model.parameters.pack(estimator.parameters(known, plant.tunings, _set(estimator, left)))
     return Subject(
         id=estimator.id,
         kind="estimator",

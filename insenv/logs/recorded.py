@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from insenv.errors import InputError
-from insenv.estimators.registry import SensorNotes
+from insenv.estimators.contract import SensorNotes
 from insenv.logs.assemble import Source, checked_position, column, columns3, read_section, within
 from insenv.logs.bridging import Gaps, bridge, nominal_interval
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection
 from insenv.logs.readers import KF_GINS_GNSS_VELOCITY, TextTable
 from insenv.logs.units import ANGLE_UNITS, Array, wrap
-from insenv.scenario.imu import sensor_notes
+from insenv.scenario.sensor_notes import sensor_notes
 from insenv.sensors import imu_grade
 
 __all__ = ["Gaps", "GnssFixes", "RecordedLog", "Reference", "Source", "build"]

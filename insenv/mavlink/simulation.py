@@ -17,8 +17,8 @@ from insenv import attitude, estimators, geodesy
 from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.errors import InputError
-from insenv.estimators import Knowledge
-from insenv.scenario import Scenario, build
+from insenv.estimators import Estimator, Knowledge
+from insenv.scenario import Plant, Scenario, build
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 
@@ -49,15 +49,13 @@ class Simulation:
     them; bridged: lost samples; lost_in_a_row: of them up to the latest.
     """
 
-    def __init__(self, scenario: Scenario, estimator: str | None = None, seed: int | None = None) -> None:
+    def __init__(self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None) -> None:
         self.plant = build(scenario, seed=seed)
-        self.estimator = _usable(estimator, scenario, self.plant.in_place)
+        self.estimator = _chosen(estimator, self.plant)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)
         self._settings: dict[int, float] = {}
-        self._tuning = self.plant.estimator_tuning.get(self.estimator.id, {})
-        prepared = {**self.estimator.prepare(self.plant.knowledge), **self._tuning}
-        self._filter = make_runner(self.estimator.model, prepared)
+        self._filter = make_runner(self.estimator.model, self.plant.parameters_of(self.estimator, whole=False))
 
         self._y = self._plant.output()
         self._z = self._filter.output()
@@ -97,7 +95,7 @@ class Simulation:
     @property
     def has_gnss(self) -> bool:
         """Whether the scenario has a receiver."""
-        return self.plant.has_gnss
+        return "gnss" in self.plant.sensors
 
     @property
     def diverged(self) -> bool:
@@ -159,7 +157,7 @@ class Simulation:
         errors, and all parameters set meanwhile hold.
         """
         known = self.told_now()
-        self._filter.p[:] = self.estimator.model.parameters.pack({**self.estimator.prepare(known), **self._tuning})
+        self._filter.p[:] = self.estimator.model.parameters.pack(self.estimator.parameters(known, self.plant.tunings))
         for place, value in self._settings.items():
             self._filter.p[place] = value
         self._filter.start()
@@ -192,7 +190,7 @@ class Simulation:
         """What the vehicle can be commanded, by name (``"speed"``, ``"bank"``); none if its motion is prescribed, or must not
         be, since the estimator aligns it in place.
         """
-        if self.estimator.kind == "alignment":
+        if not self.estimator.navigates:
             return ()
         names = self.plant.model.inputs.names
         return tuple(name.removeprefix("command_") for name in names if name != "command_valid")
@@ -244,16 +242,9 @@ class Simulation:
         self._settings[place] = value
 
 
-def _usable(id: str | None, scenario: Scenario, in_place: bool) -> estimators.Estimator:
-    """The estimator to run.  Raises `InputError` if it cannot run live on this scenario."""
+def _chosen(id: str | Estimator | None, plant: Plant) -> Estimator:
+    """The estimator to run.  Raises `InputError` if none is named."""
+    scenario = plant.scenario
     if id is None and not scenario.estimators:
         raise InputError(f"scenario {scenario.name!r} names no estimator: choose one with -e ID (`insenv list` shows them)")
-    estimator = estimators.get(id or scenario.estimators[0])
-    where = f"estimator {estimator.id!r}"
-    if estimator.smooths:
-        raise InputError(f"{where} looks back from the end of a run: live, take {estimator.smooths!r}")
-    if estimator.aided and scenario.gnss is None:
-        raise InputError(f"{where} needs GNSS: scenario {scenario.name!r} has no [gnss]")
-    if estimator.kind == "alignment" and not in_place:
-        raise InputError(f"{where} aligns a vehicle in place: that of {scenario.name!r} moves")
-    return estimator
+    return estimators.get(id or scenario.estimators[0])

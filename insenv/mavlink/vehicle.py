@@ -148,7 +148,7 @@ class Vehicle:
     def _why_not(self) -> str:
         if not self.view.armed:
             return "disarmed"
-        if self.simulation.estimator.kind == "alignment":
+        if not self.simulation.estimator.navigates:
             return "aligning in place"
         return "motion is prescribed"
 

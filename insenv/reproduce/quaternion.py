@@ -20,6 +20,7 @@ from insenv.evaluation import limits
 from insenv.reproduce.quantity import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
+from insenv.vehicles.ship_section import SwaySection
 
 Array = NDArray[np.float64]
 
@@ -126,7 +127,7 @@ def _turntable(noise: int, plain: bool = True) -> Ensemble:
 @cache
 def _large() -> Ensemble:
     scenario = load("turntable-quaternion")
-    sway = type(scenario.vehicle.sway).model_validate(LARGE_SWAY)  # type: ignore[union-attr]
+    sway = SwaySection.model_validate(LARGE_SWAY)
     sections = {
         "start": scenario.start.model_copy(update={"heading_deg": -90.0, "pitch_deg": 2.0, "roll_deg": -2.0}),
         "vehicle": scenario.vehicle.model_copy(update={"sway": sway}),

@@ -29,7 +29,7 @@ def microseconds(id: str, steps: tuple[str, ...]) -> float:
     columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples)))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     rows = input_rows(estimator.model, columns, plant.samples)
-    warm = make_runner(estimator.model, dict(estimator.prepare(plant.knowledge)))
+    warm = make_runner(estimator.model, estimator.parameters(plant.knowledge))
     warm.run(plant.samples, rows, 0)
     fix = rows[columns["gnss_valid"] != 0][-1]
 

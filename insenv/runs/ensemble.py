@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from insenv import attitude, estimators
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
-from insenv.errors import InputError, InsenvError
+from insenv.errors import InsenvError
 from insenv.estimators import Estimator
-from insenv.plant.assembly import SENSOR_ERROR
 from insenv.runs.simulated import recording_interval
 from insenv.scenario import Plant, Scenario, build
+from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
 SAMPLES_AT_ONCE = 200_000  # rows times samples simulated before the estimators see them: some 100 MB
@@ -60,11 +60,6 @@ def ensemble(
     tuning: parameter rows by estimator id, on top of the scenario's.  Lost samples are not bridged here.
     """
     chosen = [estimators.get(id) for id in estimator_ids]
-    for estimator in chosen:
-        if estimator.smooths:
-            raise InputError(
-                f"estimator {estimator.id!r} goes back over a whole run: insenv.runs.simulated.run takes it, seed by seed"
-            )
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)
@@ -102,7 +97,7 @@ def _rows(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Array:
 
 
 def _batch(estimator: Estimator, plants: Sequence[Plant], tuning: Mapping[str, Any], threads: int) -> Batch:
-    parameters = [{**estimator.prepare(p.knowledge), **p.estimator_tuning.get(estimator.id, {}), **tuning} for p in plants]
+    parameters = [p.parameters_of(estimator, tuning, whole=False) for p in plants]
     return make_batch(estimator.model, len(plants), _rows(estimator.model, parameters), threads=threads)
 
 

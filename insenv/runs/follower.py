@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 
 from insenv.core.runner import Runner, make_runner
 from insenv.errors import InsenvError
-from insenv.estimators import Estimator, Knowledge
-from insenv.evaluation import applicability
+from insenv.estimators import Estimator
 from insenv.plant.feeding import input_rows
 
 Array = NDArray[np.float64]
@@ -29,9 +29,9 @@ class Follower:
     seconds: float = 0.0
 
     @classmethod
-    def started(cls, estimator: Estimator, known: Knowledge, tuning: dict[str, Any], every: int) -> Follower:
-        """The estimator started from what is known, with its tuning on top; outputs every `every` samples."""
-        return cls(estimator, make_runner(estimator.model, {**estimator.prepare(known), **tuning}), every)
+    def started(cls, estimator: Estimator, parameters: Mapping[str, Any], every: int) -> Follower:
+        """The estimator started with `parameters` (SI, by row name); outputs every `every` samples."""
+        return cls(estimator, make_runner(estimator.model, parameters), every)
 
     def follow(self, columns: dict[str, Array], count: int) -> None:
         """Take `count` samples (a multiple of `every`).  Raises `InsenvError` when the estimate is no longer finite."""
@@ -48,5 +48,5 @@ class Follower:
         return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
 
     def notes(self, duration_s: float) -> tuple[str, ...]:
-        """What must be said of the estimate after `duration_s` of data: see `insenv.evaluation.applicability`."""
-        return applicability.notes(self.estimator, self.estimator.model.parameters.unpack(self.runner.p), duration_s)
+        """What must be said of the estimate after `duration_s` of data."""
+        return self.estimator.notes(self.estimator.model.parameters.unpack(self.runner.p), duration_s)

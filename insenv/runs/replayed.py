@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude, estimators
 from insenv.errors import InputError
-from insenv.estimators import Estimator, Knowledge
+from insenv.estimators import Drive, Estimator, Knowledge
 from insenv.evaluation.errors import Report, Result, Track, errors, stated_sigma
 from insenv.logs import RecordedLog, Reference, load
 from insenv.runs.follower import Follower
@@ -46,9 +46,9 @@ def replay(
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
     if first >= len(log.imu_time):
         raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
+    drive = Drive("the log", frozenset() if log.gnss is None else frozenset({"gnss"}))
     for estimator in chosen:
-        if estimator.aided and log.gnss is None:
-            raise InputError(f"estimator {estimator.id!r} needs GNSS: the log has no [gnss]")
+        estimator.check(drive)
 
     columns, dropped = sample_columns(log, slice(first, None))
     count = len(log.imu_time) - first
@@ -56,7 +56,7 @@ def replay(
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
     tunings = {id: tuning(id, table) for id, table in description.estimator.items()}
-    followers = [follower_of(e, _known(log, e, start, first), tunings, every) for e in chosen]
+    followers = [follower_of(e, e.parameters(_known(log, e, start, first), tunings), every) for e in chosen]
     chunk = max(every, CHUNK // every * every)
     for begin in range(0, total, chunk):
         size = min(chunk, total - begin)
@@ -108,7 +108,7 @@ def _known(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Kn
     """What the estimator is told: an alignment needs the place alone."""
     if start == "reference":
         return from_reference(log, first)
-    if estimator.kind == "alignment":
+    if not estimator.navigates:
         return _place(log)
     return from_log(log, first)
 
@@ -137,7 +137,7 @@ def _place(log: RecordedLog) -> Knowledge:
 def _assumed(log: RecordedLog, estimator: Estimator) -> tuple[str, ...]:
     """What an alignment assumes of the sensors where the log does not tell."""
     told = log.description.estimator.get(estimator.id, {})
-    if estimator.kind != "alignment" or log.description.imu.grade or any("bias" in key for key in told):
+    if estimator.navigates or log.description.imu.grade or any("bias" in key for key in told):
         return ()
     sensors = log.sensors(in_place=True)
     gyro, accel = units.rad_s_to_deg_h(sensors.gyro_bias_sigma), units.m_s2_to_ug(sensors.accel_bias_sigma)

@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 from insenv import attitude, estimators
 from insenv.core.runner import make_runner
-from insenv.errors import InputError
-from insenv.estimators import Estimator, Knowledge
+from insenv.estimators import Estimator
 from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION, Report, Result, Track, errors, stated_sigma
-from insenv.plant.assembly import SENSOR_ERROR
 from insenv.plant.feeding import bridge_lost
 from insenv.runs.follower import Follower
 from insenv.runs.smoothing_follower import SmoothingFollower
 from insenv.scenario import Plant, Scenario, build
+from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -36,14 +35,10 @@ def recording_interval(samples: int, records: int = RECORDS) -> int:
     return next((every for every in range(least, 4 * least) if samples % every == 0), least)
 
 
-def follower_of(estimator: Estimator, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]], every: int) -> Follower:
-    """The estimator started from what is known, with outputs every `every` samples.
-
-    tunings: parameter rows by estimator id; a smoother takes those of the filter it smooths, and its own on top.
-    """
-    tuning = {**tunings.get(estimator.smooths, {}), **tunings.get(estimator.id, {})}
+def follower_of(estimator: Estimator, parameters: Mapping[str, Any], every: int) -> Follower:
+    """The estimator started with `parameters` (SI, by row name), with outputs every `every` samples."""
     kind = SmoothingFollower if estimator.smooths else Follower
-    return kind.started(estimator, known, tuning, every)
+    return kind.started(estimator, parameters, every)
 
 
 def run(
@@ -60,20 +55,15 @@ def run(
     """
     chosen = [estimators.get(id) for id in (estimator_ids or scenario.estimators)]
     plant = build(scenario, seed=seed, duration_s=duration_s)
-    for estimator in chosen:
-        if estimator.aided and not plant.has_gnss:
-            raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {scenario.name!r} has no [gnss]")
-        if estimator.kind == "alignment" and not plant.in_place:
-            raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {scenario.name!r} moves")
-
     every = recording_interval(plant.samples)
+    started = [plant.parameters_of(estimator) for estimator in chosen]
     runner = make_runner(plant.model, plant.parameters)
-    followers = [follower_of(e, plant.knowledge, plant.estimator_tuning, every) for e in chosen]
+    followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]
     # the covariance of the 15-state filter without fixes is the limit of free-inertial navigation
     predictor = None
-    if any(e.kind == "navigation" and not e.aided for e in chosen):
+    if any(e.navigates and not e.aided for e in chosen):
         filter15 = estimators.get("loosely-coupled")
-        predictor = follower_of(filter15, plant.knowledge, {filter15.id: {"standing_window": 0.0}}, every)
+        predictor = follower_of(filter15, filter15.parameters(plant.knowledge, rows={"standing_window": 0.0}), every)
 
     kept: list[Array] = []
     bridged, sensor_error_n = 0, np.zeros(6)
@@ -118,7 +108,7 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
     estimator = follower.estimator
     sigma = stated_sigma(outputs)
     from_s = 0.0
-    if estimator.kind == "alignment":
+    if not estimator.navigates:
         from_s = 0.75 * float(track.time[-1])
         limit = _alignment_limit(plant, track, sensor_error_n)
     elif estimator.aided:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.estimators import Estimator, Knowledge
+from insenv.estimators import Estimator
 from insenv.runs.follower import Follower
 from insenv.runs.smoothed import Smoother
 
@@ -21,8 +22,8 @@ class SmoothingFollower(Follower):
     smoother: Smoother
 
     @classmethod
-    def started(cls, estimator: Estimator, known: Knowledge, tuning: dict[str, Any], every: int) -> SmoothingFollower:
-        smoother = Smoother({**estimator.prepare(known), **tuning})
+    def started(cls, estimator: Estimator, parameters: Mapping[str, Any], every: int) -> SmoothingFollower:
+        smoother = Smoother(parameters)
         follower = cls(estimator, smoother.forward, every)
         follower.smoother = smoother
         return follower

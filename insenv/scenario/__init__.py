@@ -6,13 +6,14 @@ runner = make_runner(plant.model, plant.parameters)
 
 from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build, plant_of, reseeded, start_errors
 from insenv.scenario.description import Scenario
-from insenv.scenario.files import json_schema, load, names, parse, summaries
+from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries
 from insenv.scenario.tuning import tuning
 
 __all__ = [
     "KNOWLEDGE_STREAM",
     "Plant",
     "Scenario",
+    "ScenarioLike",
     "build",
     "json_schema",
     "load",

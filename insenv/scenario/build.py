@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import radians
 from statistics import NormalDist
 from typing import Any
@@ -16,13 +16,12 @@ from insenv.core import noise
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError
-from insenv.estimators.registry import Knowledge
+from insenv.estimators import Estimator, Knowledge
 from insenv.plant import plant_model
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
-from insenv.scenario.imu import sensor_notes
-from insenv.scenario.legs import Structure
-from insenv.scenario.tuning import tuning
-from insenv.scenario.vehicles import make_vehicle
+from insenv.scenario.sensor_notes import sensor_notes
+from insenv.sensors import IMU, Sensor
+from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE
@@ -38,8 +37,7 @@ class Plant:
     """A scenario ready to run.
 
     model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: advances to make.
-    knowledge: what the estimators are told.  in_place: the vehicle stays where it is, within metres.
-    has_gnss: the plant has a receiver.  estimator_tuning: parameter rows, SI, by estimator id.
+    knowledge: what the estimators know of the start.
     """
 
     scenario: Scenario
@@ -50,9 +48,32 @@ class Plant:
     duration_s: float
     seed: int
     knowledge: Knowledge
-    in_place: bool
-    has_gnss: bool
-    estimator_tuning: dict[str, dict[str, Any]]
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the vehicle stays where it is, within metres."""
+        return self.scenario.vehicle.in_place
+
+    @property
+    def sensors(self) -> frozenset[str]:
+        """Ids of the sensors beside the inertial unit."""
+        return frozenset(self.scenario.sensors)
+
+    @cached_property
+    def tunings(self) -> dict[str, dict[str, Any]]:
+        """Parameter rows, SI, by estimator id, as the scenario sets them."""
+        return self.scenario.tunings
+
+    def parameters_of(
+        self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, whole: bool = True
+    ) -> dict[str, Any]:
+        """Parameters, SI, by row name, with which an estimator starts here; `rows` on top.
+
+        whole: whether the run can be gone through again from its end.  Raises `InputError` if the estimator cannot run here.
+        """
+        parameters = estimator.parameters(self.knowledge, self.tunings, rows)
+        estimator.check(self.scenario.drive(whole), parameters)
+        return parameters
 
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None) -> Plant:
@@ -71,9 +92,6 @@ def build(scenario: Scenario, seed: int | None = None, duration_s: float | None 
         duration_s=duration,
         seed=seed,
         knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, seed),
-        in_place=scenario.vehicle.in_place,
-        has_gnss=scenario.gnss is not None,
-        estimator_tuning={name: tuning(name, table) for name, table in scenario.estimator.items()},
     )
 
 
@@ -93,7 +111,7 @@ def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     """The plant's model and its parameter rows, SI, but for the seed.  Raises `InputError` for what does not go together."""
     interval, start = 1.0 / scenario.rate_hz, scenario.start
-    model = _model(scenario.vehicle.structure(), scenario.gnss is not None)
+    model = _model(scenario.vehicle.vehicle(), (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,
         "start_latitude": radians(start.latitude_deg),
@@ -105,8 +123,8 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         **scenario.vehicle.rows(start),
         **scenario.imu.rows(scenario.rate_hz),
     }
-    if scenario.gnss is not None:
-        rows |= scenario.gnss.rows(interval)
+    for section in scenario.sensors.values():
+        rows |= section.rows(scenario.rate_hz)
     for name in rows:
         if name.endswith("_amplitude"):  # a sinusoid is divided by the square of its amplitude, which must not vanish
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
@@ -116,8 +134,8 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
 
 
 @lru_cache(maxsize=64)
-def _model(structure: Structure, gnss: bool) -> Model:
-    return plant_model(make_vehicle(structure), gnss)
+def _model(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> Model:
+    return plant_model(vehicle, sensors)
 
 
 def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tuple[int, float]:

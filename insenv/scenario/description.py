@@ -2,94 +2,23 @@
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Any
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Annotated, Any, Union
 
-import numpy as np
-from pydantic import PrivateAttr, Strict, field_validator, model_validator
+from pydantic import Field, PrivateAttr, Strict, create_model, model_validator
 
-from insenv.errors import InputError
+from insenv.estimators import Drive
 from insenv.files.toml import Number, Parameter, Section, Vector3, key
-from insenv.scenario.imu import ImuSection
-from insenv.scenario.values import LeverArm, NotNegative, Sigmas, Window, one_of, within
-from insenv.scenario.vehicles import VehicleSection
-from insenv.sensors import GNSS_GRADES, check_timing, gnss_grade
-from insenv.sensors.gnss import OUTAGES
+from insenv.files.values import Sigmas, within
+from insenv.scenario.tuning import tuning
+from insenv.sensors import GnssSection, ImuSection, SensorSection
+from insenv.sensors import registry as sensor_registry
+from insenv.vehicles import StartSection, VehicleSection
+from insenv.vehicles import registry as vehicle_registry
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53
-_ZERO = (0.0, 0.0, 0.0)
-
-
-class StartSection(Section):
-    """Where the inertial unit is at time 0, and how the vehicle stands."""
-
-    latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.999, le=89.999)
-    longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
-    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
-    heading_deg: Number = key(0.0, "heading, clockwise from north; of a swaying ship the mean", "deg", ge=-360, le=360)
-    roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", ge=-28, le=28)
-    pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", ge=-28, le=28)
-
-
-class GnssSection(Section):
-    """The GNSS receiver; without this section there is none."""
-
-    grade: Annotated[str, one_of(GNSS_GRADES)] = key("spp", "grade of the catalogue (docs/sensors.md)")
-    interval_s: Number = key(1.0, "time between fixes, a whole number of samples", "s", gt=0, le=3600)
-    latency_s: Number = key(0.0, "how late a fix comes, a whole number of samples, below the interval", "s", ge=0, le=3600)
-    epoch_offset_s: Number = key(0.0, "time by which the epoch precedes its sample, below one sample", "s", ge=0, le=1)
-    lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna, forward, right, down", "m")
-    velocity: bool = key(True, "whether fixes have a velocity", strict=True)
-    position_noise_m: NotNegative | None = key(None, "white noise of position, north, east, down; the grade's if absent", "m")
-    velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity, likewise", "m/s")
-    wander_sigma_m: NotNegative | None = key(None, "correlated error of position, standard deviation, likewise", "m")
-    wander_time_s: Number | None = key(None, "its correlation time; the grade's if absent", "s", gt=0, le=1e9)
-    outages_s: tuple[Window, ...] = key((), "times without fixes, pairs of begin and end", "s", max_length=OUTAGES)
-    outlier_probability: Number = key(0.0, "probability that a position is an outlier", "", ge=0, le=1)
-    outlier_size_m: Number = key(0.0, "length of an outlier", "m", ge=0, le=1e7)
-
-    @field_validator("grade")
-    @classmethod
-    def _known(cls, value: str) -> str:
-        gnss_grade(value)
-        return value
-
-    @field_validator("outages_s")
-    @classmethod
-    def _windows(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        for begin, end in value:
-            if not 0.0 <= begin < end:
-                raise ValueError(f"the outage from {begin:g} s to {end:g} s must begin at 0 or later and end after it begins")
-        return value
-
-    def rows(self, sample_interval: float) -> dict[str, Any]:
-        """Parameter rows, SI. Raises `InputError` for times that do not go together with the samples."""
-        try:
-            check_timing(sample_interval, self.interval_s, self.latency_s, self.epoch_offset_s)
-        except InputError as error:
-            raise InputError(re.sub(r"gnss_(interval|latency|epoch_offset)", r"gnss.\1_s", str(error))) from None
-        rows = gnss_grade(self.grade).parameters()
-        for row, value in (
-            ("gnss_position_noise", self.position_noise_m),
-            ("gnss_velocity_noise", self.velocity_noise_mps),
-            ("gnss_wander_sigma", self.wander_sigma_m),
-            ("gnss_wander_time", self.wander_time_s),
-        ):
-            rows |= {} if value is None else {row: np.array(value)}
-        windows = np.zeros((2, OUTAGES))
-        windows[:, : len(self.outages_s)] = np.array(self.outages_s).reshape(-1, 2).T
-        return rows | {
-            "gnss_interval": self.interval_s,
-            "gnss_latency": self.latency_s,
-            "gnss_epoch_offset": self.epoch_offset_s,
-            "antenna_lever_arm_b": np.array(self.lever_arm_m),
-            "gnss_has_velocity": float(self.velocity),
-            "gnss_outage_start": windows[0],
-            "gnss_outage_end": windows[1],
-            "gnss_outlier_probability": self.outlier_probability,
-            "gnss_outlier_size": self.outlier_size_m,
-        }
 
 
 class KnowledgeSection(Section):
@@ -112,7 +41,10 @@ class KnowledgeSection(Section):
 
 
 class Scenario(Section):
-    """A vehicle, its sensors and what is told of the start: everything in a scenario file."""
+    """A vehicle, its sensors and what is known of the start: everything in a scenario file.
+
+    `scenario_class` adds the kinds of vehicle and the sensors that are registered.
+    """
 
     title: str = key(..., "one line for listings, tables and figures", min_length=1, max_length=120)
     description: str = key("", "what it is for and where its numbers come from")
@@ -135,8 +67,51 @@ class Scenario(Section):
         """The file's name without ``.toml``; empty if it comes from no file."""
         return self._name
 
+    @property
+    def sensors(self) -> dict[str, SensorSection]:
+        """The sections of the sensors beside the inertial unit, by id, in the order of registration."""
+        sections = {id: getattr(self, id, None) for id in sensor_registry.registered()}
+        return {id: section for id, section in sections.items() if section is not None}
+
+    @property
+    def tunings(self) -> dict[str, dict[str, Any]]:
+        """Parameter rows, SI, by estimator id."""
+        return {id: tuning(id, table) for id, table in self.estimator.items()}
+
+    def drive(self, whole: bool = True) -> Drive:
+        """What an estimator runs on here.  whole: whether the run can be gone through again from its end."""
+        where = f"scenario {self.name!r}" if self.name else "the scenario"
+        return Drive(where, frozenset(self.sensors), self.vehicle.in_place, whole)
+
     @model_validator(mode="after")
     def _a_sample(self) -> Scenario:
         if round(self.duration_s * self.rate_hz) < 1:
             raise ValueError(f"duration_s = {self.duration_s:g} s is shorter than one sample of {1 / self.rate_hz:g} s")
         return self
+
+    def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[Any, ...]]:
+        """Pickled as its values: the class is made anew where it is unpickled."""
+        return _restored, (self.model_dump(mode="json"), self.name)
+
+
+def scenario_class() -> type[Scenario]:
+    """`Scenario` with the kinds of vehicle and the sensors that are registered now."""
+    return _with(tuple(vehicle_registry.registered().values()), tuple(sensor_registry.registered().items()))
+
+
+@lru_cache(maxsize=8)
+def _with(vehicles: tuple[type[VehicleSection], ...], sensors: tuple[tuple[str, type[SensorSection]], ...]) -> type[Scenario]:
+    fields: dict[str, Any] = {
+        "vehicle": (Annotated[Union[vehicles], Field(discriminator="kind")], key(..., "the vehicle")),  # noqa: UP007
+    }
+    for id, section in sensors:
+        if id not in Scenario.model_fields:
+            what = (section.__doc__ or id).strip().partition("\n")[0].rstrip(".")
+            fields[id] = (section | None, key(None, f"{what[0].lower()}{what[1:]}; absent: none"))
+    return create_model("Scenario", __base__=Scenario, __doc__=Scenario.__doc__, **fields)
+
+
+def _restored(values: dict[str, Any], name: str) -> Scenario:
+    scenario = scenario_class().model_validate(values)
+    scenario._name = name
+    return scenario

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from insenv.errors import InputError, nearest
 from insenv.estimators import registry
 from insenv.files.resources import scenario_folder
-from insenv.files.toml import read_toml, validated
+from insenv.files.toml import read_toml, shown, validated
 from insenv.scenario.build import plant_of
-from insenv.scenario.description import Scenario
-from insenv.scenario.tuning import tuning
+from insenv.scenario.description import Scenario, scenario_class
 
 
 def names() -> list[str]:
@@ -19,33 +19,43 @@ def names() -> list[str]:
     return sorted(path.stem for path in scenario_folder().glob("*.toml"))
 
 
-def load(name_or_path: str | Path) -> Scenario:
-    """The scenario of a name that insenv ships, or of a path to a file that ends in ``.toml``.
+ScenarioLike = str | Path | Scenario | Mapping[str, Any]
+"""What names a scenario: a name that insenv ships, a path to a ``.toml`` file, a `Scenario`, or the values of such a file."""
 
-    Raises `InputError`: unknown name, unreadable file, wrong key or value, things that do not go together.
+
+def load(scenario: ScenarioLike) -> Scenario:
+    """The scenario that `scenario` names.
+
+    Raises `InputError`: unknown name, unreadable file, wrong key or value, values that do not go together.
     """
-    text = str(name_or_path)
-    if isinstance(name_or_path, str) and not text.endswith(".toml"):
+    if isinstance(scenario, Scenario):
+        return scenario
+    if isinstance(scenario, Mapping):
+        return parse(dict(scenario))
+    if not isinstance(scenario, (str, Path)):
+        raise InputError(f"scenario = {shown(scenario)}: allowed is a name, the path of a .toml file, a Scenario or its values")
+    text = str(scenario)
+    if isinstance(scenario, str) and not text.endswith(".toml"):
         known = names()
         if text not in known:
             raise InputError(f"no scenario {text!r}{nearest(text, known)}; or give the path of a .toml file")
         path = scenario_folder() / f"{text}.toml"
     else:
-        path = Path(name_or_path)
+        path = Path(scenario)
     return parse(read_toml(path), str(path), path.stem)
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:
     """The scenario of a dict of TOML values; `label` begins each line of an error.  Raises `InputError`."""
-    scenario = validated(Scenario, data, label)
+    scenario = validated(scenario_class(), data, label)
     scenario._name = name
     try:
         plant_of(scenario)
         for number, id in enumerate(scenario.estimators):
             _registered(f"estimators[{number}]", id)
-        for id, table in scenario.estimator.items():
+        for id in scenario.estimator:
             _registered("estimator", id)
-            tuning(id, table)
+        scenario.tunings  # noqa: B018 (checked here, used later)
     except InputError as error:
         raise InputError(f"{label}: {error}") from None
     return scenario
@@ -79,7 +89,7 @@ def summaries() -> list[dict[str, Any]]:
 
 def json_schema() -> dict[str, Any]:
     """JSON schema of a scenario file, for editors (``scenarios/schema.json``)."""
-    schema = _plain(Scenario.model_json_schema())
+    schema = _plain(scenario_class().model_json_schema())
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "insenv scenario", **schema}
 
 

@@ -11,15 +11,20 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from insenv.files.toml import key_table, renew_page, renewed
-from insenv.scenario import aircraft, car, description, legs, ship
+from insenv.scenario import description
 from insenv.scenario.files import json_schema
+from insenv.sensors import GnssSection, ImuSection
+from insenv.vehicles import aircraft_section as aircraft
+from insenv.vehicles import car_section as car
+from insenv.vehicles import section as legs
+from insenv.vehicles import ship_section as ship
 
 PAGE, SCHEMA = Path("docs/scenarios.md"), Path("scenarios/schema.json")
 BEGIN, END = "<!-- keys: begin (python -m insenv.scenario.keys) -->", "<!-- keys: end -->"
 
 _SECTIONS: tuple[tuple[str, type[BaseModel]], ...] = (
     ("top level", description.Scenario),
-    ("[start]", description.StartSection),
+    ("[start]", legs.StartSection),
     ('[vehicle], kind = "ship"', ship.ShipSection),
     ("[vehicle.sway]", ship.SwaySection),
     ("a sinusoid of roll, pitch or yaw", ship.AngleWave),
@@ -32,8 +37,8 @@ _SECTIONS: tuple[tuple[str, type[BaseModel]], ...] = (
     ("a leg of a car", car.CarLeg),
     ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
     ("a leg of an aircraft", aircraft.AircraftLeg),
-    ("[imu]", description.ImuSection),
-    ("[gnss]", description.GnssSection),
+    ("[imu]", ImuSection),
+    ("[gnss]", GnssSection),
     ("[knowledge]", description.KnowledgeSection),
 )
 _PER_AXIS = "number or 3"

@@ -1,23 +1,26 @@
 """Sensors: inertial measurement unit, GNSS receiver, and the catalogue of their grades."""
 
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade
-from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, check_timing, gnss_part
+from insenv.sensors.contract import Instant, Sensor, SensorSection
+from insenv.sensors.gnss import GNSS
+from insenv.sensors.gnss_section import GnssSection
 from insenv.sensors.grades import GnssGrade, ImuGrade
-from insenv.sensors.imu import imu_part
-from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.sensors.imu import IMU, SENSOR_ERROR
+from insenv.sensors.imu_section import ImuSection
 
 __all__ = [
+    "GNSS",
     "GNSS_GRADES",
-    "GNSS_PARAMETERS",
-    "GNSS_STATE",
+    "IMU",
     "IMU_GRADES",
-    "IMU_PARAMETERS",
-    "IMU_STATE",
+    "SENSOR_ERROR",
     "GnssGrade",
+    "GnssSection",
     "ImuGrade",
-    "check_timing",
+    "ImuSection",
+    "Instant",
+    "Sensor",
+    "SensorSection",
     "gnss_grade",
-    "gnss_part",
     "imu_grade",
-    "imu_part",
 ]

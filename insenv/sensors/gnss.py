@@ -16,7 +16,6 @@ counter.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -28,6 +27,7 @@ from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.geodesy import geodetic_from_ned_offset
+from insenv.sensors.contract import Instant, Sensor
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
 
@@ -143,7 +143,7 @@ GNSS_STATE = Table(
 )
 
 
-def gnss_part(instant: Callable[[Values, Values], tuple[Any, Any]]) -> Part:
+def gnss_part(instant: Instant) -> Part:
     """The receiver as a part of a plant.
 
     Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``,
@@ -166,6 +166,23 @@ def gnss_part(instant: Callable[[Values, Values], tuple[Any, Any]]) -> Part:
         start=_start,
         start_uniforms=START_UNIFORMS,
     )
+
+
+GNSS = Sensor(
+    "gnss",
+    gnss_part,
+    outputs=(
+        "gnss_valid",
+        "gnss_age",
+        "gnss_latitude",
+        "gnss_longitude",
+        "gnss_height",
+        "gnss_position_sigma",
+        "gnss_velocity_valid",
+        "gnss_velocity_n",
+        "gnss_velocity_sigma",
+    ),
+)
 
 
 def check_timing(sample_interval: float, interval: float, latency: float, epoch_offset: float = 0.0) -> None:

@@ -24,6 +24,8 @@ from insenv.attitude import from_rotation_vector, normalize, to_dcm
 from insenv.core.compose import Part
 from insenv.core.elementary import exp, normal_pair, select
 from insenv.core.model import Step, Values
+from insenv.core.tables import Row, Table
+from insenv.sensors.contract import Sensor
 from insenv.sensors.imu_tables import ACCEL, GYRO, IMU_PARAMETERS, IMU_STATE, Triad
 
 SAMPLE_UNIFORMS = 7
@@ -172,3 +174,18 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         state[f"{triad.name}_bias_step_s"] = (target - _of(x, triad, "bias_s")) / count
         state[f"{triad.name}_bias_step_b"] = (x.C_bs @ target - _of(x, triad, "bias_true")) / count
     return state
+
+
+_DETERMINISTIC = "Error of the {} increment without noise and quantization"
+SENSOR_ERROR = Table((
+    Row("delta_angle_error", _DETERMINISTIC.format("gyro"), "rad", (3,), "b"),
+    Row("delta_velocity_error", _DETERMINISTIC.format("accelerometer"), "m/s", (3,), "b"),
+))  # fmt: skip
+
+IMU = Sensor(
+    "imu",
+    lambda instant: imu_part(),
+    outputs=("delta_angle", "delta_velocity", "imu_valid", "gyro_bias_true", "accel_bias_true"),
+    derived=SENSOR_ERROR,
+    derive=lambda p, x: dict(zip(SENSOR_ERROR.names, systematic_error(p, x), strict=True)),
+)

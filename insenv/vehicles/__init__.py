@@ -1,17 +1,26 @@
 """Vehicles: laws of motion, and the truth made of them."""
 
 from insenv.vehicles.aircraft import aircraft
+from insenv.vehicles.aircraft_section import AircraftSection
 from insenv.vehicles.car import car
+from insenv.vehicles.car_section import CarSection
 from insenv.vehicles.routes import car_route, flight_plan, ship_course, survey_pattern
+from insenv.vehicles.section import StartSection, VehicleSection
 from insenv.vehicles.ship import regular_sway, ship
+from insenv.vehicles.ship_section import ShipSection
 from insenv.vehicles.truth import TRUTH_PARAMETERS, TRUTH_STATE, Vehicle, truth_instant, truth_part
 from insenv.vehicles.waves import Hull, irregular_sea
 
 __all__ = [
     "TRUTH_PARAMETERS",
     "TRUTH_STATE",
+    "AircraftSection",
+    "CarSection",
     "Hull",
+    "ShipSection",
+    "StartSection",
     "Vehicle",
+    "VehicleSection",
     "aircraft",
     "car",
     "car_route",

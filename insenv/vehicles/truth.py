@@ -29,7 +29,7 @@ SineCosine = tuple[Any, Any]
 Kinematics = Callable[[Values, Values, Sequence[SineCosine]], Sequence[Any]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Vehicle:
     """The law of motion of one vehicle, as pure functions over CasADi symbols.
 

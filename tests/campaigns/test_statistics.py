@@ -23,8 +23,8 @@ from insenv.estimators import loosely_coupled as lc
 from insenv.estimators.parts import aqe_tables
 from insenv.estimators.parts.aqe_algebra import Y
 from insenv.evaluation import limits
+from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
-from insenv.evaluation.nees import nees, normalised
 from insenv.report import OutputFolder
 from insenv.report.campaign import write_campaign
 
@@ -165,7 +165,7 @@ def nees_of(id, estimate, truth_rows):
     model = get(id).model
     x = model.state.symbols(ca.SX(ca.DM(estimate)))
     truth = type(x)(**{name: ca.SX(ca.DM(np.atleast_1d(value))) for name, value in truth_rows.items()})
-    value, degrees = nees(id, x, type(x)(), truth)
+    value, degrees = nees(get(id), x, type(x)(), truth)
     return float(ca.evalf(value)), degrees
 
 

@@ -104,8 +104,8 @@ def test_lost_samples_are_bridged():
     ("env_id", "id", "message"),
     [
         (DRIVE, "q-method", "gives no velocity and position"),
-        (SHIP, "aqe-sukf", r"needs GNSS: the scenario has no \[gnss\]"),
-        (SHIP, "smoother", "looks back"),
+        (SHIP, "aqe-sukf", r"needs GNSS: scenario 'ship-swaying' has no \[gnss\]"),
+        (SHIP, "smoother", "smooths a whole run"),
         (SHIP, "clairvoyance", "no estimator 'clairvoyance'"),
     ],
 )

@@ -47,7 +47,7 @@ def test_an_action_of_zero_is_the_filter_of_the_run(second):
         second.step(np.zeros(6))
     plant = build(load("car-city-drive"), seed=12)
     estimator = estimators.get("loosely-coupled")
-    rows = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning[estimator.id]}
+    rows = plant.parameters_of(estimator)
     model = loop_model(plant.model, estimator.model)
     runner = make_runner(model, {**plant.parameters, **{f"estimator_{k}": v for k, v in rows.items()}}, "interpreter")
     runner.run(600)
@@ -68,7 +68,7 @@ def test_factors_act_as_if_the_filter_had_been_told_so(second):
     estimator = estimators.get("loosely-coupled")
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(600))
     columns = {name: np.array(column) for name, column in columns.items()}
-    rows = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning[estimator.id]}
+    rows = plant.parameters_of(estimator)
     for name, scale in zip(TUNED, info["scale"], strict=True):
         if name in rows and scale != 1.0:
             rows[name] = rows[name] * scale
@@ -99,7 +99,7 @@ def test_what_is_shown_is_what_sensors_and_filter_did(second):
     second.reset(seed=5, options={"run_seed": 3})
     plant = build(load("car-city-drive"), seed=3)
     estimator = estimators.get("loosely-coupled")
-    rows = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning[estimator.id]}
+    rows = plant.parameters_of(estimator)
     model = loop_model(plant.model, estimator.model)
     runner = make_runner(model, {**plant.parameters, **{f"estimator_{k}": v for k, v in rows.items()}}, "interpreter")
     fixes = 0

@@ -269,7 +269,7 @@ def test_covariance_stays_positive(id):
     runner = make_runner(plant.model, plant.parameters, "interpreter")
     columns = plant.model.outputs.unpack(runner.run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    filter = make_runner(estimator.model, estimator.prepare(plant.knowledge), "interpreter")
+    filter = make_runner(estimator.model, estimator.parameters(plant.knowledge), "interpreter")
     filter.run(plant.samples, input_rows(estimator.model, columns, plant.samples), 0)
     P = symmetric.full_array(filter.state["covariance"], N)
     q = filter.state["q_wb"]

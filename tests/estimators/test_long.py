@@ -106,7 +106,7 @@ def test_a_recorded_log_replayed_gives_the_run_to_the_bit(recorded, tmp_path):
     )  # fmt: skip
     for result in report.results:
         every = plant.samples // len(result.time)
-        follower = Follower.started(get(result.estimator), known, {}, every)
+        follower = Follower.started(get(result.estimator), get(result.estimator).parameters(known), every)
         follower.follow(columns, plant.samples)
         for name, value in follower.named().items():
             assert np.array_equal(value, result.outputs[name]), (result.estimator, name)
@@ -123,6 +123,6 @@ def test_inputs_kept_in_a_file_give_the_same_run_to_the_bit(tmp_path):
     estimator = get("loosely-coupled")
     runs = []
     for source, backend in ((columns, "native"), (read, "native"), (read, "interpreter")):
-        runner = make_runner(estimator.model, estimator.prepare(plant.knowledge), backend)
+        runner = make_runner(estimator.model, estimator.parameters(plant.knowledge), backend)
         runs.append(runner.run(plant.samples, input_rows(estimator.model, source, plant.samples), 100))
     assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])

@@ -28,7 +28,7 @@ def fed(seconds, seed=3, **tuned):
     plant = build(load("large-misalignment"), seed=seed, duration_s=seconds)
     columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples)))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    parameters = MODEL.parameters.pack({**get("lssvm").prepare(plant.knowledge), **tuned})
+    parameters = MODEL.parameters.pack({**get("lssvm").parameters(plant.knowledge), **tuned})
     return parameters, input_rows(MODEL, columns, plant.samples), columns
 
 
@@ -80,7 +80,9 @@ def test_inputs_against_closed_form(phi_deg):
     numeric = attitude.numeric
     turn = numeric.from_rotation_vector(np.radians(phi_deg))
     told = numeric.to_euler(numeric.multiply(turn, columns["q_nb"][0]))
-    known = get("lssvm").prepare(plant.knowledge) | dict(zip(("start_roll", "start_pitch", "start_heading"), told, strict=True))
+    known = get("lssvm").parameters(plant.knowledge) | dict(
+        zip(("start_roll", "start_pitch", "start_heading"), told, strict=True)
+    )
     runner = make_runner(MODEL, known | EMPTY)
     y = MODEL.outputs.unpack(runner.run(plant.samples, input_rows(MODEL, columns, plant.samples), plant.samples))
     R = numeric.to_dcm(numeric.multiply(y["q_nb"][0], numeric.conjugate(columns["q_nb"][-1])))
@@ -241,7 +243,7 @@ def test_chain_covariance_is_that_of_the_differences():
     rate = found.outputs["lssvm"]["features"][:, [79, 119], 3:5]
     scatter = rate.std(axis=0, ddof=1).mean(axis=1)
     plant = found.plants[0]
-    parameters = MODEL.parameters.pack({**get("lssvm").prepare(plant.knowledge), **EMPTY})
+    parameters = MODEL.parameters.pack({**get("lssvm").parameters(plant.knowledge), **EMPTY})
     runner = make_runner(MODEL, parameters)
     columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(12000)))
     columns["dt"] = np.full(12000, 0.01)

@@ -178,7 +178,7 @@ def navigated(name, gnss=None, imu=None, seeds=(0,), parameters=None, matched=Fa
                     plant.parameters[key] = np.zeros_like(np.asarray(plant.parameters[key], dtype=float))
         columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
         columns["dt"] = np.full(plant.samples, plant.sample_interval)
-        runner = make_runner(estimator.model, {**estimator.prepare(plant.knowledge), **(parameters or {})})
+        runner = make_runner(estimator.model, {**estimator.parameters(plant.knowledge), **(parameters or {})})
         rows = input_rows(estimator.model, columns, plant.samples)
         yield plant, columns, runner, estimator.model.outputs.unpack(runner.run(plant.samples, rows))
 

@@ -19,8 +19,8 @@ def drive(seed, duration_s=260.0, **tuning):
     plant = build(load("car-city-drive"), seed=seed, duration_s=duration_s)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    tuned = {**plant.estimator_tuning["loosely-coupled"], **tuning}
-    runner = make_runner(MODEL, {**get("loosely-coupled").prepare(plant.knowledge), **tuned})
+    tuned = {**plant.tunings["loosely-coupled"], **tuning}
+    runner = make_runner(MODEL, {**get("loosely-coupled").parameters(plant.knowledge), **tuned})
     rows = input_rows(MODEL, columns, plant.samples)
     found, outputs = np.zeros(plant.samples, bool), []
     for k in range(0, plant.samples, WINDOW):  # a window ends with its last sample, which tells

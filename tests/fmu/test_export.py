@@ -194,7 +194,7 @@ def test_settings_are_start_values(uncompiled, tmp_path):
 def test_an_estimator_starts_as_in_the_run_of_its_scenario(uncompiled):
     known = scenario.build(scenario.load("ship-swaying"))
     estimator = estimators.get("q-method")
-    rows = {**estimator.prepare(known.knowledge), **known.estimator_tuning.get("q-method", {})}
+    rows = known.parameters_of(estimator)
     np.testing.assert_array_equal(subject("q-method", {}).parameters, estimator.model.parameters.pack(rows))
 
 

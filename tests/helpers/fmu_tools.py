@@ -72,9 +72,9 @@ def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None 
     start in the scenario of its kind, as its FMU does."""
     estimator, count = estimators.get(id), len(next(iter(columns.values())))
     plant = build(load(SCENARIOS[estimator.kind]))
-    rows = estimator.prepare(plant.knowledge)
+    rows = estimator.parameters(plant.knowledge)
     for name in (estimator.smooths, id):
-        rows = {**rows, **plant.estimator_tuning.get(name, {})}
+        rows = {**rows, **plant.tunings.get(name, {})}
     columns = {**columns, "dt": np.full(count, INTERVAL)}
     return make_runner(estimator.model, {**rows, **(parameters or {})}).run(count, input_rows(estimator.model, columns, count))
 

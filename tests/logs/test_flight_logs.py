@@ -184,9 +184,8 @@ def described(path: Path, text: str = f"undulation_m = {UNDULATION}") -> Path:
 def followed(drive: Drive, log: RecordedLog) -> dict[str, np.ndarray]:
     """The flight's own estimator, told what it was told, on the samples of the log."""
     plant = drive.vehicle.simulation.plant
-    follower = Follower.started(
-        estimators.get("loosely-coupled"), plant.knowledge, plant.estimator_tuning.get("loosely-coupled", {}), 1
-    )
+    estimator = estimators.get("loosely-coupled")
+    follower = Follower.started(estimator, plant.parameters_of(estimator), 1)
     columns, dropped = sample_columns(log, slice(None))
     assert dropped == 0
     follower.follow(columns, len(log.imu_time))

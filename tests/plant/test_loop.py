@@ -27,7 +27,7 @@ def scenario_for(estimator):
 
 
 def parameters(plant, estimator):
-    return {**plant.parameters, **{f"estimator_{k}": v for k, v in estimator.prepare(plant.knowledge).items()}}
+    return {**plant.parameters, **{f"estimator_{k}": v for k, v in estimator.parameters(plant.knowledge).items()}}
 
 
 def loop_and_expected(id):
@@ -50,7 +50,7 @@ def one_after_the_other(plant, estimator, samples=SAMPLES, lost=False):
                 if valid:
                     latest[:] = columns[name][k]
                 columns[name][k] = latest
-    runner = make_runner(estimator.model, estimator.prepare(plant.knowledge), "interpreter")
+    runner = make_runner(estimator.model, estimator.parameters(plant.knowledge), "interpreter")
     return shown, runner.run(samples, input_rows(estimator.model, columns, samples))
 
 
@@ -100,7 +100,7 @@ def test_two_estimators_stand_behind_one_plant():
     plant = build(load("car-parked"), seed=2)
     first, second = get("q-method"), get("analytic")
     model = loop_model(loop_model(plant.model, first.model), second.model, "other_")
-    rows = parameters(plant, first) | {f"other_{k}": v for k, v in second.prepare(plant.knowledge).items()}
+    rows = parameters(plant, first) | {f"other_{k}": v for k, v in second.parameters(plant.knowledge).items()}
     found = model.outputs.unpack(make_runner(model, rows, "interpreter").run(50))
     for estimator, prefix in ((first, "estimator_"), (second, "other_")):
         alone = estimator.model.outputs.unpack(one_after_the_other(plant, estimator, 50)[1])

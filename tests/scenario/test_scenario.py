@@ -22,7 +22,7 @@ from insenv.errors import InputError
 from insenv.estimators import registry
 from insenv.files.resources import scenario_folder
 from insenv.scenario import build, json_schema, keys, load, names, parse, summaries, tuning
-from insenv.scenario.imu import CONSTANT
+from insenv.scenario.sensor_notes import CONSTANT
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -64,13 +64,13 @@ def test_each_builds_and_runs(name: str) -> None:
     assert outputs["time"][-1] == pytest.approx(2.0)
     assert plant.samples == round(2.0 * scenario.rate_hz) and plant.sample_interval == 1.0 / scenario.rate_hz
     assert scenario.name == name and text_of(name).startswith("#:schema ./schema.json\n")
-    assert plant.in_place == (name in IN_PLACE) and plant.has_gnss == (scenario.gnss is not None)
+    assert plant.in_place == (name in IN_PLACE) and ("gnss" in plant.sensors) == (scenario.gnss is not None)
     assert scenario.estimators and all(registry.get(id) for id in scenario.estimators)
     for id in scenario.estimators:
         estimator = registry.get(id)
-        rows = {**estimator.prepare(plant.knowledge), **plant.estimator_tuning.get(id, {})}
+        rows = plant.parameters_of(estimator)
         estimator.model.parameters.pack(rows)
-        assert plant.has_gnss or not estimator.aided
+        assert ("gnss" in plant.sensors) or not estimator.aided
 
 
 def test_summaries() -> None:

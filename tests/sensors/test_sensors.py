@@ -19,21 +19,10 @@ from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
-from insenv.sensors import (
-    GNSS_GRADES,
-    GNSS_PARAMETERS,
-    GNSS_STATE,
-    IMU_GRADES,
-    IMU_PARAMETERS,
-    IMU_STATE,
-    check_timing,
-    gnss_grade,
-    gnss_part,
-    imu_grade,
-    imu_part,
-    page,
-    units,
-)
+from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade, page, units
+from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, check_timing, gnss_part
+from insenv.sensors.imu import imu_part
+from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 
 CHANCE = 1e-5
 TRUTH = {

@@ -19,9 +19,9 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.core.elementary import atan2, sin_cos
 from insenv.core.tables import Row, Table
+from insenv.estimators.contract import Knowledge
 from insenv.estimators.parts.fir import BLOCK_S
 from insenv.estimators.parts.increments import MEMORY, compensated, remembered
-from insenv.estimators.registry import Knowledge
 
 PARAMETERS = Table((
     Row("latitude", "Geodetic latitude", "rad", lower=-math.pi / 2, upper=math.pi / 2),

@@ -35,8 +35,8 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.core.elementary import maximum, minimum, polynomial, sin_cos
 from insenv.core.tables import Row, Table
+from insenv.estimators.contract import Knowledge
 from insenv.estimators.parts.increments import MEMORY, compensated, remembered
-from insenv.estimators.registry import Knowledge
 
 DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butterworth, sixth order: cos 15, 45, 75 deg
 SECTIONS = len(DAMPING)

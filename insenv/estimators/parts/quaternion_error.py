@@ -39,15 +39,15 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import exp, select
-from insenv.core.model import Model, Step
-from insenv.estimators.loosely_coupled import prepare
+from insenv.core.model import Model, Step, Values
+from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.aqe_algebra import Nonlinear, Spread, U, Y, left, right, sensitivity
 from insenv.estimators.parts.aqe_feedback import begun, fused, placed
 from insenv.estimators.parts.aqe_tables import ACCEL, DQ, GYRO, INPUTS, OUTPUTS, PARAMETERS, POSITION, STATE, VELOCITY, N
 from insenv.estimators.parts.error_model import EARTH_RADIUS
 from insenv.estimators.parts.increments import compensated
-from insenv.estimators.registry import Estimator
+from insenv.estimators.parts.navigation_error import navigation_error_w
 
 GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
 
@@ -236,6 +236,16 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     }
 
 
+def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
+    """Velocity, position and the rotation 2 Y^T dQ (9) of the estimate, and their covariance."""
+    offset, velocity, turn, theta = navigation_error_w(x, truth)
+    P = symmetric.full(x.covariance, N)
+    tilt = ca.horzcat(2 * Y(x.q_wb).T, ca.SX(3, N - 4))
+    level = ca.horzcat(ca.SX(6, N - 6), ca.SX.eye(6))  # the last six states: velocity, position
+    chosen = ca.vertcat(level, tilt)
+    return ca.vertcat(velocity, offset, turn - theta), chosen @ P @ chosen.T
+
+
 def estimator(id: str, title: str, spread: Spread) -> Estimator:
     """An estimator on this model; `spread` makes its time update."""
     model = Model(
@@ -254,4 +264,4 @@ def estimator(id: str, title: str, spread: Spread) -> Estimator:
         output=output,
         start=start,
     )
-    return Estimator(model, kind="navigation", aided=True, prepare=prepare)
+    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error)

@@ -19,7 +19,6 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts.increments import MEMORY, compensated, remembered
-from insenv.estimators.registry import Knowledge
 
 START = Table(
     (
@@ -55,19 +54,6 @@ OUTPUTS = Table(
         Row("height", "Height over the ellipsoid", "m"),
     )
 )
-
-
-def start_parameters(known: Knowledge) -> dict[str, Any]:
-    """Rows of `START` from what is known."""
-    return {
-        "start_latitude": known.latitude,
-        "start_longitude": known.longitude,
-        "start_height": known.height,
-        "start_velocity_n": known.velocity_n,
-        "start_roll": known.roll,
-        "start_pitch": known.pitch,
-        "start_heading": known.heading,
-    }
 
 
 @dataclass(frozen=True)

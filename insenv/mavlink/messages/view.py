@@ -157,7 +157,7 @@ class View:
     @property
     def position_sigma(self) -> Vector | None:
         """Stated sigmas of the position (3, m, n), None if none are; of an alignment those of the position it was told."""
-        if self.simulation.estimator.kind == "alignment":
+        if not self.simulation.estimator.navigates:
             return np.asarray(self.simulation.plant.knowledge.position_sigma, dtype=np.float64)
         return self.estimate.get("position_sigma")
 
@@ -189,4 +189,4 @@ class View:
             return "diverged"
         if not self.aligned:
             return "aligning"
-        return "aligned" if self.simulation.estimator.kind == "alignment" else "navigating"
+        return "navigating" if self.simulation.estimator.navigates else "aligned"

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import create_model, field_validator
 
 from insenv.errors import InputError
-from insenv.estimators.registry import SensorNotes
-from insenv.files.toml import Number, Section, key
-from insenv.scenario.values import LeverArm, PerAxis, Rotation, one_of, within
-from insenv.sensors import IMU_GRADES, IMU_PARAMETERS, imu_grade, units
+from insenv.files.toml import Number, key
+from insenv.files.values import LeverArm, PerAxis, Rotation, one_of, within
+from insenv.sensors import units
+from insenv.sensors.catalogue import IMU_GRADES, imu_grade
+from insenv.sensors.contract import Sensor, SensorSection
 from insenv.sensors.grades import CONVERSIONS, ImuGrade
+from insenv.sensors.imu import IMU
+from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 LARGEST = 1e9
 """Bound of every figure, in its data-sheet unit."""
@@ -33,8 +36,10 @@ def unit_of(figure: str) -> str:
     return next((unit for suffix, unit in _SUFFIXES.items() if figure.endswith(suffix)), "")
 
 
-class _ImuSection(Section):
+class _ImuSection(SensorSection):
     """The inertial unit: a grade, figures of the grade replaced, mounting."""
+
+    sensor: ClassVar[Sensor] = IMU
 
     grade: Annotated[str, one_of(IMU_GRADES)] = key("perfect", "grade of the catalogue (docs/sensors.md)")
     lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit, forward, right, down", "m")
@@ -98,42 +103,3 @@ else:
     ImuSection = create_model(
         "ImuSection", __base__=_ImuSection, __doc__=_ImuSection.__doc__, **{name: _figure(name) for name in _FIGURES}
     )
-
-
-def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
-    """What an estimator is told of a unit with these parameter rows: its data sheet, not what was drawn.
-
-    Bias sigma, the largest of the axes: fixed, turn-on and in-run parts, and what g-sensitivity (gyros) and
-    misalignment (accelerometers) make of gravity; for a vehicle on the move the scale factor too, which in place
-    and about level changes only the vertical axis.  Correlation time: such that a first-order Gauss-Markov
-    process of that sigma is driven as strongly as the in-run part, the bias random walk and, over an hour, the
-    parts that depend on the motion; a bias that does not change has `CONSTANT`.
-    """
-    gravity = units.STANDARD_GRAVITY
-    notes: dict[str, float] = {}
-    for triad, white, floor in (("gyro", "angle_random_walk", 1e-9), ("accel", "velocity_random_walk", 1e-7)):
-        largest = {name: float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in _NOTED}
-        if triad == "gyro":
-            motion = gravity * float(np.max(np.abs(rows.get("gyro_g_sensitivity", 0.0))))
-        else:
-            motion = gravity * max(largest["misalignment_sigma"], 0.0 if in_place else largest["scale_factor_sigma"])
-        in_run = largest["instability_sigma"]
-        variance = largest["bias"] ** 2 + largest["bias_sigma"] ** 2 + in_run**2 + motion**2
-        drive = (
-            2 * in_run**2 / max(largest["instability_time"], 1e-3)
-            + largest["rate_random_walk"] ** 2
-            + 2 * motion**2 / units.HOUR
-        )
-        sigma = max(variance**0.5, floor)
-        notes[white] = max(largest["random_walk"], floor)
-        notes[f"{triad}_bias_sigma"] = sigma
-        notes[f"{triad}_correlation_time"] = 2 * sigma**2 / max(drive, 2 * sigma**2 / CONSTANT)
-    return SensorNotes(**notes)
-
-
-CONSTANT = 1e9
-"""Correlation time (s) of a bias that does not change."""
-_NOTED = (
-    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "random_walk", "scale_factor_sigma",
-    "misalignment_sigma",
-)  # fmt: skip

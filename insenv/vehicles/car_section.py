@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import radians
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from insenv.files.toml import Number, Section, key
-from insenv.scenario.legs import MAX_LEGS, Engine, Structure, dumped, engine_rows, in_legs
-from insenv.vehicles import car_route
+from insenv.vehicles.car import car
+from insenv.vehicles.routes import car_route
+from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, dumped, engine_rows, in_legs
+from insenv.vehicles.truth import Vehicle
 
-if TYPE_CHECKING:
-    from insenv.scenario.description import StartSection
+
+@lru_cache(maxsize=16)
+def _car(engine_components: int) -> Vehicle:
+    return car(engine_components)
 
 
 class CarLeg(Section):
@@ -34,7 +39,7 @@ class CarLeg(Section):
     load_down_m: Number | None = key(None, "sinking by load, from here on", "m", ge=-0.2, le=0.2)
 
 
-class CarSection(Section):
+class CarSection(VehicleSection):
     """A car: parked as long as its legs only wait; otherwise driving."""
 
     kind: Literal["car"] = key(..., "what kind of vehicle")
@@ -51,9 +56,9 @@ class CarSection(Section):
         """Whether it is parked."""
         return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
 
-    def structure(self) -> Structure:
-        """See `Structure`."""
-        return ("car", max(1, len(self.engine)))
+    def vehicle(self) -> Vehicle:
+        """Its law of motion."""
+        return _car(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows, SI. Raises `InputError` for a leg that is not allowed."""

@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from math import cos, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
-from insenv.estimators.registry import Estimator
 from insenv.geodesy import OMEGA_IE, A
 
 DOUBTFUL = 0.1
@@ -27,12 +26,13 @@ NEAR_POLE = 0.5 * pi / 180
 GRAVITY = 9.8
 
 
-def notes(estimator: Estimator, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """What must be said of an alignment's heading with these parameters (SI, by row name) after `duration_s` of data.
+def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """Sentences about the heading of an alignment by the Earth's rotation, after `duration_s` of data.
 
-    Empty for estimators that do not find heading by the Earth's rotation, and where nothing stands against it.
+    parameters: SI, by row name: `latitude`, `gyro_bias_sigma`, `accel_bias_sigma`, `angle_random_walk`, and `moving` where
+    there is one (the vehicle has GNSS velocity and moves: no sentence).
     """
-    if estimator.kind != "alignment" or estimator.aided or float(parameters.get("moving", 0.0)) != 0.0:
+    if float(parameters.get("moving", 0.0)) != 0.0:
         return ()
     latitude = float(parameters["latitude"])
     bias, walk = float(parameters["gyro_bias_sigma"]), float(parameters["angle_random_walk"])

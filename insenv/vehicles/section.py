@@ -1,4 +1,4 @@
-"""What the vehicles of a scenario have in common: legs, an engine's vibration."""
+"""The section [vehicle] of a scenario: what every kind of vehicle has, and its legs and engine."""
 
 from __future__ import annotations
 
@@ -10,12 +10,45 @@ from pydantic import Field
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
-
-Structure = tuple[Any, ...]
-"""What of a vehicle its equations depend on, hashable: scenarios of equal structure share one compiled model."""
+from insenv.vehicles.truth import Vehicle
 
 MAX_WAVES = 16
 MAX_LEGS = 64
+
+
+class StartSection(Section):
+    """Where the inertial unit is at time 0, and how the vehicle stands."""
+
+    latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.999, le=89.999)
+    longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
+    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
+    heading_deg: Number = key(0.0, "heading, clockwise from north; of a swaying ship the mean", "deg", ge=-360, le=360)
+    roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", ge=-28, le=28)
+    pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", ge=-28, le=28)
+
+
+class VehicleSection(Section):
+    """Keys of [vehicle] for one kind of vehicle.
+
+    A subclass declares ``kind: Literal["name"]`` and its other keys, and is the whole of what insenv knows of the kind.
+    `insenv.register`, or the entry-point group ``insenv.vehicles``, makes it known.
+    """
+
+    kind: str
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the vehicle stays where it is, within metres."""
+        raise NotImplementedError
+
+    def vehicle(self) -> Vehicle:
+        """Its law of motion.  Sections whose equations are the same return the same object: they share one compiled model."""
+        raise NotImplementedError
+
+    def rows(self, start: StartSection) -> dict[str, Any]:
+        """Parameter rows of the law of motion, SI.  Raises `InputError` for values that do not go together."""
+        raise NotImplementedError
+
 
 Made = TypeVar("Made")
 

@@ -1,18 +1,24 @@
-"""A ship of a scenario: regular sway, irregular sea, course."""
+"""A ship in a scenario: regular sway, irregular sea, course."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Strict, model_validator
 
 from insenv.files.toml import Number, Section, key
-from insenv.scenario.legs import MAX_LEGS, MAX_WAVES, Structure, dumped, in_legs
-from insenv.vehicles import Hull, irregular_sea, regular_sway, ship_course
+from insenv.vehicles.routes import ship_course
+from insenv.vehicles.section import MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, in_legs
+from insenv.vehicles.ship import regular_sway, ship
+from insenv.vehicles.truth import Vehicle
+from insenv.vehicles.waves import Hull, irregular_sea
 
-if TYPE_CHECKING:
-    from insenv.scenario.description import StartSection
+
+@lru_cache(maxsize=64)
+def _ship(counts: tuple[tuple[str, int], ...], wave_components: int, under_way: bool, seeded: bool) -> Vehicle:
+    return ship(dict(counts), wave_components, under_way, seeded)
 
 
 class _Wave(Section):
@@ -86,7 +92,7 @@ class ShipLeg(Section):
     duration_s: Number | None = key(None, "how long the leg takes", "s", gt=0, le=86400)
 
 
-class ShipSection(Section):
+class ShipSection(VehicleSection):
     """A ship: moored, or under way if it has legs or a start speed."""
 
     kind: Literal["ship"] = key(..., "what kind of vehicle")
@@ -113,11 +119,11 @@ class ShipSection(Section):
         waves = ((name, wave) for name in SwaySection.model_fields for wave in getattr(sway, name))
         return regular_sway([{"motion": name, **wave.model_dump(exclude_none=True)} for name, wave in waves])
 
-    def structure(self) -> Structure:
-        """See `Structure`."""
+    def vehicle(self) -> Vehicle:
+        """Its law of motion."""
         counts, _ = self._regular()
         components = self.sea.components if self.sea else 0
-        return ("ship", tuple(counts.items()), components, not self.in_place, self.random_phases and bool(counts))
+        return _ship(tuple(counts.items()), components, not self.in_place, self.random_phases and bool(counts))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows, SI. Raises `InputError` for a leg that is not allowed."""

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Strict
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
-from insenv.scenario.legs import MAX_LEGS, Engine, Structure, dumped, engine_rows, in_legs
-from insenv.scenario.values import PerAxis, within
-from insenv.vehicles import flight_plan, survey_pattern
+from insenv.files.values import PerAxis, within
+from insenv.vehicles.aircraft import aircraft
+from insenv.vehicles.routes import flight_plan, survey_pattern
+from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, dumped, engine_rows, in_legs
+from insenv.vehicles.truth import Vehicle
 
-if TYPE_CHECKING:
-    from insenv.scenario.description import StartSection
+
+@lru_cache(maxsize=16)
+def _aircraft(engine_components: int) -> Vehicle:
+    return aircraft(engine_components)
 
 
 class AircraftLeg(Section):
@@ -35,7 +40,7 @@ class AircraftLeg(Section):
     bank_deg: Number | None = key(None, "bank of the turn (20)", "deg", gt=0, le=45)
 
 
-class AircraftSection(Section):
+class AircraftSection(VehicleSection):
     """An aircraft: parked as long as its legs only wait; otherwise on the move."""
 
     kind: Literal["aircraft"] = key(..., "what kind of vehicle")
@@ -58,9 +63,9 @@ class AircraftSection(Section):
         """Whether it is parked."""
         return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
 
-    def structure(self) -> Structure:
-        """See `Structure`."""
-        return ("aircraft", max(1, len(self.engine)))
+    def vehicle(self) -> Vehicle:
+        """Its law of motion."""
+        return _aircraft(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows, SI. Raises `InputError` for a leg that is not allowed."""

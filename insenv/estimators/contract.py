@@ -1,0 +1,193 @@
+"""The contract of an estimator: what it needs, how it starts, where it may be trusted.
+
+Whatever runs an estimator (run, replay, campaign, environment, FMU, MAVLink) asks the `Estimator` and holds no copy of the
+answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from insenv.core.model import Model, Values
+from insenv.core.tables import Vector
+from insenv.errors import InputError
+
+_ZERO = np.zeros(3)
+
+
+@dataclass(frozen=True)
+class SensorNotes:
+    """Data sheet of the inertial unit, SI: the numbers that estimators are tuned by.
+
+    angle_random_walk rad/s^0.5, velocity_random_walk m/s^1.5; gyro_bias_sigma rad/s, accel_bias_sigma m/s^2; correlation
+    times s.
+    """
+
+    angle_random_walk: float = 1e-6
+    velocity_random_walk: float = 1e-4
+    gyro_bias_sigma: float = 1e-7
+    accel_bias_sigma: float = 1e-3
+    gyro_correlation_time: float = 3600.0
+    accel_correlation_time: float = 3600.0
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known at the start, SI and radians: the place, and for navigation the initial velocity and attitude.
+
+    latitude, longitude (rad), height (m); velocity_n (3, m/s); roll, pitch, heading (rad): with their errors.
+    *_sigma: their standard deviations.  gyro_bias (rad/s, b), accel_bias (m/s^2, b): as far as known.
+    antenna_lever_arm: IMU to antenna, b, m.
+    """
+
+    latitude: float
+    longitude: float
+    height: float
+    sample_interval: float
+    velocity_n: Vector = field(default_factory=lambda: _ZERO)
+    roll: float = 0.0
+    pitch: float = 0.0
+    heading: float = 0.0
+    position_sigma: Vector = field(default_factory=lambda: np.full(3, 1.0))
+    velocity_sigma: Vector = field(default_factory=lambda: np.full(3, 0.1))
+    tilt_sigma: float = 0.01
+    heading_sigma: float = 0.1
+    gyro_bias: Vector = field(default_factory=lambda: _ZERO)
+    accel_bias: Vector = field(default_factory=lambda: _ZERO)
+    antenna_lever_arm: Vector = field(default_factory=lambda: _ZERO)
+    sensors: SensorNotes = SensorNotes()
+
+    @cached_property
+    def rows(self) -> dict[str, Any]:
+        """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sensors"}
+        sheet = {f.name: getattr(self.sensors, f.name) for f in fields(self.sensors)}
+        return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What an estimator is to run on.
+
+    where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
+    the vehicle stays where it is; None: unknown.  whole: whether the run can be gone through again from its end.
+    """
+
+    where: str
+    sensors: frozenset[str]
+    in_place: bool | None = None
+    whole: bool = True
+
+
+Kind = Literal["alignment", "navigation"]
+Motion = Literal["in place", "moving", "any"]
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """An estimator: its equations, and what everybody who runs it must know of it.
+
+    Parameters
+    ----------
+    model: its equations.  Inputs are fed by name: ``delta_angle``, ``delta_velocity``, ``dt``, and the output rows of sensors.
+        The output ``q_nb`` is the attitude; ``attitude_sigma`` (3, rad about n) states its standard deviation.  A navigation
+        has the outputs ``velocity_n``, ``latitude``, ``longitude`` and ``height`` too.
+    kind: "alignment" (attitude alone) or "navigation".
+    sensors: ids of the sensors that it cannot do without, beside the inertial unit (``("gnss",)``).
+    motion: of the vehicle: "in place" (None and an alignment), "moving" or "any" (None and a navigation).
+    moving_row: parameter row that, set to 1, lets an alignment in place work on a moving vehicle with GNSS, or empty.
+    prepare: its parameters by row name from what is known.  None: every parameter row that is named like a field of
+        `Knowledge` or `SensorNotes`, or ``start_`` and such a name, has its value.
+    applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
+    error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
+        the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
+    smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
+        with its own tuning on top.
+    read_file: parameter rows from the file that its tuning key `file` names.  None: it takes no file.
+    """
+
+    model: Model
+    kind: Kind
+    sensors: tuple[str, ...] = ()
+    motion: Motion | None = None
+    moving_row: str = ""
+    prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
+    applicability: Callable[[Mapping[str, Any], float], tuple[str, ...]] | None = None
+    error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
+    smooths: str = ""
+    read_file: Callable[[str], Mapping[str, Any]] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("alignment", "navigation"):
+            raise InputError(f"estimator {self.id!r}: kind = {self.kind!r}: allowed is 'alignment' or 'navigation'")
+        lacking = [name for name in _OUTPUTS[self.kind] if name not in self.model.outputs]
+        if lacking:
+            raise InputError(f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r}")
+        if self.motion is None:
+            object.__setattr__(self, "motion", "in place" if self.kind == "alignment" else "any")
+
+    @property
+    def id(self) -> str:
+        """The name it is asked for by."""
+        return self.model.id
+
+    @property
+    def title(self) -> str:
+        """One line for listings."""
+        return self.model.title
+
+    @property
+    def navigates(self) -> bool:
+        """Whether it gives velocity and position too."""
+        return self.kind == "navigation"
+
+    @property
+    def aided(self) -> bool:
+        """Whether it takes more than the inertial unit."""
+        return bool(self.sensors)
+
+    def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
+        """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
+        this = f"estimator {self.id!r}"
+        if self.smooths and not drive.whole:
+            return f"{this} smooths a whole run from its end: `insenv run` can, one seed at a time; here use {self.smooths!r}"
+        follows = bool(self.moving_row) and float((rows or {}).get(self.moving_row, 0.0)) != 0.0
+        for sensor in (*self.sensors, *(("gnss",) if follows else ())):
+            if sensor not in drive.sensors:
+                return f"{this} needs {_SHOWN.get(sensor, sensor)}: {drive.where} has no [{sensor}]"
+        if self.motion == "in place" and drive.in_place is False and not follows:
+            return f"{this} aligns a vehicle in place: that of {drive.where} moves"
+        if self.motion == "moving" and drive.in_place:
+            return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
+        return ""
+
+    def check(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> None:
+        """Raise `InputError` if it cannot run on `drive` with the parameters `rows`."""
+        refusal = self.refusal(drive, rows)
+        if refusal:
+            raise InputError(refusal)
+
+    def parameters(
+        self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
+        tunings = tunings or {}
+        return {**self._from(known), **tunings.get(self.smooths, {}), **tunings.get(self.id, {}), **(rows or {})}
+
+    def _from(self, known: Knowledge) -> Mapping[str, Any]:
+        if self.prepare is not None:
+            return self.prepare(known)
+        return {name: known.rows[name] for name in self.model.parameters.names if name in known.rows}
+
+    def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+        """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
+        return () if self.applicability is None else self.applicability(parameters, duration_s)
+
+
+_OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}
+_SHOWN = {"gnss": "GNSS"}

@@ -1,0 +1,49 @@
+"""From the parameters of an inertial unit to its data sheet, which is what estimators are tuned by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from insenv.estimators import SensorNotes
+from insenv.sensors import units
+
+
+def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
+    """What an estimator is told of a unit with these parameter rows: its data sheet, not what was drawn.
+
+    Bias sigma, the largest of the axes: fixed, turn-on and in-run parts, and what g-sensitivity (gyros) and
+    misalignment (accelerometers) make of gravity; for a vehicle on the move the scale factor too, which in place
+    and about level changes only the vertical axis.  Correlation time: such that a first-order Gauss-Markov
+    process of that sigma is driven as strongly as the in-run part, the bias random walk and, over an hour, the
+    parts that depend on the motion; a bias that does not change has `CONSTANT`.
+    """
+    gravity = units.STANDARD_GRAVITY
+    notes: dict[str, float] = {}
+    for triad, white, floor in (("gyro", "angle_random_walk", 1e-9), ("accel", "velocity_random_walk", 1e-7)):
+        largest = {name: float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in _NOTED}
+        if triad == "gyro":
+            motion = gravity * float(np.max(np.abs(rows.get("gyro_g_sensitivity", 0.0))))
+        else:
+            motion = gravity * max(largest["misalignment_sigma"], 0.0 if in_place else largest["scale_factor_sigma"])
+        in_run = largest["instability_sigma"]
+        variance = largest["bias"] ** 2 + largest["bias_sigma"] ** 2 + in_run**2 + motion**2
+        drive = (
+            2 * in_run**2 / max(largest["instability_time"], 1e-3)
+            + largest["rate_random_walk"] ** 2
+            + 2 * motion**2 / units.HOUR
+        )
+        sigma = max(variance**0.5, floor)
+        notes[white] = max(largest["random_walk"], floor)
+        notes[f"{triad}_bias_sigma"] = sigma
+        notes[f"{triad}_correlation_time"] = 2 * sigma**2 / max(drive, 2 * sigma**2 / CONSTANT)
+    return SensorNotes(**notes)
+
+
+CONSTANT = 1e9
+"""Correlation time (s) of a bias that does not change."""
+_NOTED = (
+    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "random_walk", "scale_factor_sigma",
+    "misalignment_sigma",
+)  # fmt: skip
