@@ -60,25 +60,98 @@ Errors
 What a caller can mend raises `insenv.errors.InputError` with the name, the value, the unit and what is
 allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
-Submodules load on first use: ``import insenv`` is cheap, and ``insenv.attitude`` then works.  It registers the
-environments with Gymnasium.
+Public names
+------------
+`run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `register`
+adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs and campaigns give.  Each loads on first use:
+``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from insenv.registration import register as _register
+from insenv.registration import register as _register_environments
 
 __version__ = "0.1.0"
 
-if not TYPE_CHECKING:  # a type checker sees the submodules that are imported, and no others
+if TYPE_CHECKING:
+    from insenv.campaigns import campaign
+    from insenv.campaigns.summary import Summary
+    from insenv.core.model import Model, Step
+    from insenv.core.tables import Row, Table
+    from insenv.envs import agents, testing
+    from insenv.errors import InputError, InsenvError
+    from insenv.estimators import Estimator, Knowledge
+    from insenv.extending import register
+    from insenv.fmu import export as export_fmu
+    from insenv.fmu import export_ssp
+    from insenv.report import Report
+    from insenv.runs.replayed import replay
+    from insenv.runs.simulated import run
+    from insenv.scenario import Scenario, load
+    from insenv.sensors import Sensor, SensorSection
+    from insenv.vehicles import StartSection, Vehicle, VehicleSection
+
+__all__ = [
+    "Estimator",
+    "InputError",
+    "InsenvError",
+    "Knowledge",
+    "Model",
+    "Report",
+    "Row",
+    "Scenario",
+    "Sensor",
+    "SensorSection",
+    "StartSection",
+    "Step",
+    "Summary",
+    "Table",
+    "Vehicle",
+    "VehicleSection",
+    "agents",
+    "campaign",
+    "export_fmu",
+    "export_ssp",
+    "load",
+    "register",
+    "replay",
+    "run",
+    "testing",
+]
+
+_HOMES = {
+    "insenv.campaigns": ("campaign",),
+    "insenv.campaigns.summary": ("Summary",),
+    "insenv.core.model": ("Model", "Step"),
+    "insenv.core.tables": ("Row", "Table"),
+    "insenv.envs": ("agents", "testing"),
+    "insenv.errors": ("InputError", "InsenvError"),
+    "insenv.estimators": ("Estimator", "Knowledge"),
+    "insenv.extending": ("register",),
+    "insenv.fmu": ("export_fmu", "export_ssp"),
+    "insenv.report": ("Report",),
+    "insenv.runs.replayed": ("replay",),
+    "insenv.runs.simulated": ("run",),
+    "insenv.scenario": ("Scenario", "load"),
+    "insenv.sensors": ("Sensor", "SensorSection"),
+    "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+if not TYPE_CHECKING:  # a type checker reads the imports above
 
     def __getattr__(name: str) -> object:
-        """Import the submodule `name` on first use."""
+        """A public name, or a submodule, imported on first use."""
         from importlib import import_module
         from importlib.util import find_spec
 
+        if name in _HOME:
+            home = import_module(_HOME[name])
+            found = getattr(home, name) if hasattr(home, name) else import_module(f"{_HOME[name]}.{name}")
+            globals()[name] = found
+            return found
         if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:
             return import_module(f"{__name__}.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -86,7 +159,7 @@ if not TYPE_CHECKING:  # a type checker sees the submodules that are imported, a
     def __dir__() -> list[str]:
         from pkgutil import iter_modules
 
-        return sorted({*globals(), *(m.name for m in iter_modules(__path__) if not m.name.startswith("_"))})
+        return sorted({*globals(), *__all__, *(m.name for m in iter_modules(__path__) if not m.name.startswith("_"))})
 
 
-_register()
+_register_environments()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import import_module
 
 from insenv.errors import InputError
@@ -42,11 +42,27 @@ def _id(thing: Estimator) -> str:
 _PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, _shipped)
 
 
+EstimatorsLike = str | Estimator | Iterable[str | Estimator]
+"""One estimator or several, by id or as objects."""
+
+
 def get(id_or_estimator: str | Estimator) -> Estimator:
     """The estimator of that id, or the object given.  Raises `InputError` with the nearest id."""
     if isinstance(id_or_estimator, Estimator):
         return id_or_estimator
+    if not isinstance(id_or_estimator, str):
+        raise InputError(f"estimator = {id_or_estimator!r}: allowed is an id or an insenv.Estimator")
     return _PLUGINS.get(id_or_estimator)
+
+
+def get_all(some: EstimatorsLike) -> list[Estimator]:
+    """The estimators that `some` names: one, or several; by id or as objects.  Raises `InputError` for an unknown one."""
+    if isinstance(some, (str, Estimator)):
+        some = (some,)
+    try:
+        return [get(one) for one in some]
+    except TypeError:
+        raise InputError(f"estimators = {some!r}: allowed is an id, an insenv.Estimator, or several of them") from None
 
 
 def registered() -> dict[str, Estimator]:

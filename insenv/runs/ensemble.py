@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude, estimators
+from insenv import attitude
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
 from insenv.errors import InsenvError
-from insenv.estimators import Estimator
+from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.runs.simulated import recording_interval
-from insenv.scenario import Plant, Scenario, build
+from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
@@ -44,8 +44,8 @@ class Ensemble:
 
 
 def ensemble(
-    scenario: Scenario,
-    estimator_ids: Sequence[str],
+    scenario: ScenarioLike,
+    estimators: EstimatorsLike,
     seeds: Sequence[int],
     *,
     duration_s: float | None = None,
@@ -59,7 +59,7 @@ def ensemble(
 
     tuning: parameter rows by estimator id, on top of the scenario's.  Lost samples are not bridged here.
     """
-    chosen = [estimators.get(id) for id in estimator_ids]
+    scenario, chosen = load(scenario), get_all(estimators)
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude, estimators
+from insenv import attitude
 from insenv.errors import InputError
-from insenv.estimators import Drive, Estimator, Knowledge
+from insenv.estimators import Drive, Estimator, EstimatorsLike, Knowledge, get_all
 from insenv.evaluation.errors import Report, Result, Track, errors, stated_sigma
 from insenv.logs import RecordedLog, Reference, load
 from insenv.runs.follower import Follower
@@ -27,20 +26,28 @@ STARTS = ("coarse", "reference")
 
 
 def replay(
-    path: str | Path,
-    estimator_ids: Sequence[str],
+    log: str | Path | RecordedLog,
+    estimators: EstimatorsLike,
     *,
     start: str = "coarse",
     progress: Progress | None = None,
 ) -> Report:
-    """The log that the TOML file `path` describes through the estimators.
+    """Run a recorded log through estimators.
 
-    start: one of `STARTS`.  Raises `InputError` for anything wrong with the log or the call.
+    Parameters
+    ----------
+    log: the path of a flight log, or of a ``.toml`` file that describes the files of a log, or what `insenv.logs.load` gave.
+    estimators: one or several, by id or as `Estimator` objects.
+    start: "coarse": from the log alone; "reference": from the state of the log's reference solution.
+    progress: called with the numbers of samples done and in all.
+
+    Raises `InputError` for what is wrong with the log or the call.
     """
     if start not in STARTS:
         raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
-    chosen = [estimators.get(id) for id in estimator_ids]
-    log = load(path)
+    chosen = get_all(estimators)
+    name = log.description.title if isinstance(log, RecordedLog) else str(log)
+    log = log if isinstance(log, RecordedLog) else load(log)
     description = log.description
     begin_s = _begin(log, start)
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
@@ -82,7 +89,7 @@ def replay(
         notes.append(f"{dropped} fixes not used: more than one in a sample")
     published = tuple((p.name, dict(p.rms)) for p in evaluation.published)
     return Report(
-        scenario=str(path),
+        scenario=name,
         title=description.title,
         seed=None,
         duration_s=duration,

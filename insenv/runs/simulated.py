@@ -1,4 +1,4 @@
-"""`run`: a scenario simulated, and estimators on what its sensors show, in one pass of bounded memory."""
+"""`run`: simulate a scenario and run estimators on what its sensors show, in one pass of bounded memory."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude, estimators
+from insenv import attitude
 from insenv.core.runner import make_runner
-from insenv.estimators import Estimator
+from insenv.estimators import Estimator, EstimatorsLike, get, get_all
 from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION, Report, Result, Track, errors, stated_sigma
 from insenv.plant.feeding import bridge_lost
 from insenv.runs.follower import Follower
 from insenv.runs.smoothing_follower import SmoothingFollower
-from insenv.scenario import Plant, Scenario, build
+from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
@@ -42,18 +42,26 @@ def follower_of(estimator: Estimator, parameters: Mapping[str, Any], every: int)
 
 
 def run(
-    scenario: Scenario,
-    estimator_ids: Sequence[str] | None = None,
+    scenario: ScenarioLike,
+    estimators: EstimatorsLike | None = None,
     *,
     seed: int | None = None,
     duration_s: float | None = None,
     progress: Progress | None = None,
 ) -> Report:
-    """Simulate `scenario` and run the estimators (those that it names, if None) on its measurements.
+    """Simulate a scenario and run estimators on the measurements of its sensors.
 
-    seed, duration_s: instead of the scenario's.  Raises `InputError` for an unknown estimator or one that cannot work here.
+    Parameters
+    ----------
+    scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file.
+    estimators: one or several, by id or as `Estimator` objects; None: those that the scenario names.
+    seed, duration_s: instead of the scenario's; duration in s.
+    progress: called with the numbers of samples done and in all.
+
+    Raises `InputError` for what is unknown, wrong, or cannot run here.
     """
-    chosen = [estimators.get(id) for id in (estimator_ids or scenario.estimators)]
+    scenario = load(scenario)
+    chosen = get_all(scenario.estimators if estimators is None else estimators)
     plant = build(scenario, seed=seed, duration_s=duration_s)
     every = recording_interval(plant.samples)
     started = [plant.parameters_of(estimator) for estimator in chosen]
@@ -62,7 +70,7 @@ def run(
     # the covariance of the 15-state filter without fixes is the limit of free-inertial navigation
     predictor = None
     if any(e.navigates and not e.aided for e in chosen):
-        filter15 = estimators.get("loosely-coupled")
+        filter15 = get("loosely-coupled")
         predictor = follower_of(filter15, filter15.parameters(plant.knowledge, rows={"standing_window": 0.0}), every)
 
     kept: list[Array] = []
