@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
-    from insenv.mavlink.lockstep.lockstep import Progress
-    from insenv.mavlink.vehicle import Vehicle
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.lockstep import Progress
 
 _CHUNK = 20
 PX4_CHANNELS = (1, 0, 3, 2)
@@ -37,9 +37,9 @@ def lockstep(
     """Go on in step with an autopilot until the duration is over or Ctrl-C; print how it went."""
     from insenv.cli.output import print_json, print_line, quiet_warnings, working
     from insenv.cli.stream import checked_duration
-    from insenv.mavlink.lockstep.px4 import px4_rates
-    from insenv.mavlink.messages.schedule import parse_rates
-    from insenv.mavlink.vehicle import Vehicle
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.lockstep import px4_rates
+    from insenv.mavlink.messages import parse_rates
     from insenv.scenario import load
 
     loaded = load(scenario)
@@ -84,29 +84,23 @@ def lockstep(
 def _prepared(
     stack: ExitStack, kind: str, vehicle: Vehicle, to: str | None, tlog: Path | None
 ) -> tuple[Callable[[int], Progress], str]:
-    """What goes so many steps on, and the address that is listened on."""
-    from insenv.mavlink.lockstep.motion import VehicleMotion, steering
+    """The function that advances by a number of steps, and the address that is listened on."""
+    from insenv.mavlink.lockstep import ArduPilotLockstep, Px4Lockstep, VehicleMotion, ardupilot, px4, steering
 
     if kind == "px4":
-        from insenv.mavlink.lockstep.px4 import ADDRESS, Px4Lockstep
-
         messages = vehicle.step if tlog is None else _recorded(stack, vehicle, tlog)
         interval, act = vehicle.simulation.interval, steering(vehicle, PX4_CHANNELS)
-        px4 = stack.enter_context(Px4Lockstep(messages, interval, act, address=to or ADDRESS))
-        return px4.run, str(px4.link.address)
-    from insenv.mavlink.lockstep.ardupilot import ADDRESS as JSON_ADDRESS
-    from insenv.mavlink.lockstep.ardupilot import ArduPilotLockstep
-
+        simulator = stack.enter_context(Px4Lockstep(messages, interval, act, address=to or px4.ADDRESS))
+        return simulator.run, str(simulator.link.address)
     act = steering(vehicle, ARDUPILOT_CHANNELS)
-    ardupilot = stack.enter_context(ArduPilotLockstep(VehicleMotion(vehicle), act, address=to or JSON_ADDRESS))
-    return ardupilot.run, str(ardupilot.address)
+    json_simulator = stack.enter_context(ArduPilotLockstep(VehicleMotion(vehicle), act, address=to or ardupilot.ADDRESS))
+    return json_simulator.run, str(json_simulator.address)
 
 
 def _recorded(stack: ExitStack, vehicle: Vehicle, tlog: Path) -> Callable[[], list[Any]]:
     """The vehicle's step, with its messages written to a log that counts for itself."""
     from insenv.mavlink.lockstep.px4 import COMPONENT
-    from insenv.mavlink.wire.frames import dialect
-    from insenv.mavlink.wire.tlog import TlogWriter
+    from insenv.mavlink.wire import TlogWriter, dialect
 
     recorder = stack.enter_context(TlogWriter(tlog))
     packer = dialect().MAVLink(None, 1, COMPONENT)

@@ -15,7 +15,7 @@ from insenv.errors import InputError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from insenv.mavlink.stream import Stream
+    from insenv.mavlink import Stream
 
 _ACROSS = 3
 _OVER_S = 2.0
@@ -37,12 +37,9 @@ def stream(
 ) -> None:
     """Stream until the duration is over or Ctrl-C; print what was sent."""
     from insenv.cli.output import print_json, quiet_warnings
-    from insenv.mavlink.messages.schedule import parse_rates
-    from insenv.mavlink.stream import Stream
-    from insenv.mavlink.vehicle import Vehicle
-    from insenv.mavlink.wire.link import open_link
-    from insenv.mavlink.wire.signing import Signing
-    from insenv.mavlink.wire.tlog import TlogWriter
+    from insenv.mavlink import Stream, Vehicle
+    from insenv.mavlink.messages import parse_rates
+    from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.scenario import load
 
     loaded = load(scenario)

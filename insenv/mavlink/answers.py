@@ -12,7 +12,7 @@ from insenv.errors import InputError
 from insenv.mavlink.commands import carry_out
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.schedule import STREAMS
-from insenv.mavlink.messages.status_messages import COMPONENT, SYSTEM
+from insenv.mavlink.messages.status import COMPONENT, SYSTEM
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
 from insenv.mavlink.vehicle import Vehicle
 

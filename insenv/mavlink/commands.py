@@ -22,9 +22,10 @@ from functools import lru_cache
 from math import isfinite
 
 from insenv.errors import InputError
-from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.schedule import DEFAULT_HZ, MAX_HZ
-from insenv.mavlink.vehicle import MESSAGES, Vehicle
+from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Message
+from insenv.mavlink.messages.schedule import MAX_HZ
+from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire import dialect
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 """MAV_RESULT."""
@@ -50,9 +51,7 @@ def carry_out(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> An
 @lru_cache(maxsize=1)
 def names_by_number() -> dict[int, str]:
     """Names of the messages that the vehicle can make, by number."""
-    from pymavlink.dialects.v20 import common
-
-    return {getattr(common, f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
+    return {getattr(dialect(), f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
 
 
 def _realign(vehicle: Vehicle, p: Sequence[float]) -> Answer:

@@ -10,7 +10,7 @@ plant's, for the run has begun.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -20,7 +20,6 @@ import numpy as np
 from insenv.core.model import Model
 from insenv.core.tables import Row
 from insenv.errors import InputError, nearest
-from insenv.mavlink.messages.parameter_names import parameter_name
 from insenv.mavlink.simulation import Simulation
 from insenv.sensors import units
 from insenv.sensors.gnss import GNSS_PARAMETERS
@@ -47,6 +46,19 @@ _SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
 NOW, NEXT_ALIGNMENT, NEVER = "now", "next alignment", "never"
 _TIMING = ("gnss_interval", "gnss_latency", "gnss_epoch_offset", "drift_interval")
 """Rows that must stay whole numbers of samples: they cannot be set."""
+
+LONGEST_NAME = 16
+"""Characters of a parameter's name in MAVLink."""
+
+_SHORT = {
+    "accel": "ACC", "acceleration": "ACCL", "angle": "ANG", "antenna": "ANT", "bandwidth": "BW", "bias": "BIAS",
+    "correlation": "COR", "covariance": "COV", "drop": "DROP", "factor": "F", "frequency": "FRQ", "gnss": "GNSS",
+    "gyro": "GYR", "heading": "HDG", "height": "HGT", "imu": "IMU", "innovation": "INN", "instability": "INS",
+    "interval": "DT", "latitude": "LAT", "lever": "LEV", "longitude": "LON", "misalignment": "MIS", "mounting": "MNT",
+    "noise": "N", "outlier": "OUTL", "position": "POS", "probability": "PROB", "random": "R", "range": "RNG", "rate": "RATE",
+    "scale": "SC", "sigma": "SIG", "slope": "SLP", "standing": "STND", "start": "ST", "temperature": "TMP", "time": "T",
+    "velocity": "VEL", "walk": "W", "wander": "WAN", "error": "ERR", "limit": "LIM", "arm": "ARM", "b": "", "n": "",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -160,3 +172,23 @@ def used_by_steps(model: Model) -> list[bool]:
         if name != "start":
             used[sorted(set(kernel.function.jac_sparsity(0, 0).get_triplet()[1]))] = True
     return used.tolist()
+
+
+def parameter_name(prefix: str, row: str, suffix: str, taken: Iterable[str]) -> str:
+    """A name such as ``E_GYR_BIAS_SIG`` or ``S_GNSS_POS_N_D``: as much of each word as there is room for, and not yet taken.
+
+    prefix: what it belongs to; suffix: the component.  Raises `ValueError` if there is no room.
+    """
+    taken = set(taken)
+    words = [_SHORT.get(word, word[:6].upper()) for word in row.split("_")]
+    words = [word for word in words if word]
+    tail = f"_{suffix}" if suffix else ""
+    for length in range(6, 0, -1):
+        name = f"{prefix}_{'_'.join(word[:length] for word in words)}{tail}"
+        if len(name) <= LONGEST_NAME and name not in taken:
+            return name
+    for number in range(1, 100):
+        name = f"{prefix}_{''.join(words)}"[: LONGEST_NAME - len(tail) - 2] + f"{number:02d}{tail}"
+        if name not in taken:
+            return name
+    raise ValueError(f"no parameter name left for {row!r}")

@@ -9,11 +9,11 @@ from typing import Any, Protocol
 
 from insenv.mavlink.answers import answers
 from insenv.mavlink.messages.fields import Message
+from insenv.mavlink.outbox import Outbox
 from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire import Link
 from insenv.mavlink.wire.frames import resequenced
-from insenv.mavlink.wire.link import Link
-from insenv.mavlink.wire.outbox import Outbox
 
 HEARTBEAT_S = 1.0
 """Wall time between HEARTBEATs at most, paused or slow as the simulation may be: clients give up after 3 s."""

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv import attitude
 from insenv.core import noise
 from insenv.core.tables import Vector
-from insenv.mavlink.messages.derived import body_field
 
 NOISE_STREAM = 0xFFFFFFFD
 """Stream of the magnetometer's noise, and one below it that of the barometer's; the plant's own streams are other ones."""
@@ -72,7 +72,6 @@ class Surroundings:
         self._field_n = np.zeros(3)
         self._magnetic_noise = _Noise(seed, 0, 3)
         self._air_noise = _Noise(seed, 1, 2)
-        self._turn = body_field()
 
     def update(self, time: float, truth: dict[str, Any], height_msl: float) -> None:
         """Take the samples due at `time` (s).  truth: q_nb, velocity_n (m/s), latitude, longitude (rad), height (m)."""
@@ -81,12 +80,8 @@ class Surroundings:
         if magnetometer != self.data.magnetometer_samples:
             self.data.magnetometer_samples = magnetometer
             field_n = self._field(float(truth["latitude"]), float(truth["longitude"]), float(truth["height"]))
-            self._turn.inputs["q_nb"][:] = truth["q_nb"]
-            self._turn.inputs["vector_n"][:] = field_n
-            self._turn.evaluate()
-            self.data.magnetic_b = self._turn.outputs["vector_b"] + self.sensors.magnetic_noise * self._magnetic_noise(
-                magnetometer
-            )
+            field_b = attitude.numeric.rotate_inverse(truth["q_nb"], field_n)
+            self.data.magnetic_b = field_b + self.sensors.magnetic_noise * self._magnetic_noise(magnetometer)
         if barometer != self.data.barometer_samples:
             self.data.barometer_samples = barometer
             self._breathe(truth, height_msl, self._air_noise(barometer))

@@ -8,20 +8,11 @@ from collections.abc import Iterator, Mapping
 
 from insenv.errors import InputError
 from insenv.mavlink.manual import DEFAULT_SCALES, LOST_AFTER_S, FullScale, commanded, released
-from insenv.mavlink.messages.estimate_messages import ESTIMATES
-from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.schedule import Schedule
-from insenv.mavlink.messages.sensor_messages import SENSORS
-from insenv.mavlink.messages.status_messages import ON_REQUEST, STATUS
-from insenv.mavlink.messages.view import View
+from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
 from insenv.scenario import Scenario
-
-STREAMED = {**STATUS, **SENSORS, **ESTIMATES}
-MESSAGES = {**STREAMED, **ON_REQUEST}
-"""All messages that the vehicle can make when asked, by name."""
 
 MAX_SPEED = 100.0
 """Largest speed of the simulation, in simulated seconds a second; 0 is as fast as possible."""

@@ -16,10 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insenv.mavlink.stream import Stream
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.link import open_link
-from insenv.mavlink.wire.tlog import TlogWriter
+from insenv.mavlink import Stream, Vehicle
+from insenv.mavlink.wire import TlogWriter, open_link
 from insenv.scenario import load
 
 pytestmark = [

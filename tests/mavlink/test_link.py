@@ -15,12 +15,11 @@ from typing import Any
 import pytest
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.address import parse_address
+from insenv.mavlink.wire import Link, Statistics, dialect, open_link, parse_address
 from insenv.mavlink.wire.datagrams import EXPIRY_S, LARGEST, MOST_PEERS, MOST_STRANGERS
-from insenv.mavlink.wire.frames import LONGEST, dialect, split
-from insenv.mavlink.wire.link import MESSAGES_PER_CALL, Link, open_link
+from insenv.mavlink.wire.frames import LONGEST, split
+from insenv.mavlink.wire.link import MESSAGES_PER_CALL
 from insenv.mavlink.wire.peers import INBOX_BYTES, OUTBOX_BYTES
-from insenv.mavlink.wire.statistics import Statistics
 from insenv.mavlink.wire.streams import MOST_CLIENTS, STALLED_S
 
 m = dialect()

@@ -18,13 +18,10 @@ import numpy as np
 import pytest
 
 from insenv.errors import InputError
-from insenv.mavlink.lockstep.ardupilot import SILENT_S, ArduPilotLockstep, answer, unpack
-from insenv.mavlink.lockstep.lockstep import Controls
-from insenv.mavlink.lockstep.motion import VehicleMotion, steering
-from insenv.mavlink.lockstep.px4 import Px4Lockstep, px4_rates
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.frames import dialect
-from insenv.mavlink.wire.link import open_link
+from insenv.mavlink import Vehicle
+from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Px4Lockstep, VehicleMotion, px4_rates, steering
+from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
+from insenv.mavlink.wire import dialect, open_link
 from insenv.scenario import load
 
 m = dialect()

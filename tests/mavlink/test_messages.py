@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from insenv import attitude, geodesy
 from insenv.errors import InputError
-from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX, Fields
-from insenv.mavlink.messages.schedule import DEFAULT_HZ, STREAMS, Schedule, parse_rates
+from insenv.mavlink import Vehicle
+from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
+from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
+from insenv.mavlink.messages.schedule import STREAMS
 from insenv.mavlink.surroundings import AirSensors, Surroundings
-from insenv.mavlink.vehicle import MESSAGES, Vehicle
 from insenv.scenario import load, parse
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")

@@ -13,10 +13,9 @@ import pytest
 from command_line import call, strict
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.frames import dialect, split
-from insenv.mavlink.wire.link import Link, open_link
-from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, FOLLOW_TICKS, TICKS_PER_S, Signing, Verdict, read_key
-from insenv.mavlink.wire.statistics import Statistics
+from insenv.mavlink.wire import Link, Signing, Statistics, dialect, open_link
+from insenv.mavlink.wire.frames import split
+from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, FOLLOW_TICKS, TICKS_PER_S, Verdict, read_key
 
 m = dialect()
 KEY = bytes(range(32))

@@ -20,11 +20,9 @@ import pytest
 from command_line import ROOT, call, refused, strict
 
 from insenv import attitude, geodesy
-from insenv.mavlink.messages.schedule import DEFAULT_HZ
-from insenv.mavlink.stream import Stream
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.link import open_link
-from insenv.mavlink.wire.signing import Signing
+from insenv.mavlink import Stream, Vehicle
+from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.wire import Signing, open_link
 from insenv.scenario import load
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")

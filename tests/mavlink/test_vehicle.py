@@ -7,16 +7,14 @@ import pytest
 
 from insenv import attitude, estimators
 from insenv.errors import InputError
+from insenv.mavlink import Simulation, Vehicle
 from insenv.mavlink.answers import HANDLERS, answers
 from insenv.mavlink.commands import ACTIONS, names_by_number
 from insenv.mavlink.manual import AXIS_UNUSED, commanded
-from insenv.mavlink.messages.parameter_names import LONGEST
-from insenv.mavlink.messages.schedule import DEFAULT_HZ
+from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
-from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW, elements
-from insenv.mavlink.simulation import Simulation
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.outbox import AT_ONCE, PEERS, WAITING, Outbox
+from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
 from insenv.runs.simulated import run
 from insenv.scenario import build, load
 
@@ -110,7 +108,7 @@ def test_all_parameters_are_told_as_real32_with_short_names():
     assert len(listed) == len(vehicle.parameters) > 100
     assert [m.param_index for m in listed] == list(range(len(listed))) and {m.param_type for m in listed} == {9}
     ids = [m.param_id for m in listed]
-    assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST for name in ids)
+    assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST_NAME for name in ids)
     values = {m.param_id: m.param_value for m in listed}
     plant = vehicle.simulation.plant
     assert values["SIM_SPEED"] == 1 and values["SIM_RATE"] == 200 and values["E_INN_GATE"] == 5
@@ -130,7 +128,7 @@ def test_every_estimator_and_plant_has_names_for_its_parameters():
     plants = [("S", build(load(name)).model) for name in ("ship-irregular-sea", "car-city-drive", "aircraft-survey")]
     for prefix, model in [*plants, *(("E", e.model) for e in estimators.registered().values())]:
         ids = [name for _, _, name in elements(prefix, model, model.parameters.names)]
-        assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST and name.isascii() for name in ids)
+        assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST_NAME and name.isascii() for name in ids)
 
 
 def set_parameter(vehicle, name, value, kind=9):

@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.mavlink.lockstep.lockstep import Act, Controls, Motion, Progress, Stop, ignore, never
+from insenv.mavlink.lockstep.contract import Act, Controls, Motion, Progress, Stop, ignore, never
 from insenv.mavlink.wire.address import Address, parse_address, resolve
 from insenv.mavlink.wire.link import Clock
 

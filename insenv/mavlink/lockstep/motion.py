@@ -1,4 +1,4 @@
-"""The simulated vehicle as a lockstep sees it (`insenv.mavlink.lockstep.lockstep.Motion`), and an autopilot's outputs as
+"""The simulated vehicle as a lockstep sees it (`insenv.mavlink.lockstep.contract.Motion`), and an autopilot's outputs as
 commands."""
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from insenv import geodesy
 from insenv.core.tables import Vector
-from insenv.mavlink.lockstep.lockstep import Controls
+from insenv.mavlink.lockstep.contract import Controls
 
 if TYPE_CHECKING:
     from insenv.mavlink.vehicle import Vehicle

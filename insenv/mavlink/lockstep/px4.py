@@ -12,8 +12,10 @@ import time
 from collections.abc import Callable
 
 from insenv.errors import InputError
-from insenv.mavlink.lockstep.lockstep import Act, Controls, Messages, Progress, Stop, ignore, never
-from insenv.mavlink.wire.link import Clock, Link, open_link
+from insenv.mavlink.lockstep.contract import Act, Controls, Messages, Progress, Stop, ignore, never
+from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.wire import Link, open_link
+from insenv.mavlink.wire.link import Clock
 
 ADDRESS = "tcpin:127.0.0.1:4560"
 COMPONENT = 200
@@ -22,13 +24,10 @@ KEEPS_STEP = 0x1
 """The flag of HIL_ACTUATOR_CONTROLS."""
 ARMED = 0x80
 """MAV_MODE_FLAG_SAFETY_ARMED."""
-CHANNELS = 16
 
 
 def px4_rates(sample_hz: float) -> dict[str, float]:
     """Rates (Hz) by message for a vehicle that talks to PX4: sensors at each sample, each fix, and the truth, nothing else."""
-    from insenv.mavlink.messages.schedule import DEFAULT_HZ
-
     return {
         **dict.fromkeys(DEFAULT_HZ, 0.0),
         "HEARTBEAT": 1.0,

@@ -20,26 +20,6 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import wrap_angle
 from insenv.core.tables import Row, Table, Vector
 
-
-class Buffered:
-    """A symbolic function between two tables, called on fixed arrays without conversion or allocation.
-
-    inputs, outputs: by row name, views of the arrays that each `evaluate` reads and writes.
-    """
-
-    def __init__(self, inputs: Table, outputs: Table, function: Any) -> None:
-        self._u, self._y = inputs.start_vector(), np.zeros(outputs.size)
-        self.inputs = inputs.unpack(self._u)
-        self.outputs = outputs.unpack(self._y)
-        buffer: Any  # CasADi's stub knows no memoryview of an array
-        buffer, self.evaluate = function.buffer()
-        self._kept = buffer
-        buffer.set_arg(0, self._u.data)
-        buffer.set_res(0, self._y.data)
-
-    evaluate: Callable[[], None]
-
-
 _POSE = (
     ("q_nb", "1", (4,), (1.0, 0.0, 0.0, 0.0)),
     ("velocity_n", "m/s", (3,), 0.0),
@@ -73,21 +53,22 @@ OUTPUTS = Table((
 ))  # fmt: skip
 
 
-def derived() -> Buffered:
-    """The function, with arrays of its own."""
-    return Buffered(INPUTS, OUTPUTS, _function())
+class Derived:
+    """The quantities of `OUTPUTS`, computed on fixed arrays without conversion or allocation.
 
+    inputs, outputs: by row name, views of the arrays that each `evaluate` reads and writes.
+    """
 
-def body_field() -> Buffered:
-    """A vector of n in b: inputs q_nb (4), vector_n (3); output vector_b (3)."""
-    inputs = Table((Row("q_nb", "Attitude", shape=(4,), start=(1.0, 0.0, 0.0, 0.0)), Row("vector_n", "In n", shape=(3,))))
-    return Buffered(inputs, Table((Row("vector_b", "In b", shape=(3,)),)), _turned())
+    def __init__(self) -> None:
+        self._u, self._y = INPUTS.start_vector(), np.zeros(OUTPUTS.size)
+        self.inputs, self.outputs = INPUTS.unpack(self._u), OUTPUTS.unpack(self._y)
+        buffer: Any  # CasADi's stub knows no memoryview of an array
+        buffer, self.evaluate = _function().buffer()
+        self._buffer = buffer  # must live as long as `evaluate`
+        buffer.set_arg(0, self._u.data)
+        buffer.set_res(0, self._y.data)
 
-
-@lru_cache(maxsize=1)
-def _turned() -> Any:
-    u = ca.SX.sym("u", 7)
-    return ca.Function("turned", [u], [attitude.rotate_inverse(u[0:4], u[4:7])])
+    evaluate: Callable[[], None]
 
 
 @lru_cache(maxsize=1)

@@ -15,6 +15,8 @@ from functools import lru_cache
 from math import degrees, inf, isfinite
 from typing import Any
 
+from insenv.mavlink.wire import dialect
+
 Message = Any
 """A message object of `pymavlink.dialects.v20.common`."""
 
@@ -118,9 +120,7 @@ class Fields:
 @lru_cache(maxsize=256)
 def _plan(name: str) -> tuple[Callable[..., Message], list[_Field]]:
     """The class of a message and its fields, in the order of its definition."""
-    from pymavlink.dialects.v20 import common
-
-    make = getattr(common, f"MAVLink_{name.lower()}_message")
+    make = getattr(dialect(), f"MAVLink_{name.lower()}_message")
     unknown, nan = UNKNOWN.get(name, {}), MAY_BE_NAN.get(name, frozenset())
     plan = []
     for place, (field, kind) in enumerate(zip(make.fieldnames, make.fieldtypes, strict=True)):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from insenv.core.tables import Vector
-from insenv.mavlink.messages.derived import Buffered, derived, no_vector
+from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import Fields
 from insenv.mavlink.simulation import Fix, Simulation
 from insenv.mavlink.surroundings import Surroundings
@@ -51,7 +51,7 @@ class View:
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
         self.sent_air: dict[str, tuple[int, int]] = {}
         self.sent_fix = 0
-        self._derived = derived()
+        self._derived = Derived()
         self._derived.inputs["home"][:] = self.home
         self._derived_at = -1
         self._air_at = -1
@@ -104,7 +104,7 @@ class View:
         """Estimated velocity (3, m/s, n); of an alignment in place: none."""
         return self._evaluated().inputs["estimated_velocity_n"]
 
-    def _evaluated(self) -> Buffered:
+    def _evaluated(self) -> Derived:
         if self._derived_at != self.simulation.samples:
             self._derived_at = self.simulation.samples
             self._fill()

@@ -13,11 +13,10 @@ from types import TracebackType
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.address import Address, parse_address
-from insenv.mavlink.wire.frames import dialect, resequenced, sender
+from insenv.mavlink.wire.address import Address
+from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender
 from insenv.mavlink.wire.peers import Peer
 from insenv.mavlink.wire.signing import Signing, Verdict
-from insenv.mavlink.wire.statistics import Statistics
 
 MESSAGES_PER_CALL = 64
 """Frames that one `receive` looks at, at most."""
@@ -192,34 +191,3 @@ class Link:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def open_link(
-    address: str,
-    *,
-    signing: Signing | None = None,
-    system: int = 1,
-    component: int = 1,
-    clock: Clock = time.monotonic,
-) -> Link:
-    """Open a link.
-
-    address: ``udpout:HOST:PORT`` sends to one place; ``udpin:HOST:PORT`` to everyone who speaks MAVLink to it;
-    ``tcpin:HOST:PORT`` to everyone who connects; ``tcpout:HOST:PORT`` connects, again and again; ``serial:DEVICE:BAUD``.
-    Without a HOST: this machine alone.  Port 0 of an ``in`` address takes a free one (`link.address.port`).
-    signing: signs what goes out and turns away all that is not signed with the same key.
-    system, component: the sender of messages, 1 to 255.  clock: seconds, for the expiry of peers.
-    Raises InputError: a wrong address, an unknown host, a port in use, a device that does not open, pyserial not installed.
-    """
-    from insenv.mavlink.wire.datagrams import DatagramLink
-    from insenv.mavlink.wire.streams import SerialLink, TcpClientLink, TcpServerLink
-
-    parsed = parse_address(address)
-    kinds: dict[str, type[Link]] = {
-        "udpout": DatagramLink,
-        "udpin": DatagramLink,
-        "tcpin": TcpServerLink,
-        "tcpout": TcpClientLink,
-        "serial": SerialLink,
-    }
-    return kinds[parsed.kind](parsed, signing, system, component, clock)

@@ -6,8 +6,7 @@ from collections import deque
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 
-from insenv.mavlink.wire.frames import split
-from insenv.mavlink.wire.statistics import Statistics
+from insenv.mavlink.wire.frames import Statistics, split
 
 INBOX_BYTES = 65536
 """Bytes of one peer that may wait to be looked at."""
