@@ -109,7 +109,7 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
     from rich.text import Text
 
     vehicle, simulation = running.vehicle, running.vehicle.simulation
-    view, statistics = vehicle.view, running.link.statistics
+    view, statistics, scenario = vehicle.view, running.link.statistics, simulation.plant.scenario
     pace = "paused" if vehicle.paused else f"speed {vehicle.speed:g}" if vehicle.speed else "as fast as possible"
     clients = [
         peer.name if peer.heard is None else f"{peer.name} ({peer.system}/{peer.component})" for peer in running.link.peers
@@ -118,7 +118,7 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
     shown = ", ".join(clients[:_SHOWN_CLIENTS]) + (f" and {more} more" if more else "")
     gnss = "none" if not simulation.has_gnss else "cut off" if not simulation.gnss_on else "fix" if view.has_lock else "no fix"
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_row("vehicle", f"{simulation.plant.scenario.name} ({view.vehicle_kind}), {simulation.estimator.id}")
+    table.add_row("vehicle", f"{scenario.name} ({scenario.vehicle.kind}), {simulation.estimator.id}")
     table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
     table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
     late = running.pacer.lateness

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from insenv.errors import InputError
-from insenv.mavlink.manual import DEFAULT_SCALES, LOST_AFTER_S, FullScale, commanded, released
+from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.simulation import Simulation
@@ -47,7 +47,8 @@ class Vehicle:
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
         self.paused = False
-        self.scale = FullScale(**vars(DEFAULT_SCALES[self.view.vehicle_kind]))
+        taken = self.simulation.commands
+        self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in taken)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
         _ = self.view.air, self.view.values  # what is made once is made now, not at the first sample
         self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
@@ -134,7 +135,7 @@ class Vehicle:
         if self._steered_at is None:
             self.tell("manual control: the script has ended", "notice")
         self._steered_at = self.simulation.time
-        self.simulation.command(commanded(self.view.vehicle_kind, self.scale, x, y, z, r))
+        self.simulation.command(self.sticks.commanded(x, y, z, r))
 
     def _why_not(self) -> str:
         if not self.view.armed:
@@ -146,13 +147,13 @@ class Vehicle:
     def _let_go(self) -> None:
         if self._steered_at is not None and self.simulation.time - self._steered_at > LOST_AFTER_S:
             self._steered_at = None
-            self.simulation.command(released(self.view.vehicle_kind))
+            self.simulation.command(self.sticks.released())
             self.tell("manual control lost", "warning")
 
     # --- its own parameters -------------------------------------------------------------------------
 
     def _own_parameters(self) -> Iterator[Parameter]:
-        view, simulation, scale = self.view, self.simulation, self.scale
+        view, simulation = self.view, self.simulation
 
         def pause(value: float) -> None:
             self.set_paused(value != 0.0)
@@ -178,27 +179,7 @@ class Vehicle:
         )  # fmt: skip
         yield Parameter("SIM_RATE", "Inertial samples a second", "Hz", NEVER, 1.0, 1e4, lambda: 1.0 / simulation.interval)
         yield Parameter("SIM_SEED", "Seed", "", NEVER, 0.0, 2.0**53, lambda: float(simulation.plant.seed))
-        used = {
-            "speed": "speed",
-            "turn_rate": "turn_deg_s",
-            "yaw_rate": "turn_deg_s",
-            "bank": "bank_deg",
-            "climb_rate": "climb",
-        }
-        shown = {
-            "speed": ("MAN_SPEED", "Speed", "m/s", 340.0), "turn_deg_s": ("MAN_TURN", "Turn rate", "deg/s", 90.0),
-            "bank_deg": ("MAN_BANK", "Bank", "deg", 60.0), "climb": ("MAN_CLIMB", "Climb rate", "m/s", 100.0),
-        }  # fmt: skip
-        for attribute in dict.fromkeys(used[name] for name in simulation.commands if name in used):
-            name, what, unit, most = shown[attribute]
-
-            def read(attribute: str = attribute) -> float:
-                return float(getattr(scale, attribute))
-
-            def write(value: float, attribute: str = attribute) -> None:
-                setattr(scale, attribute, value)
-
-            yield Parameter(name, f"{what} at full deflection of MANUAL_CONTROL", unit, NOW, 0.0, most, read, write)
+        yield from self.sticks.parameters()
 
 
 def checked_speed(speed: float) -> float:

@@ -383,8 +383,8 @@ def test_outputs_steer_a_vehicle_that_can_be_steered(vehicle: Callable[..., Vehi
         act(Controls(car.simulation.time, values, armed=True))
         car.step()
     state = car.simulation.state
-    assert state("commanded_speed") == pytest.approx(0.6 * car.scale.speed)
-    assert state("commanded_yaw_rate") == pytest.approx(math.radians(0.5 * car.scale.turn_deg_s))
+    assert state("commanded_speed") == pytest.approx(0.6 * car.sticks.full_scale["SPEED"])
+    assert state("commanded_yaw_rate") == pytest.approx(math.radians(0.5 * car.sticks.full_scale["TURN"]))
     act(Controls(0.0, (0.0, 0.0, 0.1, *[0.0] * 13), armed=False))  # not armed: not followed
     car.step()
-    assert state("commanded_speed") == pytest.approx(0.6 * car.scale.speed)
+    assert state("commanded_speed") == pytest.approx(0.6 * car.sticks.full_scale["SPEED"])

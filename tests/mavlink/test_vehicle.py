@@ -10,13 +10,14 @@ from insenv.errors import InputError
 from insenv.mavlink import Simulation, Vehicle
 from insenv.mavlink.answers import HANDLERS, answers
 from insenv.mavlink.commands import ACTIONS, names_by_number
-from insenv.mavlink.manual import AXIS_UNUSED, commanded
+from insenv.mavlink.manual import AXIS_UNUSED, Sticks
 from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
 from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
 from insenv.runs.simulated import run
 from insenv.scenario import build, load
+from insenv.vehicles import traits_of
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
 
@@ -324,13 +325,13 @@ def test_a_car_is_driven_by_manual_control_and_stops_without_it():
         said += steps(vehicle, 0.125)
     truth = vehicle.simulation.truth
     speed = np.hypot(*truth["velocity_n"][:2])
-    assert speed == pytest.approx(0.6 * vehicle.scale.speed, rel=0.02)
+    assert speed == pytest.approx(0.6 * vehicle.sticks.full_scale["SPEED"], rel=0.02)
     turned = np.degrees(float(vehicle.view.values["true_rate_nb_b"][2]))
     rates = []
     for _ in range(200):
         said += vehicle.step()
         rates.append(np.degrees(float(vehicle.view.values["true_rate_nb_b"][2])))
-    assert abs(np.mean(rates) - 0.5 * vehicle.scale.turn_deg_s) < 0.5 and abs(turned) < 30
+    assert abs(np.mean(rates) - 0.5 * vehicle.sticks.full_scale["TURN"]) < 0.5 and abs(turned) < 30
     said += steps(vehicle, 12.0)
     assert np.hypot(*truth["velocity_n"][:2]) < 0.05
     assert [m.text for m in said] == ["manual control: the script has ended", "manual control lost"]
@@ -360,11 +361,22 @@ def test_vehicles_that_cannot_be_steered_say_so_once():
 
 
 def test_axes_that_are_not_there_command_nothing():
-    scale = quiet().scale
-    assert commanded("car", scale, 0, AXIS_UNUSED, AXIS_UNUSED, AXIS_UNUSED) == {}
-    assert commanded("car", scale, 0, 500, 0, 0) == {"speed": 0.0, "yaw_rate": pytest.approx(np.radians(10.0))}
-    assert commanded("ship", scale, 0, 500, -300, -1000) == {"speed": 0.0, "turn_rate": pytest.approx(-np.radians(20.0))}
-    assert commanded("aircraft", scale, -32768, 32766, 9999, 0)["climb_rate"] == scale.climb
+    car, ship, aircraft = (Sticks(traits_of(kind).sticks) for kind in ("car", "ship", "aircraft"))
+    assert car.commanded(0, AXIS_UNUSED, AXIS_UNUSED, AXIS_UNUSED) == {}
+    assert car.commanded(0, 500, 0, 0) == {"speed": 0.0, "yaw_rate": pytest.approx(np.radians(10.0))}
+    assert car.commanded(0, AXIS_UNUSED, AXIS_UNUSED, 0) == {"yaw_rate": 0.0} == car.commanded(0, 0, AXIS_UNUSED, AXIS_UNUSED)
+    assert ship.commanded(0, 500, -300, -1000) == {"speed": 0.0, "turn_rate": pytest.approx(-np.radians(3.0))}
+    full = {"speed": 80.0, "bank": pytest.approx(np.radians(30.0)), "climb_rate": 5.0}
+    assert aircraft.commanded(-32768, 32766, 9999, 0) == full
+    assert aircraft.released() == {"bank": 0.0, "climb_rate": 0.0} and car.released() == {"speed": 0.0, "yaw_rate": 0.0}
+
+
+def test_every_stick_command_is_a_command_of_its_vehicle():
+    for scenario in ("ship-underway", "car-city-drive", "aircraft-survey"):
+        plant = build(load(scenario))
+        sticks = traits_of(plant.scenario.vehicle.kind).sticks
+        rows = [plant.model.inputs.names.index(f"command_{stick.command}") for stick in sticks]
+        assert rows == sorted(rows)
 
 
 # --- what is not there ---------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ def _imu(view: View, name: str) -> Message | None:
     if air.magnetometer_samples != seen[0]:
         updated |= MAGNETOMETER
     if air.barometer_samples != seen[1]:
-        updated |= STATIC | (DYNAMIC if view.vehicle_kind == "aircraft" else 0)
+        updated |= STATIC | (DYNAMIC if view.traits.airspeed else 0)
     return view.fields.message(
         name,
         view.time_us,

@@ -8,7 +8,7 @@ from math import nan
 
 from insenv import __version__
 from insenv.mavlink.messages.fields import DEG_E7, Message
-from insenv.mavlink.messages.view import VEHICLE_TYPES, View
+from insenv.mavlink.messages.view import View
 
 SYSTEM, COMPONENT = 1, 1
 """The vehicle's ids: clients look for component 1."""
@@ -24,14 +24,14 @@ _CAPABILITY_PARAM_FLOAT, _CAPABILITY_COMMAND_INT, _CAPABILITY_MAVLINK2 = 2, 8, 8
 def heartbeat(view: View) -> Message | None:
     """HEARTBEAT: autopilot GENERIC, for it is none; armed, so that ground stations draw its way."""
     mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
-    kind = VEHICLE_TYPES[view.vehicle_kind]
+    kind = view.traits.mavlink_type
     return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, 0, _MAV_STATE_ACTIVE, _MAVLINK_VERSION)
 
 
 def sys_status(view: View) -> Message | None:
     """SYS_STATUS: what there is and whether it works; ready (prearm) once the attitude is good.  There is no battery."""
     present = _GYRO | _ACCEL | _MAG | _ABSOLUTE_PRESSURE | _PREARM
-    if view.vehicle_kind == "aircraft":
+    if view.traits.airspeed:
         present |= _DIFFERENTIAL_PRESSURE
     if view.simulation.has_gnss:
         present |= _GPS

@@ -13,9 +13,7 @@ from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import Fields
 from insenv.mavlink.simulation import Fix, Simulation
 from insenv.mavlink.surroundings import Surroundings
-
-# MAV_TYPE by the scenario's kind of vehicle
-VEHICLE_TYPES = {"ship": 11, "car": 10, "aircraft": 1}
+from insenv.vehicles import traits_of
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class View:
         self.load = 0.0
         known = simulation.plant.knowledge
         self.home = known.latitude, (known.longitude + pi) % (2 * pi) - pi, known.height
-        self.vehicle_kind = simulation.plant.scenario.vehicle.kind
+        self.traits = traits_of(simulation.plant.scenario.vehicle.kind)
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
         self.sent_air: dict[str, tuple[int, int]] = {}
         self.sent_fix = 0
