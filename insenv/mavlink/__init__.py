@@ -1,7 +1,7 @@
 """MAVLink: a simulated vehicle with its estimator, live, for ground stations and autopilots.
 
-`wire` holds links, peers and signing; `messages` what each message says and when it is due; `lockstep` the interfaces to
-autopilots.
+`wire` holds links, peers and signing; `messages` what each message says and when it is due; `lockstep` the interfaces
+to autopilots.
 """
 
 from insenv.mavlink.simulation import Simulation

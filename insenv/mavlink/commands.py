@@ -1,18 +1,18 @@
-"""COMMAND_LONG and COMMAND_INT: what is carried out, and the result that every one of them gets.
+"""COMMAND_LONG and COMMAND_INT: their execution and results.
 
 | command                         | what it does                                                                   |
 |---------------------------------|--------------------------------------------------------------------------------|
 | 31010 MAV_CMD_USER_1            | begin a new alignment                                                          |
 | 31011 MAV_CMD_USER_2            | param1 0 cuts the GNSS receiver off, 1 restores it                             |
-| 31012 MAV_CMD_USER_3            | param1 1 pauses the simulation, 0 lets it go on                                |
-| 31013 MAV_CMD_USER_4            | param1: simulated seconds a second, 0 as fast as possible                      |
-| 400 COMPONENT_ARM_DISARM        | param1 1 or 0: the armed flag; a disarmed vehicle takes no MANUAL_CONTROL      |
-| 511 SET_MESSAGE_INTERVAL        | param1 message, param2 us; 0 the default, -1 not at all                        |
+| 31012 MAV_CMD_USER_3            | param1 1 pauses the simulation, 0 resumes it                                   |
+| 31013 MAV_CMD_USER_4            | param1: simulated seconds per second, 0 as fast as possible                    |
+| 400 COMPONENT_ARM_DISARM        | param1 1 or 0: the armed flag; a disarmed vehicle ignores MANUAL_CONTROL       |
+| 511 SET_MESSAGE_INTERVAL        | param1 message, param2 interval in us; 0 the default, -1 never                 |
 | 510 GET_MESSAGE_INTERVAL        | param1 message: MESSAGE_INTERVAL                                               |
-| 512 REQUEST_MESSAGE             | param1 message: once                                                           |
+| 512 REQUEST_MESSAGE             | param1 message: sent once                                                      |
 | 520 REQUEST_AUTOPILOT_CAPABILITIES, 410 GET_HOME_POSITION | AUTOPILOT_VERSION, HOME_POSITION                     |
 
-Anything else is answered MAV_RESULT_UNSUPPORTED.
+The result of any other command is MAV_RESULT_UNSUPPORTED.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from insenv.mavlink.messages.schedule import MAX_HZ
 from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire import dialect
 
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 """MAV_RESULT."""
 
 Answer = tuple[int, list[Message]]
-"""The result, and messages that go with it."""
+"""The result, and messages sent with it."""
 _Action = Callable[[Vehicle, Sequence[float]], Answer]
 _MESSAGE_INTERVAL = 244
 
 
-def carry_out(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> Answer:
-    """Carry a command out; `parameters` are param1 to param7.  Whatever they hold, there is a result."""
+def execute(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> Answer:
+    """Execute a command; `parameters` are param1 to param7.  Every command has a result, whatever they hold."""
     action = ACTIONS.get(command)
     if action is None:
         return UNSUPPORTED, []
     try:
         return action(vehicle, parameters)
     except InputError as error:
-        vehicle.tell(str(error), "warning")
+        vehicle.announce(str(error), "warning")
         return DENIED, []
 
 
 @lru_cache(maxsize=1)
 def names_by_number() -> dict[int, str]:
-    """Names of the messages that the vehicle can make, by number."""
+    """Names of the messages that the vehicle can make, by message number."""
     return {getattr(dialect(), f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
 
 
@@ -91,7 +91,7 @@ def _set_interval(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     elif p[1] > 0 and isfinite(p[1]):
         vehicle.schedule.set(name, min(1e6 / p[1], MAX_HZ), sample)
     else:
-        raise InputError(f"interval {p[1]:g} us is not allowed")
+        raise InputError(f"interval {p[1]:g} us: allowed is above 0, 0 or -1")
     return ACCEPTED, []
 
 
@@ -101,7 +101,7 @@ def _get_interval(vehicle: Vehicle, p: Sequence[float]) -> Answer:
 
 
 def message_interval(vehicle: Vehicle, number: int) -> Message:
-    """MESSAGE_INTERVAL of a message's number: microseconds, -1 not sent, 0 not known."""
+    """MESSAGE_INTERVAL for a message number: microseconds, -1 not sent, 0 unknown."""
     hz = vehicle.schedule.rates.get(names_by_number().get(number, ""))
     interval = 0.0 if hz is None else -1.0 if hz == 0.0 else 1e6 / hz
     return vehicle.view.fields.message("MESSAGE_INTERVAL", number, interval)
@@ -111,18 +111,16 @@ def _request_message(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     if p[0] == _MESSAGE_INTERVAL:
         return _get_interval(vehicle, p[1:])
     name = _named(p[0])
-    if name is None:
-        return UNSUPPORTED, []
+    return (UNSUPPORTED, []) if name is None else _make(vehicle, name)
+
+
+def _make(vehicle: Vehicle, name: str) -> Answer:
     message = vehicle.make(name)
     return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
 
 
 def _request(name: str) -> _Action:
-    def request(vehicle: Vehicle, p: Sequence[float]) -> Answer:
-        message = vehicle.make(name)
-        return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
-
-    return request
+    return lambda vehicle, _: _make(vehicle, name)
 
 
 def _named(number: float) -> str | None:

@@ -17,8 +17,8 @@ LOST_AFTER_S = 1.0
 class Sticks:
     """A joystick that sets the commands of a vehicle.
 
-    commands: the vehicle's stick commands.  full_scale: what full deflection commands, by `StickCommand.name` and in its
-    unit; may be changed at any time.
+    commands: the vehicle's stick commands.  full_scale: what full deflection commands, by `StickCommand.name` and in
+    its unit; may be changed at any time.
     """
 
     def __init__(self, commands: Iterable[StickCommand]) -> None:

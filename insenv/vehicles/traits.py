@@ -10,15 +10,12 @@ from math import radians
 class StickCommand:
     """How the axes of a joystick set one command of a vehicle.
 
-    command: the command's row without ``command_``, such as ``"yaw_rate"``.
-    name, title: a short name, the same for all kinds of vehicle, and what it stands for.
-    axes: the axes that set it, the preferred one first: ``"x"`` pitch (stick forward), ``"y"`` roll (stick right), ``"z"``
-    thrust, ``"r"`` yaw (to the right).
-    full_scale, highest: the command at full deflection by default, and the largest full scale allowed, in `unit` ("m/s",
-    "deg" or "deg/s").
-    sign: -1 where a positive deflection lowers the command.
-    one_sided: whether a negative deflection commands zero.
-    released: the command (SI) when the joystick is lost; None: the one in force stays.
+    command: the command's row without ``command_``, such as ``"yaw_rate"``. name, title: a short name, the same for all
+    kinds of vehicle, and what it stands for. axes: the axes that set it, the preferred one first: ``"x"`` pitch (stick
+    forward), ``"y"`` roll (stick right), ``"z"`` thrust, ``"r"`` yaw (to the right). full_scale, highest: the command
+    at full deflection by default, and the largest full scale allowed, in `unit` ("m/s", "deg" or "deg/s"). sign: -1
+    where a positive deflection lowers the command. one_sided: whether a negative deflection commands zero. released:
+    the command (SI) when the joystick is lost; None: the one in force stays.
     """
 
     command: str

@@ -5,6 +5,7 @@ PX4 and ArduPilot themselves are not run here.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import socket
@@ -12,6 +13,7 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ import pytest
 
 from insenv.errors import InputError
 from insenv.mavlink import Vehicle
-from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Px4Lockstep, VehicleMotion, px4_rates, steering
+from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_rates, steering
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
 from insenv.mavlink.wire import dialect, open_link
 from insenv.scenario import load
@@ -224,24 +226,20 @@ def test_px4_gets_the_vehicle(vehicle: Callable[..., Vehicle]) -> None:
 # --- ArduPilot -----------------------------------------------------------------------------------
 
 
-class Still:
-    """Stands on the origin, and counts."""
+STILL = Motion(
+    time=0.0,
+    rate_ib_b=np.array([0.1, -0.2, 0.3]),
+    specific_force_b=np.array([0.0, 0.0, -9.80665]),
+    position_n=np.array([1.0, 2.0, -3.0]),
+    velocity_n=np.array([0.5, 0.0, 0.25]),
+    q_nb=np.array([1.0, 0.0, 0.0, 0.0]),
+)
 
-    def __init__(self) -> None:
-        self.samples = 0
 
-    def step(self) -> None:
-        self.samples += 1
-
-    @property
-    def time(self) -> float:
-        return self.samples * INTERVAL
-
-    rate_ib_b = np.array([0.1, -0.2, 0.3])
-    specific_force_b = np.array([0.0, 0.0, -9.80665])
-    position_n = np.array([1.0, 2.0, -3.0])
-    velocity_n = np.array([0.5, 0.0, 0.25])
-    q_nb = np.array([1.0, 0.0, 0.0, 0.0])
+def still() -> Callable[[], Motion]:
+    """A vehicle whose clock alone advances."""
+    samples = itertools.count(1)
+    return lambda: replace(STILL, time=next(samples) * INTERVAL)
 
 
 def servo_frame(number: int, pulses: list[int], rate: int = 400) -> bytes:
@@ -293,7 +291,7 @@ def exchange(link: socket.socket, place: tuple[str, int], frame: bytes) -> dict[
 
 
 def test_ardupilot_one_answer_a_frame(autopilot: Callable[[], socket.socket]) -> None:
-    motion, taken = Still(), []
+    motion, taken = still(), []
     with ArduPilotLockstep(motion, taken.append, address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
         link = autopilot()
         for number in range(500):
@@ -316,7 +314,7 @@ def test_ardupilot_one_answer_a_frame(autopilot: Callable[[], socket.socket]) ->
 
 
 def test_ardupilot_frames_again_lost_and_a_new_start(autopilot: Callable[[], socket.socket]) -> None:
-    motion = Still()
+    motion = still()
     with ArduPilotLockstep(motion, address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
         link = autopilot()
         times = [exchange(link, place, servo_frame(n, [1500] * 16))["timestamp"] for n in (7, 8, 8, 8, 9, 13, 0, 1)]
@@ -327,7 +325,7 @@ def test_ardupilot_frames_again_lost_and_a_new_start(autopilot: Callable[[], soc
 
 def test_ardupilot_garbage_and_strangers(autopilot: Callable[[], socket.socket]) -> None:
     now = [0.0]
-    motion = Still()
+    motion = still()
     good = servo_frame(1, [1500] * 16)
     with (
         ArduPilotLockstep(motion, address="udpin:127.0.0.1:0", clock=lambda: now[0]) as simulator,
@@ -347,18 +345,17 @@ def test_ardupilot_garbage_and_strangers(autopilot: Callable[[], socket.socket])
 
 
 def test_ardupilot_is_told_numbers_only() -> None:
-    motion = Still()
-    motion.position_n = np.array([math.nan, 0.0, 0.0])
+    motion = replace(STILL, position_n=np.array([math.nan, 0.0, 0.0]))
     with pytest.raises(ValueError, match="Out of range"):
         answer(motion)
     with pytest.raises(InputError, match="udpin:HOST:PORT"):
-        ArduPilotLockstep(motion, address="tcpin:127.0.0.1:9002")
+        ArduPilotLockstep(still(), address="tcpin:127.0.0.1:9002")
 
 
 def test_ardupilot_gets_the_vehicle(vehicle: Callable[..., Vehicle], autopilot: Callable[[], socket.socket]) -> None:
     car = vehicle(dict.fromkeys(px4_rates(200.0), 0.0))
     truth = car.simulation.truth
-    with ArduPilotLockstep(VehicleMotion(car), address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
+    with ArduPilotLockstep(moving(car), address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
         link = autopilot()
         states = [exchange(link, place, servo_frame(n, [1500] * 16)) for n in range(200)]
         last = states[-1]

@@ -83,7 +83,7 @@ def test_keys_are_read(tmp_path: Path, content: bytes) -> None:
 
 @pytest.mark.parametrize("content", [b"", KEY[:31], KEY + b"\n", KEY.hex().encode()[:63], b"z" * 64, KEY.hex().encode() * 2])
 def test_keys_of_a_wrong_length(tmp_path: Path, content: bytes) -> None:
-    with pytest.raises(InputError, match=f"{len(content)} bytes; must be 32 bytes, or 64 hex digits"):
+    with pytest.raises(InputError, match=f"{len(content)} bytes; must be 32 bytes or 64 hex digits"):
         read_key(key_in(tmp_path / "key", content))
 
 
@@ -92,7 +92,7 @@ def test_a_key_of_zeros_and_no_key(tmp_path: Path) -> None:
         read_key(key_in(tmp_path / "key", bytes(32)))
     with pytest.raises(InputError, match="file not found"):
         read_key(tmp_path / "none")
-    with pytest.raises(InputError, match=r"plain file|cannot be read"):
+    with pytest.raises(InputError, match=r"regular file|cannot be read"):
         read_key(tmp_path)
     with pytest.raises(InputError, match="5 bytes, must be 32"):
         Signing(b"short")
@@ -357,7 +357,7 @@ def test_a_broken_file_of_times_is_refused(key_file: Path) -> None:
         "\xff",
     ):
         Path(f"{key_file}.times").write_text(text, encoding="latin-1")
-        with pytest.raises(InputError, match="not a file of signing times"):
+        with pytest.raises(InputError, match="not a valid file of signing times"):
             Signing.from_key_file(key_file)
 
 

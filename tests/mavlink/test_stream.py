@@ -134,7 +134,7 @@ def test_a_stream_to_nobody_says_so():
         closed.bind(("127.0.0.1", 0))  # and does not listen
         to = f"tcpout:127.0.0.1:{closed.getsockname()[1]}"
         status, out, err = call("stream", "ship-swaying", "--to", to, "--speed", 0, "--duration", 1)
-    assert (status, err) == (0, "") and f"none sent: nobody was at {to}" in out
+    assert (status, err) == (0, "") and f"none sent: no receiver at {to}" in out
 
 
 def test_ctrl_c_ends_a_stream_cleanly(tmp_path):

@@ -260,7 +260,7 @@ def test_a_diverged_estimate_is_said_to_be_and_never_sent():
     }
     assert not kinds & estimated and {"HIL_SENSOR", "HIL_STATE_QUATERNION", "GPS_RAW_INT", "ESTIMATOR_STATUS"} <= kinds
     assert vehicle.view.fields.refused["GLOBAL_POSITION_INT.lat"] == 20
-    assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == ["estimate diverged: begin a new alignment"]
+    assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == ["estimate diverged: start a new alignment"]
     assert not vehicle.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
     assert command(vehicle, 31010)[0] == ACCEPTED
     assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "navigating"

@@ -1,4 +1,4 @@
-"""Opening a link by its address."""
+"""Open a link by its address."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def open_link(
 ) -> Link:
     """Open a link.
 
-    address: ``udpout:HOST:PORT`` sends to one place; ``udpin:HOST:PORT`` to everyone who speaks MAVLink to it;
-    ``tcpin:HOST:PORT`` to everyone who connects; ``tcpout:HOST:PORT`` connects, again and again; ``serial:DEVICE:BAUD``.
-    Without a HOST: this machine alone.  Port 0 of an ``in`` address takes a free one (`link.address.port`).
-    signing: signs what goes out and turns away all that is not signed with the same key.
-    system, component: the sender of messages, 1 to 255.  clock: seconds, for the expiry of peers.
-    Raises InputError: a wrong address, an unknown host, a port in use, a device that does not open, pyserial not installed.
+    address: ``udpout:HOST:PORT`` sends to one place; ``udpin:HOST:PORT`` to everyone who sends MAVLink to it;
+    ``tcpin:HOST:PORT`` to every client; ``tcpout:HOST:PORT`` connects, and reconnects when the connection is lost;
+    ``serial:DEVICE:BAUD``.  Without HOST: the loopback address.  Port 0 of an ``in`` address selects a free port
+    (`link.address.port`).  signing: signs outgoing frames and rejects all that are not signed with the same key.
+    system, component: the sender that messages state, 1 to 255.  clock: seconds, for the expiry of peers.  Raises
+    `InputError`: a wrong address, an unknown host, a port in use, a device that does not open, pyserial not installed.
     """
     parsed = parse_address(address)
     return _LINKS[parsed.kind](parsed, signing, system, component, clock)
