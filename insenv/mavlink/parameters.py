@@ -30,7 +30,7 @@ REAL32 = 9
 MOST_ELEMENTS = 6
 """Rows with more elements (scripts, waves, matrices) are not parameters."""
 LARGEST = 1e6
-"""Largest magnitude that can be set, in the unit shown, unless the row has a lower bound."""
+"""Largest magnitude that can be set, in the unit shown, where the row itself allows more."""
 
 _SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "rad": ("deg", units.deg_to_rad),

@@ -47,8 +47,8 @@ class Vehicle:
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
         self.paused = False
-        taken = self.simulation.commands
-        self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in taken)
+        commands = self.simulation.commands
+        self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
         _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
         self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
