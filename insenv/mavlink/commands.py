@@ -1,19 +1,4 @@
-"""COMMAND_LONG and COMMAND_INT: their execution and results.
-
-| command                         | what it does                                                                   |
-|---------------------------------|--------------------------------------------------------------------------------|
-| 31010 MAV_CMD_USER_1            | begin a new alignment                                                          |
-| 31011 MAV_CMD_USER_2            | param1 0 cuts the GNSS receiver off, 1 restores it                             |
-| 31012 MAV_CMD_USER_3            | param1 1 pauses the simulation, 0 resumes it                                   |
-| 31013 MAV_CMD_USER_4            | param1: simulated seconds per second, 0 as fast as possible                    |
-| 400 COMPONENT_ARM_DISARM        | param1 1 or 0: the armed flag; a disarmed vehicle ignores MANUAL_CONTROL       |
-| 511 SET_MESSAGE_INTERVAL        | param1 message, param2 interval in us; 0 the default, -1 never                 |
-| 510 GET_MESSAGE_INTERVAL        | param1 message: MESSAGE_INTERVAL                                               |
-| 512 REQUEST_MESSAGE             | param1 message: sent once                                                      |
-| 520 REQUEST_AUTOPILOT_CAPABILITIES, 410 GET_HOME_POSITION | AUTOPILOT_VERSION, HOME_POSITION                     |
-
-The result of any other command is MAV_RESULT_UNSUPPORTED.
-"""
+"""Execute commands (COMMAND_LONG and COMMAND_INT).  Every command has a result; docs/mavlink.md lists the commands."""
 
 from __future__ import annotations
 
@@ -134,14 +119,15 @@ def _flag(value: float, name: str) -> bool:
 
 
 ACTIONS: dict[int, _Action] = {
-    31010: _realign,
-    31011: _gnss,
-    31012: _pause,
-    31013: _speed,
-    400: _arm,
-    510: _get_interval,
-    511: _set_interval,
-    512: _request_message,
-    520: _request("AUTOPILOT_VERSION"),
-    410: _request("HOME_POSITION"),
+    31010: _realign,  # MAV_CMD_USER_1
+    31011: _gnss,  # MAV_CMD_USER_2
+    31012: _pause,  # MAV_CMD_USER_3
+    31013: _speed,  # MAV_CMD_USER_4
+    400: _arm,  # COMPONENT_ARM_DISARM
+    510: _get_interval,  # GET_MESSAGE_INTERVAL
+    511: _set_interval,  # SET_MESSAGE_INTERVAL: param2 in us; 0 the default, -1 never
+    512: _request_message,  # REQUEST_MESSAGE
+    520: _request("AUTOPILOT_VERSION"),  # REQUEST_AUTOPILOT_CAPABILITIES
+    410: _request("HOME_POSITION"),  # GET_HOME_POSITION
 }
+"""By number of the command (MAV_CMD)."""

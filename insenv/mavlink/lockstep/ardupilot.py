@@ -72,7 +72,7 @@ class ArduPilotLockstep(Lockstep):
         self._move, self._act, self._clock = move, act, clock
         self.address = parse_address(address)
         if self.address.kind != "udpin":
-            raise InputError(f"address {address!r}: must be udpin:HOST:PORT, where ArduPilot's JSON back end sends")
+            raise InputError(f"address {address!r}: must be udpin:HOST:PORT for ArduPilot's JSON back end")
         self._socket = _bound(self.address)
         self.address = replace(self.address, port=self._socket.getsockname()[1])
         self._peer: Any = None

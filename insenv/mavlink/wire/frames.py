@@ -68,14 +68,6 @@ class Statistics:
         return asdict(self)
 
 
-@dataclass(frozen=True)
-class Sender:
-    """The sender that a frame states: system and component."""
-
-    system: int
-    component: int
-
-
 @lru_cache(maxsize=1)
 def dialect() -> Any:
     """pymavlink's module of the common messages, of MAVLink 2 whatever the environment variables say."""
@@ -92,9 +84,9 @@ def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
     return {number: kind.crc_extra for number, kind in dialect().mavlink_map.items()}, crc16.mcrf4xx
 
 
-def sender(frame: bytes) -> Sender:
-    """The sender that a frame states."""
-    return Sender(frame[5], frame[6]) if frame[0] == V2 else Sender(frame[3], frame[4])
+def sender(frame: bytes) -> tuple[int, int]:
+    """System and component that a frame states."""
+    return (frame[5], frame[6]) if frame[0] == V2 else (frame[3], frame[4])
 
 
 def is_signed(frame: bytes) -> bool:

@@ -32,7 +32,7 @@ Clock = Callable[[], float]
 class Link:
     """Base class of the links, which `open_link` makes.
 
-    address: with the actual port where port 0 was asked for.  signing: None on an unsigned link.  system, component:
+    address: with the actual port where port 0 was requested.  signing: None on an unsigned link.  system, component:
     the sender that messages state, 1 to 255.  clock: seconds.  statistics: counts.  Raises `InputError`: a wrong system
     or component, an unknown host, a port in use, a device that does not open.
     """
@@ -137,7 +137,7 @@ class Link:
             if verdict is not Verdict.GOOD:
                 setattr(self.statistics, verdict.value, getattr(self.statistics, verdict.value) + 1)
                 return None
-        elif sender(frame).system == self.system and sender(frame).component == self.component:
+        elif sender(frame) == (self.system, self.component):
             self.statistics.reflected += 1
             return None
         try:

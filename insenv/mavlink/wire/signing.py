@@ -157,9 +157,9 @@ class Signing:
         if not hmac.compare_digest(signature(self._key, body, link, ticks), frame[-SIGNATURE:]):
             return Verdict.WRONGLY_SIGNED
         who = sender(frame)
-        if own == (who.system, who.component):
+        if own == who:
             return Verdict.REFLECTED
-        stream = (link, who.system, who.component)
+        stream = (link, *who)
         last = self._last.get(stream)
         if last is not None:
             if ticks <= last:
