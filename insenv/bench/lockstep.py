@@ -21,8 +21,8 @@ STEPS, ROUNDS = 2000, 3
 
 def px4() -> Figure:
     """Times real time of the simulated car in step with the stand-in."""
-    from insenv.mavlink.lockstep.px4 import px4_rates
-    from insenv.mavlink.vehicle import Vehicle
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.lockstep import px4_rates
     from insenv.scenario import load
 
     scenario = load(SCENARIO)
@@ -35,7 +35,7 @@ def px4() -> Figure:
 
 
 def _constant(interval: float) -> Callable[[], list[Any]]:
-    from insenv.mavlink.wire.frames import dialect
+    from insenv.mavlink.wire import dialect
 
     message = dialect().MAVLink_hil_sensor_message(0, 0, 0, -9.8, 0, 0, 0, 0.2, 0, 0.4, 1013, 0, 0, 20, 0x1FFF)
 
@@ -47,7 +47,7 @@ def _constant(interval: float) -> Callable[[], list[Any]]:
 
 
 def _speed(step: Callable[[], list[Any]], interval: float) -> float:
-    from insenv.mavlink.lockstep.px4 import Px4Lockstep
+    from insenv.mavlink.lockstep import Px4Lockstep
 
     with Px4Lockstep(step, interval, address="tcpin:127.0.0.1:0") as simulator:
         command = [sys.executable, "-m", "insenv.bench.lockstep", str(simulator.link.address.port)]
@@ -65,8 +65,7 @@ def _speed(step: Callable[[], list[Any]], interval: float) -> float:
 
 def answer_all(port: int) -> None:
     """Be the stand-in until the simulator goes."""
-    from insenv.mavlink.wire.frames import dialect
-    from insenv.mavlink.wire.link import open_link
+    from insenv.mavlink.wire import dialect, open_link
 
     module = dialect()
     with open_link(f"tcpout:127.0.0.1:{port}") as link:

@@ -18,8 +18,8 @@ REPETITIONS = 5
 
 def message() -> Figure:
     """Making, converting, packing and sending of a message, of the default mix; the floor is the sending of as many bytes."""
-    from insenv.mavlink.vehicle import Vehicle
-    from insenv.mavlink.wire.link import open_link
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.wire import open_link
     from insenv.scenario import load
 
     vehicle = Vehicle(load(SCENARIO), rates={}, speed=0.0)
@@ -67,9 +67,8 @@ def _sink() -> socket.socket:
 @lru_cache(maxsize=1)
 def _streamed() -> tuple[float, float, float, float]:
     """Rate of HIL_SENSOR (Hz), lateness p50 and p99 (ms) and processor share (%) of the default stream in real time."""
-    from insenv.mavlink.stream import Stream
-    from insenv.mavlink.vehicle import Vehicle
-    from insenv.mavlink.wire.link import open_link
+    from insenv.mavlink import Stream, Vehicle
+    from insenv.mavlink.wire import open_link
     from insenv.scenario import load
 
     vehicle = Vehicle(load(SCENARIO))

@@ -1,4 +1,4 @@
-"""`insenv stream --lockstep`: the simulated vehicle under an autopilot, sample by sample."""
+"""`insenv stream --lockstep`: the simulated vehicle in lockstep with an autopilot."""
 
 from __future__ import annotations
 
@@ -12,14 +12,10 @@ from typing import TYPE_CHECKING, Any
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
-    from insenv.mavlink.lockstep.lockstep import Progress
-    from insenv.mavlink.vehicle import Vehicle
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.lockstep import Progress
 
 _CHUNK = 20
-PX4_CHANNELS = (1, 0, 3, 2)
-ARDUPILOT_CHANNELS = (1, 0, 2, 3)
-"""Channels, from 0, of pitch, roll, throttle and yaw: PX4's order is roll, pitch, yaw, throttle; ArduPilot's has throttle
-before rudder."""
 
 
 def lockstep(
@@ -34,19 +30,19 @@ def lockstep(
     rates: Sequence[str],
     as_json: bool,
 ) -> None:
-    """Go on in step with an autopilot until the duration is over or Ctrl-C; print how it went."""
+    """Run in lockstep until the duration is over or Ctrl-C, and print the counts."""
     from insenv.cli.output import print_json, print_line, quiet_warnings, working
     from insenv.cli.stream import checked_duration
-    from insenv.mavlink.lockstep.px4 import px4_rates
-    from insenv.mavlink.messages.schedule import parse_rates
-    from insenv.mavlink.vehicle import Vehicle
+    from insenv.mavlink import Vehicle
+    from insenv.mavlink.lockstep import px4_rates
+    from insenv.mavlink.messages import parse_rates
     from insenv.scenario import load
 
     loaded = load(scenario)
     duration = checked_duration(duration_s)
     if kind != "px4" and (tlog is not None or rates):
         option = "--rate" if tlog is None else "--tlog"
-        raise InputError(f"{option}: ArduPilot's JSON back end sends no MAVLink; --lockstep px4 does")
+        raise InputError(f"{option}: ArduPilot's JSON interface has no MAVLink; allowed with --lockstep px4")
     chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates))}
     with ExitStack() as stack:
         stack.enter_context(quiet_warnings())
@@ -55,7 +51,7 @@ def lockstep(
         progress = stack.enter_context(working(f"lockstep with {kind} on {address}"))
         begun, interrupted = time.monotonic(), False
         if sys.stderr.isatty():
-            print_line(f"waiting for {kind} on {address}; Ctrl-C ends it", stderr=True)
+            print_line(f"waiting for {kind} on {address}; Ctrl-C ends", stderr=True)
         total = None if duration is None else max(1, round(duration / vehicle.simulation.interval))
         done: Progress | None = None
         try:
@@ -76,7 +72,7 @@ def lockstep(
     if as_json:
         print_json(summary)
         return
-    print_line(f"{loaded.name}: {vehicle.simulation.time:.1f} s simulated in step with {kind} in {wall:.1f} s")
+    print_line(f"{loaded.name}: {vehicle.simulation.time:.1f} s simulated in lockstep with {kind} in {wall:.1f} s")
     if done is not None:
         print_line(", ".join(f"{name} {count}" for name, count in vars(done).items()))
 
@@ -84,29 +80,23 @@ def lockstep(
 def _prepared(
     stack: ExitStack, kind: str, vehicle: Vehicle, to: str | None, tlog: Path | None
 ) -> tuple[Callable[[int], Progress], str]:
-    """What goes so many steps on, and the address that is listened on."""
-    from insenv.mavlink.lockstep.motion import VehicleMotion, steering
+    """The function that advances by a number of steps, and the address that is listened on."""
+    from insenv.mavlink.lockstep import ArduPilotLockstep, Px4Lockstep, ardupilot, moving, px4, steering
 
     if kind == "px4":
-        from insenv.mavlink.lockstep.px4 import ADDRESS, Px4Lockstep
-
         messages = vehicle.step if tlog is None else _recorded(stack, vehicle, tlog)
-        interval, act = vehicle.simulation.interval, steering(vehicle, PX4_CHANNELS)
-        px4 = stack.enter_context(Px4Lockstep(messages, interval, act, address=to or ADDRESS))
-        return px4.run, str(px4.link.address)
-    from insenv.mavlink.lockstep.ardupilot import ADDRESS as JSON_ADDRESS
-    from insenv.mavlink.lockstep.ardupilot import ArduPilotLockstep
-
-    act = steering(vehicle, ARDUPILOT_CHANNELS)
-    ardupilot = stack.enter_context(ArduPilotLockstep(VehicleMotion(vehicle), act, address=to or JSON_ADDRESS))
-    return ardupilot.run, str(ardupilot.address)
+        interval, act = vehicle.simulation.interval, steering(vehicle, px4.CHANNELS)
+        simulator = stack.enter_context(Px4Lockstep(messages, interval, act, address=to or px4.ADDRESS))
+        return simulator.run, str(simulator.link.address)
+    act = steering(vehicle, ardupilot.CHANNELS)
+    json_simulator = stack.enter_context(ArduPilotLockstep(moving(vehicle), act, address=to or ardupilot.ADDRESS))
+    return json_simulator.run, str(json_simulator.address)
 
 
 def _recorded(stack: ExitStack, vehicle: Vehicle, tlog: Path) -> Callable[[], list[Any]]:
-    """The vehicle's step, with its messages written to a log that counts for itself."""
+    """The vehicle's step, with its messages written to a log that has a sequence of its own."""
     from insenv.mavlink.lockstep.px4 import COMPONENT
-    from insenv.mavlink.wire.frames import dialect
-    from insenv.mavlink.wire.tlog import TlogWriter
+    from insenv.mavlink.wire import TlogWriter, dialect
 
     recorder = stack.enter_context(TlogWriter(tlog))
     packer = dialect().MAVLink(None, 1, COMPONENT)

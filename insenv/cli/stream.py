@@ -1,4 +1,4 @@
-"""`insenv stream`: the simulated vehicle on a MAVLink, with a dashboard on stderr."""
+"""`insenv stream`: the simulated vehicle on a MAVLink link, with a dashboard on stderr."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from insenv.errors import InputError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from insenv.mavlink.stream import Stream
+    from insenv.mavlink import Stream
 
 _ACROSS = 3
 _OVER_S = 2.0
@@ -35,14 +35,11 @@ def stream(
     signing_key_file: Path | None,
     as_json: bool,
 ) -> None:
-    """Stream until the duration is over or Ctrl-C; print what was sent."""
+    """Stream until the duration is over or Ctrl-C, and print a summary."""
     from insenv.cli.output import print_json, quiet_warnings
-    from insenv.mavlink.messages.schedule import parse_rates
-    from insenv.mavlink.stream import Stream
-    from insenv.mavlink.vehicle import Vehicle
-    from insenv.mavlink.wire.link import open_link
-    from insenv.mavlink.wire.signing import Signing
-    from insenv.mavlink.wire.tlog import TlogWriter
+    from insenv.mavlink import Stream, Vehicle
+    from insenv.mavlink.messages import parse_rates
+    from insenv.mavlink.wire import Signing, TlogWriter, open_link
     from insenv.scenario import load
 
     loaded = load(scenario)
@@ -67,15 +64,15 @@ def stream(
 
 
 def checked_duration(duration_s: float | None) -> float | None:
-    """The duration asked for.  Raises `InputError`."""
+    """Check the duration.  Raises `InputError`."""
     if duration_s is not None and not 0.0 < duration_s < 1e9:
-        raise InputError(f"--duration {duration_s:g}: allowed is a positive number of simulated seconds")
+        raise InputError(f"--duration {duration_s:g}: allowed is above 0 and below 1e9 simulated seconds")
     return duration_s
 
 
 @contextmanager
 def dashboard(running: Stream) -> Iterator[Callable[[Stream], None] | None]:
-    """A dashboard on stderr while the block runs; None where stderr is no terminal."""
+    """A dashboard on stderr while the block runs; None if stderr is not a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -89,13 +86,13 @@ def dashboard(running: Stream) -> Iterator[Callable[[Stream], None] | None]:
 
 
 class Rates:
-    """Messages a second over the last two seconds."""
+    """Message rates (Hz) over the last two seconds."""
 
     def __init__(self) -> None:
         self._kept: list[tuple[float, Counter[str]]] = []
 
     def __call__(self, sent: Counter[str], now: float) -> dict[str, float]:
-        """The rates at `now`, by name, of the messages sent so far."""
+        """The rates by name at `now` (s), from the numbers of messages sent so far."""
         self._kept.append((now, Counter(sent)))
         while len(self._kept) > 2 and now - self._kept[1][0] > _OVER_S:
             del self._kept[0]
@@ -105,33 +102,33 @@ class Rates:
 
 
 def picture(running: Stream, rates: Rates, now: float | None = None) -> RenderableType:
-    """The dashboard as it stands."""
+    """The dashboard at present."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
     vehicle, simulation = running.vehicle, running.vehicle.simulation
-    view, statistics = vehicle.view, running.link.statistics
+    view, statistics, scenario = vehicle.view, running.link.statistics, simulation.plant.scenario
     pace = "paused" if vehicle.paused else f"speed {vehicle.speed:g}" if vehicle.speed else "as fast as possible"
     clients = [
         peer.name if peer.heard is None else f"{peer.name} ({peer.system}/{peer.component})" for peer in running.link.peers
     ]
     more = len(clients[_SHOWN_CLIENTS:])
     shown = ", ".join(clients[:_SHOWN_CLIENTS]) + (f" and {more} more" if more else "")
-    gnss = "none" if not simulation.has_gnss else "cut off" if not simulation.gnss_on else "fix" if view.has_lock else "no fix"
+    gnss = "none" if not simulation.has_gnss else "off" if not simulation.gnss_on else "fix" if view.has_lock else "no fix"
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_row("vehicle", f"{simulation.plant.scenario.name} ({view.vehicle_kind}), {simulation.estimator.id}")
+    table.add_row("vehicle", f"{scenario.name} ({scenario.vehicle.kind}), {simulation.estimator.id}")
     table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
     table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
     late = running.pacer.lateness
     table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
     table.add_row("link", f"{running.link.address}, clients: {shown or 'none yet'}")
-    turned_away = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed + statistics.replayed
+    rejected = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed + statistics.replayed
     table.add_row(
         "messages",
         f"{statistics.sent_messages} sent, {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
-        f"{turned_away} turned away; {view.fields.saturated.total()} values saturated",
+        f"{rejected} rejected; {view.fields.saturated.total()} values saturated",
     )
     streamed = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
     for _ in range(_ACROSS):
@@ -164,10 +161,10 @@ def _print_summary(summary: dict[str, Any]) -> None:
     print_line(f"{who}: {simulated:.1f} s simulated in {wall:.1f} s; {summary['state']}")
     sent = f"{total} messages to {summary['address']}, {link['dropped_frames']} dropped"
     if not link["sent_frames"]:
-        sent = f"{total} messages made and none sent: nobody was at {summary['address']}"
+        sent = f"{total} messages made, none sent: no receiver at {summary['address']}"
     print_line(f"{sent}; {received} received")
     print_line(f"lateness p50 {late['p50']:.2f} ms, p99 {late['p99']:.2f} ms; {summary['cpu_share']:.1%} of a core")
-    for what, key in (("values beyond their field", "saturated"), ("messages not made, a value not known", "refused")):
+    for what, key in (("values out of range", "saturated"), ("messages not sent because of an unknown value", "refused")):
         if summary[key]:
             print_line(f"{what}: " + ", ".join(f"{name} {count}" for name, count in summary[key].items()))
     if summary["tlog"]:

@@ -1,7 +1,7 @@
-"""What the vehicle answers: to each message that came, the messages that go back to its sender.
+"""The vehicle's answers to received messages.
 
-A message that names another system or component is not ours.  Nothing here answers an answer, so two vehicles on one link
-cannot keep each other busy.
+Messages addressed to another system or component are ignored.  Answers are never answered, so that two vehicles on one
+link cannot keep each other busy.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from insenv.errors import InputError
-from insenv.mavlink.commands import carry_out
+from insenv.mavlink.commands import execute
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.schedule import STREAMS
-from insenv.mavlink.messages.status_messages import COMPONENT, SYSTEM
+from insenv.mavlink.messages.status import COMPONENT, SYSTEM
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
 from insenv.mavlink.vehicle import Vehicle
 
 Answers = Iterable[Message]
-"""What goes back: a list, or, for all parameters, an iterator that makes them one by one."""
+"""The messages sent back: a list, or for all parameters an iterator that makes them one by one."""
 
 _FTP_ACK, _FTP_NAK, _FTP_TERMINATE, _FTP_RESET, _FTP_FILE_NOT_FOUND = 128, 129, 1, 2, 10
 _FTP_HEADER, _FTP_SIZE = 12, 251
@@ -26,7 +26,7 @@ _NAME_BYTES = 16
 
 
 def answers(vehicle: Vehicle, message: Message) -> Answers:
-    """What goes back for a message; what it asks for is done."""
+    """Execute what a message asks for, and return the answers to its sender."""
     handler = HANDLERS.get(message.get_type())
     if handler is None or not _for_us(message):
         return ()
@@ -40,20 +40,21 @@ def _for_us(message: Message) -> bool:
     return system in (0, SYSTEM) and getattr(message, "target_component", 0) in (0, COMPONENT)
 
 
+def _to(message: Message) -> tuple[int, int]:
+    """System and component of the sender, which the answer addresses."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
 # --- parameters ----------------------------------------------------------------------------------
 
 
-def _parameter_list(vehicle: Vehicle, message: Message) -> Answers:
-    return _all_parameters(vehicle)
-
-
-def _all_parameters(vehicle: Vehicle) -> Iterator[Message]:
+def _parameter_list(vehicle: Vehicle, message: Message) -> Iterator[Message]:
     for place in range(len(vehicle.parameters)):
         yield parameter_value(vehicle, place)
 
 
 def parameter_value(vehicle: Vehicle, place: int) -> Message:
-    """PARAM_VALUE of the parameter at `place`."""
+    """PARAM_VALUE of the parameter with index `place`."""
     parameter = vehicle.parameters.all[place]
     return vehicle.view.fields.message("PARAM_VALUE", parameter.name, parameter.value(), REAL32, len(vehicle.parameters), place)
 
@@ -69,7 +70,7 @@ def _parameter_read(vehicle: Vehicle, message: Message) -> Answers:
 
 
 def _parameter_set(vehicle: Vehicle, message: Message) -> Answers:
-    """The value in force goes back, which tells the sender whether its own was taken."""
+    """The answer is the value in force, which tells the sender whether its own was accepted."""
     try:
         place = vehicle.parameters.find(_name(message))
     except InputError:
@@ -80,9 +81,9 @@ def _parameter_set(vehicle: Vehicle, message: Message) -> Answers:
             raise InputError(f"{parameter.name}: send it as REAL32")
         parameter.set(message.param_value)
         if parameter.acts == NEXT_ALIGNMENT:
-            vehicle.tell(f"{parameter.name}: acts at next alignment")
+            vehicle.announce(f"{parameter.name}: acts at next alignment")
     except InputError as error:
-        vehicle.tell(str(error), "warning")
+        vehicle.announce(str(error), "warning")
     return [parameter_value(vehicle, place)]
 
 
@@ -105,13 +106,12 @@ def _command_int(vehicle: Vehicle, message: Message) -> Answers:
 
 
 def _command(vehicle: Vehicle, message: Message, parameters: list[float]) -> Answers:
-    result, more = carry_out(vehicle, message.command, parameters)
-    to = message.get_srcSystem(), message.get_srcComponent()
-    return [vehicle.view.fields.message("COMMAND_ACK", message.command, result, 0, 0, *to), *more]
+    result, more = execute(vehicle, message.command, parameters)
+    return [vehicle.view.fields.message("COMMAND_ACK", message.command, result, 0, 0, *_to(message)), *more]
 
 
 def _data_stream(vehicle: Vehicle, message: Message) -> Answers:
-    """REQUEST_DATA_STREAM has no answer.  Rates given on the command line are not touched by it."""
+    """REQUEST_DATA_STREAM: no answer.  It does not change rates given on the command line."""
     groups = STREAMS.values() if message.req_stream_id == 0 else (STREAMS.get(message.req_stream_id, ()),)
     hz = float(message.req_message_rate) if message.start_stop else 0.0
     for name in (name for group in groups for name in group):
@@ -125,11 +125,11 @@ def _manual_control(vehicle: Vehicle, message: Message) -> Answers:
     return ()
 
 
-# --- what is not there, said so that nobody waits ---------------------------------------------------
+# --- unsupported services, refused so that clients do not wait -----------------------------------
 
 
 def _file_transfer(vehicle: Vehicle, message: Message) -> Answers:
-    """There are no files.  A refusal must carry the next sequence number and the session of the request."""
+    """There are no files.  A refusal has the next sequence number and the session of the request."""
     request = bytes(message.payload)
     opcode = request[3]
     if opcode >= _FTP_ACK or opcode == 0:
@@ -143,19 +143,16 @@ def _file_transfer(vehicle: Vehicle, message: Message) -> Answers:
         reply[3] = _FTP_ACK
     else:
         reply[3], reply[4], reply[_FTP_HEADER] = _FTP_NAK, 1, _FTP_FILE_NOT_FOUND
-    to = message.get_srcSystem(), message.get_srcComponent()
-    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *to, list(reply))]
+    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *_to(message), list(reply))]
 
 
 def _mission_list(vehicle: Vehicle, message: Message) -> Answers:
-    to = message.get_srcSystem(), message.get_srcComponent()
-    return [vehicle.view.fields.message("MISSION_COUNT", *to, 0, message.mission_type)]
+    return [vehicle.view.fields.message("MISSION_COUNT", *_to(message), 0, message.mission_type)]
 
 
 def _mission(result: int) -> Callable[[Vehicle, Message], Answers]:
     def acknowledge(vehicle: Vehicle, message: Message) -> Answers:
-        to = message.get_srcSystem(), message.get_srcComponent()
-        return [vehicle.view.fields.message("MISSION_ACK", *to, result, message.mission_type)]
+        return [vehicle.view.fields.message("MISSION_ACK", *_to(message), result, message.mission_type)]
 
     return acknowledge
 
@@ -176,8 +173,7 @@ def _timesync(vehicle: Vehicle, message: Message) -> Answers:
 def _ping(vehicle: Vehicle, message: Message) -> Answers:
     if message.target_system != 0:
         return ()
-    to = message.get_srcSystem(), message.get_srcComponent()
-    return [vehicle.view.fields.message("PING", message.time_usec, message.seq, *to)]
+    return [vehicle.view.fields.message("PING", message.time_usec, message.seq, *_to(message))]
 
 
 HANDLERS: dict[str, Callable[[Vehicle, Message], Answers]] = {
@@ -198,4 +194,4 @@ HANDLERS: dict[str, Callable[[Vehicle, Message], Answers]] = {
     "TIMESYNC": _timesync,
     "PING": _ping,
 }
-"""By the message's name."""
+"""By name of the message."""

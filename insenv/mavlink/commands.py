@@ -1,19 +1,4 @@
-"""COMMAND_LONG and COMMAND_INT: what is carried out, and the result that every one of them gets.
-
-| command                         | what it does                                                                   |
-|---------------------------------|--------------------------------------------------------------------------------|
-| 31010 MAV_CMD_USER_1            | begin a new alignment                                                          |
-| 31011 MAV_CMD_USER_2            | param1 0 cuts the GNSS receiver off, 1 restores it                             |
-| 31012 MAV_CMD_USER_3            | param1 1 pauses the simulation, 0 lets it go on                                |
-| 31013 MAV_CMD_USER_4            | param1: simulated seconds a second, 0 as fast as possible                      |
-| 400 COMPONENT_ARM_DISARM        | param1 1 or 0: the armed flag; a disarmed vehicle takes no MANUAL_CONTROL      |
-| 511 SET_MESSAGE_INTERVAL        | param1 message, param2 us; 0 the default, -1 not at all                        |
-| 510 GET_MESSAGE_INTERVAL        | param1 message: MESSAGE_INTERVAL                                               |
-| 512 REQUEST_MESSAGE             | param1 message: once                                                           |
-| 520 REQUEST_AUTOPILOT_CAPABILITIES, 410 GET_HOME_POSITION | AUTOPILOT_VERSION, HOME_POSITION                     |
-
-Anything else is answered MAV_RESULT_UNSUPPORTED.
-"""
+"""Execute commands (COMMAND_LONG and COMMAND_INT).  Every command has a result; docs/mavlink.md lists the commands."""
 
 from __future__ import annotations
 
@@ -22,37 +7,36 @@ from functools import lru_cache
 from math import isfinite
 
 from insenv.errors import InputError
-from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.schedule import DEFAULT_HZ, MAX_HZ
-from insenv.mavlink.vehicle import MESSAGES, Vehicle
+from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Message
+from insenv.mavlink.messages.schedule import MAX_HZ
+from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire import dialect
 
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 """MAV_RESULT."""
 
 Answer = tuple[int, list[Message]]
-"""The result, and messages that go with it."""
+"""The result, and messages sent with it."""
 _Action = Callable[[Vehicle, Sequence[float]], Answer]
 _MESSAGE_INTERVAL = 244
 
 
-def carry_out(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> Answer:
-    """Carry a command out; `parameters` are param1 to param7.  Whatever they hold, there is a result."""
+def execute(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> Answer:
+    """Execute a command; `parameters` are param1 to param7.  Every command has a result, whatever they hold."""
     action = ACTIONS.get(command)
     if action is None:
         return UNSUPPORTED, []
     try:
         return action(vehicle, parameters)
     except InputError as error:
-        vehicle.tell(str(error), "warning")
+        vehicle.announce(str(error), "warning")
         return DENIED, []
 
 
 @lru_cache(maxsize=1)
 def names_by_number() -> dict[int, str]:
-    """Names of the messages that the vehicle can make, by number."""
-    from pymavlink.dialects.v20 import common
-
-    return {getattr(common, f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
+    """Names of the messages that the vehicle can make, by message number."""
+    return {getattr(dialect(), f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
 
 
 def _realign(vehicle: Vehicle, p: Sequence[float]) -> Answer:
@@ -92,7 +76,7 @@ def _set_interval(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     elif p[1] > 0 and isfinite(p[1]):
         vehicle.schedule.set(name, min(1e6 / p[1], MAX_HZ), sample)
     else:
-        raise InputError(f"interval {p[1]:g} us is not allowed")
+        raise InputError(f"interval {p[1]:g} us: allowed is above 0, 0 or -1")
     return ACCEPTED, []
 
 
@@ -102,7 +86,7 @@ def _get_interval(vehicle: Vehicle, p: Sequence[float]) -> Answer:
 
 
 def message_interval(vehicle: Vehicle, number: int) -> Message:
-    """MESSAGE_INTERVAL of a message's number: microseconds, -1 not sent, 0 not known."""
+    """MESSAGE_INTERVAL for a message number: microseconds, -1 not sent, 0 unknown."""
     hz = vehicle.schedule.rates.get(names_by_number().get(number, ""))
     interval = 0.0 if hz is None else -1.0 if hz == 0.0 else 1e6 / hz
     return vehicle.view.fields.message("MESSAGE_INTERVAL", number, interval)
@@ -112,18 +96,16 @@ def _request_message(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     if p[0] == _MESSAGE_INTERVAL:
         return _get_interval(vehicle, p[1:])
     name = _named(p[0])
-    if name is None:
-        return UNSUPPORTED, []
+    return (UNSUPPORTED, []) if name is None else _make(vehicle, name)
+
+
+def _make(vehicle: Vehicle, name: str) -> Answer:
     message = vehicle.make(name)
     return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
 
 
 def _request(name: str) -> _Action:
-    def request(vehicle: Vehicle, p: Sequence[float]) -> Answer:
-        message = vehicle.make(name)
-        return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
-
-    return request
+    return lambda vehicle, _: _make(vehicle, name)
 
 
 def _named(number: float) -> str | None:
@@ -137,14 +119,15 @@ def _flag(value: float, name: str) -> bool:
 
 
 ACTIONS: dict[int, _Action] = {
-    31010: _realign,
-    31011: _gnss,
-    31012: _pause,
-    31013: _speed,
-    400: _arm,
-    510: _get_interval,
-    511: _set_interval,
-    512: _request_message,
-    520: _request("AUTOPILOT_VERSION"),
-    410: _request("HOME_POSITION"),
+    31010: _realign,  # MAV_CMD_USER_1
+    31011: _gnss,  # MAV_CMD_USER_2
+    31012: _pause,  # MAV_CMD_USER_3
+    31013: _speed,  # MAV_CMD_USER_4
+    400: _arm,  # COMPONENT_ARM_DISARM
+    510: _get_interval,  # GET_MESSAGE_INTERVAL
+    511: _set_interval,  # SET_MESSAGE_INTERVAL: param2 in us; 0 the default, -1 never
+    512: _request_message,  # REQUEST_MESSAGE
+    520: _request("AUTOPILOT_VERSION"),  # REQUEST_AUTOPILOT_CAPABILITIES
+    410: _request("HOME_POSITION"),  # GET_HOME_POSITION
 }
+"""By number of the command (MAV_CMD)."""

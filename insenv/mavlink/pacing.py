@@ -1,8 +1,8 @@
-"""Pacing: when the next sample is due on the wall clock, and how late it came.
+"""Pacing: when the next sample is due on the wall clock, and how late it is.
 
-Each sample has an absolute deadline, so that errors of sleeping do not add up.  A stream that fell behind catches up in
-bursts with pauses between them, lest it overrun the buffers of those who listen (a default UDP buffer holds 256 small
-messages); one that fell behind by more than `GIVE_UP_S` starts its deadlines anew, and the simulation has lost that time.
+Each sample has an absolute deadline, so that errors of sleeping do not accumulate.  A stream that falls behind catches
+up in bursts with pauses, so as not to overrun the receivers' buffers (a default UDP buffer holds 256 small messages).
+One that falls behind by more than `GIVE_UP_S` restarts its deadlines, and the simulation loses that time.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 GIVE_UP_S = 5.0
 BURST_MESSAGES = 90
-"""Messages sent at most before there is a pause."""
+"""Largest number of messages sent without a pause."""
 BURST_PAUSE_S = 0.005
 SLICE_S = 0.02
 _KEPT = 20_000
@@ -22,8 +22,8 @@ _KEPT = 20_000
 class Pacer:
     """Deadlines of samples.
 
-    interval: simulated time of a sample, s.  speed: simulated seconds a second; 0: no deadlines.  clock, sleep: for tests.
-    slips: how often the deadlines were begun anew; slipped: seconds lost so.
+    interval: simulated time per sample (s).  speed: simulated seconds per second; 0: no deadlines.  clock, sleep: for
+    tests.  slips: how often the deadlines were restarted.  slipped: seconds lost by that.
     """
 
     def __init__(
@@ -42,14 +42,14 @@ class Pacer:
         self.restart(speed)
 
     def restart(self, speed: float) -> None:
-        """From now on at this speed: the next sample is due one interval from now."""
+        """Restart the deadlines at this speed: the next sample is due one interval from now."""
         self.speed = speed
         self._begun = self._clock()
         self._samples = 0
         self._burst = 0
 
     def wait(self, meanwhile: Callable[[], None]) -> None:
-        """Wait for the next sample's deadline, with a call of `meanwhile` every `SLICE_S` if that is further off."""
+        """Wait for the next deadline, and call `meanwhile` every `SLICE_S` until then."""
         if self.speed == 0.0:
             return
         self._samples += 1
@@ -72,7 +72,7 @@ class Pacer:
         self._lateness.append(max(0.0, self._clock() - deadline))
 
     def sent(self, messages: int) -> None:
-        """So many messages have been sent: pause if they are too many without one."""
+        """Count messages that were sent, and pause after `BURST_MESSAGES`."""
         if self.speed == 0.0:
             return
         self._burst += messages
@@ -81,6 +81,6 @@ class Pacer:
             self._sleep(BURST_PAUSE_S)
 
     def lateness(self, share: float) -> float:
-        """The lateness (s) that this share of the latest samples did not exceed; 0 before the first."""
+        """Quantile (s) of the lateness of the latest samples; 0 before the first."""
         known = sorted(self._lateness)
         return known[min(len(known) - 1, int(share * len(known)))] if known else 0.0

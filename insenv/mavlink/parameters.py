@@ -1,16 +1,16 @@
-"""Parameters: of the stream itself, of the scenario's sensors, of the estimator; every one of them a REAL32.
+"""Parameters of the stream, of the scenario's sensors and of the estimator.
 
-Clients disagree on how an integer travels in PARAM_VALUE, so there are no integers.  Values are in degrees, deg/h,
-deg/sqrt(h), ug and ug/sqrt(Hz) where the tables have radians and metres (docs/mavlink.md lists the units).
+All are REAL32, because clients disagree on how PARAM_VALUE encodes integers.  Units are degrees, deg/h, deg/sqrt(h), ug
+and ug/sqrt(Hz) where the tables have SI units (docs/mavlink.md).
 
-What a setting does is read from the equations: a parameter that a step of the model depends on acts from the next sample on;
-one that only the start depends on acts at the next alignment if it is the estimator's, and cannot be set if it is the
-plant's, for the run has begun.
+When a new value takes effect follows from the equations.  A parameter on which a step of the model depends acts from
+the next sample on.  One on which only the start depends acts at the next alignment if it is the estimator's, and cannot
+be set if it is the plant's, whose run has begun.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -20,7 +20,6 @@ import numpy as np
 from insenv.core.model import Model
 from insenv.core.tables import Row
 from insenv.errors import InputError, nearest
-from insenv.mavlink.messages.parameter_names import parameter_name
 from insenv.mavlink.simulation import Simulation
 from insenv.sensors import units
 from insenv.sensors.gnss import GNSS_PARAMETERS
@@ -29,9 +28,9 @@ from insenv.sensors.imu_tables import IMU_PARAMETERS
 REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""
 MOST_ELEMENTS = 6
-"""Rows of more elements (scripts, waves, matrices) are no parameters here."""
+"""Rows with more elements (scripts, waves, matrices) are not parameters."""
 LARGEST = 1e6
-"""Largest magnitude that can be set, in the unit shown, where the row has no bound below it."""
+"""Largest magnitude that can be set, in the unit shown, where the row itself allows more."""
 
 _SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "rad": ("deg", units.deg_to_rad),
@@ -46,13 +45,28 @@ _SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
 
 NOW, NEXT_ALIGNMENT, NEVER = "now", "next alignment", "never"
 _TIMING = ("gnss_interval", "gnss_latency", "gnss_epoch_offset", "drift_interval")
-"""Rows that must stay whole numbers of samples: they cannot be set."""
+"""Rows that must remain whole numbers of samples: they cannot be set."""
+
+LONGEST_NAME = 16
+"""Characters of a parameter's name in MAVLink."""
+
+_SHORT = {
+    "accel": "ACC", "acceleration": "ACCL", "angle": "ANG", "antenna": "ANT", "bandwidth": "BW", "bias": "BIAS",
+    "correlation": "COR", "covariance": "COV", "drop": "DROP", "factor": "F", "frequency": "FRQ", "gnss": "GNSS",
+    "gyro": "GYR", "heading": "HDG", "height": "HGT", "imu": "IMU", "innovation": "INN", "instability": "INS",
+    "interval": "DT", "latitude": "LAT", "lever": "LEV", "longitude": "LON", "misalignment": "MIS", "mounting": "MNT",
+    "noise": "N", "outlier": "OUTL", "position": "POS", "probability": "PROB", "random": "R", "range": "RNG", "rate": "RATE",
+    "scale": "SC", "sigma": "SIG", "slope": "SLP", "standing": "STND", "start": "ST", "temperature": "TMP", "time": "T",
+    "velocity": "VEL", "walk": "W", "wander": "WAN", "error": "ERR", "limit": "LIM", "arm": "ARM", "b": "", "n": "",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: its name, what it is, its unit, when a setting acts (`NOW`, `NEXT_ALIGNMENT`, `NEVER`), its bounds in that
-    unit, and how it is read and set.
+    """One parameter.
+
+    acts: when a new value takes effect (`NOW`, `NEXT_ALIGNMENT`, or `NEVER`: it cannot be set).  lower, upper: bounds
+    in `unit`.
     """
 
     name: str
@@ -65,15 +79,15 @@ class Parameter:
     write: Callable[[float], None] | None = None
 
     def value(self) -> float:
-        """The value as it travels: the nearest float32."""
+        """The value as it is sent: the nearest float32."""
         return float(np.float32(min(max(self.read(), -3e38), 3e38)))
 
     def set(self, value: float) -> None:
-        """Set it.  Raises `InputError` if it cannot be, or not to this value."""
+        """Set the value.  Raises `InputError` if it is out of range or cannot be set."""
         if self.write is None:
             raise InputError(f"{self.name} cannot be set while the vehicle runs")
         if not isfinite(value) or not self.lower <= value <= self.upper:
-            raise InputError(f"{self.name} = {value:g}: allowed is from {self.lower:g} to {self.upper:g} {self.unit}".rstrip())
+            raise InputError(f"{self.name} = {value:g}: allowed is {self.lower:g} to {self.upper:g} {self.unit}".rstrip())
         self.write(value)
 
 
@@ -90,7 +104,7 @@ class Parameters:
         return len(self.all)
 
     def find(self, name: str) -> int:
-        """The place of a parameter.  Raises `InputError`."""
+        """The index of a parameter.  Raises `InputError` for an unknown name."""
         if name not in self._place:
             raise InputError(f"no parameter {name!r}{nearest(name, self._place)[:60]}")
         return self._place[name]
@@ -110,13 +124,13 @@ class Parameters:
         live = used_by_steps(model)
         for row, place, name in elements("E", model, model.parameters.names):
             acts = NOW if live[place] else NEXT_ALIGNMENT
-            if row.name == "sample_interval" or row.name.startswith("start_"):  # the start is told anew at each alignment
+            if row.name == "sample_interval" or row.name.startswith("start_"):  # known anew at each alignment
                 acts = NEVER
             yield _made(row, name, acts, place, simulation.estimator_parameter, simulation.set_estimator_parameter)
 
 
 def elements(prefix: str, model: Model, names: tuple[str, ...]) -> Iterator[tuple[Row, int, str]]:
-    """The elements of a model's rows that are parameters, with their places in its vector and their names."""
+    """Row, index in the model's parameter vector and name of each element that is a parameter."""
     taken: set[str] = set()
     for row in model.parameters:
         if row.name not in names or row.size > MOST_ELEMENTS:
@@ -154,9 +168,30 @@ def _made(
 
 
 def used_by_steps(model: Model) -> list[bool]:
-    """For each element of the parameters, whether a step or the output depends on it."""
+    """Whether a step or the output depends on each element of the model's parameters."""
     used = np.zeros(model.parameters.size, dtype=bool)
     for name, kernel in model.kernels.items():
         if name != "start":
             used[sorted(set(kernel.function.jac_sparsity(0, 0).get_triplet()[1]))] = True
     return used.tolist()
+
+
+def parameter_name(prefix: str, row: str, suffix: str, taken: Iterable[str]) -> str:
+    """A name such as ``E_GYR_BIAS_SIG`` or ``S_GNSS_POS_N_D`` that is not among `taken`, with its words shortened to
+    fit.
+
+    prefix: of the group; suffix: of the component.  Raises `ValueError` if there is no free name.
+    """
+    taken = set(taken)
+    words = [_SHORT.get(word, word[:6].upper()) for word in row.split("_")]
+    words = [word for word in words if word]
+    tail = f"_{suffix}" if suffix else ""
+    for length in range(6, 0, -1):
+        name = f"{prefix}_{'_'.join(word[:length] for word in words)}{tail}"
+        if len(name) <= LONGEST_NAME and name not in taken:
+            return name
+    for number in range(1, 100):
+        name = f"{prefix}_{''.join(words)}"[: LONGEST_NAME - len(tail) - 2] + f"{number:02d}{tail}"
+        if name not in taken:
+            return name
+    raise ValueError(f"no parameter name left for {row!r}")

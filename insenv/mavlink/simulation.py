@@ -1,9 +1,8 @@
-"""A scenario live: its plant and one estimator, advanced together, one inertial sample at a time.
+"""A scenario run live: its plant and one estimator, advanced together one inertial sample at a time.
 
-What `insenv.runs.simulated` does in stretches this does sample by sample, with the same numbers, but that a lost inertial
-sample is
-bridged by holding the one before: the next one is not there yet.  And it can be meddled with: the receiver cut off, the
-alignment begun anew, the vehicle steered.
+The results are bit-identical to those of `insenv.runs.simulated`, except that a lost inertial sample is replaced by the
+previous one, since the next one is not available yet.  While it runs, the receiver can be switched off, the alignment
+restarted and the vehicle steered.
 """
 
 from __future__ import annotations
@@ -25,7 +24,11 @@ _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 
 @dataclass(frozen=True)
 class Fix:
-    """A GNSS fix as it was delivered: the antenna's position (rad, m) and velocity (m/s, n), 1-sigma, time of validity (s)."""
+    """A GNSS fix as delivered by the receiver.
+
+    time: of validity (s).  Position (rad, m) and velocity (m/s, n) are the antenna's, with 1-sigma accuracies (3, m;
+    m/s, n).
+    """
 
     time: float
     latitude: float
@@ -40,13 +43,14 @@ class Fix:
 class Simulation:
     """A scenario's plant and one estimator of its measurements.
 
-    scenario; estimator: registered id, or None: the first that the scenario names.  seed: instead of the scenario's.
+    estimator: registered id; None: the first that the scenario names.  seed: instead of the scenario's.
     Raises `InputError` for an estimator that cannot run live on this scenario.
 
-    truth, estimate: what the plant and the estimator give after the latest sample, by row name (views, overwritten by the next
-    `advance`).  samples, time (s): how far it is.  alignments: how many have been begun.  fix: the latest fix that arrived;
-    fixes: how many have.  increments (6): sums of the delta angles (rad) and delta velocities (m/s) as the estimator was given
-    them; bridged: lost samples; lost_in_a_row: of them up to the latest.
+    truth, estimate: outputs of the plant and of the estimator after the latest sample, by row name (views, overwritten
+    by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
+    fixes: their number.  gnss_on: whether the receiver is on.  increments (6): sums of the delta angles (rad) and delta
+    velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up
+    to the latest.
     """
 
     def __init__(self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None) -> None:
@@ -89,7 +93,7 @@ class Simulation:
 
     @property
     def last_increment(self) -> Vector:
-        """The latest sample's delta angle (rad) and delta velocity (m/s), as the estimator was given them."""
+        """The latest delta angle (3, rad) and delta velocity (3, m/s) that the estimator received."""
         return self._increment
 
     @property
@@ -99,13 +103,13 @@ class Simulation:
 
     @property
     def diverged(self) -> bool:
-        """Whether the estimate is no longer finite numbers."""
+        """Whether the estimate is not finite."""
         return not bool(np.isfinite(self._z).all())
 
     def advance(self) -> None:
-        """One inertial sample: the plant, then the estimator on what the sensors show."""
+        """Advance by one inertial sample: the plant, then the estimator with the measurements."""
         self._plant.advance(self._commands if self._commanded else None)
-        if self._commanded and self._commands is not None:  # the sample after is told that the command has been taken
+        if self._commanded and self._commands is not None:  # the command is valid for one sample
             valid = self.plant.model.inputs.slice("command_valid")
             self._commanded = bool(self._commands[valid])
             self._commands[valid] = 0.0
@@ -130,7 +134,7 @@ class Simulation:
                 u[self._valid] = 0.0
         try:
             self._filter.advance(u)
-        except InputError:  # sensors that someone has set to show no finite numbers any more
+        except InputError:  # sensor parameters have been set to values that make the measurements infinite
             self.bridged += 1
             u[:] = np.where(np.isfinite(u), u, 0.0)
             self._filter.advance(u)
@@ -150,13 +154,11 @@ class Simulation:
             velocity_sigma=np.array(now["gnss_velocity_sigma"]),
         )
 
-    # --- what can be done to it ---------------------------------------------------------------------
+    # --- control ------------------------------------------------------------------------------------
 
     def realign(self) -> None:
-        """Begin the alignment anew: the estimator is told of the present state what it was told of the start, with the same
-        errors, and all parameters set meanwhile hold.
-        """
-        known = self.told_now()
+        """Restart the estimator with `known_now`; parameters that have been set stay in force."""
+        known = self.known_now()
         self._filter.p[:] = self.estimator.model.parameters.pack(self.estimator.parameters(known, self.plant.tunings))
         for place, value in self._settings.items():
             self._filter.p[place] = value
@@ -164,11 +166,11 @@ class Simulation:
         self._z[:] = self._filter.output()
         self.alignments += 1
 
-    def told_now(self) -> Knowledge:
-        """What is told of the present state: the truth, with the errors that were told of the start."""
+    def known_now(self) -> Knowledge:
+        """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""
         known, start, now = self.plant.knowledge, self._start, self.truth
-        told = np.array([known.latitude, known.longitude, known.height])
-        error_m = geodesy.numeric.ned_offset(*told, start["latitude"], start["longitude"], start["height"])
+        reported = np.array([known.latitude, known.longitude, known.height])
+        error_m = geodesy.numeric.ned_offset(*reported, start["latitude"], start["longitude"], start["height"])
         latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
             error_m, now["latitude"], now["longitude"], now["height"]
         )
@@ -187,8 +189,9 @@ class Simulation:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """What the vehicle can be commanded, by name (``"speed"``, ``"bank"``); none if its motion is prescribed, or must not
-        be, since the estimator aligns it in place.
+        """Names of the vehicle's commands (``"speed"``, ``"bank"``).
+
+        There are none if its motion is prescribed, or if the estimator is an alignment, which needs a vehicle in place.
         """
         if not self.estimator.navigates:
             return ()
@@ -196,10 +199,10 @@ class Simulation:
         return tuple(name.removeprefix("command_") for name in names if name != "command_valid")
 
     def command(self, values: Mapping[str, float]) -> None:
-        """From the next sample on the vehicle follows these commands (SI), and its script no more.
+        """Set commands (SI) that the vehicle follows from the next sample on, instead of its script.
 
-        A command not named keeps the value in force.  A value beyond its bounds is the bound.  Raises `InputError` for
-        one that the vehicle does not take.
+        Commands not named keep their values.  Values are limited to the bounds of their rows.  Raises `InputError` for
+        a command that the vehicle does not have.
         """
         if self._commands is None or not self.commands:
             raise InputError(f"the motion of {self.plant.scenario.name!r} is prescribed: it takes no commands")
@@ -215,12 +218,12 @@ class Simulation:
         self._commanded = True
 
     def state(self, name: str) -> float | None:
-        """A scalar of the plant's state by its row's name, or None if this plant has no such row."""
+        """A scalar of the plant's state by row name; None if the plant has no such row."""
         table = self.plant.model.state
         return float(self._plant.x[table.slice(name)][0]) if name in table else None
 
     def estimator_row(self, name: str) -> float | None:
-        """A scalar parameter of the estimator by its row's name, or None if it has no such row."""
+        """A scalar parameter of the estimator by row name; None if it has no such row."""
         table = self.estimator.model.parameters
         return float(self._filter.p[table.slice(name)][0]) if name in table else None
 
@@ -229,7 +232,7 @@ class Simulation:
         return float(self._plant.p[place])
 
     def set_plant_parameter(self, place: int, value: float) -> None:
-        """Set it, from the next sample on."""
+        """Set element `place` of the plant's parameters, from the next sample on."""
         self._plant.p[place] = value
 
     def estimator_parameter(self, place: int) -> float:
@@ -237,7 +240,7 @@ class Simulation:
         return float(self._filter.p[place])
 
     def set_estimator_parameter(self, place: int, value: float) -> None:
-        """Set it, from the next sample on; it stays over a new alignment."""
+        """Set element `place` of the estimator's parameters, from the next sample on and in later alignments."""
         self._filter.p[place] = value
         self._settings[place] = value
 

@@ -1,46 +1,40 @@
-"""The stream: a vehicle, a link and the wall clock."""
+"""The stream: a vehicle on a link, paced by the wall clock."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from insenv.mavlink.answers import answers
 from insenv.mavlink.messages.fields import Message
+from insenv.mavlink.outbox import Outbox
 from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire import Link, TlogWriter
 from insenv.mavlink.wire.frames import resequenced
-from insenv.mavlink.wire.link import Link
-from insenv.mavlink.wire.outbox import Outbox
 
 HEARTBEAT_S = 1.0
-"""Wall time between HEARTBEATs at most, paused or slow as the simulation may be: clients give up after 3 s."""
+"""Largest wall time between HEARTBEATs, even when the simulation is paused or slow: clients time out after 3 s."""
 PAUSE_S = 0.01
 SERVE_EVERY = 10
-"""At full speed: samples from one look at what came to the next."""
+"""Samples between two calls of `serve` at full speed."""
 WATCH_S = 1.0
-"""Wall time from one look of a watcher to the next: a dashboard takes some 10 ms to draw, which samples wait for."""
+"""Wall time between two calls of a watcher: drawing a dashboard takes some 10 ms, which delays samples."""
 
 Watch = Callable[["Stream"], None]
-
-
-class Recorder(Protocol):
-    """Takes frames for a telemetry log."""
-
-    def write(self, unix_us: int, frame: bytes) -> None:
-        """One frame at a Unix time in microseconds."""
 
 
 class Stream:
     """A vehicle on a link.
 
-    recorder: is given every message that the vehicle sends, numbered without a gap, and every one that came.
-    sent, received: messages by name, answers included.  interrupted: ended by Ctrl-C.
+    recorder: receives every message that the vehicle sends, numbered consecutively, and every message received. sent,
+    received: number of messages by name, answers included.  recorded: number of sent messages in the log.  interrupted:
+    whether Ctrl-C ended the stream.
     """
 
-    def __init__(self, vehicle: Vehicle, link: Link, recorder: Recorder | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, link: Link, recorder: TlogWriter | None = None) -> None:
         self.vehicle = vehicle
         self.link = link
         self.sent: Counter[str] = Counter()
@@ -57,7 +51,7 @@ class Stream:
         self._known_peers = 0
 
     def run(self, duration_s: float | None = None, watch: Watch | None = None) -> None:
-        """Stream for `duration_s` simulated seconds, or until Ctrl-C; `watch` is called once a second."""
+        """Stream for `duration_s` simulated seconds, or until Ctrl-C, and call `watch` every `WATCH_S`."""
         simulation = self.vehicle.simulation
         last = None if duration_s is None else simulation.samples + round(duration_s / simulation.interval)
         self._begun, self._cpu = time.monotonic(), time.process_time()
@@ -75,7 +69,7 @@ class Stream:
             self.interrupted = True
 
     def tick(self) -> None:
-        """One sample at its time, or, paused, a short wait; what came is answered."""
+        """Advance by one sample at its time, or wait briefly when paused, and answer received messages."""
         vehicle, pacer = self.vehicle, self.pacer
         if vehicle.paused:
             time.sleep(PAUSE_S)
@@ -93,7 +87,7 @@ class Stream:
         pacer.sent(len(messages))
 
     def serve(self) -> None:
-        """Take what came, answer some of it, and keep the heart beating.  Does not wait."""
+        """Receive, send pending answers, and send HEARTBEAT when it is due.  Does not block."""
         for peer, message in self.link.receive():
             self.received[message.get_type()] += 1
             self._record(bytes(message.get_msgbuf()))
@@ -123,7 +117,7 @@ class Stream:
     def _account(self, name: str, message: Message) -> None:
         self.sent[name] += 1
         if self._recorder is not None:
-            # what goes to one peer only must leave no gap: the log counts for itself
+            # the log has a sequence of its own: answers to single peers must leave no gap in it
             self._record(resequenced(bytes(message.get_msgbuf()), self.recorded % 256, signed=False))
             self.recorded += 1
 
@@ -132,7 +126,7 @@ class Stream:
             self._recorder.write(self.vehicle.view.unix_us, frame)
 
     def _flush(self) -> None:
-        """Answer what is left to answer."""
+        """Send the remaining answers."""
         self.serve()
         for _ in range(100):
             if not self.outbox.send(self._send_to):
@@ -140,16 +134,16 @@ class Stream:
 
     @property
     def wall_s(self) -> float:
-        """Seconds on the wall clock since the stream began."""
+        """Wall time (s) since the stream began."""
         return time.monotonic() - self._begun
 
     @property
     def cpu_share(self) -> float:
-        """Share of one core that this process has taken since the stream began."""
+        """Share of one core that this process has used since the stream began."""
         return (time.process_time() - self._cpu) / max(self.wall_s, 1e-9)
 
     def summary(self) -> dict[str, Any]:
-        """What has been done, for people and for JSON."""
+        """Counts and timing of the stream, as a JSON document."""
         vehicle, simulation = self.vehicle, self.vehicle.simulation
         return {
             "scenario": simulation.plant.scenario.name,

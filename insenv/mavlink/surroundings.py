@@ -1,7 +1,7 @@
 """Magnetometer and barometer: the Earth's field by the World Magnetic Model, the air by the ICAO standard atmosphere.
 
-Both sensors are simple ones: the true value at the vehicle plus white noise, which is a pure function of the run's seed and
-the number of the sensor's sample, as all noise here is.  No iron, no weather, no wind, no position error of the static port.
+Both sensors show the true value at the vehicle plus white noise, which is a pure function of the run's seed and the
+sensor's sample number, as all noise is.  Magnetic disturbances, weather, wind and static port errors are not simulated.
 """
 
 from __future__ import annotations
@@ -14,24 +14,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv import attitude
 from insenv.core import noise
 from insenv.core.tables import Vector
-from insenv.mavlink.messages.derived import body_field
 
 NOISE_STREAM = 0xFFFFFFFD
-"""Stream of the magnetometer's noise, and one below it that of the barometer's; the plant's own streams are other ones."""
+"""Noise stream of the magnetometer; the barometer's is one lower.  The plant uses other streams."""
 
-_AHEAD = 256  # samples whose noise is computed at once
-_LOWEST, _HIGHEST, _STEP = -5000.0, 81000.0, 10.0  # m; the standard atmosphere from below the Dead Sea to its upper end
+GAS_CONSTANT = 287.05287
+"""Of dry air in the standard atmosphere, J/(kg K)."""
+_AHEAD = 256  # samples whose noise is computed together
+_LOWEST, _HIGHEST, _STEP = -5000.0, 81000.0, 10.0  # m, from below the Dead Sea to the upper end of the model
 _MOVED_M, _TESLA_PER_NT = 500.0, 1e-9
 _EARTH_RADIUS = 6.371e6
 
 
 @dataclass(frozen=True)
 class AirSensors:
-    """Rates (Hz) and white noise (1 sigma) of magnetometer (T), static (Pa) and dynamic pressure (Pa).
+    """Rates (Hz) and white noise (1 sigma) of magnetometer (T), static pressure (Pa) and dynamic pressure (Pa).
 
-    The noise is that of usual chips: 0.5 mG, 2 Pa (17 cm of height) and 1 Pa.
+    The defaults are typical of MEMS sensors: 0.5 mG, 2 Pa (17 cm of height) and 1 Pa.
     """
 
     magnetometer_rate: float = 50.0
@@ -43,8 +45,11 @@ class AirSensors:
 
 @dataclass
 class AirData:
-    """What the two sensors show: magnetic field (3, T, b), static and dynamic pressure (Pa), temperature (K), the height of
-    that pressure in the standard atmosphere (m), and the number of each sensor's sample.
+    """The latest samples of the two sensors.
+
+    magnetic_b: magnetic field (3, T).  pressure, dynamic_pressure: Pa.  temperature: K.  pressure_height: height of
+    `pressure` in the standard atmosphere (m).  magnetometer_samples, barometer_samples: number of each sensor's latest
+    sample.
     """
 
     magnetic_b: Vector
@@ -59,8 +64,8 @@ class AirData:
 class Surroundings:
     """Magnetometer and barometer along a run.
 
-    seed: of their noise.  year: decimal year of the run's start; outside of the World Magnetic Model's five years its nearest
-    end.  `data` is what the sensors showed last.
+    seed: of their noise.  year: decimal year at the start of the run, limited to the five years of the World Magnetic
+    Model.  data: the latest samples.
     """
 
     def __init__(self, seed: int, year: float, sensors: AirSensors | None = None) -> None:
@@ -72,7 +77,6 @@ class Surroundings:
         self._field_n = np.zeros(3)
         self._magnetic_noise = _Noise(seed, 0, 3)
         self._air_noise = _Noise(seed, 1, 2)
-        self._turn = body_field()
 
     def update(self, time: float, truth: dict[str, Any], height_msl: float) -> None:
         """Take the samples due at `time` (s).  truth: q_nb, velocity_n (m/s), latitude, longitude (rad), height (m)."""
@@ -81,30 +85,26 @@ class Surroundings:
         if magnetometer != self.data.magnetometer_samples:
             self.data.magnetometer_samples = magnetometer
             field_n = self._field(float(truth["latitude"]), float(truth["longitude"]), float(truth["height"]))
-            self._turn.inputs["q_nb"][:] = truth["q_nb"]
-            self._turn.inputs["vector_n"][:] = field_n
-            self._turn.evaluate()
-            self.data.magnetic_b = self._turn.outputs["vector_b"] + self.sensors.magnetic_noise * self._magnetic_noise(
-                magnetometer
-            )
+            field_b = attitude.numeric.rotate_inverse(truth["q_nb"], field_n)
+            self.data.magnetic_b = field_b + self.sensors.magnetic_noise * self._magnetic_noise(magnetometer)
         if barometer != self.data.barometer_samples:
             self.data.barometer_samples = barometer
-            self._breathe(truth, height_msl, self._air_noise(barometer))
+            self._sample_air(truth, height_msl, self._air_noise(barometer))
 
-    def _breathe(self, truth: dict[str, Any], height_msl: float, normals: Vector) -> None:
+    def _sample_air(self, truth: dict[str, Any], height_msl: float, normals: Vector) -> None:
         heights, log_pressure, temperature = _atmosphere()
         data = self.data
         data.temperature = float(np.interp(height_msl, heights, temperature))
         exact = float(np.exp(np.interp(height_msl, heights, log_pressure)))
         speed_squared = float(np.dot(truth["velocity_n"], truth["velocity_n"]))
-        density = exact / (287.05287 * data.temperature)  # R of the standard atmosphere, J/(kg K)
+        density = exact / (GAS_CONSTANT * data.temperature)
         data.pressure = exact + self.sensors.pressure_noise * float(normals[0])
         data.dynamic_pressure = 0.5 * density * speed_squared + self.sensors.dynamic_pressure_noise * float(normals[1])
         if data.pressure > 0.0:
             data.pressure_height = float(np.interp(-np.log(data.pressure), -log_pressure, heights))
 
     def _field(self, latitude: float, longitude: float, height: float) -> Vector:
-        """The Earth's field (3, T, n), computed anew every 500 m: it changes by 10 nT in a kilometre."""
+        """The Earth's field (3, T, n), recomputed every 500 m: it changes by about 10 nT per kilometre."""
         if self._place is not None:
             north = (latitude - self._place[0]) * _EARTH_RADIUS
             east = (longitude - self._place[1]) * _EARTH_RADIUS * cos(latitude)
@@ -118,7 +118,7 @@ class Surroundings:
 
 
 class _Noise:
-    """Standard normals of a sensor, by the number of its sample, computed for many samples ahead."""
+    """Standard normals of a sensor by sample number, computed in blocks."""
 
     def __init__(self, seed: int, sensor: int, count: int) -> None:
         self._seed, self._stream, self._count = seed, NOISE_STREAM - sensor, count
@@ -137,7 +137,7 @@ class _Noise:
 
 @lru_cache(maxsize=1)
 def _magnetic_model() -> tuple[Any, tuple[float, float]]:
-    """The World Magnetic Model of the library's newest coefficients, and the years it is for."""
+    """The World Magnetic Model with the library's newest coefficients, and the years of its validity."""
     from pygeomag import GeoMag
 
     model = GeoMag()
@@ -147,9 +147,9 @@ def _magnetic_model() -> tuple[Any, tuple[float, float]]:
 
 @lru_cache(maxsize=1)
 def _atmosphere() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Heights over the sea (m), natural logarithm of pressure (Pa) and temperature (K) there.
+    """Heights above mean sea level (m), natural logarithm of pressure (Pa), temperature (K).
 
-    Between two heights, 10 m apart, the logarithm is linear to 1e-8.
+    Between heights 10 m apart the logarithm is linear to 1e-8.
     """
     from ambiance import Atmosphere
 

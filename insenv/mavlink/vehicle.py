@@ -1,4 +1,4 @@
-"""The simulated vehicle: what it sends at each sample, and what can be done to it.  It knows no sockets and no wall clock."""
+"""The simulated vehicle: the messages of each sample, and its control.  It is independent of links and wall clock."""
 
 from __future__ import annotations
 
@@ -7,24 +7,15 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from insenv.errors import InputError
-from insenv.mavlink.manual import DEFAULT_SCALES, LOST_AFTER_S, FullScale, commanded, released
-from insenv.mavlink.messages.estimate_messages import ESTIMATES
-from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.schedule import Schedule
-from insenv.mavlink.messages.sensor_messages import SENSORS
-from insenv.mavlink.messages.status_messages import ON_REQUEST, STATUS
-from insenv.mavlink.messages.view import View
+from insenv.mavlink.manual import LOST_AFTER_S, Sticks
+from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
 from insenv.scenario import Scenario
 
-STREAMED = {**STATUS, **SENSORS, **ESTIMATES}
-MESSAGES = {**STREAMED, **ON_REQUEST}
-"""All messages that the vehicle can make when asked, by name."""
-
 MAX_SPEED = 100.0
-"""Largest speed of the simulation, in simulated seconds a second; 0 is as fast as possible."""
+"""Largest speed of the simulation, in simulated seconds per second."""
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
 _TEXT = 50
 _TEXTS_WAITING = 20
@@ -32,11 +23,11 @@ _SECONDS_A_YEAR = 365.25 * 86400.0
 
 
 class Vehicle:
-    """A scenario's vehicle with its estimator, seen and steered through MAVLink.
+    """A scenario's vehicle with its estimator, observed and steered through MAVLink.
 
-    scenario, estimator, seed: see `Simulation`.  rates: Hz by message instead of the default.  speed: simulated seconds a
-    second, 0 as fast as possible.  start_unix: Unix time (s) at the start of the run; the wall clock's if None.
-    Raises `InputError`.
+    scenario, estimator, seed: see `Simulation`.  rates: Hz by message, instead of the default.  speed: simulated
+    seconds per second; 0: as fast as possible.  start_unix: Unix time (s) at the start of the run; None: that of the
+    wall clock.  Raises `InputError` for an estimator, rate or speed that is not allowed.
     """
 
     def __init__(
@@ -56,19 +47,20 @@ class Vehicle:
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
         self.paused = False
-        self.scale = FullScale(**vars(DEFAULT_SCALES[self.view.vehicle_kind]))
+        commands = self.simulation.commands
+        self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
-        _ = self.view.air, self.view.values  # what is made once is made now, not at the first sample
+        _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
         self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
         self._steered_at: float | None = None
         self._refused_steering = False
         self._was_aligned = False
 
-    # --- what it sends ------------------------------------------------------------------------------
+    # --- messages -----------------------------------------------------------------------------------
 
     def step(self) -> list[Message]:
-        """One inertial sample; the messages that are due after it."""
-        self._let_go()
+        """Advance by one inertial sample, and return the messages that are due."""
+        self._release_lost_control()
         self.simulation.advance()
         sample = self.simulation.samples
         messages = []
@@ -77,73 +69,73 @@ class Vehicle:
             if message is not None:
                 messages.append(message)
             if name == "HEARTBEAT":
-                self._watch()
+                self._announce_alignment()
         if self._texts:
             messages += self.texts()
         return messages
 
     def make(self, name: str) -> Message | None:
-        """A message of the present sample by name, or None: there is no such message, or it has nothing to say yet."""
+        """A message of the present sample by name; None if it is unknown or has no content yet."""
         return MESSAGES[name](self.view) if name in MESSAGES else None
 
-    def tell(self, text: str, severity: str = "info") -> None:
-        """Have a STATUSTEXT sent, cut to 50 characters."""
+    def announce(self, text: str, severity: str = "info") -> None:
+        """Queue a STATUSTEXT, truncated to 50 characters.  severity: a key of `SEVERITY`."""
         self._texts.append(self.view.fields.message("STATUSTEXT", SEVERITY[severity], text[:_TEXT], 0, 0))
 
     def texts(self) -> list[Message]:
-        """The STATUSTEXTs that wait to be sent, which then wait no more."""
+        """Remove and return the queued STATUSTEXTs."""
         waiting = list(self._texts)
         self._texts.clear()
         return waiting
 
-    def _watch(self) -> None:
-        """Say when the alignment has become good, or the estimate bad."""
+    def _announce_alignment(self) -> None:
+        """Announce a change between aligning, aligned and diverged."""
         aligned = self.view.aligned
         if aligned != self._was_aligned:
             self._was_aligned = aligned
             if self.simulation.diverged:
-                self.tell("estimate diverged: begin a new alignment", "error")
+                self.announce("estimate diverged: start a new alignment", "error")
             else:
-                self.tell("aligned" if aligned else "aligning", "notice")
+                self.announce("aligned" if aligned else "aligning", "notice")
 
-    # --- what can be done to it ---------------------------------------------------------------------
+    # --- control ------------------------------------------------------------------------------------
 
     def realign(self) -> None:
-        """Begin a new alignment."""
+        """Start a new alignment."""
         self.simulation.realign()
         self.view.forget()
-        self.tell("new alignment begun", "notice")
+        self.announce("new alignment started", "notice")
 
     def set_gnss(self, on: bool) -> None:
-        """Cut the receiver off, or restore it.  Raises `InputError` if there is none."""
+        """Switch the GNSS receiver on or off.  Raises `InputError` if there is none."""
         if not self.simulation.has_gnss:
             raise InputError("this scenario has no GNSS receiver")
         if on != self.simulation.gnss_on:
             self.simulation.gnss_on = on
-            self.tell("GNSS restored" if on else "GNSS cut off", "warning")
+            self.announce("GNSS on" if on else "GNSS off", "warning")
 
     def set_paused(self, paused: bool) -> None:
-        """Stop the simulation's clock, or let it go on."""
+        """Pause or resume the simulation."""
         if paused != self.paused:
             self.paused = paused
-            self.tell("paused" if paused else "going on", "notice")
+            self.announce("paused" if paused else "resumed", "notice")
 
     def set_speed(self, speed: float) -> None:
-        """Simulated seconds a second from now on; 0: as fast as possible.  Raises `InputError`."""
+        """Set the simulated seconds per second; 0: as fast as possible.  Raises `InputError`."""
         self.speed = checked_speed(speed)
 
     def steer(self, x: int, y: int, z: int, r: int) -> None:
-        """Take a joystick's axes, -1000 to 1000.  A vehicle that cannot be steered says so, once."""
+        """Steer by a joystick's axes, -1000 to 1000 each.  A vehicle that cannot be steered announces it once."""
         if not self.simulation.commands or not self.view.armed:
             if not self._refused_steering:
                 self._refused_steering = True
-                self.tell("no manual control: " + self._why_not(), "warning")
+                self.announce("no manual control: " + self._why_not(), "warning")
             return
         self._refused_steering = False
         if self._steered_at is None:
-            self.tell("manual control: the script has ended", "notice")
+            self.announce("manual control: the script has ended", "notice")
         self._steered_at = self.simulation.time
-        self.simulation.command(commanded(self.view.vehicle_kind, self.scale, x, y, z, r))
+        self.simulation.command(self.sticks.commanded(x, y, z, r))
 
     def _why_not(self) -> str:
         if not self.view.armed:
@@ -152,16 +144,16 @@ class Vehicle:
             return "aligning in place"
         return "motion is prescribed"
 
-    def _let_go(self) -> None:
+    def _release_lost_control(self) -> None:
         if self._steered_at is not None and self.simulation.time - self._steered_at > LOST_AFTER_S:
             self._steered_at = None
-            self.simulation.command(released(self.view.vehicle_kind))
-            self.tell("manual control lost", "warning")
+            self.simulation.command(self.sticks.released())
+            self.announce("manual control lost", "warning")
 
-    # --- its own parameters -------------------------------------------------------------------------
+    # --- parameters ---------------------------------------------------------------------------------
 
     def _own_parameters(self) -> Iterator[Parameter]:
-        view, simulation, scale = self.view, self.simulation, self.scale
+        view, simulation = self.view, self.simulation
 
         def pause(value: float) -> None:
             self.set_paused(value != 0.0)
@@ -173,47 +165,25 @@ class Vehicle:
             view.undulation = value
 
         yield Parameter(
-            "SIM_SPEED", "Simulated seconds a second; 0: as fast as possible", "", NOW, 0.0, MAX_SPEED,
+            "SIM_SPEED", "Simulated seconds per second; 0: as fast as possible", "", NOW, 0.0, MAX_SPEED,
             lambda: self.speed, self.set_speed,
         )  # fmt: skip
-        yield Parameter("SIM_PAUSE", "1: the simulation stands still", "", NOW, 0.0, 1.0, lambda: float(self.paused), pause)
+        yield Parameter("SIM_PAUSE", "1: the simulation is paused", "", NOW, 0.0, 1.0, lambda: float(self.paused), pause)
         if simulation.has_gnss:
             yield Parameter(
-                "SIM_GNSS", "0: the receiver is cut off", "", NOW, 0.0, 1.0, lambda: float(simulation.gnss_on), gnss
+                "SIM_GNSS", "0: the GNSS receiver is off", "", NOW, 0.0, 1.0, lambda: float(simulation.gnss_on), gnss
             )
         yield Parameter(
-            "SIM_UNDULATION", "Height of the geoid over the ellipsoid", "m", NOW, -120.0, 120.0,
+            "SIM_UNDULATION", "Height of the geoid above the ellipsoid", "m", NOW, -120.0, 120.0,
             lambda: view.undulation, undulation,
         )  # fmt: skip
-        yield Parameter("SIM_RATE", "Inertial samples a second", "Hz", NEVER, 1.0, 1e4, lambda: 1.0 / simulation.interval)
-        yield Parameter("SIM_SEED", "Seed", "", NEVER, 0.0, 2.0**53, lambda: float(simulation.plant.seed))
-        used = {
-            "speed": "speed",
-            "turn_rate": "turn_deg_s",
-            "yaw_rate": "turn_deg_s",
-            "bank": "bank_deg",
-            "climb_rate": "climb",
-        }
-        shown = {
-            "speed": ("MAN_SPEED", "Speed", "m/s", 340.0), "turn_deg_s": ("MAN_TURN", "Turn rate", "deg/s", 90.0),
-            "bank_deg": ("MAN_BANK", "Bank", "deg", 60.0), "climb": ("MAN_CLIMB", "Climb rate", "m/s", 100.0),
-        }  # fmt: skip
-        for attribute in dict.fromkeys(used[name] for name in simulation.commands if name in used):
-            name, what, unit, most = shown[attribute]
-
-            def read(attribute: str = attribute) -> float:
-                return float(getattr(scale, attribute))
-
-            def write(value: float, attribute: str = attribute) -> None:
-                setattr(scale, attribute, value)
-
-            yield Parameter(name, f"{what} at full deflection of MANUAL_CONTROL", unit, NOW, 0.0, most, read, write)
+        yield Parameter("SIM_RATE", "Inertial sample rate", "Hz", NEVER, 1.0, 1e4, lambda: 1.0 / simulation.interval)
+        yield Parameter("SIM_SEED", "Seed of the run", "", NEVER, 0.0, 2.0**53, lambda: float(simulation.plant.seed))
+        yield from self.sticks.parameters()
 
 
 def checked_speed(speed: float) -> float:
-    """A speed of the simulation.  Raises `InputError`."""
+    """Check a speed of the simulation.  Raises `InputError`."""
     if not 0.0 <= speed <= MAX_SPEED:
-        raise InputError(
-            f"speed = {speed:g}: allowed is from 0 (as fast as possible) to {MAX_SPEED:g} simulated seconds a second"
-        )
+        raise InputError(f"speed = {speed:g}: allowed is 0 (as fast as possible) to {MAX_SPEED:g} simulated seconds per second")
     return float(speed)

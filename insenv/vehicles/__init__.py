@@ -1,4 +1,4 @@
-"""Vehicles: laws of motion, and the truth made of them."""
+"""Vehicles: laws of motion, the truth made of them, and the section [vehicle] of each kind."""
 
 from insenv.vehicles.aircraft import aircraft
 from insenv.vehicles.aircraft_section import AircraftSection
@@ -8,6 +8,7 @@ from insenv.vehicles.routes import car_route, flight_plan, ship_course, survey_p
 from insenv.vehicles.section import StartSection, VehicleSection
 from insenv.vehicles.ship import regular_sway, ship
 from insenv.vehicles.ship_section import ShipSection
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import TRUTH_PARAMETERS, TRUTH_STATE, Vehicle, truth_instant, truth_part
 from insenv.vehicles.waves import Hull, irregular_sea
 
@@ -19,8 +20,10 @@ __all__ = [
     "Hull",
     "ShipSection",
     "StartSection",
+    "StickCommand",
     "Vehicle",
     "VehicleSection",
+    "VehicleTraits",
     "aircraft",
     "car",
     "car_route",

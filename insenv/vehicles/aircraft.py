@@ -23,6 +23,7 @@ from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script
 from insenv.vehicles.tracker import Tracker, along_all, derivative_all
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import SineCosine, Vehicle
 
 STANDARD_GRAVITY = 9.80665
@@ -36,6 +37,16 @@ SCRIPT = Script((
     Row("bank", "Bank of the turn, right wing down; on the ground its turn is steered", "rad", lower=-1.2, upper=1.2),
     Row("climb_rate", "Rate of climb, in the air", "m/s", lower=-100.0, upper=100.0),
 ))  # fmt: skip
+
+AIRCRAFT_TRAITS = VehicleTraits(
+    mavlink_type=1,  # MAV_TYPE_FIXED_WING
+    airspeed=True,
+    sticks=(
+        StickCommand("speed", "SPEED", "Speed", ("z",), 80.0, 340.0, "m/s", one_sided=True, released=None),
+        StickCommand("bank", "BANK", "Bank", ("y",), 30.0, 60.0, "deg"),
+        StickCommand("climb_rate", "CLIMB", "Climb rate", ("x",), 5.0, 100.0, "m/s", sign=-1.0),
+    ),
+)
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Horizontal speed over ground", "m/s")
 BANK = Tracker(("bank", "bank_rate", "bank_second"), "Bank of the turn", "rad")

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from math import radians
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Strict
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
 from insenv.files.values import PerAxis, within
-from insenv.vehicles.aircraft import aircraft
+from insenv.vehicles.aircraft import AIRCRAFT_TRAITS, aircraft
 from insenv.vehicles.routes import flight_plan, survey_pattern
 from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, dumped, engine_rows, in_legs
+from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
 
@@ -42,6 +43,8 @@ class AircraftLeg(Section):
 
 class AircraftSection(VehicleSection):
     """An aircraft: parked as long as its legs only wait; otherwise on the move."""
+
+    traits: ClassVar[VehicleTraits] = AIRCRAFT_TRAITS
 
     kind: Literal["aircraft"] = key(..., "what kind of vehicle")
     engine: Engine = key((), "the engine's vibration")

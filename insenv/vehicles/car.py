@@ -22,6 +22,7 @@ from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors
 from insenv.vehicles.script import Script
 from insenv.vehicles.tracker import Tracker, along_all, derivative_all
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import SineCosine, Vehicle
 
 SCRIPT = Script((
@@ -34,6 +35,15 @@ SCRIPT = Script((
     Row("load_pitch", "Pitch by load", "rad", lower=-0.2, upper=0.2),
     Row("load_down", "Sinking by load", "m", lower=-0.2, upper=0.2),
 ))  # fmt: skip
+
+CAR_TRAITS = VehicleTraits(
+    mavlink_type=10,  # MAV_TYPE_GROUND_ROVER
+    airspeed=False,
+    sticks=(
+        StickCommand("speed", "SPEED", "Speed", ("z",), 15.0, 340.0, "m/s", one_sided=True),
+        StickCommand("yaw_rate", "TURN", "Turn rate", ("r", "y"), 20.0, 90.0, "deg/s"),
+    ),
+)
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed over ground", "m/s")
 _CURVATURE = Tracker(("curvature", "curvature_rate", "curvature_second"), "Curvature of the path, positive to the right", "1/m")

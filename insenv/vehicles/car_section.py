@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import radians
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from insenv.files.toml import Number, Section, key
-from insenv.vehicles.car import car
+from insenv.vehicles.car import CAR_TRAITS, car
 from insenv.vehicles.routes import car_route
 from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, dumped, engine_rows, in_legs
+from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
 
@@ -41,6 +42,8 @@ class CarLeg(Section):
 
 class CarSection(VehicleSection):
     """A car: parked as long as its legs only wait; otherwise driving."""
+
+    traits: ClassVar[VehicleTraits] = CAR_TRAITS
 
     kind: Literal["car"] = key(..., "what kind of vehicle")
     engine: Engine = key((), "the engine's vibration")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import pi, radians
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
+from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
 MAX_WAVES = 16
@@ -33,6 +34,9 @@ class VehicleSection(Section):
     A subclass declares ``kind: Literal["name"]`` and its other keys, and is the whole of what insenv knows of the kind.
     `insenv.register`, or the entry-point group ``insenv.vehicles``, makes it known.
     """
+
+    traits: ClassVar[VehicleTraits] = VehicleTraits()
+    """What other tools need to know of it."""
 
     kind: str
 

@@ -21,6 +21,7 @@ from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors, total, total_rate
 from insenv.vehicles.script import Script
 from insenv.vehicles.tracker import Tracker, along_all, derivative_all
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import SineCosine, Vehicle
 
 ANGLES = ("roll", "pitch", "yaw")
@@ -32,6 +33,14 @@ SCRIPT = Script((
     Row("speed", "Speed through the Earth along the way's heading", "m/s", lower=0.0, upper=60.0),
     Row("turn_rate", "Rate of the way's heading", "rad/s", lower=-0.5, upper=0.5),
 ))  # fmt: skip
+SHIP_TRAITS = VehicleTraits(
+    mavlink_type=11,  # MAV_TYPE_SURFACE_BOAT
+    airspeed=False,
+    sticks=(
+        StickCommand("speed", "SPEED", "Speed", ("z",), 10.0, 340.0, "m/s", one_sided=True),
+        StickCommand("turn_rate", "TURN", "Turn rate", ("r", "y"), 3.0, 90.0, "deg/s"),
+    ),
+)
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed along the way's heading", "m/s")
 _TURN = Tracker(("turn_rate", "turn_rate_rate", "turn_rate_second"), "Rate of the way's heading", "rad/s")
 

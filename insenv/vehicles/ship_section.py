@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import radians
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Strict, model_validator
 
 from insenv.files.toml import Number, Section, key
 from insenv.vehicles.routes import ship_course
 from insenv.vehicles.section import MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, in_legs
-from insenv.vehicles.ship import regular_sway, ship
+from insenv.vehicles.ship import SHIP_TRAITS, regular_sway, ship
+from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 from insenv.vehicles.waves import Hull, irregular_sea
 
@@ -94,6 +95,8 @@ class ShipLeg(Section):
 
 class ShipSection(VehicleSection):
     """A ship: moored, or under way if it has legs or a start speed."""
+
+    traits: ClassVar[VehicleTraits] = SHIP_TRAITS
 
     kind: Literal["ship"] = key(..., "what kind of vehicle")
     sway: SwaySection | None = key(None, "regular sway; not together with sea")

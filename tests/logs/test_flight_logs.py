@@ -21,9 +21,8 @@ from insenv.errors import InputError
 from insenv.logs import GnssFixes, RecordedLog, load
 from insenv.logs.flight import keys
 from insenv.logs.flight.telemetry import TelemetryLog
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.frames import dialect
-from insenv.mavlink.wire.tlog import TlogWriter
+from insenv.mavlink import Vehicle
+from insenv.mavlink.wire import TlogWriter, dialect
 from insenv.runs.follower import Follower
 from insenv.runs.replay_columns import sample_columns
 from insenv.runs.replayed import replay

@@ -16,10 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from insenv.mavlink.stream import Stream
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.link import open_link
-from insenv.mavlink.wire.tlog import TlogWriter
+from insenv.mavlink import Stream, Vehicle
+from insenv.mavlink.wire import TlogWriter, open_link
 from insenv.scenario import load
 
 pytestmark = [
@@ -36,7 +34,7 @@ def resident_mb():
 
 COUNTING = """
 import socket, sys
-# a TCP client that keeps of each frame only that it came: prints the frames, and the sum of the numbers missed
+# a TCP client that counts frames: prints their number, and the number of missing sequence numbers
 peer = socket.create_connection(("127.0.0.1", int(sys.argv[1])))
 frames = skipped = 0
 last, kept = None, b""
@@ -66,7 +64,7 @@ def test_ten_minutes_at_full_speed_in_flat_memory_and_every_number_accounted_for
         for _ in range(10):
             stream.run(60.0)
             memory.append(resident_mb())
-        for _ in range(100):  # what waits for the client goes out
+        for _ in range(100):  # send what is pending for the client
             link.receive()
             time.sleep(0.01)
     received, skipped = map(int, client.communicate(timeout=60)[0].split())
@@ -89,7 +87,7 @@ def test_mavproxy_links_up_reads_all_parameters_and_lists_waypoints(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    # MAVProxy, in Python and with a default buffer, loses some of 375 messages/s on a busy machine: what autopilots want is off
+    # on a busy machine MAVProxy, with a default buffer, loses some of 375 messages/s: reduce the messages for autopilots
     rates = ("--rate", "HIL_SENSOR=0", "--rate", "HIGHRES_IMU=10")
     vehicle = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "stream", "car-city-drive", "--to", f"udpout:127.0.0.1:{port}", "--json", *rates],

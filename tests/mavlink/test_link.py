@@ -1,4 +1,4 @@
-"""The link: datagrams and streams, peers that come and go, and everything that may arrive without being MAVLink."""
+"""Links: datagrams and streams, peers that come and go, and invalid input of every kind."""
 
 from __future__ import annotations
 
@@ -15,31 +15,24 @@ from typing import Any
 import pytest
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.address import parse_address
+from insenv.mavlink.wire import Link, Statistics, dialect, open_link, parse_address
 from insenv.mavlink.wire.datagrams import EXPIRY_S, LARGEST, MOST_PEERS, MOST_STRANGERS
-from insenv.mavlink.wire.frames import LONGEST, dialect, split
-from insenv.mavlink.wire.link import MESSAGES_PER_CALL, Link, open_link
+from insenv.mavlink.wire.frames import LONGEST, split
+from insenv.mavlink.wire.link import MESSAGES_PER_CALL
 from insenv.mavlink.wire.peers import INBOX_BYTES, OUTBOX_BYTES
-from insenv.mavlink.wire.statistics import Statistics
 from insenv.mavlink.wire.streams import MOST_CLIENTS, STALLED_S
 
 m = dialect()
 
 
 class Clock:
-    """Seconds that pass when told."""
+    """A clock that the test advances."""
 
     def __init__(self) -> None:
         self.now = 100.0
 
     def __call__(self) -> float:
         return self.now
-
-
-@pytest.fixture
-def opened() -> Iterator[Callable[..., Link]]:
-    with ExitStack() as stack:
-        yield lambda *a, **k: stack.enter_context(open_link(*a, **k))
 
 
 @pytest.fixture
@@ -66,7 +59,7 @@ def frame_of(message: Any, sequence: int = 0, system: int = 255, component: int 
 
 
 def until(link: Link, enough: Callable[[list[Any]], bool], tries: int = 2000) -> list[Any]:
-    """What `link` receives until it is enough; loopback delivers at once, TCP a little later."""
+    """What `link` receives until `enough`; loopback delivers at once, TCP a little later."""
     got: list[Any] = []
     for _ in range(tries):
         got += link.receive()
@@ -119,19 +112,19 @@ def test_addresses(text: str, wanted: tuple[str, str, int]) -> None:
         "udpout:h:-1",
     ],
 )
-def test_wrong_addresses_say_what_is_allowed(text: str) -> None:
+def test_errors_of_wrong_addresses_name_what_is_allowed(text: str) -> None:
     with pytest.raises(InputError, match=r"address .*(must be|written in brackets)"):
         parse_address(text)
 
 
-def test_what_does_not_open_is_a_clear_error(opened: Callable[..., Link]) -> None:
+def test_links_that_cannot_be_opened_are_errors(opened: Callable[..., Link]) -> None:
     taken = opened("udpin:127.0.0.1:0")
     with pytest.raises(InputError, match=str(taken.address.port)):
         open_link(f"udpin:127.0.0.1:{taken.address.port}")
     with pytest.raises(InputError, match="host"):
         open_link("udpout:no.such.host.invalid:14550")
     with pytest.raises(InputError, match=r"192\.0\.2\.1"):
-        open_link("tcpin:192.0.2.1:5760")  # nobody's address
+        open_link("tcpin:192.0.2.1:5760")  # not an address of this machine
     with pytest.raises(InputError, match="system 0: allowed is 1 to 255"):
         open_link("udpin:127.0.0.1:0", system=0)
 
@@ -139,11 +132,11 @@ def test_what_does_not_open_is_a_clear_error(opened: Callable[..., Link]) -> Non
 # --- UDP -----------------------------------------------------------------------------------------
 
 
-def test_there_and_back_over_udp(opened: Callable[..., Link]) -> None:
+def test_udp_in_both_directions(opened: Callable[..., Link]) -> None:
     vehicle = opened("udpin:127.0.0.1:0")
     ground = opened(f"udpout:127.0.0.1:{vehicle.address.port}", system=255, component=190)
     assert vehicle.peers == () and len(ground.peers) == 1
-    vehicle.send(heartbeat())  # to nobody
+    vehicle.send(heartbeat())  # without a peer
     frame = ground.send(m.MAVLink_ping_message(7, 1, 0, 0))
     assert frame[0] == 0xFD and frame[4:7] == bytes((0, 255, 190))
     ((peer, ping),) = until(vehicle, bool)
@@ -156,7 +149,7 @@ def test_there_and_back_over_udp(opened: Callable[..., Link]) -> None:
     assert back[1].get_seq() == back[0].get_seq() + 1
 
 
-def test_each_peer_and_the_log_have_sequences_without_a_hole(opened: Callable[..., Link]) -> None:
+def test_each_peer_and_the_log_have_consecutive_sequence_numbers(opened: Callable[..., Link]) -> None:
     vehicle = opened("udpin:127.0.0.1:0")
     grounds = [opened(f"udpout:127.0.0.1:{vehicle.address.port}", system=250 + i) for i in range(3)]
     logged = []
@@ -181,7 +174,7 @@ def test_udpout_survives_a_client_that_comes_and_goes(opened: Callable[..., Link
     for _ in range(5):
         vehicle.send(heartbeat())
     first.close()
-    for _ in range(20):  # nobody there: the system reports that, and nothing else happens
+    for _ in range(20):  # the system reports that nobody listens, which has no effect
         vehicle.send(heartbeat())
         assert vehicle.receive() == []
     again = sockets()
@@ -191,7 +184,7 @@ def test_udpout_survives_a_client_that_comes_and_goes(opened: Callable[..., Link
     assert [decoded(again.recv(300))[0].get_seq() for _ in range(10)] == list(range(25, 35))
 
 
-def test_udpout_hears_nobody_but_its_peer(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
+def test_udpout_receives_from_its_peer_only(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
     ground = sockets()
     ground.bind(("127.0.0.1", 0))
     vehicle = opened(f"udpout:127.0.0.1:{ground.getsockname()[1]}")
@@ -218,7 +211,7 @@ def test_peers_expire_and_come_back(opened: Callable[..., Link]) -> None:
     assert len(vehicle.peers) == 1
 
 
-def test_peers_and_strangers_are_capped_and_those_who_are_there_stay(
+def test_numbers_of_peers_and_strangers_are_limited_and_present_peers_stay(
     opened: Callable[..., Link], sockets: Callable[..., Any]
 ) -> None:
     vehicle = opened("udpin:127.0.0.1:0")
@@ -226,7 +219,7 @@ def test_peers_and_strangers_are_capped_and_those_who_are_there_stay(
     clients = [sockets() for _ in range(MOST_PEERS + 3)]
     for client in clients:
         client.sendto(frame_of(heartbeat()), target)
-        until(vehicle, bool)  # all are heard
+        until(vehicle, bool)  # all are answered
     assert len(vehicle.peers) == MOST_PEERS and vehicle.statistics.refused_peers == 3
     there = vehicle.peers
     for _ in range(3 * MOST_STRANGERS):
@@ -238,7 +231,7 @@ def test_peers_and_strangers_are_capped_and_those_who_are_there_stay(
     assert until(vehicle, bool)[0][0] is there[0]
 
 
-def test_one_who_sends_garbage_gets_nothing(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
+def test_a_sender_of_invalid_bytes_gets_nothing(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
     vehicle = opened("udpin:127.0.0.1:0")
     stranger = sockets()
     broken = bytearray(frame_of(heartbeat()))
@@ -250,7 +243,7 @@ def test_one_who_sends_garbage_gets_nothing(opened: Callable[..., Link], sockets
     assert vehicle.statistics.wrong_checksum == 1
 
 
-def test_a_torn_datagram_spoils_neither_the_next_nor_another_peer(
+def test_a_truncated_datagram_affects_neither_the_next_nor_another_peer(
     opened: Callable[..., Link], sockets: Callable[..., Any]
 ) -> None:
     vehicle = opened("udpin:127.0.0.1:0")
@@ -276,7 +269,7 @@ def test_our_own_frames_are_not_commands(opened: Callable[..., Link], sockets: C
 # --- TCP -----------------------------------------------------------------------------------------
 
 
-def test_tcp_frames_torn_into_single_bytes(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
+def test_tcp_frames_split_into_single_bytes(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
     vehicle = opened("tcpin:127.0.0.1:0")
     client = sockets(socket.SOCK_STREAM)
     client.connect(("127.0.0.1", vehicle.address.port))
@@ -312,7 +305,7 @@ def test_tcp_clients_come_and_go(opened: Callable[..., Link], sockets: Callable[
         assert len(vehicle.peers) == 1
         vehicle.send(heartbeat())
         assert decoded(client.recv(300))[0].get_type() == "HEARTBEAT"
-        # a reset, not an orderly end
+        # a reset instead of an orderly close
         client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         client.close()
         for _ in range(500):
@@ -323,7 +316,7 @@ def test_tcp_clients_come_and_go(opened: Callable[..., Link], sockets: Callable[
         assert vehicle.peers == ()
 
 
-def test_tcp_clients_are_capped(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
+def test_the_number_of_tcp_clients_is_limited(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
     vehicle = opened("tcpin:127.0.0.1:0")
     for _ in range(MOST_CLIENTS + 2):
         sockets(socket.SOCK_STREAM).connect(("127.0.0.1", vehicle.address.port))
@@ -333,7 +326,7 @@ def test_tcp_clients_are_capped(opened: Callable[..., Link], sockets: Callable[.
     assert len(vehicle.peers) == MOST_CLIENTS and vehicle.statistics.refused_peers == 2
 
 
-def test_a_tcp_client_that_does_not_read_stalls_nobody(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
+def test_a_tcp_client_that_does_not_read_delays_no_other(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
     clock = Clock()
     vehicle = opened("tcpin:127.0.0.1:0", clock=clock)
     slow, good = sockets(socket.SOCK_STREAM), sockets(socket.SOCK_STREAM)
@@ -343,7 +336,7 @@ def test_a_tcp_client_that_does_not_read_stalls_nobody(opened: Callable[..., Lin
         until(vehicle, lambda got: True)
     until(vehicle, lambda got: len(vehicle.peers) == 2)
     slow_peer, good_peer = vehicle.peers
-    # text of one letter: frames of the greatest length
+    # no trailing zeros: a frame of the greatest length
     message = m.MAVLink_file_transfer_protocol_message(0, 0, 0, [65] * 251)
     good.setblocking(False)
     count, got = 0, bytearray()
@@ -358,7 +351,7 @@ def test_a_tcp_client_that_does_not_read_stalls_nobody(opened: Callable[..., Lin
                 break
         assert count < 60_000
     assert slow_peer.waiting <= OUTBOX_BYTES and good_peer.dropped == 0
-    # what the slow one reads later are whole frames: the dropped ones are missing, nothing is torn
+    # the slow client later reads whole frames: the dropped ones are missing, none is truncated
     clock.now += STALLED_S / 2
     read = bytearray()
     slow.settimeout(0.2)
@@ -376,7 +369,7 @@ def test_a_tcp_client_that_does_not_read_stalls_nobody(opened: Callable[..., Lin
     while len(got) < count * len(frames[0]):
         got += good.recv(1 << 16)
     assert len(split(bytes(got), check)[0]) == count == good_peer.sent and check.skipped_bytes == 0
-    # and one that has taken nothing for long is disconnected
+    # a client that reads nothing for long is disconnected
     while not slow_peer.dropped > 1000:
         vehicle.send(message)
     clock.now += 2 * STALLED_S
@@ -389,7 +382,7 @@ def test_a_tcp_client_that_does_not_read_stalls_nobody(opened: Callable[..., Lin
     assert vehicle.peers == (good_peer,)
 
 
-def test_tcpout_connects_again(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
+def test_tcpout_reconnects(opened: Callable[..., Link], sockets: Callable[..., Any]) -> None:
     clock = Clock()
     server = sockets(socket.SOCK_STREAM)
     server.bind(("127.0.0.1", 0))
@@ -445,7 +438,7 @@ def test_a_serial_line(opened: Callable[..., Link]) -> None:
         os.close(near)
 
 
-def test_a_device_that_is_not_there() -> None:
+def test_a_missing_device() -> None:
     pytest.importorskip("serial", reason="pyserial is not installed")
     with pytest.raises(InputError, match="does not open"):
         open_link("serial:/dev/no-such-device:57600")
@@ -457,11 +450,11 @@ def test_serial_without_pyserial(monkeypatch: pytest.MonkeyPatch) -> None:
         open_link("serial:/dev/ttyUSB0:57600")
 
 
-# --- what may arrive -----------------------------------------------------------------------------
+# --- invalid input and floods --------------------------------------------------------------------
 
 
 class Stream:
-    """A 200 Hz stream of numbered messages to a ground tool, tick by tick, and the tool's count of what came."""
+    """A 200 Hz stream of numbered messages to a ground tool, tick by tick, and the numbers that the tool received."""
 
     def __init__(self, opened: Callable[..., Link], kind: str) -> None:
         self.vehicle = opened(f"{kind}in:127.0.0.1:0")
@@ -501,16 +494,16 @@ def test_five_megabytes_of_random_bytes(kind: str, opened: Callable[..., Link], 
             total += attacker.send(piece)
         heard += sum(peer.system != 255 for peer, _ in stream.tick())
     assert stream.complete()
-    assert stream.vehicle.statistics.received_bytes > 4_000_000  # all arrived, but what the system's buffer had no room for
+    assert stream.vehicle.statistics.received_bytes > 4_000_000  # the rest did not fit the system's buffer
     assert heard == 0
 
 
 def every_message() -> list[tuple[str, bytes]]:
-    """One frame of every message of the dialect, its fields drawn."""
+    """One frame of every message of the dialect, with random fields."""
     draw = random.Random(2)
     frames = []
     for number, kind in sorted(m.mavlink_map.items()):
-        payload = draw.randbytes(kind.unpacker.size - 1) + b"\x01"  # zeros at the end would not be sent
+        payload = draw.randbytes(kind.unpacker.size - 1) + b"\x01"  # trailing zeros would not be sent
         body = bytes((0xFD, len(payload), 0, 0, 7, 255, 190)) + number.to_bytes(3, "little") + payload
         checksum = m.x25crc(body[1:] + bytes((kind.crc_extra,))).crc
         frames.append((kind.msgname, body + checksum.to_bytes(2, "little")))
@@ -537,14 +530,14 @@ def test_every_message_whole_and_truncated_at_every_length(opened: Callable[...,
     assert vehicle.statistics.undecodable == 0
 
 
-def test_a_wrong_byte_anywhere_is_seen() -> None:
+def test_a_wrong_byte_anywhere_is_detected() -> None:
     counts = Statistics()
     for _, frame in every_message()[::7]:
         for at in range(len(frame)):
             broken = bytearray(frame)
             broken[at] ^= 0x40
             found, _ = split(bytes(broken), counts)
-            # a frame inside another's payload would need 24 bits to fall right
+            # a valid frame inside another's payload would need 24 matching bits
             assert found == []
         assert split(frame, counts) == ([frame], len(frame))
 
@@ -556,16 +549,16 @@ def test_oversized_and_unknown(opened: Callable[..., Link], sockets: Callable[..
     good = frame_of(heartbeat())
     client.send(good * (LARGEST // len(good) + 1))
     newer = bytearray(good)
-    newer[2] = 0x02  # an incompatible flag of a later protocol
+    newer[2] = 0x02  # an unknown incompatibility flag
     client.send(bytes(newer))
-    client.send(bytes((0xFD, 0, 0, 0, 0, 1, 1, 0xFF, 0xFF, 0x7F, 0, 0)))  # a message nobody knows
+    client.send(bytes((0xFD, 0, 0, 0, 0, 1, 1, 0xFF, 0xFF, 0x7F, 0, 0)))  # an unknown message
     client.send(good)
     assert len(until(vehicle, bool)) == 1
     assert vehicle.statistics.oversized == 1 and vehicle.statistics.unknown >= 2
 
 
 def test_work_on_malicious_bytes_is_bounded() -> None:
-    # heads of frames of a known message at every other byte, none of them right
+    # headers of a known message without a valid frame
     hostile = bytes((0xFD, 9, 0, 0, 0, 1, 1, 0, 0, 0)) * 400
     counts = Statistics()
     assert split(hostile, counts) == ([], len(hostile))
@@ -592,7 +585,7 @@ def _flood(opened: Callable[..., Link], sockets: Callable[..., Any], seconds: fl
     assert flooded == 10_000 * seconds
     for _ in range(100):
         answered += sum(message.get_srcSystem() == 255 for _, message in stream.vehicle.receive())
-    # the stream is whole, and the ground tool was heard through it all
+    # the stream is complete, and all messages of the ground tool were received
     assert stream.complete() and stream.sent == ticks
     assert answered == asked
     assert all(peer.stored <= INBOX_BYTES for peer in stream.vehicle._peers)  # type: ignore[attr-defined]

@@ -1,10 +1,11 @@
-"""Lockstep: the two protocols against small stand-ins that speak as the autopilots are recorded to.
+"""Lockstep: the two protocols against small stand-ins that follow the autopilots' documented behaviour.
 
 PX4 and ArduPilot themselves are not run here.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import socket
@@ -12,19 +13,17 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from insenv.errors import InputError
-from insenv.mavlink.lockstep.ardupilot import SILENT_S, ArduPilotLockstep, answer, unpack
-from insenv.mavlink.lockstep.lockstep import Controls
-from insenv.mavlink.lockstep.motion import VehicleMotion, steering
-from insenv.mavlink.lockstep.px4 import Px4Lockstep, px4_rates
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.frames import dialect
-from insenv.mavlink.wire.link import open_link
+from insenv.mavlink import Vehicle
+from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_rates, steering
+from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
+from insenv.mavlink.wire import dialect, open_link
 from insenv.scenario import load
 
 m = dialect()
@@ -32,7 +31,7 @@ INTERVAL = 0.005
 
 
 class Sensors:
-    """A simulation of nothing but its clock."""
+    """A simulation of the clock only."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -49,8 +48,9 @@ def sensor(sample: int) -> Any:
 
 
 class Px4StandIn(threading.Thread):
-    """Connects, sends HEARTBEAT, reads HIL_SENSOR and says nothing for its first `silent` of them; from then on it answers
-    each with outputs of its time.  Leaves after `last` (None: when the simulator does).  skip: sensors it does not answer.
+    """Connects, sends HEARTBEAT, reads HIL_SENSOR and answers each with outputs at its time.
+
+    It does not answer the first `silent` sensors nor those of `skip`, and disconnects after `last` (None: never).
     """
 
     def __init__(
@@ -101,16 +101,16 @@ class Px4StandIn(threading.Thread):
 # --- PX4 -----------------------------------------------------------------------------------------
 
 
-def test_px4_starts_silent_and_then_keeps_step() -> None:
+def test_px4_starts_silent_and_then_runs_in_lockstep() -> None:
     sensors, taken = Sensors(), []
     with Px4Lockstep(sensors, INTERVAL, taken.append, address="tcpin:127.0.0.1:0") as simulator:
         px4 = Px4StandIn(simulator.link.address.port, silent=20)
         progress = simulator.run(steps=1000)
         assert progress.steps == sensors.samples == 1000
     px4.done()
-    # not one sensor message lost, doubled or out of order
+    # no sensor message is lost, repeated or out of order
     assert px4.times == [round(i * INTERVAL * 1e6) for i in range(1, 1001)]
-    # the first steps did not wait; since the first answer each step had its own
+    # the first steps do not wait; from the first answer on each step has its own
     assert progress.unanswered == 0 and progress.answers == 980 and progress.connections == 1
     assert [round(controls.time * 1e6) for controls in taken] == px4.answered
     assert [round(controls.values[0] * 1e4) for controls in taken] == list(range(21, 1001))
@@ -118,8 +118,8 @@ def test_px4_starts_silent_and_then_keeps_step() -> None:
     assert [controls.armed for controls in taken[:3]] == [True, False, True]
 
 
-def test_px4_outputs_go_into_the_step_that_follows() -> None:
-    """Closed loop: the plant integrates the output, so that one stale or missing output would show."""
+def test_px4_outputs_act_in_the_next_step() -> None:
+    """Closed loop: the plant integrates the output, so that a single stale or missing output is detected."""
     value, outputs, seen = 0.0, [0.0], []
     samples = 0
 
@@ -138,7 +138,7 @@ def test_px4_outputs_go_into_the_step_that_follows() -> None:
     np.testing.assert_array_equal(seen, np.concatenate([[0.0], np.cumsum(sent)]))
 
 
-def test_px4_one_lost_answer_stops_nobody_and_shifts_nothing() -> None:
+def test_a_lost_answer_of_px4_neither_stops_nor_shifts_anything() -> None:
     with Px4Lockstep(Sensors(), INTERVAL, address="tcpin:127.0.0.1:0", patience=0.05) as simulator:
         px4 = Px4StandIn(simulator.link.address.port, silent=3, skip=frozenset({100, 101, 200}))
         progress = simulator.run(steps=300)
@@ -146,7 +146,7 @@ def test_px4_one_lost_answer_stops_nobody_and_shifts_nothing() -> None:
     assert progress.steps == 300 and progress.unanswered == 3 and progress.answers == 297 - 3
 
 
-def test_px4_that_does_not_keep_step_is_not_waited_for() -> None:
+def test_px4_without_lockstep_is_not_waited_for() -> None:
     now = [0.0]
 
     def sleep(seconds: float) -> None:
@@ -158,11 +158,11 @@ def test_px4_that_does_not_keep_step_is_not_waited_for() -> None:
         assert not simulator.in_step
     px4.done()
     assert progress.steps == 200 and progress.unanswered == 0
-    # at the pace of the clock: 200 steps of 5 ms
+    # at the pace of the wall clock: 200 steps of 5 ms
     assert now[0] == pytest.approx(199 * INTERVAL, abs=2 * INTERVAL)
 
 
-def test_px4_goes_and_comes_back() -> None:
+def test_px4_disconnects_and_reconnects() -> None:
     sensors = Sensors()
     with Px4Lockstep(sensors, INTERVAL, address="tcpin:127.0.0.1:0", patience=5.0) as simulator:
         port = simulator.link.address.port
@@ -178,12 +178,12 @@ def test_px4_goes_and_comes_back() -> None:
         assert progress.connections == 2
     second[0].done()
     assert first.times == [round(i * INTERVAL * 1e6) for i in range(1, 51)]
-    # nobody is told of a time twice, and while nobody listens it stands still
+    # no time is sent twice, and the simulation stands still while PX4 is not connected
     assert second[0].times[0] > first.times[-1] and second[0].times[0] <= round(53 * INTERVAL * 1e6)
     assert second[0].times[-1] == round(200 * INTERVAL * 1e6)
 
 
-def test_px4_nobody_there() -> None:
+def test_px4_not_connected() -> None:
     sensors = Sensors()
     asked = iter(range(5))
     with Px4Lockstep(sensors, INTERVAL, address="tcpin:127.0.0.1:0") as simulator:
@@ -194,7 +194,7 @@ def test_px4_nobody_there() -> None:
 
 
 def test_px4_gets_the_vehicle(vehicle: Callable[..., Vehicle]) -> None:
-    """What reaches PX4 of a simulated car: complete sensors at each sample, and every fix once."""
+    """PX4 receives complete sensors at each sample, and every fix once."""
     car = vehicle(px4_rates(200.0))
     with Px4Lockstep(car.step, car.simulation.interval, address="tcpin:127.0.0.1:0") as simulator:
         got: list[Any] = []
@@ -227,24 +227,20 @@ def test_px4_gets_the_vehicle(vehicle: Callable[..., Vehicle]) -> None:
 # --- ArduPilot -----------------------------------------------------------------------------------
 
 
-class Still:
-    """Stands on the origin, and counts."""
+STILL = Motion(
+    time=0.0,
+    rate_ib_b=np.array([0.1, -0.2, 0.3]),
+    specific_force_b=np.array([0.0, 0.0, -9.80665]),
+    position_n=np.array([1.0, 2.0, -3.0]),
+    velocity_n=np.array([0.5, 0.0, 0.25]),
+    q_nb=np.array([1.0, 0.0, 0.0, 0.0]),
+)
 
-    def __init__(self) -> None:
-        self.samples = 0
 
-    def step(self) -> None:
-        self.samples += 1
-
-    @property
-    def time(self) -> float:
-        return self.samples * INTERVAL
-
-    rate_ib_b = np.array([0.1, -0.2, 0.3])
-    specific_force_b = np.array([0.0, 0.0, -9.80665])
-    position_n = np.array([1.0, 2.0, -3.0])
-    velocity_n = np.array([0.5, 0.0, 0.25])
-    q_nb = np.array([1.0, 0.0, 0.0, 0.0])
+def still() -> Callable[[], Motion]:
+    """A vehicle at rest whose clock advances."""
+    samples = itertools.count(1)
+    return lambda: replace(STILL, time=next(samples) * INTERVAL)
 
 
 def servo_frame(number: int, pulses: list[int], rate: int = 400) -> bytes:
@@ -291,12 +287,12 @@ def autopilot() -> Iterator[Callable[[], socket.socket]]:
 def exchange(link: socket.socket, place: tuple[str, int], frame: bytes) -> dict[str, Any]:
     link.sendto(frame, place)
     line = link.recv(4096)
-    assert line.startswith(b"\n") and line.endswith(b"\n") and line.count(b"\n") == 2  # as the protocol asks
+    assert line.startswith(b"\n") and line.endswith(b"\n") and line.count(b"\n") == 2  # as the protocol requires
     return json.loads(line)
 
 
-def test_ardupilot_one_answer_a_frame(autopilot: Callable[[], socket.socket]) -> None:
-    motion, taken = Still(), []
+def test_ardupilot_gets_one_answer_per_frame(autopilot: Callable[[], socket.socket]) -> None:
+    motion, taken = still(), []
     with ArduPilotLockstep(motion, taken.append, address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
         link = autopilot()
         for number in range(500):
@@ -318,8 +314,8 @@ def test_ardupilot_one_answer_a_frame(autopilot: Callable[[], socket.socket]) ->
     assert (progress.repeated, progress.missed, progress.refused) == (0, 0, 0)
 
 
-def test_ardupilot_frames_again_lost_and_a_new_start(autopilot: Callable[[], socket.socket]) -> None:
-    motion = Still()
+def test_ardupilot_repeated_and_lost_frames_and_a_restart(autopilot: Callable[[], socket.socket]) -> None:
+    motion = still()
     with ArduPilotLockstep(motion, address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
         link = autopilot()
         times = [exchange(link, place, servo_frame(n, [1500] * 16))["timestamp"] for n in (7, 8, 8, 8, 9, 13, 0, 1)]
@@ -328,9 +324,9 @@ def test_ardupilot_frames_again_lost_and_a_new_start(autopilot: Callable[[], soc
     assert (progress.steps, progress.repeated, progress.missed, progress.connections) == (6, 2, 3, 2)
 
 
-def test_ardupilot_garbage_and_strangers(autopilot: Callable[[], socket.socket]) -> None:
+def test_ardupilot_invalid_frames_and_strangers(autopilot: Callable[[], socket.socket]) -> None:
     now = [0.0]
-    motion = Still()
+    motion = still()
     good = servo_frame(1, [1500] * 16)
     with (
         ArduPilotLockstep(motion, address="udpin:127.0.0.1:0", clock=lambda: now[0]) as simulator,
@@ -344,24 +340,23 @@ def test_ardupilot_garbage_and_strangers(autopilot: Callable[[], socket.socket])
         stranger.sendto(servo_frame(2, [2000] * 16), place)
         exchange(link, place, servo_frame(2, [1500] * 16))
         assert simulator.progress.steps == 2 and simulator.progress.refused == 8
-        now[0] += SILENT_S + 1  # gone: the other takes its place
+        now[0] += SILENT_S + 1  # silent: another takes its place
         assert exchange(stranger, place, servo_frame(5, [1500] * 16))["timestamp"] == pytest.approx(3 * INTERVAL)
         assert simulator.progress.connections == 2
 
 
-def test_ardupilot_is_told_numbers_only() -> None:
-    motion = Still()
-    motion.position_n = np.array([math.nan, 0.0, 0.0])
+def test_ardupilot_gets_finite_numbers_only() -> None:
+    motion = replace(STILL, position_n=np.array([math.nan, 0.0, 0.0]))
     with pytest.raises(ValueError, match="Out of range"):
         answer(motion)
     with pytest.raises(InputError, match="udpin:HOST:PORT"):
-        ArduPilotLockstep(motion, address="tcpin:127.0.0.1:9002")
+        ArduPilotLockstep(still(), address="tcpin:127.0.0.1:9002")
 
 
 def test_ardupilot_gets_the_vehicle(vehicle: Callable[..., Vehicle], autopilot: Callable[[], socket.socket]) -> None:
     car = vehicle(dict.fromkeys(px4_rates(200.0), 0.0))
     truth = car.simulation.truth
-    with ArduPilotLockstep(VehicleMotion(car), address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
+    with ArduPilotLockstep(moving(car), address="udpin:127.0.0.1:0") as simulator, running(simulator) as place:
         link = autopilot()
         states = [exchange(link, place, servo_frame(n, [1500] * 16)) for n in range(200)]
         last = states[-1]
@@ -386,8 +381,8 @@ def test_outputs_steer_a_vehicle_that_can_be_steered(vehicle: Callable[..., Vehi
         act(Controls(car.simulation.time, values, armed=True))
         car.step()
     state = car.simulation.state
-    assert state("commanded_speed") == pytest.approx(0.6 * car.scale.speed)
-    assert state("commanded_yaw_rate") == pytest.approx(math.radians(0.5 * car.scale.turn_deg_s))
+    assert state("commanded_speed") == pytest.approx(0.6 * car.sticks.full_scale["SPEED"])
+    assert state("commanded_yaw_rate") == pytest.approx(math.radians(0.5 * car.sticks.full_scale["TURN"]))
     act(Controls(0.0, (0.0, 0.0, 0.1, *[0.0] * 13), armed=False))  # not armed: not followed
     car.step()
-    assert state("commanded_speed") == pytest.approx(0.6 * car.scale.speed)
+    assert state("commanded_speed") == pytest.approx(0.6 * car.sticks.full_scale["SPEED"])

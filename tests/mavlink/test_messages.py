@@ -1,4 +1,4 @@
-"""MAVLink messages: fields that round, saturate and count; what is said equals the simulation's; rates."""
+"""MAVLink messages: rounding, saturation and counts of fields; agreement with the simulation; rates."""
 
 from math import degrees, inf, nan
 
@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from insenv import attitude, geodesy
 from insenv.errors import InputError
-from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX, Fields
-from insenv.mavlink.messages.schedule import DEFAULT_HZ, STREAMS, Schedule, parse_rates
+from insenv.mavlink import Vehicle
+from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
+from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
+from insenv.mavlink.messages.schedule import STREAMS
 from insenv.mavlink.surroundings import AirSensors, Surroundings
-from insenv.mavlink.vehicle import MESSAGES, Vehicle
 from insenv.scenario import load, parse
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
@@ -20,8 +21,8 @@ common = pytest.importorskip("pymavlink.dialects.v20.common")
 DEG = np.pi / 180
 
 
-def told(message):
-    """The message after a journey through its bytes: what a client reads."""
+def received(message):
+    """The message as a client reads it, decoded from its bytes."""
     sender, reader = common.MAVLink(None, 1, 1), common.MAVLink(None)
     return reader.decode(bytearray(message.pack(sender)))
 
@@ -34,13 +35,13 @@ def position(fields, **changed):
     return fields.message("GLOBAL_POSITION_INT", *values.values())
 
 
-def test_values_beyond_a_field_saturate_and_are_counted():
+def test_values_out_of_range_saturate_and_are_counted():
     fields = Fields()
-    message = told(position(fields, vx=33000.0, vy=-1e300, alt=inf, vz=32767.4, hdg=65535.0))
+    message = received(position(fields, vx=33000.0, vy=-1e300, alt=inf, vz=32767.4, hdg=65535.0))
     assert (message.vx, message.vy, message.alt, message.vz, message.hdg) == (32767, -32768, 2**31 - 1, 32767, 65534)
-    names = ("vx", "vy", "alt", "hdg")  # 32767.4 rounds into its field: not counted
+    names = ("vx", "vy", "alt", "hdg")  # 32767.4 rounds to a value in range: not counted
     assert fields.saturated == {f"GLOBAL_POSITION_INT.{name}": 1 for name in names}
-    message = told(fields.message("ATTITUDE", -1, 1e39, -inf, FLOAT32_MAX, 0, 0, 0))
+    message = received(fields.message("ATTITUDE", -1, 1e39, -inf, FLOAT32_MAX, 0, 0, 0))
     assert message.time_boot_ms == 0 and message.roll == -message.pitch == message.yaw == pytest.approx(FLOAT32_MAX)
     assert fields.saturated["ATTITUDE.roll"] == fields.saturated["ATTITUDE.pitch"] == 1 and not fields.refused
 
@@ -49,11 +50,11 @@ def test_nan_is_never_a_position():
     fields = Fields()
     for name in ("lat", "lon", "alt", "rel", "vx"):
         assert position(fields, **{name: nan}) is None
-    assert told(position(fields, hdg=nan)).hdg == 65535  # the field has a value for "not known"
+    assert received(position(fields, hdg=nan)).hdg == 65535  # the field has a value for "unknown"
     assert fields.message("LOCAL_POSITION_NED", 0, nan, 0, 0, 0, 0, 0) is None
     assert fields.message("ATTITUDE_QUATERNION", 0, 1, nan, 0, 0, 0, 0, 0, (0, 0, 0, 0)) is None
     odometry = [0, 1, 12, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), *[0.0] * 6, [nan] * 21, [nan] * 21, 0, 5, 0]
-    assert np.isnan(told(fields.message("ODOMETRY", *odometry)).pose_covariance[0])
+    assert np.isnan(received(fields.message("ODOMETRY", *odometry)).pose_covariance[0])
     odometry[3] = nan
     assert fields.message("ODOMETRY", *odometry) is None
     assert fields.refused["ODOMETRY.x"] == 1 and fields.refused.total() == 8
@@ -68,11 +69,11 @@ def test_any_number_makes_a_message_that_packs(a, b, c):
             [a] * make.array_lengths[order] if make.array_lengths[order] else (a, b, float(c))[place % 3]
             for place, order in enumerate(make.orders)
         ]
-        assert told(fields.message(name, *values)).get_type() == name
+        assert received(fields.message(name, *values)).get_type() == name
 
 
 def test_rounding_is_to_the_nearest():
-    message = told(position(Fields(), lat=0.5, lon=1.5, alt=-0.5, vx=-1.5, vy=2.49))
+    message = received(position(Fields(), lat=0.5, lon=1.5, alt=-0.5, vx=-1.5, vy=2.49))
     assert (message.lat, message.lon, message.alt, message.vx, message.vy) == (0, 2, 0, -2, 2)
 
 
@@ -106,12 +107,12 @@ def test_wrong_rates_are_refused(text):
     assert parse_rates(["attitude=5", "HIL_SENSOR=0"]) == {"ATTITUDE": 5.0, "HIL_SENSOR": 0.0}
 
 
-# --- what is said is what is -------------------------------------------------------------------------
+# --- agreement with the simulation -------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def driven():
-    """A car after 50 s, at 14 m/s or so, with fixes."""
+    """A car after 50 s, at about 14 m/s, with fixes."""
     vehicle = Vehicle(load("car-city-drive"), start_unix=1.8e9, rates=dict.fromkeys(DEFAULT_HZ, 0.0))
     for _ in range(10_000):
         vehicle.step()
@@ -119,12 +120,12 @@ def driven():
 
 
 def read(vehicle, name):
-    message = told(vehicle.make(name))
+    message = received(vehicle.make(name))
     assert message is not None
     return message
 
 
-def test_estimate_is_told_within_the_resolution_of_its_fields(driven):
+def test_estimate_is_sent_within_the_resolution_of_its_fields(driven):
     estimate, truth, home = driven.simulation.estimate, driven.simulation.truth, driven.view.home
     roll, pitch, heading = (float(angle) for angle in attitude.numeric.to_euler(estimate["q_nb"]))
     message = read(driven, "ATTITUDE")
@@ -174,7 +175,7 @@ def test_covariance_of_odometry(driven):
     np.testing.assert_allclose(np.diag(pose)[:3], estimate["position_sigma"] ** 2, rtol=1e-6)
     C_nb = attitude.numeric.to_dcm(estimate["q_nb"])
     np.testing.assert_allclose(motion[:3, :3], C_nb.T @ np.diag(estimate["velocity_sigma"] ** 2) @ C_nb, rtol=1e-5, atol=1e-12)
-    # of the angles: against differences of small rotations in n
+    # angles: against finite differences of small rotations in n
     angles = np.array(attitude.numeric.to_euler(estimate["q_nb"]))
     moved = np.empty((3, 3))
     for axis in range(3):
@@ -186,7 +187,7 @@ def test_covariance_of_odometry(driven):
     np.testing.assert_allclose(pose[3:, 3:], expected, rtol=1e-3, atol=1e-5 * expected.max())
 
 
-def test_truth_and_time_are_told(driven):
+def test_truth_and_time_are_sent(driven):
     truth, dt = driven.simulation.truth, driven.simulation.interval
     message = read(driven, "HIL_STATE_QUATERNION")
     np.testing.assert_allclose(message.attitude_quaternion, truth["q_nb"], rtol=0, atol=1e-7)
@@ -201,7 +202,7 @@ def test_truth_and_time_are_told(driven):
     assert abs(message.latitude - known.latitude * DEG_E7) <= 0.5 and message.altitude == round(known.height * 1e3)
 
 
-def test_sensors_are_told(driven):
+def test_sensor_measurements_are_sent(driven):
     fix = driven.simulation.fix
     message = read(driven, "GPS_RAW_INT")
     assert message.fix_type == 3 and message.time_usec == round(fix.time * 1e6) < 50_000_000
@@ -209,7 +210,7 @@ def test_sensors_are_told(driven):
     assert abs(message.vel - np.hypot(*fix.velocity_n[:2]) * 100) <= 0.5
     course = degrees(np.arctan2(fix.velocity_n[1], fix.velocity_n[0])) % 360
     assert abs(message.cog / 100 - course) <= 0.0051
-    assert (message.eph, message.satellites_visible) == (65535, 255)  # not simulated, and said so
+    assert (message.eph, message.satellites_visible) == (65535, 255)  # not simulated: sent as unknown
     assert message.h_acc == pytest.approx(np.hypot(*fix.position_sigma[:2]) / np.sqrt(2) * 1e3, abs=0.5)
     assert driven.make("HIL_GPS").eph == round(np.hypot(*fix.position_sigma[:2]) / np.sqrt(2) * 100)
     assert driven.make("HIL_GPS") is None  # each fix once
@@ -233,7 +234,7 @@ def test_imu_messages_lose_no_increment():
     assert before > 9.9
 
 
-def test_updated_bits_say_when_magnetometer_and_barometer_are_new():
+def test_updated_bits_mark_when_magnetometer_and_barometer_are_new():
     vehicle = Vehicle(load("car-city-drive"), rates={"HIL_SENSOR": 200.0})
     bits = [m.fields_updated for _ in range(400) for m in vehicle.step() if m.get_type() == "HIL_SENSOR"]
     assert len(bits) == 400
@@ -241,7 +242,7 @@ def test_updated_bits_say_when_magnetometer_and_barometer_are_new():
     assert sum(b & 0x1A00 == 0x1A00 for b in bits) == pytest.approx(2 * AirSensors().barometer_rate, abs=1)
 
 
-def test_undulation_moves_heights_over_the_sea_only():
+def test_undulation_changes_heights_above_sea_level_only():
     vehicle = Vehicle(load("car-city-drive"))
     for _ in range(400):
         vehicle.step()
@@ -262,19 +263,19 @@ def test_every_message_of_every_kind_of_scenario_packs():
         made = {kind: vehicle.make(kind) for kind in MESSAGES}
         without_gnss = {"GPS_RAW_INT", "HIL_GPS"} if name == "ship-swaying" else set()
         assert {kind for kind, message in made.items() if message is None} <= without_gnss | {"HIL_GPS"}
-        assert all(told(message).get_type() == kind for kind, message in made.items() if message is not None)
+        assert all(received(message).get_type() == kind for kind, message in made.items() if message is not None)
         expected = {"ship-swaying": 11, "car-city-drive": 10, "aircraft-survey": 1}[name]
         assert (made["HEARTBEAT"].type, made["HEARTBEAT"].autopilot) == (expected, 0)
         assert not vehicle.view.fields.saturated and not vehicle.view.fields.refused
 
 
-def test_an_alignment_tells_the_position_it_was_told_and_no_velocity():
+def test_an_alignment_sends_the_known_position_and_no_velocity():
     vehicle = Vehicle(load("ship-swaying"), rates=dict.fromkeys(DEFAULT_HZ, 0.0))
     for _ in range(20_000):
         vehicle.step()
     message, known = read(vehicle, "GLOBAL_POSITION_INT"), vehicle.simulation.plant.knowledge
     assert abs(message.lat - known.latitude * DEG_E7) <= 0.5 and (message.vx, message.vy, message.vz) == (0, 0, 0)
-    assert np.isnan(read(vehicle, "ODOMETRY").velocity_covariance[0])  # no velocity: none is known
+    assert np.isnan(read(vehicle, "ODOMETRY").velocity_covariance[0])  # there is no velocity
     error = attitude.numeric.error_rotation_vector(vehicle.simulation.estimate["q_nb"], vehicle.simulation.truth["q_nb"])
     assert np.all(np.abs(error) < 1 * DEG)
     flags = read(vehicle, "ESTIMATOR_STATUS").flags
@@ -285,7 +286,7 @@ def test_an_alignment_tells_the_position_it_was_told_and_no_velocity():
 
 
 def test_magnetic_field_is_that_of_the_world_magnetic_model():
-    """In n as the library gives it for this place and year, and turned into b; the library is tested against NOAA's values."""
+    """The library's field for this place and year, rotated into b; the library is tested against NOAA's values."""
     quiet = AirSensors(magnetic_noise=0.0, pressure_noise=0.0, dynamic_pressure_noise=0.0)
     place = {"q_nb": np.array([1.0, 0, 0, 0]), "velocity_n": np.zeros(3), "latitude": 89 * DEG, "longitude": -121 * DEG}
     air = Surroundings(1, 2025.0, quiet)

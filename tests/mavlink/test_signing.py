@@ -1,4 +1,4 @@
-"""Signing: pymavlink's own signatures are believed and ours by it, and every attack we know of is tried."""
+"""Signing: pymavlink and insenv accept each other's signatures, and every known attack is tried."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ import pytest
 from command_line import call, strict
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.frames import dialect, split
-from insenv.mavlink.wire.link import Link, open_link
-from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, FOLLOW_TICKS, TICKS_PER_S, Signing, Verdict, read_key
-from insenv.mavlink.wire.statistics import Statistics
+from insenv.mavlink.wire import Link, Signing, Statistics, dialect
+from insenv.mavlink.wire.frames import split
+from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, FOLLOW_TICKS, TICKS_PER_S, Verdict, read_key
 
 m = dialect()
 KEY = bytes(range(32))
@@ -84,7 +83,7 @@ def test_keys_are_read(tmp_path: Path, content: bytes) -> None:
 
 @pytest.mark.parametrize("content", [b"", KEY[:31], KEY + b"\n", KEY.hex().encode()[:63], b"z" * 64, KEY.hex().encode() * 2])
 def test_keys_of_a_wrong_length(tmp_path: Path, content: bytes) -> None:
-    with pytest.raises(InputError, match=f"{len(content)} bytes; must be 32 bytes, or 64 hex digits"):
+    with pytest.raises(InputError, match=f"{len(content)} bytes; must be 32 bytes or 64 hex digits"):
         read_key(key_in(tmp_path / "key", content))
 
 
@@ -93,7 +92,7 @@ def test_a_key_of_zeros_and_no_key(tmp_path: Path) -> None:
         read_key(key_in(tmp_path / "key", bytes(32)))
     with pytest.raises(InputError, match="file not found"):
         read_key(tmp_path / "none")
-    with pytest.raises(InputError, match=r"plain file|cannot be read"):
+    with pytest.raises(InputError, match=r"regular file|cannot be read"):
         read_key(tmp_path)
     with pytest.raises(InputError, match="5 bytes, must be 32"):
         Signing(b"short")
@@ -110,14 +109,14 @@ def test_keys_that_others_may_read_or_write(tmp_path: Path, mode: int) -> None:
 
 
 @POSIX
-def test_the_file_of_times_is_ours_alone(key_file: Path) -> None:
+def test_only_the_owner_can_read_the_file_of_times(key_file: Path) -> None:
     Signing.from_key_file(key_file)
     assert Path(f"{key_file}.times").stat().st_mode & 0o077 == 0
 
 
 @POSIX
 @pytest.mark.skipif(os.name == "posix" and os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written(key_file: Path) -> None:
+def test_an_unwritable_folder(key_file: Path) -> None:
     key_file.parent.chmod(0o500)
     try:
         with pytest.raises(InputError, match="cannot be written"):
@@ -129,7 +128,7 @@ def test_a_folder_that_cannot_be_written(key_file: Path) -> None:
 # --- with pymavlink ------------------------------------------------------------------------------
 
 
-def test_pymavlink_believes_us_and_we_believe_it(opened: Callable[..., Link]) -> None:
+def test_pymavlink_accepts_our_signatures_and_we_accept_its(opened: Callable[..., Link]) -> None:
     vehicle = opened("udpin:127.0.0.1:0", signing=Signing(KEY))
     ground = opened(f"udpout:127.0.0.1:{vehicle.address.port}", signing=Signing(KEY, link=3), system=255, component=190)
     their = m.MAVLink(None)
@@ -155,14 +154,6 @@ def received(link: Link) -> list[Any]:
     raise AssertionError(link.statistics)
 
 
-@pytest.fixture
-def opened() -> Any:
-    from contextlib import ExitStack
-
-    with ExitStack() as stack:
-        yield lambda *a, **k: stack.enter_context(open_link(*a, **k))
-
-
 # --- attacks -------------------------------------------------------------------------------------
 
 
@@ -179,8 +170,8 @@ def test_unsigned_and_wrongly_signed_commands() -> None:
     assert signing.verify(good) is Verdict.GOOD
 
 
-def test_a_signed_flag_taken_off() -> None:
-    """Cut the signature off and clear the flag: then the checksum is wrong, or with another checksum the frame unsigned."""
+def test_a_removed_signed_flag() -> None:
+    """Without signature and flag the checksum is wrong; with a corrected checksum the frame is unsigned."""
     good = Ground().frame()
     cut = bytearray(good[:-13])
     cut[2] = 0
@@ -201,11 +192,11 @@ def test_one_forged_frame_does_not_lock_the_genuine_sender_out() -> None:
     for _ in range(3):
         assert signing.verify(bytes(forged)) is Verdict.WRONGLY_SIGNED
     assert signing.verify(ground.at(NOW_S + 0.1)) is Verdict.GOOD
-    # and before the first genuine frame
+    # nor before the first genuine frame
     fresh = Signing(KEY, clock=Clock())
     assert fresh.verify(bytes(forged)) is Verdict.WRONGLY_SIGNED
     assert fresh.verify(Ground().frame()) is Verdict.GOOD
-    # pymavlink itself does lose the sender
+    # pymavlink itself does lock the sender out
     their = m.MAVLink(None)
     their.signing.secret_key = KEY
     their.signing.timestamp = ticks(NOW_S)
@@ -215,7 +206,7 @@ def test_one_forged_frame_does_not_lock_the_genuine_sender_out() -> None:
         their.decode(bytearray(Ground().frame()))
 
 
-def test_forged_frames_move_neither_our_time_nor_the_file(key_file: Path) -> None:
+def test_forged_frames_change_neither_our_time_nor_the_file(key_file: Path) -> None:
     clock = Clock()
     signing = Signing.from_key_file(key_file, clock=clock)
     marks = Path(f"{key_file}.times")
@@ -241,7 +232,7 @@ def test_replay() -> None:
     assert [signing.verify(frame) for frame in frames] == [Verdict.REPLAYED] * 5  # late ones too
     clock.now += 3600
     assert signing.verify(frames[4]) is Verdict.REPLAYED
-    assert signing.verify(Ground(at_s=NOW_S + 0.01).frame()) is Verdict.GOOD  # slow clocks of known senders do no harm
+    assert signing.verify(Ground(at_s=NOW_S + 0.01).frame()) is Verdict.GOOD  # slow clocks of known senders are allowed
 
 
 def test_other_streams_and_their_first_frames() -> None:
@@ -258,7 +249,7 @@ def test_other_streams_and_their_first_frames() -> None:
 
 
 def test_a_recorded_frame_of_another_stream_number_needs_the_key() -> None:
-    """Moving a recorded frame to a stream that we have not heard breaks its hash."""
+    """Moving a recorded frame to a new stream invalidates its hash."""
     signing = Signing(KEY, clock=Clock())
     good = Ground().frame()
     for at, value in ((5, 7), (6, 7), (len(good) - 13, 7)):
@@ -285,11 +276,11 @@ def test_a_sender_with_a_wrong_clock_locks_nobody_out() -> None:
     signing = Signing(KEY, clock=clock)
     century = Ground(at_s=NOW_S + 50 * 365 * 86400, system=254)
     assert signing.verify(century.frame()) is Verdict.GOOD  # it has the key
-    assert signing.verify(Ground().frame()) is Verdict.GOOD  # others are judged by our clock, not by its
+    assert signing.verify(Ground().frame()) is Verdict.GOOD  # others are judged by our clock
     assert int.from_bytes(signing.signed(unsigned())[-12:-6], "little") <= ticks(NOW_S) + FOLLOW_TICKS + 1
 
 
-def test_our_times_follow_the_clock_and_never_stand_still() -> None:
+def test_our_times_follow_the_clock_and_always_increase() -> None:
     clock = Clock()
     signing = Signing(KEY, clock=clock)
 
@@ -302,7 +293,7 @@ def test_our_times_follow_the_clock_and_never_stand_still() -> None:
     assert time_of() == ticks(NOW_S + 1)
     clock.now -= 1000  # set back
     assert time_of() == ticks(NOW_S + 1) + 1
-    # a ground tool ahead of us would not believe our first frame: we follow it
+    # a ground tool whose clock is ahead would reject our first frame: our times follow it
     assert signing.verify(Ground(at_s=NOW_S + 3600).frame()) is Verdict.GOOD
     assert time_of() == ticks(NOW_S + 3600) + 1
 
@@ -318,7 +309,7 @@ def test_streams_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("orderly", [True, False])
-def test_nothing_is_believed_twice_over_a_restart(key_file: Path, orderly: bool) -> None:
+def test_nothing_is_accepted_twice_across_a_restart(key_file: Path, orderly: bool) -> None:
     clock = Clock()
     ground = Ground()
     believed = []
@@ -329,7 +320,7 @@ def test_nothing_is_believed_twice_over_a_restart(key_file: Path, orderly: bool)
             clock.now += 0.07
             frame = ground.at(clock.now)
             verdict = signing.verify(frame)
-            # a sender that goes on through a crash waits for the mark, a second at most
+            # after a crash a sender that continues waits for the mark, one second at most
             assert verdict is Verdict.GOOD or (not orderly and start and step * 0.07 < AHEAD_TICKS / TICKS_PER_S)
             if verdict is Verdict.GOOD:
                 believed.append(frame)
@@ -338,7 +329,7 @@ def test_nothing_is_believed_twice_over_a_restart(key_file: Path, orderly: bool)
     assert len(believed) == 120 if orderly else len(believed) > 70
 
 
-def test_ours_are_not_signed_twice_with_a_time_though_the_clock_is_set_back(key_file: Path) -> None:
+def test_no_signing_time_is_used_twice_even_if_the_clock_is_set_back(key_file: Path) -> None:
     clock = Clock()
     times = []
     for _ in range(3):
@@ -358,11 +349,11 @@ def test_a_broken_file_of_times_is_refused(key_file: Path) -> None:
         "\xff",
     ):
         Path(f"{key_file}.times").write_text(text, encoding="latin-1")
-        with pytest.raises(InputError, match="not a file of signing times"):
+        with pytest.raises(InputError, match="not a valid file of signing times"):
             Signing.from_key_file(key_file)
 
 
-def test_what_cannot_be_stored_is_not_believed_but_ours_go_out(key_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_stored_marks_frames_are_rejected_but_ours_are_sent(key_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     signing = Signing.from_key_file(key_file, clock=clock)
 
@@ -382,7 +373,7 @@ def test_what_cannot_be_stored_is_not_believed_but_ours_go_out(key_file: Path, m
 # --- over a link ---------------------------------------------------------------------------------
 
 
-def test_a_signed_link_turns_everything_else_away_and_counts_it(opened: Callable[..., Link], key_file: Path) -> None:
+def test_a_signed_link_rejects_and_counts_everything_else(opened: Callable[..., Link], key_file: Path) -> None:
     import socket
 
     clock = Clock()
@@ -398,7 +389,7 @@ def test_a_signed_link_turns_everything_else_away_and_counts_it(opened: Callable
         attacker.sendto(frames[0], target)
         tool.sendto(frames[1], target)
         received(vehicle)
-        # who has no key gets no telemetry by asking; it would read it, though, where it can listen
+        # a sender without the key becomes no peer
         assert [peer.key for peer in vehicle.peers] == [("127.0.0.1", tool.getsockname()[1])]
     counts = vehicle.statistics
     assert (counts.unsigned, counts.wrongly_signed, counts.stale, counts.replayed) == (1, 1, 1, 1)
@@ -406,7 +397,7 @@ def test_a_signed_link_turns_everything_else_away_and_counts_it(opened: Callable
 
 
 def test_the_stream_signs(key_file: Path, tmp_path: Path) -> None:
-    """`insenv stream` with a key: a tool with the same key believes all of it, one with another nothing."""
+    """`insenv stream` with a key: a tool with the same key accepts everything, one with another key nothing."""
     import socket
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as tool:

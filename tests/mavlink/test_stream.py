@@ -1,4 +1,4 @@
-"""The stream on a real link: the command line, its log, a receiver that counts, a real client."""
+"""The stream on a real link: the command line, its log, a counting receiver, a real client."""
 
 import io
 import json
@@ -20,11 +20,9 @@ import pytest
 from command_line import ROOT, call, refused, strict
 
 from insenv import attitude, geodesy
-from insenv.mavlink.messages.schedule import DEFAULT_HZ
-from insenv.mavlink.stream import Stream
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.link import open_link
-from insenv.mavlink.wire.signing import Signing
+from insenv.mavlink import Stream, Vehicle
+from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.wire import Signing, open_link
 from insenv.scenario import load
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
@@ -34,7 +32,7 @@ SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
 
 
 class Receiver:
-    """A UDP socket read by a thread of its own, into memory."""
+    """A UDP socket that a thread reads into memory."""
 
     def __init__(self):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -131,12 +129,12 @@ def test_wrong_calls_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_stream_to_nobody_says_so():
+def test_a_stream_without_a_receiver_reports_it():
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))  # and does not listen
         to = f"tcpout:127.0.0.1:{closed.getsockname()[1]}"
         status, out, err = call("stream", "ship-swaying", "--to", to, "--speed", 0, "--duration", 1)
-    assert (status, err) == (0, "") and f"none sent: nobody was at {to}" in out
+    assert (status, err) == (0, "") and f"none sent: no receiver at {to}" in out
 
 
 def test_ctrl_c_ends_a_stream_cleanly(tmp_path):
@@ -175,23 +173,14 @@ def test_dashboard_shows_rates_lateness_clients_and_alignment():
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot-json"])
 def test_lockstep_from_the_command_line(kind, tmp_path):
-    """A stand-in for the autopilot, which answers each step once; the drive is the prescribed one, or follows its throttle."""
+    """A stand-in for the autopilot answers each step once."""
     scheme = "tcpin" if kind == "px4" else "udpin"
     family = socket.SOCK_STREAM if kind == "px4" else socket.SOCK_DGRAM
     with socket.socket(socket.AF_INET, family) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    arguments = [
-        "stream",
-        "car-city-drive",
-        "--lockstep",
-        kind,
-        "--to",
-        f"{scheme}:127.0.0.1:{port}",
-        "--duration",
-        "1",
-        "--json",
-    ]
+    to = f"{scheme}:127.0.0.1:{port}"
+    arguments = ["stream", "car-city-drive", "--lockstep", kind, "--to", to, "--duration", "1", "--json"]
     arguments += ["--tlog", str(tmp_path / "px4.tlog")] if kind == "px4" else []
     said = []
     running = threading.Thread(target=lambda: said.append(call(*arguments)), daemon=True)
@@ -232,11 +221,11 @@ def test_lockstep_from_the_command_line(kind, tmp_path):
     found = strict(out)
     assert found["simulated_s"] == pytest.approx(1.0) and found["progress"]["steps"] == 200
     np.testing.assert_allclose(np.diff(np.unique(times)), 0.005, atol=1e-9)  # a repeated request has the same answer
-    assert times[-1] == pytest.approx(1.0) or times[-1] == pytest.approx(0.995)  # the last answer may find us gone
+    assert times[-1] == pytest.approx(1.0) or times[-1] == pytest.approx(0.995)  # the last answer may come after the end
     assert kind != "px4" or (tmp_path / "px4.tlog").stat().st_size > 200 * 70
 
 
-# --- nothing is lost -------------------------------------------------------------------------------------
+# --- completeness ----------------------------------------------------------------------------------------
 
 
 def test_200_hz_and_telemetry_arrive_whole_and_in_time_order():
@@ -248,10 +237,10 @@ def test_200_hz_and_telemetry_arrive_whole_and_in_time_order():
         time.sleep(0.2)
     assert len(client.frames) == link.statistics.sent_frames == sum(stream.sent.values()) and lost(client.frames) == 0
     sensors = [m.time_usec for m in client.messages() if m.get_type() == "HIL_SENSOR"]
-    assert sensors == [5000 * k for k in range(1, 601)]  # the simulation's clock, no gap and no double
+    assert sensors == [5000 * k for k in range(1, 601)]  # the simulation's clock, without gap or repetition
 
 
-def test_heart_beats_while_paused_and_replies_come_back():
+def test_heartbeats_and_answers_continue_while_paused():
     vehicle = Vehicle(load("car-city-drive"), rates=SILENT)
     vehicle.set_paused(True)
     with open_link("udpin:127.0.0.1:0") as link:
@@ -296,11 +285,8 @@ def test_on_a_signed_link_only_signed_commands_act(tmp_path):
         packer.signing.sign_outgoing, packer.signing.timestamp = True, int((time.time() - 1420070400) * 1e5)
         packer.signing.secret_key = bytes(32)
         cut()
-        assert (
-            vehicle.simulation.gnss_on
-            and not stream.received
-            and link.statistics.unsigned == link.statistics.wrongly_signed == 1
-        )
+        assert vehicle.simulation.gnss_on and not stream.received
+        assert link.statistics.unsigned == link.statistics.wrongly_signed == 1
         packer.signing.secret_key = bytes(range(32))
         cut()
         assert not vehicle.simulation.gnss_on and stream.received["COMMAND_LONG"] == 1
@@ -317,7 +303,7 @@ def test_on_a_signed_link_only_signed_commands_act(tmp_path):
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    """What MAVSDK saw of `insenv stream`, and the same vehicle simulated again here, sample by sample."""
+    """What MAVSDK received from `insenv stream`, and the same vehicle simulated here sample by sample."""
     pytest.importorskip("mavsdk", reason="MAVSDK-Python (extra `test`) is not installed")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
@@ -327,14 +313,8 @@ def session(tmp_path_factory):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
-        client = [
-            sys.executable,
-            str(ROOT / "tests" / "helpers" / "mavsdk_client.py"),
-            f"udpin://127.0.0.1:{port}",
-            "5",
-            "MAN_SPEED",
-            "7.5",
-        ]
+        program = str(ROOT / "tests" / "helpers" / "mavsdk_client.py")
+        client = [sys.executable, program, f"udpin://127.0.0.1:{port}", "5", "MAN_SPEED", "7.5"]
         seen = subprocess.run(client, capture_output=True, text=True, timeout=90)
     finally:
         vehicle.send_signal(signal.SIGINT)
@@ -361,7 +341,7 @@ def session(tmp_path_factory):
 
 
 def at(session, time_us):
-    """The simulation at a time told."""
+    """The simulation at the time of a message."""
     return session["rows"][round(time_us / 5000) - 1]
 
 
@@ -386,7 +366,7 @@ def test_client_reads_all_parameters_and_sets_one(session):
     assert found["set"] == [15.0, 7.5]
 
 
-def test_client_sees_the_attitude_and_odometry_that_were_estimated(session):
+def test_client_sees_the_estimated_attitude_and_odometry(session):
     seen = session["seen"]["seen"]
     assert min(len(seen[name]) for name in ("attitude_quaternion", "odometry", "attitude_euler")) > 30
     for row in seen["attitude_quaternion"]:
@@ -402,8 +382,8 @@ def test_client_sees_the_attitude_and_odometry_that_were_estimated(session):
         offset = geodesy.numeric.ned_offset(estimate["latitude"], estimate["longitude"], estimate["height"], *home)
         velocity_b = attitude.numeric.to_dcm(estimate["q_nb"]).T @ estimate["velocity_n"]
         np.testing.assert_allclose([row["position_body"][k] for k in ("x_m", "y_m", "z_m")], offset, rtol=1e-7, atol=1e-6)
-        told = [row["velocity_body"][k] for k in ("x_m_s", "y_m_s", "z_m_s")]
-        np.testing.assert_allclose(told, velocity_b, rtol=1e-6, atol=1e-7)
+        reported = [row["velocity_body"][k] for k in ("x_m_s", "y_m_s", "z_m_s")]
+        np.testing.assert_allclose(reported, velocity_b, rtol=1e-6, atol=1e-7)
         variance = row["pose_covariance"]["covariance_matrix"][0]
         assert variance == pytest.approx(estimate["position_sigma"][0] ** 2, rel=1e-6)
 
@@ -439,8 +419,8 @@ def test_client_sees_positions_velocities_and_fixes(session):
         ]
         assert np.min(np.max([*off, np.abs(height - row["absolute_altitude_m"]) / 0.6e-3], axis=0)) <= 1.0
     for row in seen["velocity_ned"]:
-        told = [row[f"{name}_m_s"] for name in ("north", "east", "down")]
-        assert np.min(np.max(np.abs(velocity - told), axis=1)) <= 0.00501
+        reported = [row[f"{name}_m_s"] for name in ("north", "east", "down")]
+        assert np.min(np.max(np.abs(velocity - reported), axis=1)) <= 0.00501
     fixes = {round(row["fix"].time * 1e6): row["fix"] for row in rows if row["fix"] is not None}
     assert seen["raw_gps"]
     for row in seen["raw_gps"]:

@@ -1,4 +1,4 @@
-"""A telemetry log read by Wireshark's `tshark` with the dissector that pymavlink generates, all of it others' code."""
+"""A telemetry log read by Wireshark's `tshark` with the dissector that pymavlink generates."""
 
 import shutil
 import struct
@@ -14,7 +14,7 @@ from command_line import call, strict
 common = pytest.importorskip("pymavlink.dialects.v20.common")
 
 LINKTYPE_IPV4 = 228
-PORT = 14550  # at which the dissector listens
+PORT = 14550  # of the dissector
 FIELDS = ("sequence", "crc", "msgid", "rawpayload", "rawheader", "ATTITUDE_QUATERNION_q1", "ATTITUDE_QUATERNION_time_boot_ms")
 
 
@@ -39,7 +39,7 @@ def capture(frames):
 
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed (Debian: apt-get install tshark)")
-def test_tshark_decodes_a_log_whole(tmp_path):
+def test_tshark_decodes_a_whole_log(tmp_path):
     log, dissector = tmp_path / "flight.tlog", tmp_path / "mavlink.lua"
     arguments = ("--to", "udpout:127.0.0.1:9", "--speed", 0, "--duration", 6, "--tlog", log, "--json")
     sent = strict(call("stream", "car-city-drive", *arguments)[1])["sent"]

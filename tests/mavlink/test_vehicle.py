@@ -1,4 +1,4 @@
-"""The simulated vehicle without a socket: the same numbers as `insenv run`, what it answers, what can be done to it."""
+"""The simulated vehicle without a link: agreement with `insenv run`, answers, control."""
 
 from math import nan
 
@@ -7,18 +7,17 @@ import pytest
 
 from insenv import attitude, estimators
 from insenv.errors import InputError
+from insenv.mavlink import Simulation, Vehicle
 from insenv.mavlink.answers import HANDLERS, answers
 from insenv.mavlink.commands import ACTIONS, names_by_number
-from insenv.mavlink.manual import AXIS_UNUSED, commanded
-from insenv.mavlink.messages.parameter_names import LONGEST
-from insenv.mavlink.messages.schedule import DEFAULT_HZ
+from insenv.mavlink.manual import AXIS_UNUSED, Sticks
+from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
-from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW, elements
-from insenv.mavlink.simulation import Simulation
-from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire.outbox import AT_ONCE, PEERS, WAITING, Outbox
+from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
 from insenv.runs.simulated import run
 from insenv.scenario import build, load
+from insenv.vehicles import AircraftSection, CarSection, ShipSection
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
 
@@ -27,31 +26,31 @@ UNSUPPORTED, DENIED, ACCEPTED = 3, 2, 0
 
 
 def quiet(scenario="car-city-drive", **options):
-    """A vehicle that streams nothing."""
+    """A vehicle without streamed messages."""
     return Vehicle(load(scenario), rates=SILENT, **options)
 
 
 def steps(vehicle, seconds):
-    """So long; the messages sent meanwhile."""
+    """Simulate `seconds`, and return the messages sent meanwhile."""
     return [message for _ in range(round(seconds / vehicle.simulation.interval)) for message in vehicle.step()]
 
 
 def sent(name, *values, system=245, component=190):
-    """A message as a client sends it and the vehicle reads it."""
+    """A client's message as the vehicle reads it."""
     message = getattr(common, f"MAVLink_{name.lower()}_message")(*values)
     return common.MAVLink(None).decode(bytearray(message.pack(common.MAVLink(None, system, component))))
 
 
-def told(vehicle, message):
+def answered(vehicle, message):
     """The answers as the client reads them."""
     reader, sender = common.MAVLink(None), common.MAVLink(None, 1, 1)
     return [reader.decode(bytearray(m.pack(sender))) for m in answers(vehicle, message)]
 
 
 def command(vehicle, number, *parameters):
-    """The result of a command, and what else is answered."""
+    """The result of a command, and the other answers."""
     padded = [*parameters, *[0.0] * (7 - len(parameters))]
-    ack, *more = told(vehicle, sent("COMMAND_LONG", 1, 1, number, 0, *padded))
+    ack, *more = answered(vehicle, sent("COMMAND_LONG", 1, 1, number, 0, *padded))
     assert (ack.get_type(), ack.command, ack.target_system, ack.target_component) == ("COMMAND_ACK", number, 245, 190)
     return ack.result, more
 
@@ -60,7 +59,7 @@ def texts(vehicle):
     return [message.text for message in vehicle.texts()]
 
 
-# --- the same numbers --------------------------------------------------------------------------------
+# --- agreement with a run ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scenario, estimator", [("car-city-drive", "loosely-coupled"), ("ship-swaying", "qakf")])
@@ -104,13 +103,13 @@ def test_estimators_that_cannot_run_live_are_refused():
 # --- parameters --------------------------------------------------------------------------------------
 
 
-def test_all_parameters_are_told_as_real32_with_short_names():
+def test_all_parameters_are_sent_as_real32_with_short_names():
     vehicle = quiet()
-    listed = told(vehicle, sent("PARAM_REQUEST_LIST", 1, 1))
+    listed = answered(vehicle, sent("PARAM_REQUEST_LIST", 1, 1))
     assert len(listed) == len(vehicle.parameters) > 100
     assert [m.param_index for m in listed] == list(range(len(listed))) and {m.param_type for m in listed} == {9}
     ids = [m.param_id for m in listed]
-    assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST for name in ids)
+    assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST_NAME for name in ids)
     values = {m.param_id: m.param_value for m in listed}
     plant = vehicle.simulation.plant
     assert values["SIM_SPEED"] == 1 and values["SIM_RATE"] == 200 and values["E_INN_GATE"] == 5
@@ -118,27 +117,27 @@ def test_all_parameters_are_told_as_real32_with_short_names():
     assert values["S_GNSS_POS_N_N"] == pytest.approx(north, rel=1e-7)
     arw = np.degrees(plant.knowledge.sensors.angle_random_walk) * 60
     assert values["E_ANG_R_W"] == pytest.approx(arw, rel=1e-7)  # deg/sqrt(h)
-    (one,) = told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"E_INN_GATE", -1))
+    (one,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"E_INN_GATE", -1))
     assert one.param_value == 5 and one.param_id == "E_INN_GATE"
-    (again,) = told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", one.param_index))
+    (again,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", one.param_index))
     assert again.param_id == "E_INN_GATE"
-    assert not told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"NONE", -1))
-    assert not told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", 30000))
+    assert not answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"NONE", -1))
+    assert not answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", 30000))
 
 
 def test_every_estimator_and_plant_has_names_for_its_parameters():
     plants = [("S", build(load(name)).model) for name in ("ship-irregular-sea", "car-city-drive", "aircraft-survey")]
     for prefix, model in [*plants, *(("E", e.model) for e in estimators.registered().values())]:
         ids = [name for _, _, name in elements(prefix, model, model.parameters.names)]
-        assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST and name.isascii() for name in ids)
+        assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST_NAME and name.isascii() for name in ids)
 
 
 def set_parameter(vehicle, name, value, kind=9):
-    (answer,) = told(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
+    (answer,) = answered(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
     return answer.param_value
 
 
-def test_a_parameter_set_acts_at_once_or_says_when():
+def test_a_parameter_acts_at_once_or_announces_when():
     vehicle, untouched = quiet(), quiet()
     assert set_parameter(vehicle, "E_ANG_R_W", 30.0) == 30.0
     steps(vehicle, 2.0), steps(untouched, 2.0)
@@ -151,8 +150,8 @@ def test_a_parameter_set_acts_at_once_or_says_when():
     assert texts(vehicle) == ["E_HDG_SIG: acts at next alignment"]
     vehicle.realign()
     assert np.degrees(vehicle.simulation.estimate["attitude_sigma"][2]) == pytest.approx(90.0)
-    (answer,) = told(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"E_ANG_R_W", -1))
-    assert answer.param_value == 30.0  # it outlives a new alignment
+    (answer,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"E_ANG_R_W", -1))
+    assert answer.param_value == 30.0  # it stays in force
 
 
 def test_noise_of_the_receiver_can_be_set_live():
@@ -176,7 +175,7 @@ def test_noise_of_the_receiver_can_be_set_live():
         ("SIM_RATE", 100.0, 9), ("SIM_SPEED", 1e9, 9), ("E_COV_DT", float("inf"), 9), ("E_ST_LAT", 1.0, 9),
     ],
 )  # fmt: skip
-def test_a_wrong_setting_changes_nothing_and_says_so(name, value, kind):
+def test_a_wrong_value_changes_nothing_and_is_announced(name, value, kind):
     vehicle = quiet()
     before = vehicle.parameters.all[vehicle.parameters.find(name)].value()
     assert set_parameter(vehicle, name, value, kind) == pytest.approx(before, rel=1e-7)
@@ -192,13 +191,13 @@ def test_every_command_is_answered():
         for parameters in ([0.0] * 7, [nan] * 7, [float("inf")] * 7, [1e30] * 7):
             result, _ = command(vehicle, number, *parameters)
             assert result == UNSUPPORTED if number not in ACTIONS else result in (0, 1, 2, 3)
-    (ack,) = told(vehicle, sent("COMMAND_INT", 1, 1, 0, 31011, 0, 0, 0.0, 0, 0, 0, 0, 0, 0))
+    (ack,) = answered(vehicle, sent("COMMAND_INT", 1, 1, 0, 31011, 0, 0, 0.0, 0, 0, 0, 0, 0, 0))
     assert (ack.get_type(), ack.result) == ("COMMAND_ACK", ACCEPTED) and not vehicle.simulation.gnss_on
 
 
-def test_gnss_is_cut_and_restored():
+def test_gnss_is_switched_off_and_on():
     vehicle = quiet()
-    steps(vehicle, 60.5)  # it drives: standing it would know that it stands
+    steps(vehicle, 60.5)  # moving: at standstill the estimator would use that
     fixes = vehicle.simulation.fixes
     assert fixes == 60 and vehicle.view.has_lock
     assert command(vehicle, 31011, 0.0)[0] == ACCEPTED
@@ -214,8 +213,8 @@ def test_gnss_is_cut_and_restored():
     assert command(quiet("ship-swaying"), 31011, 0.0)[0] == DENIED
 
 
-def test_a_cut_receiver_is_an_outage_to_the_estimator():
-    """As the scenario's own outage windows: the same estimate to the bit."""
+def test_a_receiver_that_is_off_is_an_outage_to_the_estimator():
+    """The estimate is bit-identical to that of an outage window of the scenario."""
     cut = quiet()
     steps(cut, 5.5)
     cut.set_gnss(False)
@@ -244,24 +243,17 @@ def test_a_new_alignment_starts_with_the_errors_of_the_first():
     assert vehicle.view.state == "navigating"
 
 
-def test_a_diverged_estimate_is_said_to_be_and_never_sent():
+def test_a_diverged_estimate_is_announced_and_not_sent():
     vehicle = Vehicle(load("car-city-drive"))
     steps(vehicle, 2.5)
     vehicle.simulation._filter.x[:] = nan
     said = steps(vehicle, 2.0)
     kinds = {m.get_type() for m in said}
-    estimated = {
-        "ATTITUDE",
-        "ATTITUDE_QUATERNION",
-        "GLOBAL_POSITION_INT",
-        "LOCAL_POSITION_NED",
-        "ODOMETRY",
-        "VFR_HUD",
-        "ALTITUDE",
-    }
+    position = {"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ODOMETRY", "ALTITUDE"}
+    estimated = position | {"ATTITUDE", "ATTITUDE_QUATERNION", "VFR_HUD"}
     assert not kinds & estimated and {"HIL_SENSOR", "HIL_STATE_QUATERNION", "GPS_RAW_INT", "ESTIMATOR_STATUS"} <= kinds
     assert vehicle.view.fields.refused["GLOBAL_POSITION_INT.lat"] == 20
-    assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == ["estimate diverged: begin a new alignment"]
+    assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == ["estimate diverged: start a new alignment"]
     assert not vehicle.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
     assert command(vehicle, 31010)[0] == ACCEPTED
     assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "navigating"
@@ -284,7 +276,7 @@ def test_messages_are_requested_and_timed():
     for number, name in names_by_number().items():
         result, more = command(vehicle, 512, float(number))
         if name == "HIL_GPS" and not more:
-            assert result == 1  # a fix goes out once
+            assert result == 1  # a fix is sent once
             continue
         assert (result, [m.get_type() for m in more]) == (ACCEPTED, [name])
     assert command(vehicle, 512, 435.0) == (UNSUPPORTED, [])
@@ -304,10 +296,10 @@ def test_messages_are_requested_and_timed():
 
 def test_data_streams_leave_rates_of_the_command_line_alone():
     vehicle = Vehicle(load("car-city-drive"), rates={"ATTITUDE": 33.0})
-    assert not told(vehicle, sent("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1))
+    assert not answered(vehicle, sent("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1))
     rates = vehicle.schedule.rates
     assert (rates["ATTITUDE"], rates["VFR_HUD"], rates["HIL_SENSOR"], rates["HEARTBEAT"]) == (33.0, 4.0, 200.0, 1.0)
-    told(vehicle, sent("REQUEST_DATA_STREAM", 1, 1, 6, 4, 0))
+    answered(vehicle, sent("REQUEST_DATA_STREAM", 1, 1, 6, 4, 0))
     assert rates["GLOBAL_POSITION_INT"] == 0 and rates["VFR_HUD"] == 4.0
 
 
@@ -315,7 +307,7 @@ def test_data_streams_leave_rates_of_the_command_line_alone():
 
 
 def steer(vehicle, x, y, z, r):
-    assert not told(vehicle, sent("MANUAL_CONTROL", 1, x, y, z, r, 0))
+    assert not answered(vehicle, sent("MANUAL_CONTROL", 1, x, y, z, r, 0))
 
 
 def test_a_car_is_driven_by_manual_control_and_stops_without_it():
@@ -326,13 +318,13 @@ def test_a_car_is_driven_by_manual_control_and_stops_without_it():
         said += steps(vehicle, 0.125)
     truth = vehicle.simulation.truth
     speed = np.hypot(*truth["velocity_n"][:2])
-    assert speed == pytest.approx(0.6 * vehicle.scale.speed, rel=0.02)
+    assert speed == pytest.approx(0.6 * vehicle.sticks.full_scale["SPEED"], rel=0.02)
     turned = np.degrees(float(vehicle.view.values["true_rate_nb_b"][2]))
     rates = []
     for _ in range(200):
         said += vehicle.step()
         rates.append(np.degrees(float(vehicle.view.values["true_rate_nb_b"][2])))
-    assert abs(np.mean(rates) - 0.5 * vehicle.scale.turn_deg_s) < 0.5 and abs(turned) < 30
+    assert abs(np.mean(rates) - 0.5 * vehicle.sticks.full_scale["TURN"]) < 0.5 and abs(turned) < 30
     said += steps(vehicle, 12.0)
     assert np.hypot(*truth["velocity_n"][:2]) < 0.05
     assert [m.text for m in said] == ["manual control: the script has ended", "manual control lost"]
@@ -348,7 +340,7 @@ def test_an_aircraft_banks_and_climbs():
     assert 10 < roll < 20 and float(vehicle.simulation.truth["height"]) > before + 50
 
 
-def test_vehicles_that_cannot_be_steered_say_so_once():
+def test_vehicles_that_cannot_be_steered_announce_it_once():
     for scenario, why in (("ship-swaying", "aligning in place"), ("car-parked", "aligning in place")):
         vehicle = quiet(scenario)
         for _ in range(5):
@@ -361,49 +353,60 @@ def test_vehicles_that_cannot_be_steered_say_so_once():
         prescribed.simulation.command({"speed": 1.0})
 
 
-def test_axes_that_are_not_there_command_nothing():
-    scale = quiet().scale
-    assert commanded("car", scale, 0, AXIS_UNUSED, AXIS_UNUSED, AXIS_UNUSED) == {}
-    assert commanded("car", scale, 0, 500, 0, 0) == {"speed": 0.0, "yaw_rate": pytest.approx(np.radians(10.0))}
-    assert commanded("ship", scale, 0, 500, -300, -1000) == {"speed": 0.0, "turn_rate": pytest.approx(-np.radians(20.0))}
-    assert commanded("aircraft", scale, -32768, 32766, 9999, 0)["climb_rate"] == scale.climb
+def test_missing_axes_command_nothing():
+    car, ship, aircraft = (Sticks(section.traits.sticks) for section in (CarSection, ShipSection, AircraftSection))
+    assert car.commanded(0, AXIS_UNUSED, AXIS_UNUSED, AXIS_UNUSED) == {}
+    assert car.commanded(0, 500, 0, 0) == {"speed": 0.0, "yaw_rate": pytest.approx(np.radians(10.0))}
+    assert car.commanded(0, AXIS_UNUSED, AXIS_UNUSED, 0) == {"yaw_rate": 0.0} == car.commanded(0, 0, AXIS_UNUSED, AXIS_UNUSED)
+    assert ship.commanded(0, 500, -300, -1000) == {"speed": 0.0, "turn_rate": pytest.approx(-np.radians(3.0))}
+    full = {"speed": 80.0, "bank": pytest.approx(np.radians(30.0)), "climb_rate": 5.0}
+    assert aircraft.commanded(-32768, 32766, 9999, 0) == full
+    assert aircraft.released() == {"bank": 0.0, "climb_rate": 0.0} and car.released() == {"speed": 0.0, "yaw_rate": 0.0}
 
 
-# --- what is not there ---------------------------------------------------------------------------------
+def test_every_stick_command_is_a_command_of_its_vehicle():
+    for scenario in ("ship-underway", "car-city-drive", "aircraft-survey"):
+        plant = build(load(scenario))
+        sticks = plant.scenario.vehicle.traits.sticks
+        rows = [plant.model.inputs.names.index(f"command_{stick.command}") for stick in sticks]
+        assert rows == sorted(rows)
+
+
+# --- unsupported services ------------------------------------------------------------------------------
 
 
 def test_file_transfer_is_refused_with_the_next_number_and_the_same_session():
     request = bytearray(251)
     request[0:2], request[2], request[3] = (65535).to_bytes(2, "little"), 7, 4
-    (reply,) = told(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
+    (reply,) = answered(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
     payload = bytes(reply.payload)
     assert payload[:6] == bytes([0, 0, 7, 129, 1, 4]) and payload[12] == 10
     assert (reply.target_system, reply.target_component) == (245, 190)
     request[3] = 129
-    assert not told(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))  # an answer has none
+    assert not answered(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))  # answers are not answered
 
 
 def test_missions_logs_clocks_and_pings():
     vehicle = quiet()
     steps(vehicle, 1.0)
     for kind in (0, 1, 2):
-        (count,) = told(vehicle, sent("MISSION_REQUEST_LIST", 1, 1, kind))
+        (count,) = answered(vehicle, sent("MISSION_REQUEST_LIST", 1, 1, kind))
         assert (count.count, count.mission_type, count.target_system) == (0, kind, 245)
-    assert [m.type for m in told(vehicle, sent("MISSION_COUNT", 1, 1, 5, 0))] == [3]
-    assert [m.type for m in told(vehicle, sent("MISSION_CLEAR_ALL", 1, 1, 0))] == [0]
-    assert [m.num_logs for m in told(vehicle, sent("LOG_REQUEST_LIST", 1, 1, 0, 65535))] == [0]
-    (clock,) = told(vehicle, sent("TIMESYNC", 0, 1234))
-    assert (clock.tc1, clock.ts1) == (1_000_000_000, 1234) and not told(vehicle, sent("TIMESYNC", 5, 1234))
-    (echo,) = told(vehicle, sent("PING", 99, 3, 0, 0))
-    assert (echo.seq, echo.target_system) == (3, 245) and not told(vehicle, sent("PING", 99, 3, 1, 1))
+    assert [m.type for m in answered(vehicle, sent("MISSION_COUNT", 1, 1, 5, 0))] == [3]
+    assert [m.type for m in answered(vehicle, sent("MISSION_CLEAR_ALL", 1, 1, 0))] == [0]
+    assert [m.num_logs for m in answered(vehicle, sent("LOG_REQUEST_LIST", 1, 1, 0, 65535))] == [0]
+    (clock,) = answered(vehicle, sent("TIMESYNC", 0, 1234))
+    assert (clock.tc1, clock.ts1) == (1_000_000_000, 1234) and not answered(vehicle, sent("TIMESYNC", 5, 1234))
+    (echo,) = answered(vehicle, sent("PING", 99, 3, 0, 0))
+    assert (echo.seq, echo.target_system) == (3, 245) and not answered(vehicle, sent("PING", 99, 3, 1, 1))
 
 
-def test_messages_for_others_are_left_alone():
+def test_messages_for_others_are_ignored():
     vehicle = quiet()
-    assert not told(vehicle, sent("PARAM_REQUEST_LIST", 2, 1)) and not told(vehicle, sent("PARAM_REQUEST_LIST", 1, 100))
-    assert not told(vehicle, sent("COMMAND_LONG", 7, 1, 31010, 0, *[0.0] * 7)) and vehicle.simulation.alignments == 1
-    assert not told(vehicle, sent("PARAM_REQUEST_LIST", 1, 1, system=1, component=1))  # our own, come back
-    assert len(told(vehicle, sent("PARAM_REQUEST_LIST", 0, 0))) == len(vehicle.parameters)
+    assert not answered(vehicle, sent("PARAM_REQUEST_LIST", 2, 1)) and not answered(vehicle, sent("PARAM_REQUEST_LIST", 1, 100))
+    assert not answered(vehicle, sent("COMMAND_LONG", 7, 1, 31010, 0, *[0.0] * 7)) and vehicle.simulation.alignments == 1
+    assert not answered(vehicle, sent("PARAM_REQUEST_LIST", 1, 1, system=1, component=1))  # our own, returned
+    assert len(answered(vehicle, sent("PARAM_REQUEST_LIST", 0, 0))) == len(vehicle.parameters)
     for name in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE", "ATTITUDE"):
         assert name not in HANDLERS
 
@@ -424,7 +427,7 @@ def test_answers_are_bounded_and_each_peer_has_its_turn():
         outbox.put(number, [0])
     assert outbox.dropped == 110
     assert outbox.send(lambda *_: None) == AT_ONCE
-    # all parameters, asked for without end: one list on its way
+    # all parameters requested repeatedly: one list is pending
     fresh, out = Outbox(), []
     for _ in range(1000):
         fresh.put("a", iter(range(40)))
@@ -451,7 +454,7 @@ def test_deadlines_are_absolute_and_bursts_have_pauses():
     pacer = Pacer(0.005, 2.0, clock, clock.sleep)
     for _ in range(1000):
         pacer.wait(lambda: None)
-        clock.now += 0.001  # the work of a sample
+        clock.now += 0.001  # the time that a sample takes
     assert clock.now == pytest.approx(2.5 + 0.001, abs=1e-9) and pacer.lateness(1.0) < 1e-9
     clock.now += 1.0  # a stall of 400 samples: caught up, in bursts
     clock.slept.clear()
@@ -466,7 +469,7 @@ def test_deadlines_are_absolute_and_bursts_have_pauses():
     served = []
     slow = Pacer(1.0, 1.0, clock, clock.sleep)
     slow.wait(lambda: served.append(clock.now))
-    assert len(served) > 40  # a long wait does not leave anyone without an answer
+    assert len(served) > 40  # answers continue during a long wait
     pacer.restart(0.0)
     clock.slept.clear()
     pacer.wait(lambda: None)

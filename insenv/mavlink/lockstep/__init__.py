@@ -1,1 +1,8 @@
-"""Lockstep with an autopilot."""
+"""Lockstep with an autopilot: one simulated sample for each of its answers."""
+
+from insenv.mavlink.lockstep.ardupilot import ArduPilotLockstep
+from insenv.mavlink.lockstep.contract import Controls, Motion, Progress
+from insenv.mavlink.lockstep.motion import moving, steering
+from insenv.mavlink.lockstep.px4 import Px4Lockstep, px4_rates
+
+__all__ = ["ArduPilotLockstep", "Controls", "Motion", "Progress", "Px4Lockstep", "moving", "px4_rates", "steering"]

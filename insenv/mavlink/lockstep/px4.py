@@ -1,9 +1,9 @@
-"""Lockstep with PX4: the simulator listens on TCP 4560, sends HIL_SENSOR, and takes HIL_ACTUATOR_CONTROLS.
+"""Lockstep with PX4: the simulator listens on TCP 4560, sends HIL_SENSOR and receives HIL_ACTUATOR_CONTROLS.
 
-PX4 has no clock of its own in this mode: the time of the HIL_SENSOR messages is its time.  While it starts it reads sensors
-and answers nothing, so the first steps cannot wait for it: they follow one another at the pace of the clock on the wall.
-From its first answer that says it keeps step (bit 0 of the flags), each step waits for an answer, and no longer: then the
-pair goes as fast as it can.  https://docs.px4.io/main/en/simulation/
+PX4 has no clock of its own in this mode: the time of HIL_SENSOR is its time.  While it starts, PX4 reads sensors and
+answers nothing, so the first steps do not wait for it but follow the wall clock.  From its first answer with the
+lockstep flag (bit 0) on, each step waits for an answer, and the pair runs as fast as it can.
+https://docs.px4.io/main/en/simulation/
 """
 
 from __future__ import annotations
@@ -12,23 +12,24 @@ import time
 from collections.abc import Callable
 
 from insenv.errors import InputError
-from insenv.mavlink.lockstep.lockstep import Act, Controls, Messages, Progress, Stop, ignore, never
-from insenv.mavlink.wire.link import Clock, Link, open_link
+from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Messages, Stop, ignore
+from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.wire import Link, open_link
+from insenv.mavlink.wire.link import Clock
 
+CHANNELS = (1, 0, 3, 2)
+"""Channels, from 0, of pitch, roll, throttle and yaw."""
 ADDRESS = "tcpin:127.0.0.1:4560"
 COMPONENT = 200
 """The simulator's component; PX4 is component 1 of the same system."""
-KEEPS_STEP = 0x1
-"""The flag of HIL_ACTUATOR_CONTROLS."""
+LOCKSTEP = 0x1
+"""HIL_ACTUATOR_CONTROLS_FLAGS: whether PX4 runs in lockstep."""
 ARMED = 0x80
 """MAV_MODE_FLAG_SAFETY_ARMED."""
-CHANNELS = 16
 
 
 def px4_rates(sample_hz: float) -> dict[str, float]:
-    """Rates (Hz) by message for a vehicle that talks to PX4: sensors at each sample, each fix, and the truth, nothing else."""
-    from insenv.mavlink.messages.schedule import DEFAULT_HZ
-
+    """Rates (Hz) by message for PX4: sensors at each sample, each fix, the truth, and nothing else."""
     return {
         **dict.fromkeys(DEFAULT_HZ, 0.0),
         "HEARTBEAT": 1.0,
@@ -38,12 +39,14 @@ def px4_rates(sample_hz: float) -> dict[str, float]:
     }
 
 
-class Px4Lockstep:
+class Px4Lockstep(Lockstep):
     """The simulator's side.
 
-    messages: goes one sample on and gives what is to be sent; interval: of a sample (s); act: takes the outputs.  patience: how
-    long (s) a step waits for its answer; then it counts as unanswered and the simulation goes on, so that a lost message
-    does not stop both for ever.  While nobody is connected the simulation stands still.
+    messages: advances by one sample and returns the messages to send.  interval: of a sample (s).  act: receives the
+    outputs.  patience: the longest wait for an answer (s); after it the step counts as unanswered and the simulation
+    continues, so that a lost message does not stop both sides for ever.  While PX4 is not connected the simulation
+    stands still.  in_step: whether PX4 runs in lockstep.  Raises `InputError` for a wrong address, interval or
+    patience.
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class Px4Lockstep:
     ) -> None:
         if not interval > 0.0 or not patience > 0.0:
             raise InputError(f"lockstep: interval {interval:g} s and patience {patience:g} s must be above 0")
-        self.progress = Progress()
+        super().__init__()
         self.link: Link = open_link(address, component=COMPONENT)
         self.in_step = False
         self._messages, self._interval, self._act = messages, interval, act
@@ -67,25 +70,21 @@ class Px4Lockstep:
         self._connected = False
         self._next = 0.0
 
-    def run(self, steps: int | None = None, stop: Stop = never) -> Progress:
-        """Go on for so many steps (None: without end), or until `stop`."""
-        end = None if steps is None else self.progress.steps + steps
-        while not stop() and (end is None or self.progress.steps < end):
-            self._take()  # what came late answers no step any more
-            if not self.link.peers:
-                self._stand_still()
-                continue
-            if not self._connected:
-                self._connected, self._next = True, self._clock()
-                self.progress.connections += 1
-            for message in self._messages():
-                self.link.send(message)
-            self.progress.steps += 1
-            if self.in_step:
-                self._await(stop)
-            else:
-                self._pace()
-        return self.progress
+    def _turn(self, stop: Stop) -> None:
+        self._take()  # answers that come late belong to no step
+        if not self.link.peers:
+            self._stand_still()
+            return
+        if not self._connected:
+            self._connected, self._next = True, self._clock()
+            self.progress.connections += 1
+        for message in self._messages():
+            self.link.send(message)
+        self.progress.steps += 1
+        if self.in_step:
+            self._await(stop)
+        else:
+            self._pace()
 
     def _stand_still(self) -> None:
         self._connected = self.in_step = False
@@ -108,23 +107,17 @@ class Px4Lockstep:
             self._sleep(min(max(self._next - self._clock(), 0.0), self._interval))
 
     def _take(self) -> bool:
-        """Hand on what came; whether outputs were among it that keep step."""
-        kept = False
+        """Act on received outputs; whether there were any with the lockstep flag."""
+        in_step = False
         for _, message in self.link.receive():
             if message.get_type() != "HIL_ACTUATOR_CONTROLS":
                 continue
             self.progress.answers += 1
-            kept = self.in_step = bool(message.flags & KEEPS_STEP)
+            in_step = self.in_step = bool(message.flags & LOCKSTEP)
             values = tuple(float(value) for value in message.controls)
             self._act(Controls(message.time_usec * 1e-6, values, bool(message.mode & ARMED)))
-        return kept
+        return in_step
 
     def close(self) -> None:
         """Close the link."""
         self.link.close()
-
-    def __enter__(self) -> Px4Lockstep:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

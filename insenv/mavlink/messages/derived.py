@@ -1,10 +1,13 @@
-"""What messages need beyond the truth and the estimate, in one symbolic function: angles, body rates, covariances.
+"""Quantities that messages need beyond truth and estimate, in one symbolic function: angles, body rates, covariances.
 
-The attitude's error is a rotation vector in n with the estimator's sigmas on its diagonal.  Of the angles it moves
-    roll    (cos psi e_N + sin psi e_E) / cos theta
-    pitch   cos psi e_E - sin psi e_N
-    heading e_D + tan theta (cos psi e_N + sin psi e_E)
-to first order, psi the heading and theta the pitch.
+The attitude error is a rotation vector e in n with the estimator's stated sigmas, uncorrelated.  To first order it
+changes
+
+    roll    by (cos psi e_N + sin psi e_E) / cos theta
+    pitch   by cos psi e_E - sin psi e_N
+    heading by e_D + tan theta (cos psi e_N + sin psi e_E)
+
+where psi is the heading and theta the pitch.
 """
 
 from __future__ import annotations
@@ -20,26 +23,6 @@ from insenv import attitude, geodesy
 from insenv.core.elementary import wrap_angle
 from insenv.core.tables import Row, Table, Vector
 
-
-class Buffered:
-    """A symbolic function between two tables, called on fixed arrays without conversion or allocation.
-
-    inputs, outputs: by row name, views of the arrays that each `evaluate` reads and writes.
-    """
-
-    def __init__(self, inputs: Table, outputs: Table, function: Any) -> None:
-        self._u, self._y = inputs.start_vector(), np.zeros(outputs.size)
-        self.inputs = inputs.unpack(self._u)
-        self.outputs = outputs.unpack(self._y)
-        buffer: Any  # CasADi's stub knows no memoryview of an array
-        buffer, self.evaluate = function.buffer()
-        self._kept = buffer
-        buffer.set_arg(0, self._u.data)
-        buffer.set_res(0, self._y.data)
-
-    evaluate: Callable[[], None]
-
-
 _POSE = (
     ("q_nb", "1", (4,), (1.0, 0.0, 0.0, 0.0)),
     ("velocity_n", "m/s", (3,), 0.0),
@@ -51,43 +34,44 @@ INPUTS = Table((
     *(Row(name, f"True {name}", unit, shape, start=start) for name, unit, shape, start in _POSE),
     *(Row(f"estimated_{name}", f"Estimated {name}", unit, shape, start=start) for name, unit, shape, start in _POSE),
     Row("rate_ib_b", "True rate of b relative to i", "rad/s", (3,), "b"),
-    Row("measured_rate_ib_b", "Measured rate of b relative to i, less the estimated bias", "rad/s", (3,), "b"),
+    Row("measured_rate_ib_b", "Measured rate of b relative to i, minus the estimated bias", "rad/s", (3,), "b"),
     Row("home", "Latitude and longitude (rad) and height (m) of home", "SI", (3,)),
-    Row("position_sigma", "Stated, NaN if not", "m", (3,), "n"),
-    Row("velocity_sigma", "Stated, NaN if not", "m/s", (3,), "n"),
-    Row("attitude_sigma", "Stated, NaN if not", "rad", (3,), "n"),
-    Row("rate_sigma", "Of the measured rate", "rad/s", (), "b"),
+    Row("position_sigma", "Stated by the estimator; NaN if it states none", "m", (3,), "n"),
+    Row("velocity_sigma", "Stated by the estimator; NaN if it states none", "m/s", (3,), "n"),
+    Row("attitude_sigma", "Stated by the estimator; NaN if it states none", "rad", (3,), "n"),
+    Row("rate_sigma", "Sigma of the measured rate", "rad/s", (), "b"),
 ))  # fmt: skip
 TRIANGLE = 21
 OUTPUTS = Table((
     Row("euler", "Estimated roll, pitch and heading (-pi to pi)", "rad", (3,)),
     Row("rate_nb_b", "Estimated rate of b relative to n", "rad/s", (3,), "b"),
     Row("velocity_b", "Estimated velocity over the Earth", "m/s", (3,), "b"),
-    Row("offset", "Estimated position, in the north, east and down of home", "m", (3,)),
+    Row("offset", "Estimated position relative to home, along the NED axes at home", "m", (3,)),
     Row("estimated_longitude_wrapped", "Estimated longitude, -pi to pi", "rad"),
     Row("true_rate_nb_b", "True rate of b relative to n", "rad/s", (3,), "b"),
     Row("true_longitude_wrapped", "True longitude, -pi to pi", "rad"),
-    Row("true_offset", "True position, in the north, east and down of home", "m", (3,)),
+    Row("true_offset", "True position relative to home, along the NED axes at home", "m", (3,)),
     Row("pose_covariance", "Upper triangle by rows: position in n (m), roll, pitch, heading (rad)", "SI", (TRIANGLE,)),
     Row("velocity_covariance", "Upper triangle by rows: velocity in b (m/s), rates (rad/s)", "SI", (TRIANGLE,)),
 ))  # fmt: skip
 
 
-def derived() -> Buffered:
-    """The function, with arrays of its own."""
-    return Buffered(INPUTS, OUTPUTS, _function())
+class Derived:
+    """The quantities of `OUTPUTS`, computed on fixed arrays without conversion or allocation.
 
+    inputs, outputs: by row name, views of the arrays that each `evaluate` reads and writes.
+    """
 
-def body_field() -> Buffered:
-    """A vector of n in b: inputs q_nb (4), vector_n (3); output vector_b (3)."""
-    inputs = Table((Row("q_nb", "Attitude", shape=(4,), start=(1.0, 0.0, 0.0, 0.0)), Row("vector_n", "In n", shape=(3,))))
-    return Buffered(inputs, Table((Row("vector_b", "In b", shape=(3,)),)), _turned())
+    def __init__(self) -> None:
+        self._u, self._y = INPUTS.start_vector(), np.zeros(OUTPUTS.size)
+        self.inputs, self.outputs = INPUTS.unpack(self._u), OUTPUTS.unpack(self._y)
+        buffer: Any  # CasADi's stub knows no memoryview of an array
+        buffer, self.evaluate = _function().buffer()
+        self._buffer = buffer  # must live as long as `evaluate`
+        buffer.set_arg(0, self._u.data)
+        buffer.set_res(0, self._y.data)
 
-
-@lru_cache(maxsize=1)
-def _turned() -> Any:
-    u = ca.SX.sym("u", 7)
-    return ca.Function("turned", [u], [attitude.rotate_inverse(u[0:4], u[4:7])])
+    evaluate: Callable[[], None]
 
 
 @lru_cache(maxsize=1)
@@ -114,7 +98,7 @@ def _function() -> Any:
 
 
 def _rate_in_b(q_nb: Any, velocity_n: Any, place: Sequence[Any]) -> Any:
-    """omega_in^b: what a gyro shows of the Earth's turning and of the way along it."""
+    """omega_in^b: Earth rate plus transport rate, in b."""
     latitude, _, height = place
     rate_n = geodesy.earth_rate_n(latitude) + geodesy.transport_rate_n(velocity_n, latitude, height)
     return attitude.rotate_inverse(q_nb, rate_n)
@@ -142,5 +126,5 @@ def _triangle(matrix: Any) -> Any:
 
 
 def no_vector() -> Vector:
-    """Three numbers that are not known."""
+    """Three unknown numbers (NaN)."""
     return np.full(3, np.nan)

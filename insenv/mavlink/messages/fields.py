@@ -1,9 +1,9 @@
-"""From numbers to MAVLink messages: the one place where values are rounded, kept within their fields, and counted.
+"""From numbers to MAVLink messages: the one place where values are rounded and limited to the range of their fields.
 
-A value is given in its field's unit, as a float of any size.  Integers are rounded to the nearest, ties to even.  What
-lies beyond the range of its field goes out as the nearest value that the field holds, and is counted.  NaN means "not
-known": it becomes the value by which MAVLink says so where the field has one (`UNKNOWN`), or stays NaN where that is
-documented (`MAY_BE_NAN`).  A message with NaN anywhere else, a position above all, is not made at all, and counted.
+A value is given in its field's unit, as a float of any size.  For integer fields it is rounded to the nearest, ties to
+even.  A value out of range is replaced by the nearest value that the field can hold, and counted.  NaN means "unknown":
+it becomes the value by which MAVLink says so where the field has one (`UNKNOWN`), or stays NaN where that is documented
+(`MAY_BE_NAN`).  A message with NaN in any other field, such as a position, is not made, and is counted.
 """
 
 from __future__ import annotations
@@ -15,14 +15,16 @@ from functools import lru_cache
 from math import degrees, inf, isfinite
 from typing import Any
 
+from insenv.mavlink.wire import dialect
+
 Message = Any
 """A message object of `pymavlink.dialects.v20.common`."""
 
 DEG_E7 = degrees(1.0) * 1e7
-"""Units of 1e-7 degree in a radian."""
+"""Units of 1e-7 degree per radian."""
 CENTI_DEG = degrees(1.0) * 1e2
 STANDARD_GRAVITY = 9.80665
-"""The g of MAVLink's milli-g, m/s^2."""
+"""The g of MAVLink's milli-g (m/s^2)."""
 FLOAT32_MAX = 3.4028234663852886e38
 
 UNKNOWN: dict[str, dict[str, int]] = {
@@ -31,7 +33,7 @@ UNKNOWN: dict[str, dict[str, int]] = {
     "GLOBAL_POSITION_INT": {"hdg": 65535},
     "SYS_STATUS": {"voltage_battery": 65535, "current_battery": -1, "battery_remaining": -1},
 }
-"""What says "not known" in an integer field, by message and field."""
+"""The value that means "unknown" in an integer field, by message and field."""
 
 MAY_BE_NAN: dict[str, frozenset[str]] = {
     "ODOMETRY": frozenset({"pose_covariance", "velocity_covariance"}),
@@ -42,14 +44,14 @@ MAY_BE_NAN: dict[str, frozenset[str]] = {
     "ALTITUDE": frozenset({"altitude_terrain", "bottom_clearance"}),
     "COMMAND_LONG": frozenset(f"param{i}" for i in range(1, 8)),
 }  # fmt: skip
-"""Float fields in which NaN says "not known", by message."""
+"""Float fields in which NaN means "unknown", by message."""
 
 _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
 
 
 @dataclass(frozen=True)
 class _Field:
-    """One field: whether it is an integer, its range, its length (0: no array), what says "not known", whether NaN may."""
+    """One field: integer or not, range, length (0: no array), the value for "unknown", whether NaN is allowed."""
 
     name: str
     whole: bool
@@ -61,10 +63,10 @@ class _Field:
 
 
 class Fields:
-    """Makes messages, and counts what did not fit.
+    """Maker of messages, which counts values that do not fit.
 
-    saturated: how often a field's value lay beyond its range, by "MESSAGE.field".  refused: how often a message was not
-    made because a value was not known (NaN), likewise.
+    saturated: how often a value was out of its field's range, by "MESSAGE.field".  refused: how often a message was not
+    made because a value was NaN, by the same name.
     """
 
     def __init__(self) -> None:
@@ -72,14 +74,14 @@ class Fields:
         self.refused: Counter[str] = Counter()
 
     def message(self, name: str, *values: float | Sequence[float] | bytes | str) -> Message | None:
-        """The message `name` of its fields' values, in the order of the message's definition, or None if refused.
+        """Make the message `name` from the values of its fields, in the order of its definition; None if refused.
 
-        Trailing extension fields may be left out.  Text is cut to its field.
+        Trailing extension fields may be omitted.  Text is truncated to its field.
         """
         make, plan = _plan(name)
         converted: list[Any] = []
         value: Any
-        # strict would be wrong: extensions may be left out
+        # not strict: extension fields may be omitted
         for field, value in zip(plan, values):  # noqa: B905
             whole, low, high = field.whole, field.low, field.high
             if field.length:
@@ -118,22 +120,20 @@ class Fields:
 @lru_cache(maxsize=256)
 def _plan(name: str) -> tuple[Callable[..., Message], list[_Field]]:
     """The class of a message and its fields, in the order of its definition."""
-    from pymavlink.dialects.v20 import common
-
-    make = getattr(common, f"MAVLink_{name.lower()}_message")
+    make = getattr(dialect(), f"MAVLink_{name.lower()}_message")
     unknown, nan = UNKNOWN.get(name, {}), MAY_BE_NAN.get(name, frozenset())
     plan = []
     for place, (field, kind) in enumerate(zip(make.fieldnames, make.fieldtypes, strict=True)):
         low, high = _range(kind)
         if unknown.get(field) == high:
-            high -= 1  # what is too large must not read as "not known"
+            high -= 1  # a saturated value must not mean "unknown"
         length = int(make.array_lengths[make.orders[place]])
         plan.append(_Field(field, kind not in ("float", "double"), low, high, length, unknown.get(field), field in nan))
     return make, plan
 
 
 def _range(kind: str) -> tuple[float, float]:
-    """Lowest and highest value of a field's type."""
+    """Lowest and highest value of a type."""
     if kind == "float":
         return -FLOAT32_MAX, FLOAT32_MAX
     if kind == "double":

@@ -1,7 +1,7 @@
-"""Which message is due at which sample: rates on the simulation clock.
+"""The message schedule: which message is due at which sample, by rates on the simulation clock.
 
-A message of rate r is due at the first sample at or after each multiple of 1/r since its rate was set: the mean rate is met
-exactly, and no message is due twice in a sample, so that the rate of the samples is the highest.
+A message of rate r is due at the first sample at or after each multiple of 1/r since its rate was set.  The mean rate
+is therefore exact.  No message is due twice in a sample, so that the sample rate is the highest rate.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DEFAULT_HZ: dict[str, float] = {
     "ALTITUDE": 5.0,
     "ESTIMATOR_STATUS": 1.0,
 }
-"""Hz of every message that is streamed.  HIL_GPS goes out once a fix, and no oftener than this."""
+"""Default rate (Hz) of every streamed message.  HIL_GPS is sent once per fix, and at most at this rate."""
 
 MAX_HZ = 1000.0
 
@@ -46,13 +46,14 @@ STREAMS: dict[int, tuple[str, ...]] = {
     11: ("VFR_HUD",),
     12: ("SYSTEM_TIME", "ESTIMATOR_STATUS"),
 }
-"""Messages of the data streams of REQUEST_DATA_STREAM, as ground stations know them; 0 is all of these."""
+"""Messages of each data stream of REQUEST_DATA_STREAM, by its number; stream 0 means all of these."""
 
 
 class Schedule:
-    """Rates of messages on a clock of samples.
+    """Rates of messages and the samples at which they are due.
 
-    sample_hz: samples in a second.  rates: Hz by message, instead of the default; 0: not at all.  Raises `InputError`.
+    sample_hz: sample rate.  rates: Hz by message, instead of the default; 0: never.  fixed: the messages named in
+    `rates`.  Raises `InputError` for an unknown message or a rate out of range.
     """
 
     def __init__(self, sample_hz: float, rates: Mapping[str, float] | None = None) -> None:
@@ -69,23 +70,23 @@ class Schedule:
             self._begin(name, 0)
 
     def set(self, name: str, hz: float, sample: int) -> None:
-        """Set a rate from `sample` on: 0 stops the message.  Raises `InputError`."""
+        """Set a rate from `sample` on; 0 stops the message.  Raises `InputError`."""
         check_rate(name, hz)
         if hz != self.rates[name]:
             self.rates[name] = hz
             self._begin(name, sample)
 
     def reset(self, name: str, sample: int) -> None:
-        """The default rate again."""
+        """Restore the default rate."""
         self.set(name, DEFAULT_HZ[name], sample)
 
     def due(self, sample: int) -> list[str]:
-        """The messages due at `sample`, to be asked for at every sample."""
+        """The messages due at `sample`; call it once for every sample."""
         found: list[str] = []
         while self._due and self._due[0][0] <= sample:
             _, order, name, serial = heapq.heappop(self._due)
             if serial != self._serial[name]:
-                continue  # its rate has been changed
+                continue  # its rate has changed since
             found.append(name)
             per = self._sample_hz / self.rates[name]
             count = int((sample - self._begun[name]) / per + 1e-9) + 1
@@ -102,15 +103,15 @@ class Schedule:
 
 
 def check_rate(name: str, hz: float) -> None:
-    """Raise `InputError` unless `name` is a message that is streamed and `hz` a rate it can have."""
+    """Raise `InputError` unless `name` is a streamed message and `hz` an allowed rate."""
     if name not in DEFAULT_HZ:
-        raise InputError(f"no message {name!r} is streamed{nearest(name, DEFAULT_HZ)}")
+        raise InputError(f"no streamed message {name!r}{nearest(name, DEFAULT_HZ)}")
     if not 0.0 <= hz <= MAX_HZ:
-        raise InputError(f"rate of {name} = {hz:g} Hz: allowed is from 0 (not at all) to {MAX_HZ:g} Hz")
+        raise InputError(f"rate of {name} = {hz:g} Hz: allowed is 0 (never) to {MAX_HZ:g} Hz")
 
 
 def parse_rates(texts: list[str]) -> dict[str, float]:
-    """Rates of ``MESSAGE=HZ`` texts.  Raises `InputError`."""
+    """Parse rates from ``MESSAGE=HZ`` texts.  Raises `InputError`."""
     rates: dict[str, float] = {}
     for text in texts:
         name, sign, number = text.partition("=")

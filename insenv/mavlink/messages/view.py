@@ -1,7 +1,8 @@
-"""What there is to tell at the present sample: the simulation, and what is derived from it when first asked for."""
+"""The simulated vehicle as its messages see it: the simulation, and quantities derived from it on first use."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees, pi
 from typing import Any
@@ -9,18 +10,15 @@ from typing import Any
 import numpy as np
 
 from insenv.core.tables import Vector
-from insenv.mavlink.messages.derived import Buffered, derived, no_vector
-from insenv.mavlink.messages.fields import Fields
+from insenv.mavlink.messages.derived import Derived, no_vector
+from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
 from insenv.mavlink.simulation import Fix, Simulation
 from insenv.mavlink.surroundings import Surroundings
-
-# MAV_TYPE by the scenario's kind of vehicle
-VEHICLE_TYPES = {"ship": 11, "car": 10, "aircraft": 1}
 
 
 @dataclass(frozen=True)
 class Thresholds:
-    """From what stated 1-sigma on an estimate counts as good: tilt and heading (deg), velocity (m/s), position (m)."""
+    """Stated 1-sigma below which an estimate counts as good: tilt and heading (deg), velocity (m/s), position (m)."""
 
     tilt_deg: float = 1.0
     heading_deg: float = 5.0
@@ -29,11 +27,11 @@ class Thresholds:
 
 
 class View:
-    """The simulated vehicle as its messages see it.
+    """The state from which messages are made.
 
-    start_unix: Unix time (s) of the run's start.  undulation: height of the geoid over the ellipsoid (m), taken as the same
-    everywhere: height over the sea = height over the ellipsoid - undulation.  Home is where the estimator was told the
-    vehicle starts.
+    start_unix: Unix time (s) at the start of the run.  undulation: height of the geoid above the ellipsoid (m), the
+    same everywhere: height above mean sea level = ellipsoidal height - undulation.  home: the known initial latitude,
+    longitude (rad) and height (m).  traits: of the vehicle.  load: share of one core that the process takes.
     """
 
     def __init__(self, simulation: Simulation, surroundings: Surroundings, start_unix: float) -> None:
@@ -46,26 +44,26 @@ class View:
         self.armed = True
         self.load = 0.0
         known = simulation.plant.knowledge
-        self.home = known.latitude, (known.longitude + pi) % (2 * pi) - pi, known.height
-        self.vehicle_kind = simulation.plant.scenario.vehicle.kind
+        self.home = known.latitude, wrapped(known.longitude), known.height
+        self.traits = simulation.plant.scenario.vehicle.traits
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
         self.sent_air: dict[str, tuple[int, int]] = {}
         self.sent_fix = 0
-        self._derived = derived()
+        self._derived = Derived()
         self._derived.inputs["home"][:] = self.home
         self._derived_at = -1
         self._air_at = -1
         self._rate_sigma = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
 
     def forget(self) -> None:
-        """What was derived holds no more: the estimate has been changed between two samples."""
+        """Discard derived quantities: the estimate has changed between two samples."""
         self._derived_at = -1
 
     # --- time ---------------------------------------------------------------------------------------
 
     @property
     def time_us(self) -> int:
-        """The simulation clock in microseconds: "time since boot"."""
+        """The simulation clock in microseconds, MAVLink's time since boot."""
         return round(self.simulation.time * 1e6)
 
     @property
@@ -75,10 +73,10 @@ class View:
 
     @property
     def unix_us(self) -> int:
-        """Unix time of the simulation clock, microseconds."""
+        """Unix time of the simulation clock in microseconds."""
         return round(self.start_unix * 1e6) + self.time_us
 
-    # --- what is told -------------------------------------------------------------------------------
+    # --- truth, estimate, sensors -------------------------------------------------------------------
 
     @property
     def truth(self) -> dict[str, Any]:
@@ -96,15 +94,15 @@ class View:
         return self._evaluated().outputs
 
     def estimated(self, name: str) -> float:
-        """Estimated latitude (rad) or height (m); of an alignment, which knows where it is, the one told."""
+        """Estimated latitude (rad) or height (m); of an alignment the known initial one."""
         return float(self._evaluated().inputs[f"estimated_{name}"])
 
     @property
     def estimated_velocity_n(self) -> Vector:
-        """Estimated velocity (3, m/s, n); of an alignment in place: none."""
+        """Estimated velocity (3, m/s, n); of an alignment zero."""
         return self._evaluated().inputs["estimated_velocity_n"]
 
-    def _evaluated(self) -> Buffered:
+    def _evaluated(self) -> Derived:
         if self._derived_at != self.simulation.samples:
             self._derived_at = self.simulation.samples
             self._fill()
@@ -132,50 +130,54 @@ class View:
 
     @property
     def air(self) -> Surroundings:
-        """Magnetometer and barometer, up to date."""
+        """Magnetometer and barometer at the present sample."""
         if self._air_at != self.simulation.samples:
             self._air_at = self.simulation.samples
             height_msl = float(self.truth["height"]) - self.undulation
             self.surroundings.update(self.simulation.time, self.truth, height_msl)
         return self.surroundings
 
+    def place(self, latitude: float, longitude: float, height: float) -> tuple[float, float, float]:
+        """Latitude and longitude (1e-7 deg) and height above mean sea level (mm), the units of MAVLink."""
+        return latitude * DEG_E7, longitude * DEG_E7, (height - self.undulation) * 1e3
+
     @property
     def fix(self) -> Fix | None:
-        """The latest fix delivered."""
+        """The latest fix received."""
         return self.simulation.fix
 
     @property
     def has_lock(self) -> bool:
-        """Whether the receiver is on and its latest fix no older than two and a half intervals."""
+        """Whether the receiver is on and its latest fix is younger than 2.5 fix intervals."""
         fix, simulation = self.simulation.fix, self.simulation
         if fix is None or not simulation.gnss_on or simulation.plant.scenario.gnss is None:
             return False
         return simulation.time - fix.time < 2.5 * simulation.plant.scenario.gnss.interval_s
 
-    # --- how good it is -----------------------------------------------------------------------------
+    # --- quality of the estimate --------------------------------------------------------------------
 
     @property
     def position_sigma(self) -> Vector | None:
-        """Stated sigmas of the position (3, m, n), None if none are; of an alignment those of the position it was told."""
+        """Stated position sigmas (3, m, n), or None; of an alignment those of the initial position."""
         if not self.simulation.estimator.navigates:
             return np.asarray(self.simulation.plant.knowledge.position_sigma, dtype=np.float64)
         return self.estimate.get("position_sigma")
 
     @property
     def tilt_sigma_deg(self) -> float:
-        """Larger one of the stated sigmas of the misalignment about north and east; NaN if none is stated."""
+        """Larger of the stated attitude sigmas about north and east; NaN if none is stated."""
         sigma = self.estimate.get("attitude_sigma")
         return float("nan") if sigma is None else degrees(max(float(sigma[0]), float(sigma[1])))
 
     @property
     def heading_sigma_deg(self) -> float:
-        """Stated sigma of the misalignment about down; NaN if none is stated."""
+        """The stated attitude sigma about down; NaN if none is stated."""
         sigma = self.estimate.get("attitude_sigma")
         return float("nan") if sigma is None else degrees(float(sigma[2]))
 
     @property
     def aligned(self) -> bool:
-        """Whether tilt and heading are good by what the estimator states; one that states nothing navigates as it was told."""
+        """Whether the stated sigmas of tilt and heading are below `thresholds`; True if none are stated."""
         if self.simulation.diverged:
             return False
         if "attitude_sigma" not in self.estimate:
@@ -184,9 +186,23 @@ class View:
 
     @property
     def state(self) -> str:
-        """In a word: diverged, aligning, aligned (an alignment), navigating."""
+        """``"diverged"``, ``"aligning"``, ``"aligned"`` (an alignment) or ``"navigating"``."""
         if self.simulation.diverged:
             return "diverged"
         if not self.aligned:
             return "aligning"
         return "navigating" if self.simulation.estimator.navigates else "aligned"
+
+
+def wrapped(longitude: float) -> float:
+    """A longitude (rad) wrapped to -pi to pi."""
+    return (longitude + pi) % (2 * pi) - pi
+
+
+Maker = Callable[[View], Message | None]
+"""Makes a message of the present sample, or None if it has no content yet."""
+
+
+def by_name(*makers: Maker) -> dict[str, Maker]:
+    """Makers by the name of their message, which is that of the function in capitals."""
+    return {maker.__name__.upper(): maker for maker in makers}

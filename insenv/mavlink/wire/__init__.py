@@ -1,1 +1,11 @@
-"""The wire: links, peers, frames, signing."""
+"""Links, peers, frames, signing and telemetry logs.  Nothing here knows the simulation."""
+
+from insenv.mavlink.wire.address import Address, parse_address
+from insenv.mavlink.wire.frames import Statistics, dialect
+from insenv.mavlink.wire.link import Link
+from insenv.mavlink.wire.opening import open_link
+from insenv.mavlink.wire.peers import Peer
+from insenv.mavlink.wire.signing import Signing
+from insenv.mavlink.wire.tlog import TlogWriter
+
+__all__ = ["Address", "Link", "Peer", "Signing", "Statistics", "TlogWriter", "dialect", "open_link", "parse_address"]

@@ -23,18 +23,26 @@ _HIGHEST_PORT = 65535
 
 @dataclass(frozen=True)
 class Address:
-    """kind: a key of `KINDS`; host: name, IP address or serial device; port: of the network, or baud."""
+    """The address of a link.
+
+    kind: a key of `KINDS`.  host: name, IP address or serial device.  port: network port, or baud rate.
+    """
 
     kind: str
     host: str
     port: int
 
     def __str__(self) -> str:
-        return f"{self.kind}:{f'[{self.host}]' if ':' in self.host else self.host}:{self.port}"
+        return f"{self.kind}:{endpoint(self.host, self.port)}"
+
+
+def endpoint(host: str, port: int) -> str:
+    """``HOST:PORT``, an IPv6 host in brackets."""
+    return f"{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def parse_address(text: str) -> Address:
-    """An address; without a host, that of this machine alone (127.0.0.1).  Raises InputError."""
+    """Parse an address; an empty host is the loopback address 127.0.0.1.  Raises `InputError`."""
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         raise InputError(f"address {text!r}: must be {', '.join(KINDS.values())}")
@@ -43,7 +51,7 @@ def parse_address(text: str) -> Address:
         device, colon, baud = rest.rpartition(":")
         device, baud = (device, baud) if colon and baud.isdigit() else (rest, str(BAUD))
         if not device or not 0 < int(baud) <= 100_000_000:
-            raise InputError(f"address {text!r}: must be {form}, as serial:/dev/ttyUSB0:{BAUD}")
+            raise InputError(f"address {text!r}: must be {form}, such as serial:/dev/ttyUSB0:{BAUD}")
         return Address(kind, device, int(baud))
     host, _, port = rest.rpartition(":")
     lowest = 1 if kind.endswith("out") else 0
@@ -52,15 +60,15 @@ def parse_address(text: str) -> Address:
     if host.startswith("[") and host.endswith("]"):
         host = host[1:-1]
     elif ":" in host:
-        raise InputError(f"address {text!r}: an IPv6 host is written in brackets, as {kind}:[::1]:{port}")
+        raise InputError(f"address {text!r}: an IPv6 host is written in brackets, such as {kind}:[::1]:{port}")
     return Address(kind, host or LOOPBACK, int(port))
 
 
 def resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Any]:
-    """Family and socket address, IPv4 first.  Raises InputError when the host is not known."""
+    """Address family and socket address, IPv4 preferred.  Raises `InputError` when the host is unknown."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except (OSError, UnicodeError) as error:
-        raise InputError(f"address {address}: host {address.host!r} is not known: {error}") from None
+        raise InputError(f"address {address}: unknown host {address.host!r}: {error}") from None
     found.sort(key=lambda entry: entry[0] != socket.AF_INET)
     return found[0][0], found[0][4]

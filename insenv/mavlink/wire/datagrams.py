@@ -1,4 +1,4 @@
-"""Links over UDP: to one place, or to everyone who speaks MAVLink to ours."""
+"""Links over UDP: to one place, or to everyone who sends MAVLink to our port."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ from dataclasses import replace
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.address import Address, resolve
-from insenv.mavlink.wire.link import Clock, Link
+from insenv.mavlink.wire.address import endpoint, resolve
+from insenv.mavlink.wire.link import Link
 from insenv.mavlink.wire.peers import DatagramPeer, Peer
-from insenv.mavlink.wire.signing import Signing
 
 MOST_PEERS = 16
 MOST_STRANGERS = 64
-"""Senders of whom nothing verified has come yet, or for whom there is no room; of more, the first is forgotten."""
+"""Largest number of senders that are not peers: no verified message, or no free place.  More replace the oldest."""
 EXPIRY_S = 20.0
-"""A peer that was silent so long is dropped: ground tools send a heartbeat each second."""
+"""A peer that has been silent for so long is dropped: ground stations send a heartbeat each second."""
 READS_PER_CALL = 512
 LARGEST = 4096
-"""Bytes of the largest datagram taken: routers put several frames into one."""
+"""Bytes of the largest datagram accepted: routers put several frames into one."""
 BUFFER_BYTES = 1 << 20
 
 
 class DatagramLink(Link):
-    """``udpout`` has one fixed peer, and hears others only if that is a broadcast or multicast address; ``udpin`` has none."""
+    """``udpin`` and ``udpout``.
 
-    def __init__(self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock) -> None:
-        super().__init__(address, signing, system, component, clock)
+    ``udpout`` has one fixed peer, and receives from others only where that is a broadcast or multicast address.
+    """
+
+    def _open(self) -> None:
+        address = self.address
         family, target = resolve(address, socket.SOCK_DGRAM)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._connected = False
@@ -51,12 +53,12 @@ class DatagramLink(Link):
     def _aim(self, target: Any) -> None:
         if not ipaddress.ip_address(target[0].partition("%")[0]).is_multicast:
             try:
-                # the system then lets through nothing but what comes from there
+                # a connected socket receives from this place only
                 self._socket.connect(target)
                 self._connected = True
             except PermissionError:  # a broadcast address
                 self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        peer = DatagramPeer(str(self.address).partition(":")[2], target, self._clock(), fixed=True, live=True)
+        peer = DatagramPeer(endpoint(self.address.host, self.address.port), target, self._clock(), fixed=True, live=True)
         self._peers.append(peer)
         self._by_key[target] = self._fixed = peer
 
@@ -68,9 +70,9 @@ class DatagramLink(Link):
                 else:
                     self._socket.sendto(frame, peer.key)  # type: ignore[call-overload]
             except ConnectionError:
-                continue  # the answer to an earlier datagram that nobody took; this one has not gone yet
+                continue  # the report of an earlier datagram that was refused; this one has not been sent yet
             except OSError:
-                return False  # no room, no network
+                return False  # a full buffer, or no network
             return True
         return False
 
@@ -82,7 +84,7 @@ class DatagramLink(Link):
             except BlockingIOError:
                 return
             except OSError:
-                continue  # the answer to a datagram that nobody took
+                continue  # the report of a datagram that was refused
             self.statistics.received_bytes += len(datagram)
             if len(datagram) > LARGEST:
                 self.statistics.oversized += 1
@@ -99,8 +101,7 @@ class DatagramLink(Link):
         if len(strangers) >= MOST_STRANGERS:
             self._forget(strangers[0])
             self.statistics.refused_peers += 1
-        host = f"[{source[0]}]" if ":" in source[0] else source[0]
-        peer = DatagramPeer(f"{host}:{source[1]}", source, self._clock())
+        peer = DatagramPeer(endpoint(*source[:2]), source, self._clock())
         self._peers.append(peer)
         self._by_key[source] = peer
         return peer
@@ -109,7 +110,7 @@ class DatagramLink(Link):
         room = peer.live or sum(p.live for p in self._peers) < MOST_PEERS
         super()._heard(peer, message)
         if not room:
-            # heard and answered, but it gets no telemetry; those who are there keep their places
+            # it is answered but gets no telemetry: present peers keep their places
             peer.live = False
             self.statistics.refused_peers += 1
 

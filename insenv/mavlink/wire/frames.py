@@ -1,48 +1,76 @@
-"""MAVLink frames on the wire: found in bytes, checked, and put together again with another sequence number.
+"""MAVLink frames: find and check them in bytes, and give them another sequence number.
 
-A frame found here has a whole header, a known message number and the right checksum; what it says is decoded afterwards by
-pymavlink.  Nothing is trusted: every byte may come from anyone, so the work on wrong bytes is bounded as well.
+A frame found here is complete, has a known message number and a correct checksum; pymavlink decodes it afterwards.
+Input is untrusted, so the work spent on invalid bytes is bounded.
 
-Layout of MAVLink 2: magic 0xFD, payload length, incompatible flags, compatible flags, sequence, system, component, message
-number (3 bytes, little end first), payload, checksum (2 bytes over all but the magic, and the message's extra byte), and, if
-the first incompatible flag is set, 13 bytes of signature.  MAVLink 1: 0xFE, length, sequence, system, component, number.
+Layout of MAVLink 2: magic 0xFD, payload length, incompatibility flags, compatibility flags, sequence, system,
+component, message number (3 bytes, little-endian), payload, checksum (2 bytes, over everything but the magic, and over
+the message's CRC_EXTRA byte) and, if the first incompatibility flag is set, a 13-byte signature.  MAVLink 1: 0xFE,
+length, sequence, system, component, message number.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
-from insenv.mavlink.wire.statistics import Statistics
-
 V1, V2 = 0xFE, 0xFD
 SIGNED = 0x01
-"""The incompatible flag of a signed frame, the only one that is understood."""
+"""The incompatibility flag of a signed frame, the only one supported."""
 SIGNATURE = 13
-"""Bytes of link number, timestamp and signature."""
+"""Bytes of link number, time stamp and hash together."""
 HEADER_V1, HEADER_V2, CHECKSUM = 6, 10, 2
 LONGEST = HEADER_V2 + 255 + CHECKSUM + SIGNATURE
 """Bytes of the longest frame."""
 WRONG_CANDIDATES = 16
-"""So many magic bytes that no frame follows are looked at in one piece; then what is left of it is thrown away."""
+"""Frames with a wrong checksum after which the rest of a piece is discarded."""
 
 _MAGIC = re.compile(b"[\xfd\xfe]")
 
 
-@dataclass(frozen=True)
-class Sender:
-    """Who says a frame is from: its system and component."""
+@dataclass
+class Statistics:
+    """Counts since a link was opened.
 
-    system: int
-    component: int
+    sent_messages: messages packed, for any number of peers.  sent_frames, sent_bytes: passed to the operating system,
+    summed over peers.  dropped_frames: not sent because a peer reads too slowly or a system buffer is full.
+    received_messages: verified and returned.  received_bytes: all bytes read.  Rejected: wrong_checksum; unknown
+    (message number or incompatibility flag: such frames cannot be checked); undecodable; unsigned; wrongly_signed;
+    replayed (a signing time not newer than the last); stale (too old for a new sender); reflected (our own frames,
+    returned to us); oversized (datagrams larger than any of MAVLink); skipped_bytes (between frames); overflowed
+    (datagrams of a peer that sends faster than it is read); refused_peers (too many peers).
+    """
+
+    sent_messages: int = 0
+    sent_frames: int = 0
+    sent_bytes: int = 0
+    dropped_frames: int = 0
+    received_messages: int = 0
+    received_bytes: int = 0
+    wrong_checksum: int = 0
+    unknown: int = 0
+    undecodable: int = 0
+    unsigned: int = 0
+    wrongly_signed: int = 0
+    replayed: int = 0
+    stale: int = 0
+    reflected: int = 0
+    oversized: int = 0
+    skipped_bytes: int = 0
+    overflowed: int = 0
+    refused_peers: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """The counts by name."""
+        return asdict(self)
 
 
 @lru_cache(maxsize=1)
 def dialect() -> Any:
-    """The module of messages, version 2 whatever the environment says."""
+    """pymavlink's module of the common messages, of MAVLink 2 whatever the environment variables say."""
     from pymavlink.dialects.v20 import common
 
     return common
@@ -50,27 +78,27 @@ def dialect() -> Any:
 
 @lru_cache(maxsize=1)
 def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
-    """Extra checksum bytes by message number, and the checksum's function."""
+    """CRC_EXTRA by message number, and the checksum function."""
     from fastcrc import crc16
 
     return {number: kind.crc_extra for number, kind in dialect().mavlink_map.items()}, crc16.mcrf4xx
 
 
-def sender(frame: bytes) -> Sender:
-    """The sender that a frame names."""
-    return Sender(frame[5], frame[6]) if frame[0] == V2 else Sender(frame[3], frame[4])
+def sender(frame: bytes) -> tuple[int, int]:
+    """System and component that a frame states."""
+    return (frame[5], frame[6]) if frame[0] == V2 else (frame[3], frame[4])
 
 
 def is_signed(frame: bytes) -> bool:
-    """Whether the frame ends in a signature (right or wrong)."""
+    """Whether the frame carries a signature, valid or not."""
     return frame[0] == V2 and bool(frame[2] & SIGNED)
 
 
 def split(piece: bytes, statistics: Statistics) -> tuple[list[bytes], int]:
-    """The checked frames in `piece`, in order, and how many of its bytes are done with.
+    """The checked frames in `piece`, in order, and the number of bytes consumed.
 
-    The bytes after those may begin a frame that is not all there: a stream keeps them, a datagram throws them away.  After a
-    wrong frame the search goes on one byte behind its magic, so that a lost byte costs one frame.
+    The remaining bytes may be the start of an incomplete frame: a stream keeps them, a datagram discards them.  After
+    an invalid frame the search continues one byte after its magic, so that a lost byte costs one frame.
     """
     extra, checksum = _tools()
     frames: list[bytes] = []
@@ -109,7 +137,7 @@ def split(piece: bytes, statistics: Statistics) -> tuple[list[bytes], int]:
 
 
 def resequenced(frame: bytes, sequence: int, *, signed: bool) -> bytes:
-    """The MAVLink 2 frame without a signature, with another sequence number, its signed flag as said, and a new checksum."""
+    """An unsigned MAVLink 2 frame with another sequence number, the signed flag set or cleared, and a new checksum."""
     extra, checksum = _tools()
     changed = bytearray(frame[: HEADER_V2 + frame[1]])
     changed[2] = SIGNED if signed else 0

@@ -1,7 +1,7 @@
-"""A MAVLink link: messages out to every peer, verified messages in, never waiting for anyone.
+"""A MAVLink link: send messages to every peer, receive verified messages, and never block.
 
-A link owns its sockets.  It takes datagrams one by one, keeps one parser a peer, does a bounded amount of work at each call,
-and holds a bounded number of peers.  One thread uses it.
+A link owns its sockets.  It splits each peer's input separately, does a bounded amount of work per call and holds a
+bounded number of peers.  It is for use by one thread.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ from types import TracebackType
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.address import Address, parse_address
-from insenv.mavlink.wire.frames import dialect, resequenced, sender
+from insenv.mavlink.wire.address import Address
+from insenv.mavlink.wire.frames import Statistics, dialect, resequenced, sender
 from insenv.mavlink.wire.peers import Peer
 from insenv.mavlink.wire.signing import Signing, Verdict
-from insenv.mavlink.wire.statistics import Statistics
 
 MESSAGES_PER_CALL = 64
-"""Frames that one `receive` looks at, at most."""
+"""Largest number of frames that one `receive` processes."""
 MESSAGES_PER_PEER = 8
-"""And of one peer: 1600 a second at 200 Hz, more than tools send; decoding a flood takes about 0.2 ms of each call, no more."""
+"""The same for one peer: 1600 per second at 200 Hz, more than tools send; a flood costs about 0.2 ms per call."""
 HIGHEST_ID = 255
 
 Message = Any
@@ -31,9 +30,11 @@ Clock = Callable[[], float]
 
 
 class Link:
-    """Base of the links; made by `open_link`.
+    """Base class of the links, which `open_link` makes.
 
-    system, component: the sender that messages name.  statistics: counts.  peers: the live peers, in the order they came.
+    address: with the actual port where port 0 was requested.  signing: None on an unsigned link.  system, component:
+    the sender that messages state, 1 to 255.  clock: seconds.  statistics: counts.  Raises `InputError`: a wrong system
+    or component, an unknown host, a port in use, a device that does not open.
     """
 
     def __init__(self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock) -> None:
@@ -52,29 +53,29 @@ class Link:
         self._packer = module.MAVLink(None, srcSystem=system, srcComponent=component)
         self._decoder = module.MAVLink(None)
         self._error: type[Exception] = module.MAVError
+        self._open()
 
     @property
     def peers(self) -> tuple[Peer, ...]:
-        """The live peers."""
+        """The live peers, in the order of their arrival."""
         return tuple(peer for peer in self._peers if peer.live)
 
     # --- out -------------------------------------------------------------------------------------
 
     def send(self, message: Message) -> bytes:
-        """Send to all live peers (to none, if there are none); the frame, for a log.
+        """Send to all live peers, and return the frame for a log.
 
-        Raises what pymavlink raises for a value beyond its field (`struct.error`): `insenv.mavlink.messages.fields` makes
-        messages
-        that fit.
+        Raises `struct.error`, from pymavlink, for a value out of its field's range; messages made by
+        `insenv.mavlink.messages.Fields` are within range.
         """
         return self._send(message, self.peers)
 
     def send_to(self, peer: Peer, message: Message) -> bytes:
-        """Send to one peer, live or not: an answer; the frame, for a log."""
+        """Send an answer to one peer, live or not, and return the frame for a log."""
         return self._send(message, (peer,))
 
     def _send(self, message: Message, peers: tuple[Peer, ...]) -> bytes:
-        # each peer, and the log, counts its own sequence, so that an answer to one is no lost message to another
+        # each peer and the log have a sequence of their own: an answer to one peer must not look like a loss to another
         self._packer.seq = self._sequence
         plain = message.pack(self._packer)
         made: dict[int, bytes] = {} if self.signing is not None else {self._sequence: plain}
@@ -102,25 +103,27 @@ class Link:
     # --- in --------------------------------------------------------------------------------------
 
     def receive(self) -> list[tuple[Peer, Message]]:
-        """What came, at most `MESSAGES_PER_CALL` messages and `MESSAGES_PER_PEER` of one peer, the peers in turns: whole, with
-        the right checksum and, on a signed link, the right signature at a new signing time.  Never waits.  Call it at every
-        tick: it also accepts and drops peers and goes on with what waits to be sent.
+        """The messages received since the last call, each with its peer; does not block.
+
+        They are complete, have a correct checksum and, on a signed link, a valid signature with a new signing time.
+        There are at most `MESSAGES_PER_CALL`, and `MESSAGES_PER_PEER` of one peer; peers take turns.  Call it at every
+        tick: it also accepts and drops peers and continues pending transmissions.
         """
         self._pump()
         messages: list[tuple[Peer, Message]] = []
         waiting = [peer for peer in self._peers if peer.has_input()]
-        self._turn += 1  # another peer begins at each call
+        self._turn += 1  # each call begins with another peer
         at, taken = self._turn, 0
-        looked: dict[Peer, int] = {}
+        processed: dict[Peer, int] = {}
         while waiting and taken < MESSAGES_PER_CALL:
             at %= len(waiting)
             peer = waiting[at]
-            frame = peer.next_frame(self.statistics) if looked.get(peer, 0) < MESSAGES_PER_PEER else None
+            frame = peer.next_frame(self.statistics) if processed.get(peer, 0) < MESSAGES_PER_PEER else None
             if frame is None:
                 del waiting[at]
                 continue
             taken += 1
-            looked[peer] = looked.get(peer, 0) + 1
+            processed[peer] = processed.get(peer, 0) + 1
             message = self._verified(frame)
             if message is not None:
                 self._heard(peer, message)
@@ -134,7 +137,7 @@ class Link:
             if verdict is not Verdict.GOOD:
                 setattr(self.statistics, verdict.value, getattr(self.statistics, verdict.value) + 1)
                 return None
-        elif sender(frame).system == self.system and sender(frame).component == self.component:
+        elif sender(frame) == (self.system, self.component):
             self.statistics.reflected += 1
             return None
         try:
@@ -153,7 +156,7 @@ class Link:
         self.statistics.received_messages += 1
 
     def wait(self, timeout: float) -> None:
-        """Wait until there may be something to receive, or `timeout` seconds have passed."""
+        """Wait until input may be available, or for `timeout` seconds."""
         if any(peer.has_input() for peer in self._peers):
             return
         sources = self._sources()
@@ -162,21 +165,26 @@ class Link:
         else:
             time.sleep(max(timeout, 0.0))
 
-    # --- what the kinds of links do ----------------------------------------------------------------
+    # --- defined by each kind of link ---------------------------------------------------------------
+
+    def _open(self) -> None:
+        """Open the sockets or the device.  Raises `InputError`."""
+        raise NotImplementedError
 
     def _sources(self) -> list[Any]:
-        """What `select` can watch for input."""
+        """The sockets or devices that `select` can watch for input."""
         raise NotImplementedError
 
     def _pump(self) -> None:
-        """Read, accept, expire, flush: a bounded amount of work that does not wait."""
+        """Read, accept, expire and flush: a bounded amount of work that does not block."""
         raise NotImplementedError
 
     def _transmit(self, peer: Peer, frame: bytes) -> bool:
-        """Hand a frame to the system, or keep it to be sent; False when it is dropped."""
+        """Pass a frame to the operating system or queue it; False when it is dropped."""
         raise NotImplementedError
 
     def _close(self) -> None:
+        """Close the sockets or the device."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -192,34 +200,3 @@ class Link:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def open_link(
-    address: str,
-    *,
-    signing: Signing | None = None,
-    system: int = 1,
-    component: int = 1,
-    clock: Clock = time.monotonic,
-) -> Link:
-    """Open a link.
-
-    address: ``udpout:HOST:PORT`` sends to one place; ``udpin:HOST:PORT`` to everyone who speaks MAVLink to it;
-    ``tcpin:HOST:PORT`` to everyone who connects; ``tcpout:HOST:PORT`` connects, again and again; ``serial:DEVICE:BAUD``.
-    Without a HOST: this machine alone.  Port 0 of an ``in`` address takes a free one (`link.address.port`).
-    signing: signs what goes out and turns away all that is not signed with the same key.
-    system, component: the sender of messages, 1 to 255.  clock: seconds, for the expiry of peers.
-    Raises InputError: a wrong address, an unknown host, a port in use, a device that does not open, pyserial not installed.
-    """
-    from insenv.mavlink.wire.datagrams import DatagramLink
-    from insenv.mavlink.wire.streams import SerialLink, TcpClientLink, TcpServerLink
-
-    parsed = parse_address(address)
-    kinds: dict[str, type[Link]] = {
-        "udpout": DatagramLink,
-        "udpin": DatagramLink,
-        "tcpin": TcpServerLink,
-        "tcpout": TcpClientLink,
-        "serial": SerialLink,
-    }
-    return kinds[parsed.kind](parsed, signing, system, component, clock)

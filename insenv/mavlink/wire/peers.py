@@ -1,4 +1,4 @@
-"""The other ends of a link, and the bounded stores of what they sent and of what waits to be sent to them."""
+"""Peers of a link, with bounded buffers of what they sent and of what is to be sent to them."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from collections import deque
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 
-from insenv.mavlink.wire.frames import split
-from insenv.mavlink.wire.statistics import Statistics
+from insenv.mavlink.wire.frames import Statistics, split
 
 INBOX_BYTES = 65536
-"""Bytes of one peer that may wait to be looked at."""
+"""Largest number of unread bytes kept of one peer."""
 OUTBOX_BYTES = 262144
-"""Bytes that may wait for one peer that reads slowly: half a minute of a 9 kB/s telemetry, 5 s of all at 200 Hz."""
+"""Largest number of unsent bytes kept for one peer: 30 s of telemetry at 9 kB/s, 5 s of all messages at 200 Hz."""
 
 
 @dataclass(eq=False)
 class Peer:
-    """One other end.
+    """One peer of a link.
 
-    name: how it is told apart ("127.0.0.1:14550", the serial device).  fixed: named in the link's address, so it never
-    expires.  live: it gets what is sent to all.  since, heard: clock times (s) of its first and last verified message, heard
-    None before that.  received, sent, dropped: messages and frames.  system, component: what its last message says.
-    sequence: of the next frame to it.
+    name: "127.0.0.1:14550", or the serial device.  key: what identifies it.  fixed: named in the link's address, so
+    that it never expires.  live: whether it gets what is sent to all.  since, heard: clock times (s) of its first and
+    last verified message; heard is None before the first.  received: messages; sent, dropped: frames.  system,
+    component: as its last message states.  sequence: of the next frame sent to it.  frames: checked and not yet read;
+    outbox: unsent, `waiting` bytes in all.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Peer:
     waiting: int = field(default=0, repr=False)
 
     def push_frame(self, frame: bytes) -> bool:
-        """Put a whole frame behind what waits to be sent; False when there is no room (the frame is then dropped)."""
+        """Append a whole frame to the outbox; False when it is full, and the frame is then dropped."""
         if self.waiting + len(frame) > OUTBOX_BYTES:
             return False
         self.outbox.append(memoryview(frame))
@@ -50,23 +50,23 @@ class Peer:
         return True
 
     def next_frame(self, statistics: Statistics) -> bytes | None:
-        """The next checked frame that it sent, or None."""
+        """The next checked frame from this peer, or None."""
         raise NotImplementedError
 
     def has_input(self) -> bool:
-        """Whether `next_frame` may find something."""
+        """Whether `next_frame` may return a frame."""
         raise NotImplementedError
 
 
 @dataclass(eq=False)
 class DatagramPeer(Peer):
-    """A peer whose frames come in datagrams: each is taken apart on its own, so that a torn one spoils no other."""
+    """A peer that sends datagrams: each is split on its own, so that a truncated one does not affect the others."""
 
     datagrams: deque[bytes] = field(default_factory=deque, repr=False)
     stored: int = field(default=0, repr=False)
 
     def take(self, datagram: bytes) -> bool:
-        """Store a datagram; False when there is no room."""
+        """Store a datagram; False when the buffer is full."""
         if self.stored + len(datagram) > INBOX_BYTES:
             return False
         self.datagrams.append(datagram)
@@ -88,17 +88,17 @@ class DatagramPeer(Peer):
 
 @dataclass(eq=False)
 class StreamPeer(Peer):
-    """A peer whose frames come in a stream of bytes, torn anywhere."""
+    """A peer that sends a stream of bytes, in pieces of any length."""
 
     inbox: bytearray = field(default_factory=bytearray, repr=False)
     fresh: bool = field(default=False, repr=False)
 
     def room(self) -> int:
-        """Bytes that may be read now."""
+        """The number of bytes that may be read now."""
         return INBOX_BYTES - len(self.inbox)
 
     def take(self, piece: bytes) -> None:
-        """Store what was read."""
+        """Store bytes that were read."""
         self.inbox += piece
         self.fresh = True
 

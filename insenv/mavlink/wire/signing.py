@@ -1,15 +1,16 @@
-"""MAVLink 2 signing: what we send is signed, and what comes is believed only after its signature.
+"""MAVLink 2 signing: sign outgoing frames and verify incoming ones.
 
-A signature is the first 6 bytes of SHA-256 over key, frame and signing time; the time counts 10 us since the start of 2015 and
-must grow within a stream (link number, system, component).  https://mavlink.io/en/guide/message_signing.html
+A signature is the first 6 bytes of SHA-256 over key, frame, link number and signing time.  The time counts units of 10
+us since the start of 2015 and must grow within a stream (link number, system, component).
+https://mavlink.io/en/guide/message_signing.html
 
-The order of the checks is the point: nothing about a sender is stored before the hash has been found right, so that nobody
-without the key can move a sender's time and lock it out.
+The order of the checks matters: nothing about a sender is stored before its hash has been verified, so that nobody
+without the key can advance a sender's time and lock it out.
 
-Times are kept in a file beside the key.  It holds, for each stream, a time a second *ahead* of the last one believed, and for
-ourselves one ahead of the last one used; a new mark is stored before the first frame that needs it takes effect.  So after a
-restart, even after a crash, no frame that was ever believed is believed again, and none of ours is signed with a time used
-before; a sender that goes on through our restart is heard again after a second at most.
+Times are kept in a file beside the key.  For each stream it holds a mark one second *ahead* of the last accepted time,
+and for our own signatures one ahead of the last time used.  A new mark is stored before the first frame that needs it
+takes effect.  After a restart, and even after a crash, no accepted frame is accepted again, and no signing time of ours
+is used twice.  A sender that continues during our restart is accepted again after one second at most.
 """
 
 from __future__ import annotations
@@ -31,24 +32,24 @@ from insenv.mavlink.wire.frames import SIGNATURE, is_signed, sender
 
 KEY_BYTES = 32
 EPOCH_UNIX_S = 1420070400
-"""2015-01-01 00:00 UTC, where signing times begin."""
+"""2015-01-01 00:00 UTC, the origin of signing times."""
 TICKS_PER_S = 100_000
 MOST_TICKS = 2**48 - 1
 WINDOW_TICKS = 60 * TICKS_PER_S
-"""How far the first signing time of a new stream may lie behind our clock."""
+"""Largest lag of the first signing time of a new stream behind our clock."""
 AHEAD_TICKS = TICKS_PER_S
-"""How far the stored marks lie ahead."""
+"""How far the stored marks are ahead of the times."""
 MOST_STREAMS = 1024
 HASH_BYTES = 6
 FOLLOW_TICKS = 24 * 3600 * TICKS_PER_S
-"""A sender whose clock is further ahead of ours is believed, but our signing times do not follow it."""
+"""Largest lead of our signing times over our clock when they follow a sender whose clock is ahead."""
 
 Stream = tuple[int, int, int]
 """Link number, system, component."""
 
 
 class Verdict(Enum):
-    """What `Signing.verify` found; the values are names of `Statistics`."""
+    """The result of `Signing.verify`; the values are names in `Statistics`."""
 
     GOOD = "good"
     UNSIGNED = "unsigned"
@@ -59,22 +60,22 @@ class Verdict(Enum):
 
 
 def read_key(path: str | Path) -> bytes:
-    """The key in a file: 32 bytes as they are, or as 64 hexadecimal digits (white space around them allowed).
+    """Read a key: 32 raw bytes, or 64 hexadecimal digits with optional white space around them.
 
-    Raises InputError: not found, not a file, readable or writable by others than its owner (where the system has such
-    permissions), another length, nothing but zeros.
+    Raises `InputError` if the file is missing, is not a regular file, may be read or written by others than its owner
+    (on POSIX systems), has another length or is all zero.
     """
     path = Path(path)
     try:
-        # the permissions of the very file that is read
+        # fstat of the open file: the permissions of the file that is read
         with path.open("rb") as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
-                raise InputError(f"signing key {path}: must be a plain file")
+                raise InputError(f"signing key {path}: must be a regular file")
             if os.name == "posix" and stat.S_IMODE(status.st_mode) & 0o077:
                 raise InputError(
-                    f"signing key {path}: its permissions are {stat.S_IMODE(status.st_mode):04o}, others could read or change"
-                    f" it; allowed is 0600 or less (chmod 600 {path})"
+                    f"signing key {path}: permissions {stat.S_IMODE(status.st_mode):04o} let others read or change it;"
+                    f" allowed is 0600 or less (chmod 600 {path})"
                 )
             raw = file.read(4096)
     except FileNotFoundError:
@@ -87,23 +88,24 @@ def read_key(path: str | Path) -> bytes:
         with suppress(ValueError):
             key = bytes.fromhex(raw.decode("ascii").strip())
     if len(key) != KEY_BYTES:
-        raise InputError(f"signing key {path}: {len(raw)} bytes; must be {KEY_BYTES} bytes, or {2 * KEY_BYTES} hex digits")
+        raise InputError(f"signing key {path}: {len(raw)} bytes; must be {KEY_BYTES} bytes or {2 * KEY_BYTES} hex digits")
     if not any(key):
-        raise InputError(f"signing key {path}: all zero; make one with: head -c {KEY_BYTES} /dev/urandom > {path}")
+        raise InputError(f"signing key {path}: all zero; create one with: head -c {KEY_BYTES} /dev/urandom > {path}")
     return key
 
 
 def signature(key: bytes, frame: bytes, link: int, ticks: int) -> bytes:
-    """The 13 bytes behind a frame: link number, signing time, hash."""
+    """The 13 bytes that follow a signed frame: link number, signing time, hash."""
     tail = bytes((link,)) + ticks.to_bytes(6, "little")
     return tail + hashlib.sha256(key + frame + tail).digest()[:HASH_BYTES]
 
 
 class Signing:
-    """One key, our signing time, and the last time of every stream.
+    """One key, our signing time and the last time of every stream.
 
-    link: the link number in our signatures, 0 to 255.  clock: Unix time (s).  marks: the file that keeps the times, None to
-    keep none (a restart then forgets).  Raises InputError: a wrong length of the key, a marks file that does not fit.
+    link: the link number in our signatures, 0 to 255.  clock: Unix time (s).  marks: the file that keeps the times;
+    None keeps none, and they are lost at a restart.  unstored: how often the file could not be written in operation.
+    Raises `InputError`: a wrong length of the key, a wrong link, an invalid or unwritable file of marks.
     """
 
     def __init__(
@@ -122,11 +124,11 @@ class Signing:
         self.unstored = 0
         if self._marks is not None:
             self._load(self._marks)
-            self._write(self._marks)  # says now, not in flight, when it cannot
+            self._write(self._marks)  # an unwritable file is an error now, not during operation
 
     @classmethod
     def from_key_file(cls, path: str | Path, *, link: int = 0, clock: Callable[[], float] = time.time) -> Signing:
-        """With the key in a file (`read_key`), and the times in ``<that file>.times`` beside it."""
+        """Read the key from a file (`read_key`) and keep the times in ``<that file>.times`` beside it."""
         return cls(read_key(path), link=link, clock=clock, marks=Path(f"{path}.times"))
 
     def _now(self) -> int:
@@ -135,19 +137,19 @@ class Signing:
     # --- out -------------------------------------------------------------------------------------
 
     def signed(self, frame: bytes) -> bytes:
-        """The frame (signed flag set, checksum in place) with its signature; each has a later time than all before."""
+        """A frame (signed flag set, checksum correct) with its signature; signing times increase strictly."""
         self._own = max(self._own + 1, self._now())
         if self._own > self._own_mark and self._marks is not None:
             self._own_mark = self._own + AHEAD_TICKS
-            self._kept()
+            self._store_marks()
         return frame + signature(self._key, frame, self._link, self._own)
 
     # --- in --------------------------------------------------------------------------------------
 
     def verify(self, frame: bytes, *, own: tuple[int, int] | None = None) -> Verdict:
-        """Judge a checked frame; only `Verdict.GOOD` changes anything.
+        """Verify a checked frame; the state changes only with `Verdict.GOOD`.
 
-        own: our system and component, whose frames cannot come from outside.
+        own: our system and component; frames that state them are reflections of our own.
         """
         if not is_signed(frame):
             return Verdict.UNSIGNED
@@ -155,9 +157,9 @@ class Signing:
         if not hmac.compare_digest(signature(self._key, body, link, ticks), frame[-SIGNATURE:]):
             return Verdict.WRONGLY_SIGNED
         who = sender(frame)
-        if own == (who.system, who.component):
+        if own == who:
             return Verdict.REFLECTED
-        stream = (link, who.system, who.component)
+        stream = (link, *who)
         last = self._last.get(stream)
         if last is not None:
             if ticks <= last:
@@ -166,11 +168,11 @@ class Signing:
             return Verdict.STALE
         if self._marks is not None and ticks > self._mark.get(stream, -1):
             before, self._mark = self._mark, {**self._mark, stream: min(ticks + AHEAD_TICKS, MOST_TICKS)}
-            if not self._kept():
+            if not self._store_marks():
                 self._mark = before
                 return Verdict.STALE
         self._last[stream] = ticks
-        # the other end judges our first frame by its own clock, which may be ahead of ours
+        # the other end compares our first frame with its own clock, which may be ahead of ours
         self._own = max(self._own, min(ticks, self._now() + FOLLOW_TICKS))
         return Verdict.GOOD
 
@@ -187,8 +189,8 @@ class Signing:
             raise InputError(f"signing times {path}: cannot be read: {error.strerror or error}") from None
         except (ValueError, KeyError, TypeError, AttributeError):
             raise InputError(
-                f"signing times {path}: not a file of signing times; without it, frames of the last minute could be replayed:"
-                " mend it, or wait a minute and remove it"
+                f"signing times {path}: not a valid file of signing times; without it, frames of the last minute could be"
+                " replayed: repair it, or wait a minute and remove it"
             ) from None
         self._own = self._own_mark = own
         self._last, self._mark = dict(streams), dict(streams)
@@ -197,7 +199,7 @@ class Signing:
         streams = {" ".join(map(str, stream)): ticks for stream, ticks in sorted(self._mark.items())}
         text = json.dumps({"own": max(self._own, self._own_mark), "streams": streams}, indent=1)
         try:
-            # mkstemp: readable by the owner alone
+            # mkstemp makes a file that only its owner can read
             handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
             try:
                 with open(handle, "w", encoding="utf-8") as file:
@@ -209,11 +211,11 @@ class Signing:
                 raise
         except OSError as error:
             raise InputError(
-                f"signing times {path}: cannot be written: {error.strerror or error}; they are kept beside the key, against"
-                " replay after a restart"
+                f"signing times {path}: cannot be written: {error.strerror or error}; they are kept beside the key"
+                " to prevent replay after a restart"
             ) from None
 
-    def _kept(self) -> bool:
+    def _store_marks(self) -> bool:
         assert self._marks is not None
         try:
             self._write(self._marks)
@@ -223,7 +225,7 @@ class Signing:
         return True
 
     def store(self) -> None:
-        """Write the exact times down, at an orderly end: nobody then has to wait for the marks."""
+        """Store the exact times at an orderly end, so that no sender has to wait for the marks."""
         if self._marks is not None:
             self._mark = dict(self._last)
             self._own_mark = self._own

@@ -1,7 +1,7 @@
 """Links over streams of bytes: TCP, as server or client, and serial lines.
 
-What a peer does not read waits in a bounded store; then whole frames are dropped, for that peer alone.  A TCP peer that has
-taken nothing for some time is disconnected.
+Frames that a peer does not read are kept in a bounded buffer; when it is full, whole frames are dropped for that peer
+only.  A TCP peer that reads nothing for some time is disconnected.
 """
 
 from __future__ import annotations
@@ -10,47 +10,47 @@ import os
 import select
 import socket
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.mavlink.wire.address import Address, resolve
-from insenv.mavlink.wire.link import Clock, Link
+from insenv.mavlink.wire.address import endpoint, resolve
+from insenv.mavlink.wire.link import Link
 from insenv.mavlink.wire.peers import Peer, StreamPeer
-from insenv.mavlink.wire.signing import Signing
 
 MOST_CLIENTS = 16
 STALLED_S = 30.0
-"""A client that has taken nothing for so long, with something waiting, is disconnected."""
+"""A client that reads nothing for so long while frames are pending is disconnected."""
 RETRY_S = 1.0
 CONNECT_S = 5.0
 ACCEPTS_PER_CALL = 8
 READ_BYTES = 16384
-"""Bytes read from one peer at one call: no more than what 64 messages a call use up, some tenfold."""
+"""Bytes read from one peer per call: some ten times what 64 messages consume."""
 
 
 @dataclass(eq=False)
 class _End(StreamPeer):
-    """A peer with its socket or line, and when it last took something (clock, s)."""
+    """A peer with its socket or serial line, and the time (clock, s) at which it last read something."""
 
     device: Any = None
     took: float = 0.0
 
 
 class _StreamLink(Link):
-    """What TCP and serial lines share: reading into and writing from a peer's stores."""
+    """What TCP and serial lines share: exchange with the buffers of a peer."""
 
     @abstractmethod
     def _read(self, end: _End, size: int) -> bytes | None:
-        """Up to `size` bytes, b"" when there are none now, None when it is gone."""
+        """Read up to `size` bytes: b"" when there are none, None when the peer is gone."""
 
     @abstractmethod
     def _write(self, end: _End, data: memoryview) -> int | None:
-        """How many bytes were taken, None when it is gone."""
+        """Write, and return the number of bytes accepted: None when the peer is gone."""
 
     @abstractmethod
     def _lost(self, end: _End) -> None:
-        """The other end is gone."""
+        """Handle the loss of a peer."""
 
     def _transmit(self, peer: Peer, frame: bytes) -> bool:
         assert isinstance(peer, _End)
@@ -60,7 +60,7 @@ class _StreamLink(Link):
         return True
 
     def _flush(self, end: _End) -> bool:
-        """Send what waits, as far as it is taken; False when the other end is gone."""
+        """Send pending frames as far as they are accepted; False when the peer is gone."""
         while end.outbox:
             data = end.outbox[0]
             taken = self._write(end, data)
@@ -93,8 +93,18 @@ class _StreamLink(Link):
                 self.statistics.received_bytes += len(piece)
                 end.take(piece)
 
+    def _ends(self) -> Iterator[_End]:
+        """The peers; they may be removed meanwhile."""
+        for peer in list(self._peers):
+            assert isinstance(peer, _End)
+            yield peer
+
+    def _exchange_all(self) -> None:
+        for end in self._ends():
+            self._exchange(end)
+
     def _sources(self) -> list[Any]:
-        return [peer.device for peer in self._peers if isinstance(peer, _End)]
+        return [end.device for end in self._ends()]
 
 
 class _TcpLink(_StreamLink):
@@ -120,7 +130,7 @@ class _TcpLink(_StreamLink):
         if end in self._peers:
             self._peers.remove(end)
 
-    def _joined(self, device: socket.socket, name: str, *, fixed: bool) -> None:
+    def _add(self, device: socket.socket, name: str, *, fixed: bool) -> None:
         device.setblocking(False)
         device.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         now = self._clock()
@@ -128,23 +138,22 @@ class _TcpLink(_StreamLink):
         self._peers.append(peer)
 
     def _close_peers(self) -> None:
-        for peer in list(self._peers):
-            assert isinstance(peer, _End)
-            self._flush(peer)
-            peer.device.close()
+        for end in self._ends():
+            self._flush(end)
+            end.device.close()
         self._peers.clear()
 
 
 class TcpServerLink(_TcpLink):
     """``tcpin``: every client that connects is a peer."""
 
-    def __init__(self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock) -> None:
-        super().__init__(address, signing, system, component, clock)
+    def _open(self) -> None:
+        address = self.address
         family, place = resolve(address, socket.SOCK_STREAM)
         self._listener = socket.socket(family, socket.SOCK_STREAM)
         try:
             self._listener.setblocking(False)
-            if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows, where the other option lets two servers share a port
+            if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows, where SO_REUSEADDR lets two servers share a port
                 self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
             else:
                 self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -159,17 +168,14 @@ class TcpServerLink(_TcpLink):
         for _ in range(ACCEPTS_PER_CALL):
             try:
                 device, source = self._listener.accept()
-            except OSError:  # nobody, or gone again
+            except OSError:  # no client, or one that is gone already
                 break
             if len(self._peers) >= MOST_CLIENTS:
                 device.close()
                 self.statistics.refused_peers += 1
                 continue
-            host = f"[{source[0]}]" if ":" in source[0] else source[0]
-            self._joined(device, f"{host}:{source[1]}", fixed=False)
-        for peer in list(self._peers):
-            assert isinstance(peer, _End)
-            self._exchange(peer)
+            self._add(device, endpoint(*source[:2]), fixed=False)
+        self._exchange_all()
 
     def _sources(self) -> list[Any]:
         return [self._listener, *super()._sources()]
@@ -180,11 +186,10 @@ class TcpServerLink(_TcpLink):
 
 
 class TcpClientLink(_TcpLink):
-    """``tcpout``: connects, and again when the connection is lost."""
+    """``tcpout``: connects, and reconnects when the connection is lost."""
 
-    def __init__(self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock) -> None:
-        super().__init__(address, signing, system, component, clock)
-        self._family, self._place = resolve(address, socket.SOCK_STREAM)
+    def _open(self) -> None:
+        self._family, self._place = resolve(self.address, socket.SOCK_STREAM)
         self._trial: socket.socket | None = None
         self._next = self._began = self._clock()
         self._pump()
@@ -192,9 +197,7 @@ class TcpClientLink(_TcpLink):
     def _pump(self) -> None:
         if not self._peers:
             self._connect()
-        for peer in list(self._peers):
-            assert isinstance(peer, _End)
-            self._exchange(peer)
+        self._exchange_all()
 
     def _connect(self) -> None:
         now = self._clock()
@@ -211,15 +214,15 @@ class TcpClientLink(_TcpLink):
             return
         try:
             trial.getpeername()
-        except OSError:  # not yet
+        except OSError:  # not connected yet
             if now - self._began > CONNECT_S:
                 self._give_up()
             return
-        if trial.getpeername() == trial.getsockname():  # TCP can meet itself where nobody listens
+        if trial.getpeername() == trial.getsockname():  # TCP can connect to itself where nobody listens
             self._give_up()
             return
         self._trial = None
-        self._joined(trial, str(self.address).partition(":")[2], fixed=True)
+        self._add(trial, endpoint(self.address.host, self.address.port), fixed=True)
 
     def _give_up(self) -> None:
         if self._trial is not None:
@@ -232,10 +235,10 @@ class TcpClientLink(_TcpLink):
 
 
 class SerialLink(_StreamLink):
-    """``serial``: one peer, for ever."""
+    """``serial``: one permanent peer."""
 
-    def __init__(self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock) -> None:
-        super().__init__(address, signing, system, component, clock)
+    def _open(self) -> None:
+        address, now = self.address, self._clock()
         try:
             import serial
         except ModuleNotFoundError:
@@ -246,12 +249,10 @@ class SerialLink(_StreamLink):
         except (serial.SerialException, ValueError, OSError) as error:
             raise InputError(f"address {address}: the device does not open: {error}") from None
         self._gone: tuple[type[Exception], ...] = (serial.SerialException, OSError)
-        self._peers.append(_End(address.host, address.host, clock(), fixed=True, live=True, device=line, took=clock()))
+        self._peers.append(_End(address.host, address.host, now, fixed=True, live=True, device=line, took=now))
 
     def _pump(self) -> None:
-        for peer in self._peers:
-            assert isinstance(peer, _End)
-            self._exchange(peer)
+        self._exchange_all()
 
     def _read(self, end: _End, size: int) -> bytes | None:
         try:
@@ -261,7 +262,7 @@ class SerialLink(_StreamLink):
 
     def _write(self, end: _End, data: memoryview) -> int | None:
         try:
-            # where nothing can be written now, pyserial tries on and on
+            # pyserial would retry for ever while the line accepts nothing
             if os.name == "posix" and not select.select((), (end.device,), (), 0)[1]:
                 return 0
             return end.device.write(data) or 0
@@ -269,14 +270,13 @@ class SerialLink(_StreamLink):
             return 0
 
     def _sources(self) -> list[Any]:
-        return super()._sources() if os.name == "posix" else []  # elsewhere only sockets can be watched
+        return super()._sources() if os.name == "posix" else []  # elsewhere select watches sockets only
 
     def _lost(self, end: _End) -> None:
-        # a line has nobody at its end to disconnect: what waits is thrown away, and it goes on
+        # a serial line cannot be disconnected: discard what is pending and continue
         end.outbox.clear()
         end.waiting, end.took = 0, self._clock()
 
     def _close(self) -> None:
-        for peer in self._peers:
-            assert isinstance(peer, _End)
-            peer.device.close()
+        for end in self._ends():
+            end.device.close()

@@ -1,7 +1,7 @@
-"""Telemetry logs out: each frame behind its time, as ground tools write and read them.
+"""Write telemetry logs (tlog) as ground stations write and read them.
 
-A record is the time as an unsigned 64-bit number, big end first, in microseconds of Unix time, whose two lowest bits say the
-link, and the frame as it was on the wire.  `insenv.logs.telemetry` reads them again.
+A record is the Unix time in microseconds, a big-endian unsigned 64-bit number whose two lowest bits hold the link
+number, followed by the frame.  `insenv.logs.flight.telemetry` reads these files.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ _LINK_BITS = 0b11
 
 
 class TlogWriter:
-    """Writes ``PATH.part`` and renames it to PATH when closed: PATH is never half a log, and what a crash leaves behind in the
-    other file can be read up to its last whole record.
+    """A log that is written to ``PATH.part`` and renamed to PATH when closed.
 
-    An existing PATH is replaced at the end.  frames: how many were written.  Raises InputError when the file cannot be
-    created or, later, written.
+    PATH is therefore never incomplete; after a crash ``PATH.part`` is readable up to its last whole record.  An
+    existing PATH is replaced.  frames: the number written.  Raises `InputError` when the file cannot be created or
+    written.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -36,7 +36,7 @@ class TlogWriter:
             raise self._error(error) from None
 
     def write(self, unix_us: int, frame: bytes, link: int = 0) -> None:
-        """Append a frame that was sent or received at `unix_us` (microseconds of Unix time) over `link` (0 to 3)."""
+        """Append a frame sent or received at `unix_us` (Unix time, microseconds) over `link` (0 to 3)."""
         try:
             self._file.write((unix_us & ~_LINK_BITS | link & _LINK_BITS).to_bytes(8, "big") + frame)
         except OSError as error:
@@ -44,14 +44,14 @@ class TlogWriter:
         self.frames += 1
 
     def flush(self) -> None:
-        """Hand everything to the system."""
+        """Pass all that is buffered to the operating system."""
         try:
             self._file.flush()
         except OSError as error:
             raise self._error(error) from None
 
     def close(self) -> None:
-        """Finish the log and give it its name; a second call does nothing."""
+        """Complete the log and rename it; a second call does nothing."""
         if self._file.closed:
             return
         try:

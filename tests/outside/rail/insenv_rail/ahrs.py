@@ -26,13 +26,15 @@ ESTIMATOR = Estimator(
             + tuple(Row(f"start_{angle}", f"Initial {angle}", "rad") for angle in ("roll", "pitch", "heading"))
         ),
         state=Table((Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),)),
-        inputs=Table((
-            Row("delta_angle", "Gyro increment", "rad", (3,), "b"),
-            Row("delta_velocity", "Accelerometer increment", "m/s", (3,), "b"),
-            Row("dt", "Length of the sample", "s", start=0.005),
-            Row("compass_valid", "1 with a compass reading"),
-            Row("compass_heading", "Compass reading", "rad"),
-        )),
+        inputs=Table(
+            (
+                Row("delta_angle", "Gyro increment", "rad", (3,), "b"),
+                Row("delta_velocity", "Accelerometer increment", "m/s", (3,), "b"),
+                Row("dt", "Length of the sample", "s", start=0.005),
+                Row("compass_valid", "1 with a compass reading"),
+                Row("compass_heading", "Compass reading", "rad"),
+            )
+        ),
         outputs=Table((Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),)),
         steps={"sample": Step(sample)},
         output=lambda p, x: {"q_nb": x.q_nb},

@@ -23,16 +23,20 @@ def _measure(p, x, u, r):
 COMPASS = Sensor(
     "compass",
     part=lambda instant: Part(
-        parameters=Table((
-            Row("compass_interval", "Time between readings", "s", start=0.1, lower=1e-4),
-            Row("compass_noise", "White noise of a reading", "rad", lower=0.0),
-            Row("compass_deviation", "Constant error", "rad"),
-        )),
-        state=Table((
-            Row("compass_valid", "1 with a reading"),
-            Row("compass_heading", "Latest reading", "rad"),
-            Row("compass_counter", "Samples since the latest reading"),
-        )),
+        parameters=Table(
+            (
+                Row("compass_interval", "Time between readings", "s", start=0.1, lower=1e-4),
+                Row("compass_noise", "White noise of a reading", "rad", lower=0.0),
+                Row("compass_deviation", "Constant error", "rad"),
+            )
+        ),
+        state=Table(
+            (
+                Row("compass_valid", "1 with a reading"),
+                Row("compass_heading", "Latest reading", "rad"),
+                Row("compass_counter", "Samples since the latest reading"),
+            )
+        ),
         steps={"sample": Step(_count), "compass": Step(_measure, when="compass_valid", uniforms=2)},
     ),
     outputs=("compass_valid", "compass_heading"),

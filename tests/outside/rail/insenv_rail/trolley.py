@@ -17,13 +17,15 @@ def trolley() -> Vehicle:
     return Vehicle(
         id="trolley",
         title="Trolley on a rail",
-        parameters=Table((
-            Row("start_heading", "Heading of the rail", "rad"),
-            Row("rail_amplitude", "Amplitude of the motion", "m"),
-            Row("rail_angular_frequency", "Angular frequency of the motion", "rad/s"),
-            Row("mean_roll", "Roll of the rail", "rad"),
-            Row("mean_pitch", "Pitch of the rail", "rad"),
-        )),
+        parameters=Table(
+            (
+                Row("start_heading", "Heading of the rail", "rad"),
+                Row("rail_amplitude", "Amplitude of the motion", "m"),
+                Row("rail_angular_frequency", "Angular frequency of the motion", "rad/s"),
+                Row("mean_roll", "Roll of the rail", "rad"),
+                Row("mean_pitch", "Pitch of the rail", "rad"),
+            )
+        ),
         state=Table((Row("rail_phase", "Phase of the motion", "rad"),)),
         along=lambda p, x: [
             {"rail_phase": x.rail_phase + place * p.sample_interval * p.rail_angular_frequency} for place in PLACES

@@ -1,34 +1,33 @@
 """Messages of the sensors: inertial unit, magnetometer, barometer, GNSS.
 
-Specific forces and angular rates are means over the time since the message went out last, so that what a client integrates is
-what the unit measured, whatever the message's rate; at the unit's own rate they are its samples.
+Specific forces and angular rates are means since the message was last sent, so that a client that integrates them
+obtains what the unit measured, at any message rate; at the sample rate they are the samples themselves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import atan2, degrees, hypot, nan
 
 import numpy as np
 
 from insenv.core.tables import Vector
-from insenv.mavlink.messages.fields import DEG_E7, Message
-from insenv.mavlink.messages.view import View
+from insenv.mavlink.messages.fields import Message
+from insenv.mavlink.messages.view import View, by_name, wrapped
 
 ACCELEROMETER, GYRO, MAGNETOMETER = 0b111, 0b111 << 3, 0b111 << 6
 STATIC, DYNAMIC = 0b1101 << 9, 1 << 10
 _GAUSS, _HPA, _KELVIN = 1e4, 1e-2, 273.15
 
-GPS_FIX_TYPE_NO_GPS, GPS_FIX_TYPE_NO_FIX, GPS_FIX_TYPE_3D_FIX = 0, 1, 3
+GPS_FIX_TYPE_NO_FIX, GPS_FIX_TYPE_3D_FIX = 1, 3
 
 
 def highres_imu(view: View) -> Message | None:
-    """HIGHRES_IMU: measured, before the estimator takes its biases off."""
+    """HIGHRES_IMU: as measured, without the estimated biases removed."""
     return _imu(view, "HIGHRES_IMU")
 
 
 def hil_sensor(view: View) -> Message | None:
-    """HIL_SENSOR: the same, for autopilots."""
+    """HIL_SENSOR: the same values, for autopilots."""
     return _imu(view, "HIL_SENSOR")
 
 
@@ -40,27 +39,18 @@ def _imu(view: View, name: str) -> Message | None:
     if air.magnetometer_samples != seen[0]:
         updated |= MAGNETOMETER
     if air.barometer_samples != seen[1]:
-        updated |= STATIC | (DYNAMIC if view.vehicle_kind == "aircraft" else 0)
+        updated |= STATIC | (DYNAMIC if view.traits.airspeed else 0)
     return view.fields.message(
-        name,
-        view.time_us,
-        *forces.tolist(),
-        *rates.tolist(),
-        *(air.magnetic_b * _GAUSS).tolist(),
-        air.pressure * _HPA,
-        air.dynamic_pressure * _HPA,
-        air.pressure_height,
-        air.temperature - _KELVIN,
-        updated,
-        0,
-    )
+        name, view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
+        air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - _KELVIN, updated, 0,
+    )  # fmt: skip
 
 
 def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
-    """Mean rates (rad/s) and specific forces (m/s^2) since the message went out last, and the bits of what is new."""
+    """Mean rates (rad/s) and specific forces (m/s^2) since the message was last sent, and the bits of new values."""
     simulation = view.simulation
     before, sums = view.sent_increments.get(name, (0, np.zeros(6)))
-    if simulation.samples == before:  # asked for twice in a sample, or before the first
+    if simulation.samples == before:  # requested twice in a sample, or before the first
         before, sums = max(before - 1, 0), sums - simulation.last_increment
     elapsed = max(simulation.samples - before, 1) * simulation.interval
     mean = (simulation.increments - sums) / elapsed
@@ -79,10 +69,10 @@ def scaled_pressure(view: View) -> Message | None:
 
 
 def gps_raw_int(view: View) -> Message | None:
-    """GPS_RAW_INT: the latest fix, of the antenna, stamped with its time of validity; none before the first fix.
+    """GPS_RAW_INT: the latest fix of the antenna, stamped with its time of validity; None before the first fix.
 
-    Dilutions of precision and the number of satellites are not simulated and said to be unknown; what the receiver states of
-    its accuracy stands in h_acc, v_acc and vel_acc.
+    Dilutions of precision and the number of satellites are not simulated: they are sent as unknown.  h_acc, v_acc and
+    vel_acc hold the accuracies that the receiver states.
     """
     fix = view.fix
     if fix is None:
@@ -91,28 +81,14 @@ def gps_raw_int(view: View) -> Message | None:
     north, east, _ = fix.velocity_n.tolist() if fix.velocity_valid else (nan, nan, nan)
     horizontal, vertical, speed = _accuracies(view)
     return view.fields.message(
-        "GPS_RAW_INT",
-        round(fix.time * 1e6),
-        GPS_FIX_TYPE_3D_FIX if lock else GPS_FIX_TYPE_NO_FIX,
-        fix.latitude * DEG_E7,
-        _wrapped(fix.longitude) * DEG_E7,
-        (fix.height - view.undulation) * 1e3,
-        nan,
-        nan,
-        hypot(north, east) * 1e2,
-        _course(north, east),
-        nan,
-        fix.height * 1e3,
-        horizontal * 1e3,
-        vertical * 1e3,
-        speed * 1e3,
-        0,
-        nan,
-    )
+        "GPS_RAW_INT", round(fix.time * 1e6), GPS_FIX_TYPE_3D_FIX if lock else GPS_FIX_TYPE_NO_FIX,
+        *view.place(fix.latitude, wrapped(fix.longitude), fix.height), nan, nan, hypot(north, east) * 1e2,
+        _course(north, east), nan, fix.height * 1e3, horizontal * 1e3, vertical * 1e3, speed * 1e3, 0, nan,
+    )  # fmt: skip
 
 
 def hil_gps(view: View) -> Message | None:
-    """HIL_GPS: each fix once.  eph and epv are 1-sigma accuracies in centimetres, as PX4 reads them, not dilutions."""
+    """HIL_GPS: each fix once.  eph and epv are 1-sigma accuracies in cm, as PX4 reads them, not dilutions."""
     fix = view.fix
     if fix is None or not view.has_lock or view.sent_fix == view.simulation.fixes:
         return None
@@ -120,27 +96,15 @@ def hil_gps(view: View) -> Message | None:
     north, east, down = fix.velocity_n.tolist() if fix.velocity_valid else (0.0, 0.0, 0.0)
     horizontal, vertical, _ = _accuracies(view)
     return view.fields.message(
-        "HIL_GPS",
-        round(fix.time * 1e6),
-        GPS_FIX_TYPE_3D_FIX,
-        fix.latitude * DEG_E7,
-        _wrapped(fix.longitude) * DEG_E7,
-        (fix.height - view.undulation) * 1e3,
-        horizontal * 1e2,
-        vertical * 1e2,
-        hypot(north, east) * 1e2 if fix.velocity_valid else nan,
-        north * 1e2,
-        east * 1e2,
-        down * 1e2,
-        _course(north, east) if fix.velocity_valid else nan,
-        nan,
-        0,
-        nan,
-    )
+        "HIL_GPS", round(fix.time * 1e6), GPS_FIX_TYPE_3D_FIX,
+        *view.place(fix.latitude, wrapped(fix.longitude), fix.height), horizontal * 1e2, vertical * 1e2,
+        hypot(north, east) * 1e2 if fix.velocity_valid else nan, north * 1e2, east * 1e2, down * 1e2,
+        _course(north, east) if fix.velocity_valid else nan, nan, 0, nan,
+    )  # fmt: skip
 
 
 def _accuracies(view: View) -> tuple[float, float, float]:
-    """Stated sigmas: horizontal position (root mean square of north and east), vertical (m), velocity (m/s)."""
+    """Stated sigmas: horizontal position (root mean square of north and east) and vertical (m), velocity (m/s)."""
     fix = view.fix
     if fix is None:
         return nan, nan, nan
@@ -156,14 +120,4 @@ def _course(north: float, east: float) -> float:
     return round(degrees(atan2(east, north)) * 100.0) % 36000
 
 
-def _wrapped(longitude: float) -> float:
-    return (longitude + np.pi) % (2 * np.pi) - np.pi
-
-
-SENSORS: dict[str, Callable[[View], Message | None]] = {
-    "HIGHRES_IMU": highres_imu,
-    "HIL_SENSOR": hil_sensor,
-    "SCALED_PRESSURE": scaled_pressure,
-    "GPS_RAW_INT": gps_raw_int,
-    "HIL_GPS": hil_gps,
-}
+SENSORS = by_name(highres_imu, hil_sensor, scaled_pressure, gps_raw_int, hil_gps)

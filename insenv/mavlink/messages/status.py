@@ -1,37 +1,36 @@
-"""Messages of the vehicle itself: what it is, how it is, where home is, what time it is."""
+"""Messages of the vehicle itself: type, state, home and time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from hashlib import blake2b
 from math import nan
 
 from insenv import __version__
-from insenv.mavlink.messages.fields import DEG_E7, Message
-from insenv.mavlink.messages.view import VEHICLE_TYPES, View
+from insenv.mavlink.messages.fields import Message
+from insenv.mavlink.messages.view import View, by_name
 
 SYSTEM, COMPONENT = 1, 1
-"""The vehicle's ids: clients look for component 1."""
+"""System and component of the vehicle: clients look for component 1."""
 
 _MAV_AUTOPILOT_GENERIC, _MAV_STATE_ACTIVE, _MAVLINK_VERSION = 0, 4, 3
 _CUSTOM_MODE, _ARMED = 1, 128
 _LANDED_ON_GROUND, _LANDED_IN_AIR = 1, 2
 _GYRO, _ACCEL, _MAG, _ABSOLUTE_PRESSURE, _DIFFERENTIAL_PRESSURE, _GPS, _PREARM = 1, 2, 4, 8, 16, 32, 1 << 28
-_IMU_LOST = 10  # samples without any between them
+_IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts as failed
 _CAPABILITY_PARAM_FLOAT, _CAPABILITY_COMMAND_INT, _CAPABILITY_MAVLINK2 = 2, 8, 8192
 
 
 def heartbeat(view: View) -> Message | None:
-    """HEARTBEAT: autopilot GENERIC, for it is none; armed, so that ground stations draw its way."""
+    """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track."""
     mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
-    kind = VEHICLE_TYPES[view.vehicle_kind]
+    kind = view.traits.mavlink_type
     return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, 0, _MAV_STATE_ACTIVE, _MAVLINK_VERSION)
 
 
 def sys_status(view: View) -> Message | None:
-    """SYS_STATUS: what there is and whether it works; ready (prearm) once the attitude is good.  There is no battery."""
+    """SYS_STATUS: sensors present and healthy; ready (prearm) once aligned.  There is no battery."""
     present = _GYRO | _ACCEL | _MAG | _ABSOLUTE_PRESSURE | _PREARM
-    if view.vehicle_kind == "aircraft":
+    if view.traits.airspeed:
         present |= _DIFFERENTIAL_PRESSURE
     if view.simulation.has_gnss:
         present |= _GPS
@@ -47,45 +46,29 @@ def sys_status(view: View) -> Message | None:
 
 
 def extended_sys_state(view: View) -> Message | None:
-    """EXTENDED_SYS_STATE: an aircraft is in the air when its wings carry more than half of its weight."""
+    """EXTENDED_SYS_STATE: in the air when the wings carry more than half of the weight."""
     airborne = (view.simulation.state("airborne") or 0.0) > 0.5
     return view.fields.message("EXTENDED_SYS_STATE", 0, _LANDED_IN_AIR if airborne else _LANDED_ON_GROUND)
 
 
 def system_time(view: View) -> Message | None:
-    """SYSTEM_TIME: the wall clock's time at the start, and from there on the simulation's clock."""
+    """SYSTEM_TIME: Unix time at the start of the run plus the simulation clock, and the simulation clock."""
     return view.fields.message("SYSTEM_TIME", view.unix_us, view.time_ms)
 
 
 def home_position(view: View) -> Message | None:
-    """HOME_POSITION: the start as the estimator was told it, origin of the local position."""
-    latitude, longitude, height = view.home
-    return view.fields.message(
-        "HOME_POSITION",
-        latitude * DEG_E7,
-        longitude * DEG_E7,
-        (height - view.undulation) * 1e3,
-        0.0,
-        0.0,
-        0.0,
-        (1.0, 0.0, 0.0, 0.0),
-        0.0,
-        0.0,
-        0.0,
-        view.time_us,
-    )
+    """HOME_POSITION: the known initial position, origin of local positions."""
+    zero, level = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    return view.fields.message("HOME_POSITION", *view.place(*view.home), *zero, level, *zero, view.time_us)
 
 
 def gps_global_origin(view: View) -> Message | None:
     """GPS_GLOBAL_ORIGIN: home."""
-    latitude, longitude, height = view.home
-    return view.fields.message(
-        "GPS_GLOBAL_ORIGIN", latitude * DEG_E7, longitude * DEG_E7, (height - view.undulation) * 1e3, view.time_us
-    )
+    return view.fields.message("GPS_GLOBAL_ORIGIN", *view.place(*view.home), view.time_us)
 
 
 def autopilot_version(view: View) -> Message | None:
-    """AUTOPILOT_VERSION: insenv's version; the uid tells scenarios and seeds apart."""
+    """AUTOPILOT_VERSION: the version of insenv; the uid depends on scenario and seed."""
     major, minor, patch = (int(part) for part in (__version__.split("+")[0] + ".0.0").split(".")[:3])
     version = major << 24 | minor << 16 | patch << 8
     plant = view.simulation.plant
@@ -95,16 +78,7 @@ def autopilot_version(view: View) -> Message | None:
     return view.fields.message("AUTOPILOT_VERSION", capabilities, version, 0, 0, 0, none, none, none, 0, 0, uid)
 
 
-STATUS: dict[str, Callable[[View], Message | None]] = {
-    "HEARTBEAT": heartbeat,
-    "SYS_STATUS": sys_status,
-    "EXTENDED_SYS_STATE": extended_sys_state,
-    "SYSTEM_TIME": system_time,
-    "HOME_POSITION": home_position,
-    "GPS_GLOBAL_ORIGIN": gps_global_origin,
-}
-"""Streamed."""
+STATUS = by_name(heartbeat, sys_status, extended_sys_state, system_time, home_position, gps_global_origin)
+"""Makers of the streamed messages, by name."""
 
-ON_REQUEST: dict[str, Callable[[View], Message | None]] = {
-    "AUTOPILOT_VERSION": autopilot_version,
-}
+ON_REQUEST = by_name(autopilot_version)

@@ -1,4 +1,4 @@
-"""Answers on their way: a bounded queue for each peer, sent a few at a time so that the stream keeps its pace."""
+"""Pending answers: a bounded queue for each peer, sent a few at a time so that the stream keeps its pace."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from insenv.mavlink.answers import Answers
 from insenv.mavlink.messages.fields import Message
 
 WAITING = 200
-"""Answers that wait for one peer at most; more are dropped, and counted."""
+"""Largest number of pending answers for one peer; more are dropped and counted."""
 AT_ONCE = 16
-"""Answers sent at one time, all peers together."""
+"""Largest number of answers that one `send` sends, to all peers together."""
 PEERS = 64
 
 
 class Outbox:
-    """Answers that wait, by peer.
+    """Pending answers by peer.
 
-    A long answer (all parameters) is made as it is sent, and asked for again it begins anew: however often someone asks,
-    there is one on its way.  dropped: answers for which there was no room.
+    A long answer (all parameters) is made while it is sent.  When it is requested again it restarts, so that each peer
+    has at most one.  dropped: answers that did not fit.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Outbox:
         self._turn: deque[Hashable] = deque()
 
     def put(self, peer: Hashable, messages: Answers) -> None:
-        """Have `messages` sent to `peer`."""
+        """Queue `messages` for `peer`."""
         if not isinstance(messages, (list, tuple)):
             if peer in self._turn or self._room():
                 self._long[peer] = iter(messages)
@@ -44,7 +44,7 @@ class Outbox:
                 self._queue(peer).append(message)
 
     def send(self, send_to: Callable[[Hashable, Message], object]) -> int:
-        """Send some, each peer in its turn; how many."""
+        """Send some answers, the peers in turn, and return their number."""
         sent = 0
         while self._turn and sent < AT_ONCE:
             peer = self._turn[0]
