@@ -19,7 +19,6 @@ from places import ROOT
 from insenv import attitude, estimators, geodesy
 from insenv.errors import InputError
 from insenv.logs import GnssFixes, RecordedLog, load
-from insenv.logs.flight import keys
 from insenv.logs.flight.telemetry import TelemetryLog
 from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire.frames import dialect
@@ -499,11 +498,6 @@ def test_descriptions(tmp_path: Path) -> None:
         toml.write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match=words):
             load(toml)
-
-
-def test_the_page_has_the_keys() -> None:
-    page = ROOT / "docs" / "flight-logs.md"
-    assert keys.renew(page) == page.read_text(encoding="utf-8")
 
 
 # --- real logs -------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from places import ROOT
 
 from insenv.errors import InputError
-from insenv.logs import keys, load
+from insenv.logs import load
 from insenv.logs.bridging import bridge, missing_samples
 from insenv.logs.readers import read_table
 from insenv.logs.units import axes_matrix
@@ -587,11 +587,6 @@ def test_the_plain_example() -> None:
     assert log.delta_velocity[:, 2].mean() * 50 == pytest.approx(-G)
     assert log.delta_velocity[:, 1].mean() * 50 == pytest.approx(10 * math.radians(6), rel=1e-5)
     assert log.notes == ()
-
-
-def test_the_page_has_the_current_table_of_keys() -> None:
-    page = ROOT / "docs/logs.md"
-    assert keys.renew(page) == page.read_text(encoding="utf-8"), "run: python -m insenv.logs.keys docs/logs.md"
 
 
 # --- the real car log ------------------------------------------------------------------------------

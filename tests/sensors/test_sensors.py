@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import ROOT
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, chi2
 
@@ -31,7 +30,6 @@ from insenv.sensors import (
     gnss_part,
     imu_grade,
     imu_part,
-    page,
     units,
 )
 
@@ -472,7 +470,7 @@ def test_timing_that_can_be_is_not() -> None:
     check_timing(1 / 400, 0.2, 0.0, 0.0)
 
 
-# --- grades, units, page ---------------------------------------------------------------------------------
+# --- grades, units ---------------------------------------------------------------------------------
 
 
 def test_units_against_hand_calculation() -> None:
@@ -524,9 +522,3 @@ def test_an_unknown_grade_suggests_the_nearest() -> None:
         imu_grade("tactial")
     with pytest.raises(InputError, match="did you mean 'rtk'"):
         gnss_grade("rtkk")
-
-
-def test_the_page_is_current() -> None:
-    path = ROOT / "docs" / "sensors.md"
-    text = path.read_text(encoding="utf-8")
-    assert page.updated(text) == text, "run: python -m insenv.sensors.page docs/sensors.md"
