@@ -6,8 +6,6 @@ under a final name, and the files of an earlier run stay as they were.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
 import tempfile
 from collections.abc import Callable, Iterator
@@ -23,6 +21,7 @@ from numpy.typing import NDArray
 from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Report, Result
+from insenv.files.output import staged
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable, save
 
@@ -66,32 +65,12 @@ class OutputFolder:
 
         Raises `InsenvError` if the disk does not take them.
         """
-        parts: dict[Path, Path] = {}
-
-        def part(name: str) -> Path:
-            handle, path = tempfile.mkstemp(prefix=f".{name}.", suffix=".part", dir=self.path)
-            parts[Path(path)] = self.path / name
-            os.close(handle)
-            return Path(path)
-
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            yield part
-            for final in parts.values():
-                if final.is_dir():
-                    raise InsenvError(f"cannot write {str(final)!r}: it is a folder")
-            mask = os.umask(0)
-            os.umask(mask)
-            for temporary in parts:
-                temporary.chmod(0o666 & ~mask)  # mkstemp gives them to their owner alone
-            for temporary, final in parts.items():
-                temporary.replace(final)
+            with staged(self.path) as part:
+                yield part
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
-        finally:
-            for temporary in parts:
-                with contextlib.suppress(OSError):
-                    temporary.unlink()
 
 
 def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> FilesWritten:
