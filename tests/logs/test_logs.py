@@ -17,7 +17,7 @@ from places import ROOT
 
 from insenv.errors import InputError
 from insenv.logs import load
-from insenv.logs.bridging import bridge, missing_samples
+from insenv.logs.inertial import bridge, missing_samples
 from insenv.logs.readers import read_table
 from insenv.logs.units import axes_matrix
 
@@ -336,14 +336,14 @@ def test_bridging_brings_back_smooth_signals(drop: set[int], jitter: float, freq
     assert np.abs(result.rates - truth).max() <= bound
 
 
-def test_a_late_stamp_is_jitter_not_a_hole() -> None:
+def test_a_late_stamp_is_jitter_not_a_gap() -> None:
     steps = np.array([1, 1, 1.9, 0.1, 1, 1, 3.0, 1, 1, 1.7, 0.8, 0.8, 1, 2.0, 1.0]) * 0.01
     missing = missing_samples(np.concatenate(([0.0], np.cumsum(steps))), 0.01)
     assert missing.tolist() == [0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 1, 0]
 
 
 @pytest.mark.parametrize("kind", ["rate", "increment"])
-def test_holes_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> None:
+def test_gaps_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> None:
     whole = folder.load()
     rows = imu_rows()
     if kind == "increment":
@@ -378,7 +378,7 @@ def test_holes_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> N
         ("imu.csv", 5, "10.08,0,0,0,0,0,-1,5", "line 5 has 8 fields, expected 7"),
         ("imu.csv", 5, "10.08,0,abc,0,0,0,-1", "line 5, column 'gy': 'abc' is not a number"),
         ("imu.csv", 5, "10.08,0,,0,0,0,-1", "line 5, column 'gy': the value is missing"),
-        ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'; the file has: t, gx, gy"),
+        ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'; did you mean 'gz'? (allowed: t, gx, gy"),
         (
             "gnss.csv",
             3,

@@ -1,7 +1,7 @@
 """Telemetry logs out: each frame behind its time, as ground tools write and read them.
 
 A record is the time as an unsigned 64-bit number, big end first, in microseconds of Unix time, whose two lowest bits say the
-link, and the frame as it was on the wire.  `insenv.logs.telemetry` reads them again.
+link, and the frame as it was on the wire.  `insenv.logs.flight.telemetry` reads them again.
 """
 
 from __future__ import annotations
