@@ -13,9 +13,10 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation import limits
-from insenv.evaluation.errors import POSITION, Report, Result, Track, errors, stated_sigma
+from insenv.evaluation.errors import POSITION, Result, Track, errors, stated_sigma
 from insenv.plant.assembly import SENSOR_ERROR
 from insenv.plant.feeding import bridge_lost
+from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothing_follower import SmoothingFollower
 from insenv.scenario import Plant, Scenario, build
