@@ -20,7 +20,7 @@ else:  # pragma: no cover
 
 MAX_FAULTS = 5
 MAX_SHOWN = 80
-"""Most characters of a wrong value in a message."""
+"""Largest number of characters of a wrong value in a message."""
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
@@ -29,12 +29,12 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def key(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
-    """A key: its default (... when it must be given), meaning, unit and limits."""
+    """A key: its default (... for a required key), meaning, unit and limits."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
 
 
 def check_three(value: object) -> object:
-    """Validator: a list of three, whatever they are."""
+    """Validator: a list of three values of any type."""
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         raise ValueError("must be a list of three")
     return tuple(value)
@@ -58,7 +58,7 @@ Parameter = Annotated[Any, BeforeValidator(_check_parameter)]
 
 
 class Section(BaseModel):
-    """A table of the TOML file: unknown keys are refused, values do not change."""
+    """A table of the TOML file: unknown keys are errors, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -86,7 +86,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
-    """`data` (TOML values) as `model`; `label`, the file, begins every line of the message. Raises InputError."""
+    """`data` (TOML values) as `model`; every line of a message begins with `label`, the file. Raises InputError."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -101,7 +101,7 @@ def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
 
 def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
     """(dotted key, message) of one pydantic error."""
-    here: Any = root  # the type of what the key so far names
+    here: Any = root  # type of the value at the key so far
     dotted, unit = "", ""
     parts = list(fault["loc"])
     for number, part in enumerate(parts):
@@ -118,7 +118,7 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
             if last and fault["type"] == "missing":
                 return dotted, f" is missing: {field.description}{_unit(unit)}"
         elif len(models) > 1 and (tagged := [model for model in models if part in _tags(model)]):
-            here = tagged[0]  # of a union told apart by its `kind`
+            here = tagged[0]  # of a union discriminated by `kind`
         elif last and fault["type"] == "extra_forbidden" and models:
             prefix = f"{dotted}." if dotted else ""
             return f"{prefix}{part}", f": unknown key{nearest(part, models[0].model_fields)}"
@@ -135,7 +135,10 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         kinds = ", ".join(repr(tag) for model in models for tag in _tags(model))
         return f"{dotted}.kind", f" is missing: must be one of {kinds}"
     message = str(fault["msg"]).removeprefix("Value error, ")
-    message = message.replace("Input should be", "must be").replace("a valid tuple", "a list")
+    message = message.replace("Input should be", "must be").replace("String should", "must").replace("a valid tuple", "a list")
+    if fault["type"] in ("too_long", "too_short"):
+        bound, count = ("at most", "max_length") if fault["type"] == "too_long" else ("at least", "min_length")
+        return dotted or "the file", f": {bound} {context[count]} items, {context['actual_length']} given"
     if fault["type"] in ("dict_type", "model_type", "model_attributes_type"):
         message = "must be a table of keys"
     if isinstance(value, (dict, BaseModel)):
@@ -157,7 +160,7 @@ def _unit(unit: str) -> str:
 
 
 def sections_in(annotation: Any) -> list[type[BaseModel]]:
-    """The sections that a key may hold, through unions, tuples and lists, but not through tables of free keys."""
+    """The sections in a key's type: in unions, tuples and lists, but not in tables of free keys."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if get_origin(annotation) is dict:
@@ -166,12 +169,12 @@ def sections_in(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _tags(model: type[BaseModel]) -> tuple[Any, ...]:
-    """Values of the literal `kind` by which a section is told from its siblings."""
+    """Values of the literal `kind` that discriminates a section from its siblings."""
     return get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
 
 
 def _dict_value(annotation: Any) -> Any:
-    """Type of the values of a table of free keys; None if it is no such table."""
+    """Type of the values of a table of free keys; None if it is not such a table."""
     if get_origin(annotation) is dict:
         return get_args(annotation)[1]
     found = (_dict_value(inner) for inner in get_args(annotation) if get_origin(annotation) is not Literal)
