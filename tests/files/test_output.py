@@ -30,7 +30,7 @@ def test_permissions_follow_the_umask_unless_private(tmp_path):
 
 def test_several_files_appear_together_or_not(tmp_path):
     (tmp_path / "b").mkdir()
-    with pytest.raises(InsenvError, match="b.*is a folder"), staged(tmp_path) as part:
+    with pytest.raises(InsenvError, match=r"b.*is a folder"), staged(tmp_path) as part:
         for name in "ab":
             part(name).write_text(name)
     assert [path.name for path in tmp_path.iterdir()] == ["b"]
@@ -47,5 +47,5 @@ def test_lists_of_wrong_length_are_named_with_both_lengths():
     class Route(Section):
         legs: tuple[int, ...] = key((), "legs", max_length=2)
 
-    with pytest.raises(InputError, match="^file: legs: at most 2 items, 3 given$"):
+    with pytest.raises(InputError, match=r"^file: legs: at most 2 items, 3 given$"):
         validated(Route, {"legs": [1, 2, 3]}, "file")
