@@ -7,21 +7,18 @@ same counts as not done.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from insenv.campaigns.block import Arrays
 from insenv.campaigns.plan import Plan
 from insenv.errors import InputError, InsenvError
+from insenv.files.output import atomic
 
 FORMAT, VERSION = "insenv-campaign", 1
 MANIFEST, BLOCKS = "manifest.json", "blocks"
@@ -82,8 +79,10 @@ class Folder:
             (self.path / BLOCKS).mkdir(parents=True, exist_ok=True)
             if not (self.path / MANIFEST).exists():
                 text = json.dumps(self._manifest(), indent=1) + "\n"
-                _renamed(self.path / MANIFEST, lambda stream: stream.write(text.encode()))
-            self._write(number, arrays)
+                with atomic(self.path / MANIFEST) as stream:
+                    stream.write(text.encode())
+            with atomic(self._file(number)) as stream:
+                np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays)
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
@@ -94,9 +93,6 @@ class Folder:
                 return arrays[name]
         except _DAMAGE as error:
             raise InsenvError(f"{self._file(number)}: cannot be read any more: {error}") from None
-
-    def _write(self, number: int, arrays: Arrays) -> None:
-        _renamed(self._file(number), lambda stream: np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays))
 
     def _file(self, number: int) -> Path:
         return self.path / BLOCKS / f"{number:06d}.npz"
@@ -117,18 +113,3 @@ class Folder:
             raise InputError(f"{str(self.path)!r} holds another campaign: it differs in {', '.join(other)}")
         if not resume:
             raise InputError(f"{str(self.path)!r} holds this campaign already: --resume goes on with it")
-
-
-def _renamed(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file under a temporary name beside it and rename it."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            write(stream)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)  # mkstemp gives it to its owner alone
-        os.replace(name, path)
-    finally:
-        with contextlib.suppress(OSError):
-            os.unlink(name)

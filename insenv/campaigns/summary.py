@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,13 @@ from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
 from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION
+from insenv.report import FilesWritten, OutputFolder
+from insenv.report.campaign import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
+from insenv.report.notebook import require_matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Columns = Callable[[str], list[Array]]
@@ -51,7 +59,7 @@ class Consistency:
     high: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Summary:
     """The result of a campaign.
 
@@ -72,6 +80,7 @@ class Summary:
     limit: Array
     diverged: tuple[int, ...]
     far: tuple[int, ...]
+    percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -123,6 +132,33 @@ class Summary:
             "far": list(self.far),
             "notes": list(plan.notes),
         }
+
+    def plot(self) -> Figure:
+        """The figure of the errors over time. Raises `InsenvError` if matplotlib is missing."""
+        require_matplotlib()
+        return draw_campaign(self)
+
+    def to_dataframe(self) -> DataFrame:
+        """The courses as a pandas DataFrame, indexed by time (s).
+
+        Columns: ``mean_CHANNEL``, ``rms_CHANNEL``, ``p2.5_CHANNEL`` to ``p97.5_CHANNEL``, ``limit_CHANNEL`` and
+        ``stated_CHANNEL`` where there are any, ``nees``. Raises `InsenvError` if pandas is missing.
+        """
+        return campaign_frame(self)
+
+    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
+        """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, the figure.
+
+        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
+        """
+        return write_campaign(self, OutputFolder(folder), figure)
+
+    def __repr__(self) -> str:
+        lines = [f"{name}: rms {row['rms']:.3g}" for name, row in self.figures().items()]
+        return f"Campaign of {self.plan.name}: {self.plan.estimator}, {campaign_facts(self)}\n  {', '.join(lines)}"
+
+    def _repr_html_(self) -> str:
+        return campaign_html(self)
 
 
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:

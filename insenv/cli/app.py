@@ -99,7 +99,7 @@ def run(
 
 @app.command()
 def replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A flight log (.tlog, .BIN, .ulg), or a .toml about one.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A flight log, or a .toml file that describes a log.")],
     estimator: Estimators = None,
     start: Annotated[Start, typer.Option(help="Start from the log alone, or from the state of its reference.")] = Start.coarse,
     out: Out = None,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from insenv.bench import Figure
-    from insenv.evaluation.errors import Report
-    from insenv.report import OutputFolder
+    from insenv.report import OutputFolder, Report
 
 
 def run(

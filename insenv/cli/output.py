@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress
 
-    from insenv.evaluation.errors import Report
+    from insenv.report import Report
 
 
 def _console(stderr: bool = False) -> Console:

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import functools
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -23,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, InsenvError
+from insenv.files.output import atomic
 
 FORMAT = "insenv-lssvm"
 VERSION = 1
@@ -84,18 +83,10 @@ class TrainedMachine:
         path = Path(path)
         machine = {name: np.asarray(getattr(self, name)).tolist() for name in _SHAPES}
         content = {"format": FORMAT, "version": VERSION, "insenv": self.insenv, "training": self.training, "machine": machine}
-        temporary = None
         try:
-            with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f".{path.name}.", delete=False) as stream:
-                temporary = Path(stream.name)
-                stream.write(_text(content))
-            mask = os.umask(0)
-            os.umask(mask)
-            temporary.chmod(0o666 & ~mask)
-            temporary.replace(path)
+            with atomic(path) as stream:
+                stream.write(_text(content).encode())
         except OSError as error:
-            if temporary is not None:
-                temporary.unlink(missing_ok=True)
             raise InsenvError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
 
 

@@ -1,4 +1,4 @@
-"""Estimates against the truth (or a reference): errors, their statistics, and what is reported of a run.
+"""Errors of estimates against the truth (or a reference), and their statistics.
 
 The names of the error channels are fixed: `CHANNELS`.  Angles in degrees, wrapped; positions in metres north, east and down
 of the truth; velocities in m/s.
@@ -6,8 +6,7 @@ of the truth; velocities in m/s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +42,7 @@ class Track:
         return np.degrees(np.stack(attitude.numeric.to_euler(self.q_nb), axis=-1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """What one estimator did on one run.
 
@@ -74,41 +73,13 @@ class Result:
             "max": {name: float(np.max(np.abs(e[late]))) for name, e in self.errors.items()},
         }
 
-
-@dataclass(frozen=True)
-class Report:
-    """A whole run or replay: what was run, the truth (or reference) at the recorded times, and each estimator's result."""
-
-    scenario: str
-    title: str
-    seed: int | None
-    duration_s: float
-    imu_samples: int
-    truth: Track
-    results: tuple[Result, ...]
-    notes: tuple[str, ...] = ()
-    published: tuple[tuple[str, dict[str, float]], ...] = field(default=())
-
-    def as_json(self) -> dict[str, Any]:
-        """The documented JSON form."""
-        return {
-            "scenario": self.scenario,
-            "seed": self.seed,
-            "duration_s": self.duration_s,
-            "imu_samples": self.imu_samples,
-            "results": [
-                {
-                    "estimator": r.estimator,
-                    **r.statistics(),
-                    "limit": r.limit,
-                    "us_per_sample": r.us_per_sample,
-                    "statistics_from_s": r.from_s,
-                    "notes": list(r.notes),
-                }
-                for r in self.results
-            ],
-            "notes": list(self.notes),
-        }
+    def __repr__(self) -> str:
+        final = []
+        if "heading_deg" in self.errors:
+            final.append(f"heading {self.errors['heading_deg'][-1]:.3g} deg")
+        if position := [self.errors[name][-1] for name in POSITION if name in self.errors]:
+            final.append(f"position {np.linalg.norm(position):.3g} m")
+        return f"{self.estimator}: final error {', '.join(final)}" if final else f"{self.estimator}: no reference"
 
 
 def errors(estimate: Track, truth: Track) -> dict[str, Array]:

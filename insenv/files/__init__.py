@@ -1,1 +1,1 @@
-"""Files: TOML checked by pydantic, the one atomic writer, packaged data."""
+"""Files: TOML checked by pydantic, atomic output, packaged data."""

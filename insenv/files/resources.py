@@ -1,7 +1,7 @@
-"""Where the files lie that travel with insenv: the scenarios, and the C sources and templates of an FMU.
+"""Folders of the data files of insenv: the scenarios, and the C sources and templates of an FMU.
 
-In an installed wheel they are inside the package (``insenv/_data``); in a source checkout, and so in an
-editable install, they are the repository's own top-level folders.
+In an installed wheel they are inside the package (``insenv/_data``); in a source checkout, and therefore in an editable
+install, they are top-level folders of the repository.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def scenario_folder() -> Path:
-    """Folder of the scenarios that insenv ships (``*.toml``).  Raises `InsenvError` if it is missing."""
+    """Folder of the scenarios of insenv (``*.toml``). Raises `InsenvError` if it is missing."""
     return _folder("scenarios", _PACKAGE)
 
 
 def fmu_folder() -> Path:
-    """Folder of the C sources and templates packed into an FMU.  Raises `InsenvError` if it is missing."""
+    """Folder of the C sources and templates of an FMU. Raises `InsenvError` if it is missing."""
     return _folder("fmu", _PACKAGE)
 
 
 def _folder(name: str, package: Path) -> Path:
     candidates = [package / "_data" / name]
-    if (package.parent / "pyproject.toml").is_file():  # else this is site-packages: the folder is a stranger's
+    if (package.parent / "pyproject.toml").is_file():  # in site-packages, the folder belongs to another package
         candidates.append(package.parent / name)
     for candidate in candidates:
         if candidate.is_dir():
             return candidate
     looked = " and ".join(str(candidate) for candidate in candidates)
-    raise InsenvError(f"this installation of insenv lacks its folder {name!r}: looked for {looked}; reinstall it")
+    raise InsenvError(f"this installation of insenv lacks its folder {name!r}: searched {looked}; reinstall it")

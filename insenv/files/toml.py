@@ -1,18 +1,15 @@
-"""TOML files with a pydantic model: how a key is declared, read, its faults told, its table printed.
+"""TOML files checked by pydantic: how a key is declared, how a file is read, how an error is reported.
 
-Every fault is one line that names file, key, value, unit and what is allowed. Used for scenarios and for the
-descriptions of recorded logs.
+Every error is one line that names file, key, value, unit and what is allowed.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
-from pydantic_core import PydanticUndefined
 
 from insenv.errors import InputError, nearest
 
@@ -23,7 +20,7 @@ else:  # pragma: no cover
 
 MAX_FAULTS = 5
 MAX_SHOWN = 80
-"""Most characters of a wrong value in a message."""
+"""Largest number of characters of a wrong value in a message."""
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
@@ -32,12 +29,12 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def key(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
-    """A key: its default (... when it must be given), meaning, unit and limits."""
+    """A key: its default (... for a required key), meaning, unit and limits."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
 
 
 def check_three(value: object) -> object:
-    """Validator: a list of three, whatever they are."""
+    """Validator: a list of three values of any type."""
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         raise ValueError("must be a list of three")
     return tuple(value)
@@ -61,7 +58,7 @@ Parameter = Annotated[Any, BeforeValidator(_check_parameter)]
 
 
 class Section(BaseModel):
-    """A table of the TOML file: unknown keys are refused, values do not change."""
+    """A table of the TOML file: unknown keys are errors, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -89,7 +86,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
-    """`data` (TOML values) as `model`; `label`, the file, begins every line of the message. Raises InputError."""
+    """`data` (TOML values) as `model`; every line of a message begins with `label`, the file. Raises InputError."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -104,11 +101,11 @@ def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
 
 def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
     """(dotted key, message) of one pydantic error."""
-    here: Any = root  # the type of what the key so far names
+    here: Any = root  # type of the value at the key so far
     dotted, unit = "", ""
     parts = list(fault["loc"])
     for number, part in enumerate(parts):
-        last, models = number == len(parts) - 1, _sections(here)
+        last, models = number == len(parts) - 1, sections_in(here)
         owner = next((model for model in models if part in model.model_fields), None)
         if isinstance(part, int):
             dotted += f"[{part}]"
@@ -121,13 +118,13 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
             if last and fault["type"] == "missing":
                 return dotted, f" is missing: {field.description}{_unit(unit)}"
         elif len(models) > 1 and (tagged := [model for model in models if part in _tags(model)]):
-            here = tagged[0]  # of a union told apart by its `kind`
+            here = tagged[0]  # of a union discriminated by `kind`
         elif last and fault["type"] == "extra_forbidden" and models:
             prefix = f"{dotted}." if dotted else ""
             return f"{prefix}{part}", f": unknown key{nearest(part, models[0].model_fields)}"
         elif (value := _dict_value(here)) is not None and part != "[key]":
             dotted, here = f"{dotted}.{part}", value
-    return _message(fault, dotted, unit, _sections(here))
+    return _message(fault, dotted, unit, sections_in(here))
 
 
 def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[BaseModel]]) -> tuple[str, str]:
@@ -138,7 +135,10 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         kinds = ", ".join(repr(tag) for model in models for tag in _tags(model))
         return f"{dotted}.kind", f" is missing: must be one of {kinds}"
     message = str(fault["msg"]).removeprefix("Value error, ")
-    message = message.replace("Input should be", "must be").replace("a valid tuple", "a list")
+    message = message.replace("Input should be", "must be").replace("String should", "must").replace("a valid tuple", "a list")
+    if fault["type"] in ("too_long", "too_short"):
+        bound, count = ("at most", "max_length") if fault["type"] == "too_long" else ("at least", "min_length")
+        return dotted or "the file", f": {bound} {context[count]} items, {context['actual_length']} given"
     if fault["type"] in ("dict_type", "model_type", "model_attributes_type"):
         message = "must be a table of keys"
     if isinstance(value, (dict, BaseModel)):
@@ -159,120 +159,23 @@ def _unit(unit: str) -> str:
     return f" [{unit}]" if unit else ""
 
 
-def _sections(annotation: Any) -> list[type[BaseModel]]:
-    """The sections that a key may hold, through unions, tuples and lists, but not through tables of free keys."""
+def sections_in(annotation: Any) -> list[type[BaseModel]]:
+    """The sections in a key's type: in unions, tuples and lists, but not in tables of free keys."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if get_origin(annotation) is dict:
         return []
-    return [found for inner in get_args(annotation) for found in _sections(inner)]
+    return [found for inner in get_args(annotation) for found in sections_in(inner)]
 
 
 def _tags(model: type[BaseModel]) -> tuple[Any, ...]:
-    """Values of the literal `kind` by which a section is told from its siblings."""
+    """Values of the literal `kind` that discriminates a section from its siblings."""
     return get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
 
 
 def _dict_value(annotation: Any) -> Any:
-    """Type of the values of a table of free keys; None if it is no such table."""
+    """Type of the values of a table of free keys; None if it is not such a table."""
     if get_origin(annotation) is dict:
         return get_args(annotation)[1]
     found = (_dict_value(inner) for inner in get_args(annotation) if get_origin(annotation) is not Literal)
     return next((value for value in found if value is not None), None)
-
-
-# --- the table of keys in a page -------------------------------------------------------------------
-
-Sections = list[tuple[str, str, type[BaseModel], list[str]]]
-"""Title, remark (or empty), section, and names of its keys to print."""
-
-
-def key_table(sections: Sections, special: dict[str, str] | None = None, limits: bool = False) -> str:
-    """Markdown: for each section its keys, values, units, defaults and meanings.
-
-    special: what to print for the type of a key, by its name, where its annotation does not tell.
-    limits: whether there is a column of what is allowed.
-    """
-    parts: list[str] = []
-    for title, remark, model, names in sections:
-        parts.append(f"### {title}\n")
-        parts += [f"{remark}\n"] if remark else []
-        head = ["key", "value", "unit", *(["allowed"] if limits else []), "default", "meaning"]
-        parts.append(_line(head) + "\n|" + "---|" * len(head))
-        for name in names:
-            cells = _cells(name, model.model_fields[name], special or {})
-            parts.append(_line([cell for cell, title in zip(cells, _HEAD, strict=True) if title in head]))
-        parts.append("")
-    return "\n".join(parts).rstrip() + "\n"
-
-
-def renewed(text: str, begin: str, end: str, table: str) -> str:
-    """The page `text` with what stands between the lines `begin` and `end` replaced."""
-    head, _, rest = text.partition(begin)
-    _, _, tail = rest.partition(end)
-    return f"{head}{begin}\n\n{table}\n{end}{tail}"
-
-
-def renew_page(path: str | Path, renew: Callable[[str], str]) -> None:
-    """Bring a page up to date."""
-    page = Path(path)
-    page.write_text(renew(page.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-_HEAD = ("key", "value", "unit", "allowed", "default", "meaning")
-
-
-def _line(cells: list[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def _cells(name: str, field: Any, special: dict[str, str]) -> list[str]:
-    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    default = field.default
-    if default is PydanticUndefined:
-        text = "must be given"
-    elif default is None or default == () or default == {} or default == "" or isinstance(default, BaseModel):
-        text = "-"
-    else:
-        text = f"`{default}`"
-    value = special.get(name) or _type(field.annotation)
-    allowed = _limits(field.metadata, field.annotation)
-    return [f"`{name}`", value, str(extra.get("unit", "")) or "-", allowed or "-", text, str(field.description)]
-
-
-_SIGNS = {"gt": "above {:.16g}", "ge": "from {:.16g}", "lt": "below {:.16g}", "le": "to {:.16g}"}
-
-
-def _limits(metadata: Any, annotation: Any = None) -> str:
-    """What the limits of a key allow: those of `key` and of validators whose function has the attribute `limits`."""
-    parts = [
-        text.format(float(getattr(item, name))) for name, text in _SIGNS.items() for item in metadata if hasattr(item, name)
-    ]
-    parts += [item.func.limits for item in metadata if hasattr(getattr(item, "func", None), "limits")]
-    inner = [_limits(getattr(part, "__metadata__", ()), part) for part in get_args(annotation)]
-    return " ".join(parts) or next((text for text in inner if text), "")
-
-
-def _type(annotation: Any) -> str:
-    """A reader's name for the type of a key."""
-    origin = get_origin(annotation)
-    if origin is Literal:
-        return ", ".join(f"`{v}`" for v in get_args(annotation))
-    inner = [a for a in get_args(annotation) if a is not type(None)]
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return "section"
-    if origin is dict:
-        return "table"
-    if origin is tuple and Ellipsis not in inner:
-        return "3 columns" if "str | int" in str(inner[0]) else f"{len(inner)} numbers"
-    if origin is tuple:
-        return "sections" if _sections(inner[0]) else f"list of {_type(inner[0])}"
-    if inner and hasattr(annotation, "__metadata__"):
-        return _type(inner[0])
-    if set(inner) == {str, int}:
-        return "column"
-    if origin is Union and len(inner) > 1 and _sections(annotation):
-        return "section"
-    if inner:
-        return _type(inner[0])
-    return {float: "number", int: "whole number", bool: "true, false", str: "text"}.get(annotation, "value")

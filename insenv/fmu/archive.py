@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from insenv.errors import InputError
-from insenv.files.output import check_output_file
+from insenv.files.output import atomic, check_output_file
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first that a zip can tell
 
@@ -24,20 +21,10 @@ def check_output(path: Path, ending: str) -> None:
 
 def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
     """The zip of `files` by name, sorted, with a fixed date; renamed to `path` when complete."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream, ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=9) as archive:
-            for name in sorted(files, key=lambda n: (n != "modelDescription.xml", n)):
-                entry = ZipInfo(name, _DATE)
-                entry.compress_type = ZIP_DEFLATED
-                entry.create_system = 3
-                entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-                archive.writestr(entry, files[name])
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise
+    with atomic(path) as stream, ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(files, key=lambda n: (n != "modelDescription.xml", n)):
+            entry = ZipInfo(name, _DATE)
+            entry.compress_type = ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, files[name])

@@ -7,9 +7,7 @@ or in one column of that name with blanks between the elements, as FMPy writes t
 from __future__ import annotations
 
 import csv
-import os
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from insenv.errors import InputError, InsenvError
+from insenv.files.output import atomic
 from insenv.fmu.instance import Array, element_names
 from insenv.logs.readers import check_finite, read_table
 
@@ -103,23 +102,12 @@ def write_csv(path: str | Path, series: Series) -> None:
     path = Path(path)
     quoted = [f'"{name}"' if "," in name else name for name in series.names]
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    except OSError as error:
-        raise InsenvError(f"cannot write {path}: {error.strerror or error}") from None
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "w", encoding="ascii", newline="\n") as stream:
-            stream.write(",".join(["time", *quoted]) + "\n")
+        with atomic(path) as stream:
+            stream.write(f"{','.join(['time', *quoted])}\n".encode("ascii"))
             for time, row in zip(series.time.tolist(), series.values.tolist(), strict=True):
-                stream.write(",".join(map(repr, [time, *row])) + "\n")
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)  # mkstemp gives it to its owner alone
-        temporary.replace(path)
+                stream.write(f"{','.join(map(repr, [time, *row]))}\n".encode("ascii"))
     except OSError as error:
         raise InsenvError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def uniform(time: Array, step: float, label: str) -> None:

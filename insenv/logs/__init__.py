@@ -1,21 +1,13 @@
-"""Recorded IMU/GNSS logs: a TOML description and text files, or a flight log, in; increments in body FRD and fixes in
-radians out."""
+"""Recorded IMU/GNSS logs: from text files with a TOML description, or flight logs, to increments and fixes.
 
-from insenv.logs.bridging import Gaps
+Increments are in body axes (FRD), fixes in radians and NED. A format of flight logs is one file in `insenv.logs.flight` and one
+line in its `formats.py`.
+"""
+
+from insenv.logs.build import build
 from insenv.logs.description import LogDescription
+from insenv.logs.inertial import Gaps
 from insenv.logs.loading import load
-from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, Source, build
-from insenv.logs.toml import parse_description, read_description
+from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, Source
 
-__all__ = [
-    "Gaps",
-    "GnssFixes",
-    "LogDescription",
-    "RecordedLog",
-    "Reference",
-    "Source",
-    "build",
-    "load",
-    "parse_description",
-    "read_description",
-]
+__all__ = ["Gaps", "GnssFixes", "LogDescription", "RecordedLog", "Reference", "Source", "build", "load"]

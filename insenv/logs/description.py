@@ -1,84 +1,91 @@
-"""The TOML file that describes a recorded log: its keys, units and limits (pydantic), read by
-`read_description`."""
+"""The TOML file that describes a recorded log: its sections, keys, units and limits (pydantic)."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Strict, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Strict, field_validator, model_validator
 
-from insenv.logs import readers
-from insenv.logs.fields import (
-    AngleUnit,
-    Column,
-    Columns3,
-    Files,
-    Number,
-    Parameter,
-    Positive,
-    Section,
-    Sigma3,
-    Vector3,
-    key,
-    with_format,
-)
+from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, check_three, key
+from insenv.logs import kf_gins
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import imu_grade
 
 
-class _FileSection(Section):
-    """Where the columns are and how the file is written."""
+def _check_column(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, (str, int)) or (isinstance(value, int) and value < 0):
+        raise ValueError("must be a column name in quotes or a column number, counted from 0")
+    return value
+
+
+def _as_tuple(value: object) -> object:
+    files = [value] if isinstance(value, str) else value
+    if not isinstance(files, (list, tuple)) or not files or not all(isinstance(f, str) and f for f in files):
+        raise ValueError("must be a path or a list of paths, in quotes")
+    return tuple(files)
+
+
+def _check_grade(value: str) -> str:
+    if value:
+        imu_grade(value)
+    return value
+
+
+Column = Annotated[str | int, BeforeValidator(_check_column)]
+Columns3 = Annotated[tuple[Column, Column, Column], BeforeValidator(check_three)]
+Sigma3 = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(check_three)]
+Files = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
+Grade = Annotated[str, AfterValidator(_check_grade)]
+AngleUnit = Literal["deg", "rad"]
+
+
+class FileSection(Section):
+    """The files of a section: how they are written, and the column and unit of the time."""
 
     file: Files = key(
         ...,
-        "path (relative to this TOML file), or package:NAME/path for a file inside an installed Python "
-        "package; "
-        ".gz and one-file .zip are unpacked; a list of files joins their columns (same rows, same times)",
+        "path (relative to this TOML file), or package:NAME/path for a file inside an installed Python package; .gz and "
+        ".zip with one file are unpacked; a list of files joins their columns (same rows, same times)",
     )
     format: Literal["csv", "kf-gins"] = key(
-        "csv",
-        "csv: any text table, the columns named below; kf-gins: that program's text file, all keys but file set",
+        "csv", "csv: any text table, columns as named below; kf-gins: a text file of KF-GINS, which sets all keys but file"
     )
-    delimiter: Literal["auto", ",", ";", "tab", "space"] = key("auto", "what separates the fields; space: blanks and tabs")
+    delimiter: Literal["auto", ",", ";", "tab", "space"] = key("auto", "separator of the fields; space: blanks and tabs")
     header_rows: Annotated[int, Strict()] | None = key(
         None,
-        "lines before the first row, the last of them holding the column names; absent: found out",
+        "lines before the first row; the last of them holds the column names; absent: detected",
         "lines",
         ge=0,
         le=1000,
     )
-    comment: str = key("#", "a line that starts with this character is skipped", min_length=1, max_length=1)
+    comment: str = key("#", "lines that start with this character are skipped", min_length=1, max_length=1)
     keep_where: dict[str, Number | list[Number]] = key(
         {}, "use only the rows in which this column has this value (or one of these values)"
     )
     skip_empty: bool = key(
-        False,
-        "skip rows in which one of the columns is empty (GNSS columns in an IMU-rate file)",
-        strict=True,
+        False, "skip rows in which one of the columns is empty (GNSS columns in a file at IMU rate)", strict=True
     )
     time: Column = key(..., "column of the time stamp")
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
-    time_scale: Positive = key(1.0, "further factor on the time, for a clock known to run fast or slow")
+    time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
     time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")
 
 
-class ImuSection(_FileSection):
+class ImuSection(FileSection):
     """The inertial sensor."""
 
     gyro: Columns3 = key(..., "columns of the gyro's x, y, z")
     accel: Columns3 = key(
-        ...,
-        "columns of the accelerometer's x, y, z (specific force: about -9.8 on a level down axis at rest)",
+        ..., "columns of the accelerometer's x, y, z (specific force: about -9.8 m/s2 on a level down axis at rest)"
     )
     kind: Literal["rate", "increment"] = key(
         ..., "rate: angular rate and specific force; increment: their integrals over the sample"
     )
     stamp: Literal["interval_end", "interval_start", "instant"] = key(
         ...,
-        "what the time stamp marks: the end or the start of the interval that the sample covers (a mean rate "
-        "or an increment), "
-        "or the instant of an instantaneous rate (integrated by the trapezoid)",
+        "time of the stamp: end or start of the interval that the sample covers (a mean rate or an increment), or instant of "
+        "an instantaneous rate (integrated by the trapezoidal rule)",
     )
     gyro_unit: Literal["rad/s", "deg/s", "rad/h", "deg/h", "rad", "deg"] = key(
         ..., "unit of the gyro columns; rad and deg for increments"
@@ -93,41 +100,22 @@ class ImuSection(_FileSection):
         'sensor axes: "FRD", "FLU", "RFU"... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs',
     )
     accel_axes: Any = key(
-        None,
-        "the same for the accelerometer where it differs; may be a reflection (a unit that reports minus the force)",
+        None, "axes of the accelerometer where they differ; may be a reflection (a unit that reports minus the force)"
     )
     rate_hz: Positive | None = key(None, "nominal sample rate; absent: from the median step of the time stamps", "Hz", le=1e5)
-    grade: str = key(
+    grade: Grade = key(
         "",
-        "grade of the catalogue (docs/sensors.md) that estimators are tuned for and state their accuracy by; "
-        "[estimator.ID] sets single figures on top",
+        "grade of the catalogue (docs/sensors.md) for which estimators are tuned and state their accuracy; [estimator.ID] "
+        "overrides single parameters",
     )
     max_gap_s: Number = key(
-        1.0,
-        "a longer hole in the samples ends with an error; shorter ones are bridged and counted",
-        "s",
-        ge=0,
-        le=60,
+        1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
     )
 
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, data: Any) -> Any:
-        fixed = {
-            "kind": "increment",
-            "stamp": "interval_end",
-            "gyro_unit": "rad",
-            "accel_unit": "m/s",
-            "axes": "FRD",
-        }
-        return with_format(data, {**readers.KF_GINS_IMU, **fixed})
-
-    @field_validator("grade")
-    @classmethod
-    def _grade(cls, value: str) -> str:
-        if value:
-            imu_grade(value)
-        return value
+        return kf_gins.filled(data, kf_gins.IMU)
 
     @field_validator("axes", "accel_axes")
     @classmethod
@@ -149,29 +137,31 @@ class ImuSection(_FileSection):
         return self
 
     def gyro_matrix(self) -> Array:
-        """(3, 3): gyro columns to SI in body FRD."""
+        """(3, 3): from the gyro columns to SI in body FRD."""
         return axes_matrix(self.axes) * (GYRO_UNITS[self.kind][self.gyro_unit] * self.gyro_scale)
 
     def accel_matrix(self) -> Array:
-        """(3, 3): accelerometer columns to SI in body FRD."""
+        """(3, 3): from the accelerometer columns to SI in body FRD."""
         axes = self.axes if self.accel_axes is None else self.accel_axes
         matrix: Array = axes_matrix(axes, reflection_allowed=True)
         return np.asarray(matrix * (ACCEL_UNITS[self.kind][self.accel_unit] * self.accel_scale))
 
 
-class _PositionSection(_FileSection):
+class PositionSection(FileSection):
+    """The columns of position and velocity."""
+
     latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
     longitude: Column = key(..., "column of the longitude, east positive")
     height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
     position_unit: AngleUnit = key(..., "unit of latitude and longitude")
     height_offset_m: Number = key(
-        0.0, "added to the height: the geoid undulation where the log has heights above sea level", "m"
+        0.0, "added to the height: the geoid undulation where the log has heights above mean sea level", "m"
     )
     velocity: Columns3 | None = key(None, "columns of the velocity north, east, down [m/s]")
-    velocity_vertical: Literal["down", "up"] = key("down", "sign of the third velocity column")
+    velocity_vertical: Literal["down", "up"] = key("down", "positive direction of the third velocity column")
 
 
-class GnssSection(_PositionSection):
+class GnssSection(PositionSection):
     """Position fixes of the antenna, each at its time of validity."""
 
     position_sigma: Columns3 | None = key(None, "columns of the standard deviations north, east, down [m]")
@@ -183,7 +173,7 @@ class GnssSection(_PositionSection):
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, data: Any) -> Any:
-        return with_format(data, {**readers.KF_GINS_GNSS, "position_unit": "deg"}, ("position_sigma", "position_sigma_m"))
+        return kf_gins.filled(data, kf_gins.GNSS)
 
     @model_validator(mode="after")
     def _sigmas(self) -> GnssSection:
@@ -197,8 +187,8 @@ class GnssSection(_PositionSection):
         return self
 
 
-class ReferenceSection(_PositionSection):
-    """A reference solution at the IMU, to compare with (and to start from where asked)."""
+class ReferenceSection(PositionSection):
+    """A reference solution at the IMU, for comparison and as an optional start."""
 
     roll: Column | None = key(None, "column of the roll (right side down positive)")
     pitch: Column | None = key(None, "column of the pitch (nose up positive)")
@@ -208,7 +198,7 @@ class ReferenceSection(_PositionSection):
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, data: Any) -> Any:
-        return with_format(data, {**readers.KF_GINS_NAV, "position_unit": "deg", "attitude_unit": "deg"})
+        return kf_gins.filled(data, kf_gins.REFERENCE)
 
     @model_validator(mode="after")
     def _all_three(self) -> ReferenceSection:
@@ -219,55 +209,61 @@ class ReferenceSection(_PositionSection):
 
 
 class InitialSection(Section):
-    """What is known at the start."""
+    """Initial conditions, as far as they are known."""
 
     start_s: Number | None = key(None, "time at which navigation starts", "s")
-    static_from_s: Number | None = key(None, "the vehicle stands still from here (absent: from the first sample)", "s")
-    static_until_s: Number | None = key(None, "the vehicle stands still until here", "s")
-    latitude_deg: Number | None = key(None, "latitude at the start", "deg", ge=-90, le=90)
-    longitude_deg: Number | None = key(None, "longitude at the start", "deg", ge=-360, le=360)
-    height_m: Number | None = key(None, "height above the ellipsoid at the start", "m")
-    velocity_mps: Vector3 | None = key(None, "velocity north, east, down at the start", "m/s")
-    roll_deg: Number | None = key(None, "roll at the start", "deg", ge=-180, le=180)
-    pitch_deg: Number | None = key(None, "pitch at the start", "deg", ge=-90, le=90)
-    heading_deg: Number | None = key(None, "heading at the start, clockwise from north", "deg", ge=-360, le=360)
+    static_from_s: Number | None = key(None, "start of the time at rest (absent: the first sample)", "s")
+    static_until_s: Number | None = key(None, "end of the time at rest", "s")
+    latitude_deg: Number | None = key(None, "initial latitude", "deg", ge=-90, le=90)
+    longitude_deg: Number | None = key(None, "initial longitude", "deg", ge=-360, le=360)
+    height_m: Number | None = key(None, "initial height above the ellipsoid", "m")
+    velocity_mps: Vector3 | None = key(None, "initial velocity north, east, down", "m/s")
+    roll_deg: Number | None = key(None, "initial roll", "deg", ge=-180, le=180)
+    pitch_deg: Number | None = key(None, "initial pitch", "deg", ge=-90, le=90)
+    heading_deg: Number | None = key(None, "initial heading, clockwise from north", "deg", ge=-360, le=360)
 
 
 class PublishedSection(Section):
-    """A published figure to print beside ours."""
+    """A published result for the same log, printed for comparison."""
 
-    name: str = key(..., "who got it and how")
+    name: str = key(..., "who obtained it and how")
     rms: dict[str, Number] = key(..., "RMS by output name (north_m, roll_deg, ...), units in the names")
 
 
 class EvaluationSection(Section):
-    """Over which part of the log errors against the reference are taken."""
+    """The part of the log over which errors against the reference are evaluated."""
 
-    from_s: Number | None = key(None, "from this time on", "s")
-    to_s: Number | None = key(None, "until this time", "s")
-    published: tuple[PublishedSection, ...] = key((), "published figures for the same log")
+    from_s: Number | None = key(None, "start of the evaluation", "s")
+    to_s: Number | None = key(None, "end of the evaluation", "s")
+    published: tuple[PublishedSection, ...] = key((), "published results for the same log")
 
 
-class LogDescription(Section):
-    """A recorded log."""
+class AnyLog(Section):
+    """Keys that every log has, whatever its format."""
 
-    title: str = key(..., "one line for tables and figures", min_length=1)
-    source: str = key("", "where the log comes from")
+    title: str = key("", "one line for tables and figures; absent: the name of the log")
+    source: str = key("", "origin of the log")
     licence: str = key("", "its licence, or that none is stated")
     start_s: Number | None = key(None, "use the log from this time on (its own clock)", "s")
     stop_s: Number | None = key(None, "use the log until this time", "s")
-    imu: ImuSection = key(..., "the inertial sensor")
-    gnss: GnssSection | None = key(None, "GNSS fixes")
-    reference: ReferenceSection | None = key(None, "reference solution")
-    initial: InitialSection = key(InitialSection(), "what is known at the start")
-    evaluation: EvaluationSection = key(EvaluationSection(), "where errors are taken")
+    initial: InitialSection = key(InitialSection(), "initial conditions")
+    evaluation: EvaluationSection = key(EvaluationSection(), "part of the log that is evaluated")
     estimator: dict[str, dict[str, Parameter]] = key(
         {},
         'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; checked by the estimator',
     )
 
     @model_validator(mode="after")
-    def _window(self) -> LogDescription:
+    def _window(self) -> AnyLog:
         if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"stop_s = {self.stop_s} s must be after start_s = {self.start_s} s")
         return self
+
+
+class LogDescription(AnyLog):
+    """A recorded log in text files."""
+
+    title: str = key(..., "one line for tables and figures", min_length=1)
+    imu: ImuSection = key(..., "the inertial sensor")
+    gnss: GnssSection | None = key(None, "GNSS fixes")
+    reference: ReferenceSection | None = key(None, "reference solution")

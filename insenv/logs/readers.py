@@ -1,12 +1,11 @@
-"""Fast reading of text tables (CSV, blank-separated, KF-GINS) with errors that name file, line and column.
+"""Text tables (CSV, blank-separated) to arrays, with errors that name file, line and column.
 
-The numbers are parsed by numpy's C tokenizer; before that the fields of every line are counted on the raw
-bytes, so that a row cut short is found even when the columns asked for are all there.
+NumPy's C tokenizer parses the numbers. The fields of every line are counted first, on the raw bytes: a truncated row is an
+error even if it has all requested columns.
 """
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import io
 from collections.abc import Sequence
@@ -14,53 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from insenv.errors import InputError
-from insenv.logs.scan import (
-    clean_text,
-    count_fields,
-    header_names,
-    is_number,
-    line_text,
-    scan_lines,
-    separator_of,
-    split_header,
-)
+from insenv.errors import InputError, nearest
 from insenv.logs.units import Array
 
 Column = str | int
-
-KF_GINS_IMU = {"time": 0, "gyro": (1, 2, 3), "accel": (4, 5, 6)}
-"""time [s], delta angle x y z [rad], delta velocity x y z [m/s], body FRD, the increment over the interval
-that ends at the time."""
-
-KF_GINS_GNSS = {"time": 0, "latitude": 1, "longitude": 2, "height": 3, "position_sigma": (4, 5, 6)}
-"""time [s], latitude, longitude [deg], height [m], std N E D [m]; the variant with velocity adds six
-columns."""
-
-KF_GINS_GNSS_VELOCITY = {"velocity": (7, 8, 9), "velocity_sigma": (10, 11, 12)}
-"""velocity N E D [m/s], its std N E D [m/s] (13 columns in all)."""
-
-KF_GINS_NAV = {
-    "time": 1,
-    "latitude": 2,
-    "longitude": 3,
-    "height": 4,
-    "velocity": (5, 6, 7),
-    "roll": 8,
-    "pitch": 9,
-    "heading": 10,
-}
-"""GNSS week, time of week [s], latitude, longitude [deg], height [m], velocity N E D [m/s], roll, pitch, yaw
-[deg]."""
 
 
 @dataclass(frozen=True)
 class TextTable:
     """Columns read from a text file.
 
-    label: the file's name in messages; names: as in the description, one per column of `values`; values:
-    (rows, columns); lines: (rows,) line numbers in the file, counted from 1; fields: fields per line in the
-    file; sha256 of the unpacked bytes; notes: remarks for the user (a last line without a line end).
+    label: the file's name in messages; names: as in the description, one per column of `values`; values (rows, columns);
+    lines (rows,): line numbers in the file, counted from 1; fields: number of fields per line in the file; sha256: of the
+    unpacked bytes; notes: remarks for the user.
     """
 
     label: str
@@ -74,6 +39,10 @@ class TextTable:
     def column(self, name: Column) -> Array:
         """One column (rows,). The name must be one of `names`."""
         return self.values[:, self.names.index(name)]
+
+    def columns(self, names: Sequence[Column]) -> Array:
+        """Several columns (rows, columns)."""
+        return np.column_stack([self.column(name) for name in names])
 
     def select(self, rows: np.ndarray) -> TextTable:
         """The table with only the rows of a boolean or index array."""
@@ -97,30 +66,29 @@ def read_table(
 ) -> TextTable:
     """Read the named columns of a text table.
 
-    columns: names in the header line or 0-based numbers. delimiter: "auto", ",", ";", "tab" or "space"
-    (blanks and tabs). header_rows: lines before the first row, the last of them holding the names; None finds
-    out whether there is one. skip_empty: leave out rows in which one of the columns is empty.
-    expected_fields: the numbers of fields per line that the format knows, any when None. Values may be NaN or
-    infinite: see `check_finite`. Raises InputError: empty, binary, no such column, a line with another number
-    of fields, text, missing value.
+    columns: names in the header line or numbers, counted from 0. delimiter: "auto", ",", ";", "tab" or "space" (blanks and
+    tabs). header_rows: lines before the first row, the last of them holding the names; None detects a header. skip_empty:
+    skip rows in which one of the columns is empty. expected_fields: allowed numbers of fields per line; None: any. Values may
+    be NaN or infinite: see `check_finite`. Raises InputError: empty, binary, no such column, a line with a different number of
+    fields, text, missing value.
     """
-    text = clean_text(label, raw)
+    text = _clean_text(label, raw)
     buffer = np.frombuffer(text, dtype=np.uint8)
-    starts, is_row, is_comment = scan_lines(buffer, comment)
+    starts, is_row, is_comment = _scan_lines(buffer, comment)
     rows = np.flatnonzero(is_row)
-    heading, rows = split_header(text, starts, rows, is_comment, header_rows, delimiter)
+    heading, rows = _split_header(text, starts, rows, is_comment, header_rows, delimiter)
     if not rows.size:
         raise InputError(f"{label}: no data rows (only a header or comments)")
-    separator = separator_of(line_text(text, starts, int(rows[0])), delimiter)
-    counts = count_fields(buffer, starts, separator)[rows]
-    names = header_names(heading, separator, int(counts[0]), comment)
+    separator = _separator_of(_line_text(text, starts, int(rows[0])), delimiter)
+    counts = _count_fields(buffer, starts, separator)[rows]
+    names = _header_names(heading, separator, int(counts[0]), comment)
     fields = len(names) if names else int(counts[0])
     _check_counts(label, rows, counts, fields, expected_fields, from_header=bool(names))
     use = [_column_index(label, column, names, fields) for column in columns]
     data = text[starts[rows[0]] :]
     source: io.BytesIO | list[str] = io.BytesIO(data)
     if skip_empty:
-        split = [(int(n), line_text(text, starts, int(n))) for n in rows]
+        split = [(int(n), _line_text(text, starts, int(n))) for n in rows]
         full = [(n, line) for n, line in split if all(line.split(separator)[i].strip() for i in use)]
         if not full:
             raise InputError(f"{label}: no row in which all of {', '.join(map(_show, columns))} are filled")
@@ -132,17 +100,17 @@ def read_table(
 
 
 def _cut_short(label: str, text: bytes, starts: np.ndarray, rows: np.ndarray, separator: str | None) -> tuple[str, ...]:
-    """A note when the last line has no line end and its last field is shorter than those before it."""
+    """A note if the last line has no line end and its last field is shorter than those before it."""
     if text.endswith((b"\n", b"\r")) or rows.size < 2:
         return ()
-    sizes = [len(line_text(text, starts, int(n)).split(separator)[-1].strip()) for n in rows[-50:]]
+    sizes = [len(_line_text(text, starts, int(n)).split(separator)[-1].strip()) for n in rows[-50:]]
     if sizes[-1] >= min(sizes[:-1]):
         return ()
     return (f"{label}: the last line has no line end and its last value is short: is the file cut off?",)
 
 
 def check_finite(table: TextTable) -> None:
-    """Raises InputError that names file, line and column of the first NaN or infinite value."""
+    """Raise InputError if a value is NaN or infinite; the message names file, line and column of the first one."""
     bad = np.argwhere(~np.isfinite(table.values))
     if bad.size:
         row, col = bad[0]
@@ -155,16 +123,15 @@ def check_finite(table: TextTable) -> None:
 def column_names(
     label: str, raw: bytes, *, delimiter: str = "auto", header_rows: int | None = None, comment: str = "#"
 ) -> tuple[str, ...]:
-    """Names in the header of a text table, empty if it has none. Raises InputError: empty, binary, only a
-    header."""
-    text = clean_text(label, raw)
-    starts, is_row, is_comment = scan_lines(np.frombuffer(text, dtype=np.uint8), comment)
-    heading, rows = split_header(text, starts, np.flatnonzero(is_row), is_comment, header_rows, delimiter)
+    """Names in the header of a text table, empty if it has none. Raises InputError: empty, binary, only a header."""
+    text = _clean_text(label, raw)
+    starts, is_row, is_comment = _scan_lines(np.frombuffer(text, dtype=np.uint8), comment)
+    heading, rows = _split_header(text, starts, np.flatnonzero(is_row), is_comment, header_rows, delimiter)
     if not rows.size:
         raise InputError(f"{label}: no data rows (only a header or comments)")
-    first = line_text(text, starts, rows[0])
-    separator = separator_of(first, delimiter)
-    return header_names(heading, separator, len(first.split(separator)), comment)
+    first = _line_text(text, starts, rows[0])
+    separator = _separator_of(first, delimiter)
+    return _header_names(heading, separator, len(first.split(separator)), comment)
 
 
 def _check_counts(
@@ -197,9 +164,7 @@ def _column_index(label: str, column: Column, names: Sequence[str], fields: int)
         return list(names).index(column)
     if not names:
         raise InputError(f"{label}: no column {column!r}: the file has no header; give column numbers 0 to {fields - 1}")
-    near = difflib.get_close_matches(column, names, n=1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
-    raise InputError(f"{label}: no column {column!r}{hint}; the file has: {', '.join(names)}")
+    raise InputError(f"{label}: no column {column!r}{nearest(column, names)}")
 
 
 def _show(column: Column) -> str:
@@ -221,11 +186,96 @@ def _parse(
         return np.loadtxt(source, delimiter=separator, comments=comment or None, usecols=use, ndmin=2, encoding="latin1")
     except ValueError as error:
         for number in rows:
-            line = line_text(text, starts, number).split(comment)[0] if comment else line_text(text, starts, number)
+            line = _line_text(text, starts, number).split(comment)[0] if comment else _line_text(text, starts, number)
             parts = line.split(separator)
             for column, index in zip(columns, use, strict=True):
                 part = parts[index].strip() if index < len(parts) else ""
-                if not is_number(part):
+                if not _is_number(part):
                     what = f"{part[:40]!r} is not a number" if part else "the value is missing"
                     raise InputError(f"{label}: line {number + 1}, column {_show(column)}: {what}") from None
         raise InputError(f"{label}: cannot be parsed: {error}") from None
+
+
+# --- lines and fields ---------------------------------------------------------------------------------
+
+
+def _clean_text(label: str, raw: bytes) -> bytes:
+    text = raw[3:] if raw.startswith(b"\xef\xbb\xbf") else raw
+    text = text.replace(b'"', b"") if b'"' in text else text
+    if not text.strip():
+        raise InputError(f"{label}: the file is empty")
+    if b"\0" in text:
+        raise InputError(f"{label}: not a text file (it holds NUL bytes: binary, or UTF-16; save it as UTF-8)")
+    return text
+
+
+def _scan_lines(buffer: np.ndarray, comment: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Start offset of every line; whether it is a row (neither blank nor comment); whether it is a comment."""
+    ends = np.flatnonzero(buffer == 10) + 1
+    starts = np.concatenate(([0], ends))
+    if starts[-1] == buffer.size:
+        starts = starts[:-1]
+    filled = np.logical_or.reduceat(buffer > 32, starts)
+    is_comment = filled & (buffer[starts] == ord(comment)) if comment else np.zeros(starts.size, bool)
+    return starts, filled & ~is_comment, is_comment
+
+
+def _line_text(text: bytes, starts: np.ndarray, number: int) -> str:
+    end = starts[number + 1] if number + 1 < starts.size else len(text)
+    return text[starts[number] : end].decode("utf-8", errors="replace").strip("\r\n")
+
+
+def _split_header(
+    text: bytes,
+    starts: np.ndarray,
+    rows: np.ndarray,
+    is_comment: np.ndarray,
+    header_rows: int | None,
+    delimiter: str,
+) -> tuple[str, np.ndarray]:
+    """The header line ("" if none) and the numbers of the lines with data."""
+    if header_rows is not None:
+        heading = _line_text(text, starts, header_rows - 1) if 0 < header_rows <= starts.size else ""
+        return heading, rows[rows >= header_rows]
+    if rows.size:
+        first = _line_text(text, starts, rows[0])
+        if not any(_is_number(field) for field in first.split(_separator_of(first, delimiter))):
+            return first, rows[1:]
+    before = np.flatnonzero(is_comment[: rows[0]]) if rows.size else np.zeros(0, int)
+    return (_line_text(text, starts, before[-1]) if before.size else ""), rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _separator_of(line: str, delimiter: str) -> str | None:
+    """The separating character; None for blanks."""
+    if delimiter != "auto":
+        return {"tab": "\t", "space": None}.get(delimiter, delimiter)
+    return next((d for d in (",", ";", "\t") if d in line.strip()), None)
+
+
+def _count_fields(buffer: np.ndarray, starts: np.ndarray, separator: str | None) -> np.ndarray:
+    """Number of fields on every line."""
+    if separator is None:
+        solid = buffer > 32
+        marks = np.flatnonzero(solid & ~np.concatenate(([False], solid[:-1])))
+        extra = 0
+    else:
+        marks, extra = np.flatnonzero(buffer == ord(separator)), 1
+    return np.diff(np.searchsorted(marks, np.append(starts, buffer.size))) + extra
+
+
+def _header_names(heading: str, separator: str | None, fields: int, comment: str) -> tuple[str, ...]:
+    """Names of the columns; a commented line counts only if it has as many fields as the rows."""
+    commented = bool(comment) and heading.startswith(comment)
+    line = heading.lstrip(comment).strip() if commented else heading
+    if not line:
+        return ()
+    names = tuple(name.strip() for name in line.split(separator))
+    return () if commented and len(names) != fields else names

@@ -1,5 +1,4 @@
-"""The bytes of a log's files: plain, .gz, .zip with one member, or a file inside an installed Python
-package."""
+"""The bytes of a log's files: plain, .gz, .zip with one member, or a file inside an installed Python package."""
 
 from __future__ import annotations
 
@@ -22,10 +21,9 @@ _EXTRAS = {"onavdata": "insenv[test]"}
 def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
     """Read one file of a log.
 
-    file: a path, relative to `folder` (that of the description) unless absolute, or
-    ``package:NAME/path/inside/the/package``. Names ending in .gz or .zip are unpacked (a zip must hold one
-    file). Returns (the name for messages, the bytes). Raises InputError: not found, unreadable, package not
-    installed.
+    file: a path, relative to `folder` (that of the description) unless absolute, or ``package:NAME/path/inside/the/package``.
+    Files that end in .gz or .zip are unpacked (a zip must hold one file). Returns (name for messages, bytes).
+    Raises InputError: not found, unreadable, package not installed.
     """
     if file.startswith(PACKAGE):
         label, raw = file, _from_package(file)
@@ -57,13 +55,13 @@ def _from_package(file: str) -> bytes:
         raise InputError(
             f"{file}: the Python package {name!r} is not installed; install it with: pip install '{wanted}'"
         ) from None
-    except Exception as error:  # a package whose own import fails: any exception can come out of it
+    except Exception as error:  # the import of a package can raise any exception
         raise InputError(f"{file}: the Python package {name!r} cannot be imported: {error}") from None
     node = root.joinpath(*parts)
     try:
         return node.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{file}: the installed package {name!r} holds no such file; another version of it?") from None
+        raise InputError(f"{file}: the installed package {name!r} holds no such file; is it another version?") from None
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
 

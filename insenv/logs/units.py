@@ -1,5 +1,4 @@
-"""Units, sensor axes and angles of recorded logs: what a description may say and what it means in SI and body
-FRD."""
+"""Units, sensor axes and angles of recorded logs: what a description may state and its meaning in SI and body FRD."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
-"""The unit `g` of a data sheet [m/s2]; not the local gravity."""
+"""The unit `g` of data sheets [m/s2]; not the local gravity."""
 
 GYRO_UNITS: dict[str, dict[str, float]] = {
     "rate": {
@@ -41,16 +40,15 @@ _LETTERS = {"F": (0, 1), "B": (0, -1), "R": (1, 1), "L": (1, -1), "D": (2, 1), "
 
 
 def axes_matrix(axes: str | Sequence[Sequence[float]], *, reflection_allowed: bool = False) -> Array:
-    """The matrix C_bs (3, 3) that takes sensor components to body components: v_b = C_bs v_s, b = FRD.
+    """The matrix C_bs (3, 3) from sensor to body components: v_b = C_bs v_s, b = FRD.
 
-    Three ways to write the same thing, here for a sensor whose x looks forward, y left and z up:
+    Three notations, here for a sensor whose x axis points forward, y left and z up:
 
     - ``"FLU"``: where the sensor's x, y and z axes point (Forward/Back, Right/Left, Down/Up);
     - ``"+x-y-z"``: body forward, right and down in terms of the sensor's axes;
     - ``[[1, 0, 0], [0, -1, 0], [0, 0, -1]]``: C_bs itself, any rotation (a mounting matrix).
 
-    Raises ValueError when it is none of these, not orthonormal (1e-3), or left-handed where that is not
-    allowed.
+    Raises ValueError if it is none of these, not orthonormal (1e-3), or left-handed where that is not allowed.
     """
     matrix = _from_string(axes) if isinstance(axes, str) else _from_rows(axes)
     if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-3):

@@ -1,4 +1,4 @@
-"""What is shown and kept of a campaign: tables for 80 columns, the figure over time, the result files."""
+"""Output of a campaign: tables for 80 columns, the figure over time, the result files."""
 
 from __future__ import annotations
 
@@ -9,55 +9,52 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.campaigns import PERCENTILES, Summary
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
 from insenv.report.files import NO_MATPLOTLIB, FilesWritten, OutputFolder
+from insenv.report.notebook import data_frame, html_document
 from insenv.report.scales import set_scale
 from insenv.report.tables import _table, label, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
     from rich.console import RenderableType
+
+    from insenv.campaigns import Summary
 
 NAME = "campaign"
 NAMED = 10
-"""Seeds of diverged runs that a table names; the files name all."""
+"""Largest number of seeds of diverged runs that are printed; the files hold all."""
 
 
 def campaign_document(found: Summary, files: Sequence[str] = ()) -> dict[str, Any]:
-    """The documented JSON form; `files` only where there are any."""
+    """The documented JSON form; with `files` (paths written) if there are any."""
     return finite({**found.as_json(), **({"files": list(files)} if files else {})})
 
 
 def campaign_tables(found: Summary) -> Iterator[RenderableType]:
-    """What is printed of a campaign, top to bottom."""
+    """The printed lines and tables, top to bottom."""
     from rich.text import Text
 
     plan, document = found.plan, found.as_json()
     yield Text(f"{plan.name}: {plan.estimator}", "bold")
-    seeds = f"seeds {plan.first_seed} to {plan.first_seed + plan.runs - 1}" if plan.runs > 1 else f"seed {plan.first_seed}"
-    yield Text(f"{plan.runs} runs of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples")
+    yield Text(campaign_facts(found))
     for variation in plan.variations:
         yield Text(f"{variation.key} drawn from {variation.low:g} to {variation.high:g}")
     yield Text()
     figures = found.figures()
-    table = _table("error", "mean", "rms", "limit", "rms/limit", "stated")
-    for name, row in figures.items():
-        ratio = row["rms"] / row["limit"] if row["limit"] else None
+    table = _table(*CAMPAIGN_COLUMNS)
+    for text, (mean, rms, limit, ratio, stated) in campaign_rows(found):
+        warning = "yellow" if ratio is not None and ratio > 3 else ""
         table.add_row(
-            label(name),
-            number(row["mean"]),
-            Text(number(row["rms"]), "bold"),
-            number(row["limit"]),
-            Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
-            number(row["stated"]),
+            text, number(mean), Text(number(rms), "bold"), number(limit), Text(number(ratio), warning), number(stated)
         )
     yield table
     yield Text()
-    table = _table("at the end", *(f"{p:g} %" for p in PERCENTILES))
+    table = _table("at the end", *(f"{p:g} %" for p in found.percentile_levels))
     for name, row in figures.items():
         table.add_row(label(name), *(number(value) for value in row["percentiles"].values()))
     yield table
@@ -77,8 +74,51 @@ def campaign_tables(found: Summary) -> Iterator[RenderableType]:
         yield Text(f"note: {note}")
 
 
+def campaign_facts(found: Summary) -> str:
+    """Runs, duration, seeds and samples in one line."""
+    plan = found.plan
+    seeds = f"seeds {plan.first_seed} to {plan.first_seed + plan.runs - 1}" if plan.runs > 1 else f"seed {plan.first_seed}"
+    return f"{plan.runs} runs of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
+
+
+CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")
+
+
+def campaign_rows(found: Summary) -> list[tuple[str, list[float | None]]]:
+    """By error, its label and the values of `CAMPAIGN_COLUMNS`."""
+    rows = []
+    for name, row in found.figures().items():
+        ratio = row["rms"] / row["limit"] if row["limit"] else None
+        rows.append((label(name), [row["mean"], row["rms"], row["limit"], ratio, row["stated"]]))
+    return rows
+
+
+def campaign_html(found: Summary) -> str:
+    """A table of the errors, with the figure, for a notebook."""
+    rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
+    tables = [("errors", CAMPAIGN_COLUMNS, rows)]
+    plan = found.plan
+    return html_document(
+        f"{plan.name}: {plan.estimator}", campaign_facts(found), tables, plan.notes, lambda: draw_campaign(found)
+    )
+
+
+def campaign_frame(found: Summary) -> DataFrame:
+    """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
+    columns: dict[str, NDArray[np.float64]] = {}
+    for name, course in found.courses.items():
+        levels = zip(found.percentile_levels, course.percentiles, strict=True)
+        columns |= {f"mean_{name}": course.mean, f"rms_{name}": course.rms}
+        columns |= {f"p{level:g}_{name}": values for level, values in levels}
+        optional = {f"limit_{name}": course.limit, f"stated_{name}": course.stated}
+        columns |= {key: values for key, values in optional.items() if values is not None}
+    if found.nees is not None:
+        columns["nees"] = found.nees.mean
+    return data_frame(found.time, columns)
+
+
 def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is there, campaign.png and campaign.svg."""
+    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg."""
     note = NO_MATPLOTLIB if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
     names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
@@ -95,7 +135,7 @@ def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) ->
 
 def campaign_arrays(found: Summary) -> dict[str, NDArray[Any]]:
     """All arrays of a campaign by key (docs/campaigns.md)."""
-    arrays: dict[str, NDArray[Any]] = {"time": found.time, "percentiles": np.array(PERCENTILES)}
+    arrays: dict[str, NDArray[Any]] = {"time": found.time, "percentiles": np.array(found.percentile_levels)}
     for name, course in found.courses.items():
         for kind, values in vars(course).items():
             if values is not None:
@@ -115,7 +155,7 @@ def campaign_arrays(found: Summary) -> dict[str, NDArray[Any]]:
 
 
 def draw_campaign(found: Summary) -> Figure:
-    """Percentiles of the errors over time, beside plus and minus the limit; the NEES with its bounds where there is one."""
+    """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -127,7 +167,7 @@ def draw_campaign(found: Summary) -> Figure:
         groups = [group for group in groups if group]
         rows = len(groups) + (found.nees is not None)
         handles: dict[str, Any] = {}
-        if len(groups) == 1:  # attitude alone: one panel below the other, and beside it the end
+        if len(groups) == 1:  # attitude only: one row of panels per angle; on the right, the end of the run
             count = 3 + (found.nees is not None)
             figure.set_size_inches(9.0, 1.2 + 2.1 * count)
             axes = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(1.25, 1))
@@ -166,7 +206,7 @@ def draw_campaign(found: Summary) -> Figure:
 
 
 def _course(axis: Axes, found: Summary, name: str, from_s: float) -> dict[str, Any]:
-    """One channel from a time on; the legend's handles by their text."""
+    """Draw one channel from `from_s` on; return the legend's handles by their text."""
     course, late = found.courses[name], found.time >= from_s - 1e-9
     time = found.time[late]
     low, lower, median, upper, high = course.percentiles[:, late]
@@ -188,7 +228,7 @@ def _course(axis: Axes, found: Summary, name: str, from_s: float) -> dict[str, A
 
 
 def _nees(axis: Axes, found: Summary, from_s: float) -> None:
-    """Mean NEES with the bounds of a consistent estimator."""
+    """Draw the mean NEES with the bounds of a consistent estimator."""
     assert found.nees is not None
     late = found.time >= from_s - 1e-9
     axis.axhspan(found.nees.low, found.nees.high, color=COLOURS[2], alpha=0.2, linewidth=0, zorder=1)

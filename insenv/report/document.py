@@ -1,17 +1,18 @@
-"""The JSON documents: a report as plain values, and any such value as text without NaN."""
+"""JSON documents: a report as plain values, and plain values as text without NaN."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from insenv.evaluation.errors import Report
+if TYPE_CHECKING:
+    from insenv.report.run_report import Report
 
 
 def document(report: Report, files: Sequence[str] = ()) -> dict[str, Any]:
-    """The documented form of a run or replay; `published` and `files` (paths written) are there only where there are any."""
+    """The documented form of a run or replay; with `published` and `files` (paths written) if there are any."""
     found = report.as_json()
     if report.published:
         found["published"] = [{"name": name, "rms": dict(rms)} for name, rms in report.published]
@@ -21,12 +22,12 @@ def document(report: Report, files: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def to_json(value: Any, indent: int | None = 2) -> str:
-    """JSON text, ASCII only, that any parser reads: what is not a finite number becomes null."""
+    """JSON text in ASCII that any parser reads: numbers that are not finite become null."""
     return json.dumps(finite(value), allow_nan=False, indent=indent)
 
 
 def finite(value: Any) -> Any:
-    """A copy of nested mappings, sequences and scalars, NumPy's included, with None for numbers that are not finite."""
+    """A copy of nested mappings, sequences and scalars, including those of NumPy, with None for numbers that are not finite."""
     if isinstance(value, Mapping):
         return {str(name): finite(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,17 +1,17 @@
-"""The figure of a run: errors over time beside their limits or the filter's own three sigma, and where the vehicle went."""
+"""The figure of a run: errors over time with their limits or the filter's stated three sigma, and the track of the vehicle."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
-from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Report, Result, Track
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
 
@@ -19,13 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from insenv.report.run_report import Report
+
 Array = NDArray[np.float64]
 
-# Okabe and Ito's colours without yellow: told apart by colour-blind readers, and legible on white
+# Okabe and Ito's colours without yellow: distinguishable by colour-blind readers, and legible on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LIMIT, TRUTH, PALE = "#555555", "#bbbbbb", "#888888"
 STYLE: Any = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same everywhere
+    "font.family": "DejaVu Sans",  # part of matplotlib: the same everywhere
     "font.size": 9,
     "axes.titlesize": 9,
     "axes.labelsize": 9,
@@ -37,12 +39,12 @@ STYLE: Any = {
     "lines.linewidth": 1.1,
     "path.simplify": True,
     "path.simplify_threshold": 0.5,
-    "svg.hashsalt": "insenv",  # ids in an SVG are the same in every run
+    "svg.hashsalt": "insenv",  # makes the ids in an SVG reproducible
 }
 
 
-def save(figure: Figure, paths: Mapping[str, Path]) -> None:
-    """Save under each path, by kind ("png", "svg"); the same figure gives the same bytes."""
+def save(figure: Figure, paths: Mapping[str, Path | BinaryIO]) -> None:
+    """Save to each path or stream, by kind ("png", "svg"); the same figure gives the same bytes."""
     from matplotlib import rc_context
 
     metadata: dict[str, dict[str, Any]] = {"svg": {"Date": None, "Creator": "insenv"}, "png": {"Software": "insenv"}}
@@ -52,9 +54,9 @@ def save(figure: Figure, paths: Mapping[str, Path]) -> None:
 
 
 def draw(report: Report) -> Figure:
-    """The figure of a run or replay, all its estimators in one; needs no display and changes no global state of matplotlib.
+    """The figure of a run or replay with all its estimators; requires `drawable`.
 
-    `drawable` says whether there is anything to draw.
+    It needs no display and does not change the global state of matplotlib.
     """
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -78,12 +80,12 @@ def draw(report: Report) -> Figure:
 
 
 def drawable(report: Report) -> bool:
-    """Whether there are errors, or at least a track, to draw."""
+    """Whether there are errors or a track to draw."""
     return any(len(r.time) and (r.errors or _track(r) is not None) for r in report.results)
 
 
 def _defaults() -> Any:
-    """matplotlib's own defaults, whatever the user's settings file says."""
+    """The defaults of matplotlib, independent of the user's settings."""
     from matplotlib import rcParamsDefault
 
     return {name: value for name, value in rcParamsDefault.items() if not name.startswith(("backend", "date.", "toolbar"))}
@@ -101,7 +103,7 @@ def _error_label(channel: str) -> str:
 
 
 def _attitude_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
-    """Alignment: each angle over the whole run and, beside it, over the time of the statistics."""
+    """Alignment: each angle over the whole run (left) and over the time of the statistics (right)."""
     figure.set_size_inches(9.0, 1.2 + 2.1 * len(shown))
     axes = figure.subplots(len(shown), 2, squeeze=False, sharex="col", width_ratios=(1.25, 1))
     handles: dict[str, Any] = {}
@@ -123,7 +125,7 @@ def _attitude_page(figure: Figure, report: Report, shown: list[str]) -> dict[str
 
 
 def _navigation_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
-    """Navigation: a row of panels each for attitude, position and velocity, and the track seen from above."""
+    """Navigation: one row of panels each for attitude, position and velocity, and the track from above."""
     groups = [[name for name in group if name in shown] for group in (ATTITUDE, POSITION, VELOCITY)]
     groups = [group for group in groups if group]
     wide = report.truth.latitude is not None
@@ -155,7 +157,7 @@ def _navigation_page(figure: Figure, report: Report, shown: list[str]) -> dict[s
 
 
 def _track_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
-    """A log without a reference: the tracks alone."""
+    """A log without a reference: only the tracks."""
     figure.set_size_inches(8.0, 7.0)
     return _plan(figure.subplots(), report)
 
@@ -164,7 +166,7 @@ def _track_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, A
 
 
 def _channel(axis: Axes, report: Report, channel: str, from_s: float, bands: bool) -> dict[str, Any]:
-    """Draw all estimators' errors in one channel; give the legend's handles by their text."""
+    """Draw the errors of all estimators in one channel; return the legend's handles by their text."""
     handles: dict[str, Any] = {}
     axis.axhline(0.0, color=PALE, linewidth=0.6, zorder=1)
     drawn: list[Array] = []
@@ -201,7 +203,7 @@ def _channel(axis: Axes, report: Report, channel: str, from_s: float, bands: boo
 
 
 def _envelope(time: Array, value: Array, points: int = 600) -> tuple[Array, Array]:
-    """At most about `points` times and the largest value about each: what a band a few pixels fine shows."""
+    """At most about `points` times, with the largest value around each."""
     stride = -(-len(time) // points)
     if stride == 1:
         return time, value
@@ -210,7 +212,7 @@ def _envelope(time: Array, value: Array, points: int = 600) -> tuple[Array, Arra
 
 
 def _plan(axis: Axes, report: Report) -> dict[str, Any]:
-    """The tracks seen from above, north up, from the start of the truth."""
+    """Draw the tracks from above, north up, relative to the start of the truth."""
     tracks = [_track(result) for result in report.results]
     colours = [COLOURS[i % len(COLOURS)] for i, track in enumerate(tracks) if track is not None]
     known = [track for track in (report.truth, *tracks) if track is not None and track.latitude is not None]
@@ -238,7 +240,7 @@ def _track(result: Result) -> Track | None:
 
 
 def _ground(track: Track, origin: Track) -> tuple[Array, Array]:
-    """East and north (n,) of a track, m, from the first known place of `origin`: arcs along the ellipsoid."""
+    """East and north (n,) of a track, m, from the first known position of `origin`: arcs along the ellipsoid."""
     assert track.latitude is not None and track.longitude is not None
     assert origin.latitude is not None and origin.longitude is not None
     latitude, longitude = (float(a[np.isfinite(a)][0]) for a in (origin.latitude, origin.longitude))

@@ -1,13 +1,10 @@
-"""Result files: every array of a run with its unit, frame and meaning, a summary, the figure; all of them, or none.
+"""Result files: every array of a run with its unit, frame and meaning, a summary, the figure.
 
-A file is written under a temporary name in its folder and renamed when all are complete: an interrupted run leaves nothing
-under a final name, and the files of an earlier run stay as they were.
+All of them are written, or none: an interrupted run leaves the files of an earlier run as they were.
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
 import tempfile
 from collections.abc import Callable, Iterator
@@ -15,16 +12,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
-from insenv.evaluation.errors import Report, Result
+from insenv.evaluation.errors import Result
+from insenv.files.output import staged
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable, save
+
+if TYPE_CHECKING:
+    from insenv.report.run_report import Report
 
 FORMAT = "insenv-results"
 VERSION = 1
@@ -36,16 +37,16 @@ _UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 
 @dataclass(frozen=True)
 class FilesWritten:
-    """paths: what was written, in the order npz, json, png, svg.  note: what was left out and why, or empty."""
+    """paths: the files written, in the order npz, json, png, svg. note: what was omitted and why, or empty."""
 
     paths: tuple[Path, ...]
     note: str = ""
 
 
 class OutputFolder:
-    """A folder to be written into, tried before the long work: raises `InputError` at once if it cannot be.
+    """An output folder, checked before the long work. Raises `InputError` if it cannot be written to.
 
-    It is created by the first file, so that work that fails leaves no empty folder behind.
+    The first file creates it: work that fails leaves no empty folder.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -62,42 +63,19 @@ class OutputFolder:
 
     @contextmanager
     def staged(self) -> Iterator[Callable[[str], Path]]:
-        """Give a function from a final name to the temporary path to write; rename all at the end, or remove all.
-
-        Raises `InsenvError` if the disk does not take them.
-        """
-        parts: dict[Path, Path] = {}
-
-        def part(name: str) -> Path:
-            handle, path = tempfile.mkstemp(prefix=f".{name}.", suffix=".part", dir=self.path)
-            parts[Path(path)] = self.path / name
-            os.close(handle)
-            return Path(path)
-
+        """Write all files of the block or none; see `insenv.files.output.staged`. Raises `InsenvError` if writing fails."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            yield part
-            for final in parts.values():
-                if final.is_dir():
-                    raise InsenvError(f"cannot write {str(final)!r}: it is a folder")
-            mask = os.umask(0)
-            os.umask(mask)
-            for temporary in parts:
-                temporary.chmod(0o666 & ~mask)  # mkstemp gives them to their owner alone
-            for temporary, final in parts.items():
-                temporary.replace(final)
+            with staged(self.path) as part:
+                yield part
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
-        finally:
-            for temporary in parts:
-                with contextlib.suppress(OSError):
-                    temporary.unlink()
 
 
 def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write NAME.npz, NAME.json and, if `figure` and matplotlib is there, NAME.png and NAME.svg; NAME is the scenario's.
+    """Write NAME.npz, NAME.json and, if `figure` and matplotlib is installed, NAME.png and NAME.svg; NAME is the scenario's.
 
-    Raises `InsenvError` if that fails; then none of them is new.
+    Raises `InsenvError` if that fails; then none of them is written.
     """
     name = file_name(report.scenario)
     note = ""
@@ -125,13 +103,13 @@ def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> Fi
 
 
 def file_name(scenario: str) -> str:
-    """The scenario's name (of a file: without its folder and ending) as a file name that every system takes."""
+    """The scenario's name (of a file: without folder and suffix) as a file name that is valid on every system."""
     name = Path(scenario).stem if scenario.endswith(".toml") else scenario
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.") or "run"
 
 
 def collect(report: Report) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
-    """All arrays of a report by key, and what each is: {"unit", "frame", "shape", "meaning"} by key."""
+    """All arrays of a report by key, and {"unit", "frame", "shape", "meaning"} by key."""
     arrays: dict[str, NDArray[Any]] = {}
     described: dict[str, dict[str, Any]] = {}
 

@@ -1,4 +1,4 @@
-"""The vertical scale of an error panel: linear, or symmetric logarithmic where one scale would hide what matters."""
+"""The vertical scale of an error panel: linear, or symmetric logarithmic if a linear scale would hide small errors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 FALL, SPREAD = 10.0, 50.0
-"""Errors that fall by more along the run, or estimators that differ by more, get a logarithmic scale."""
+"""The scale is logarithmic if errors fall by more along the run, or if estimators differ by more."""
 
 
 def set_scale(axis: Axes, errors: list[Array], reach: list[float]) -> dict[str, Any]:
-    """Set it; give the legend's handle of what a logarithmic one needs told.
+    """Set the scale; return the legend's handle for the linear part of a logarithmic one.
 
-    errors, reach: of each estimator, its errors and how far its limit or stated accuracy reaches.  A logarithmic scale is
-    linear within the last quarter's errors of the best estimator: they can be read as well as the first of the worst.
+    errors, reach: by estimator, its errors and the extent of its limit or stated accuracy. A logarithmic scale is linear within
+    the errors of the best estimator in the last quarter, so that these are legible beside the initial errors of the worst one.
     """
     from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 
@@ -53,6 +53,6 @@ def set_scale(axis: Axes, errors: list[Array], reach: list[float]) -> dict[str, 
 
 
 def _round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10, ..."""
+    """The next larger of 1, 2, 5, 10, ..."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if value <= step * power * (1 + 1e-9))

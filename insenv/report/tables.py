@@ -1,4 +1,4 @@
-"""A report as a table for a terminal of 80 columns: every error beside its theoretical limit."""
+"""A report as tables for a terminal of 80 columns: every error with its theoretical limit."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Report, Result, Track
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
+
+    from insenv.report.run_report import Report
 
 WIDTH = 80
 _CHANNEL, _NUMBER, _GAP = 13, 8, 2
@@ -27,7 +29,7 @@ def label(channel: str) -> str:
 
 
 def number(value: float | None) -> str:
-    """Three significant digits in at most 8 characters; a dash for what is not known."""
+    """Three significant digits in at most 8 characters; a dash for an unknown value."""
     if value is None or not math.isfinite(value):
         return "-"
     if value == 0:
@@ -39,9 +41,9 @@ def number(value: float | None) -> str:
 
 
 def comparison(report: Report) -> Iterator[RenderableType]:
-    """What is printed of a run, top to bottom: heading lines, one table for each estimator, notes.
+    """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes.
 
-    No line is longer than `WIDTH`, except that of a word that cannot be broken.
+    No line is longer than `WIDTH`, unless a single word is.
     """
     from rich.text import Text
 
@@ -49,9 +51,7 @@ def comparison(report: Report) -> Iterator[RenderableType]:
     if report.title and report.title != report.scenario:
         title.append(f": {report.title}", "not bold")
     yield title
-    facts = [] if report.seed is None else [f"seed {report.seed}"]
-    facts += [f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
-    yield Text(", ".join(facts))
+    yield Text(", ".join(facts(report)))
     for result in report.results:
         yield Text()
         yield from _of_result(result, report)
@@ -60,6 +60,26 @@ def comparison(report: Report) -> Iterator[RenderableType]:
         yield Text("final: at the end; rms, max: over the statistics' time; limit: theory's 1 sigma", "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
+
+
+def facts(report: Report) -> list[str]:
+    """Seed (of a simulation), duration and number of samples."""
+    seed = [] if report.seed is None else [f"seed {report.seed}"]
+    return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
+
+
+ERROR_COLUMNS = ("error", "final", "rms", "max", "limit", "rms/limit")
+ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
+
+
+def error_rows(result: Result) -> list[tuple[str, list[float | None]]]:
+    """By error, its label and the values of `ERROR_COLUMNS`."""
+    statistics, rows = result.statistics(), []
+    for name in (name for name in CHANNELS if name in result.errors):
+        final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
+        limit = result.limit.get(name)
+        rows.append((label(name), [final, rms, largest, limit, rms / limit if limit else None]))
+    return rows
 
 
 def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
@@ -72,31 +92,33 @@ def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
     line.append(f"   {statistics_of}{number(result.us_per_sample)} us a sample", "not bold")
     yield line
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
-    table = _table("error", "final", "rms", "max", "limit", "rms/limit", *["published"][: len(published)])
-    statistics = result.statistics()
-    for name in shown:
-        final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
-        limit = result.limit.get(name)
-        ratio = rms / limit if limit else None
-        table.add_row(
-            label(name),
-            number(final),
-            Text(number(rms), "bold"),
-            number(largest),
-            number(limit),
-            Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
-            *(number(figures.get(name)) for _, figures in published[:1]),
-        )
-    yield table if shown else _estimate(result)
-    for place, (name, figures) in enumerate(published):  # more columns than one would not fit
+    if shown:
+        table = _table(*ERROR_COLUMNS, *["published"][: len(published)])
+        for channel, (text, values) in zip(shown, error_rows(result), strict=True):
+            final, rms, largest, limit, ratio = values
+            table.add_row(
+                text,
+                number(final),
+                Text(number(rms), "bold"),
+                number(largest),
+                number(limit),
+                Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
+                *(number(figures.get(channel)) for _, figures in published[:1]),
+            )
+    else:
+        table = _table(*ESTIMATE_COLUMNS)
+        for row in estimate_rows(result):
+            table.add_row(*row)
+    yield table
+    for place, (name, figures) in enumerate(published):  # only one further column fits
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
         yield Text(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     for note in result.notes:
         yield Text(f"note: {note}")
 
 
-def _estimate(result: Result) -> RenderableType:
-    """Where there is no reference: the estimate at the end, and how good the estimator says it is."""
+def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
+    """Without a reference: label, estimate at the end and the standard deviation that the estimator states."""
     last = {name: value[-1:] for name, value in result.outputs.items()} if len(result.time) else {}
     found: dict[str, str] = {}
     if "q_nb" in last:
@@ -106,13 +128,13 @@ def _estimate(result: Result) -> RenderableType:
     found |= {"height_m": f"{last['height'][0]:.3f}"} if "height" in last else {}
     if "velocity_n" in last:
         found |= {name: f"{speed:.4f}" for name, speed in zip(VELOCITY, last["velocity_n"][0], strict=True)}
-    table = _table("no reference", "at the end", "stated sigma")
+    rows = []
     sigmas = {"latitude_deg": "north_m", "longitude_deg": "east_m", "height_m": "down_m"}
     for name, text in found.items():
         channel = sigmas.get(name, name)
         stated = number(result.sigma[channel][-1]) if channel in result.sigma else "-"
-        table.add_row(label(name), text, f"{stated} m" if channel != name else stated)
-    return table
+        rows.append((label(name), text, f"{stated} m" if channel != name else stated))
+    return rows
 
 
 def _table(first: str, *columns: str) -> Table:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, Knowledge, get_all
-from insenv.evaluation.errors import Report, Result, Track, errors, stated_sigma
+from insenv.evaluation.errors import Result, Track, errors, stated_sigma
 from insenv.logs import RecordedLog, Reference, load
+from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_columns import sample_columns
 from insenv.runs.replay_start import COURSE_SIGMA, from_log, from_reference

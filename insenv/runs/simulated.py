@@ -12,8 +12,9 @@ from insenv import attitude
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, EstimatorsLike, get, get_all
 from insenv.evaluation import limits
-from insenv.evaluation.errors import POSITION, Report, Result, Track, errors, stated_sigma
+from insenv.evaluation.errors import POSITION, Result, Track, errors, stated_sigma
 from insenv.plant.feeding import bridge_lost
+from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothing_follower import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, load

@@ -25,8 +25,6 @@ from insenv.estimators.parts.aqe_algebra import Y
 from insenv.evaluation import limits
 from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
-from insenv.report import OutputFolder
-from insenv.report.campaign import write_campaign
 
 
 @pytest.fixture(autouse=True)
@@ -237,7 +235,8 @@ def test_nees_of_the_alignment_filter_lies_within_its_bounds():
 def test_files_hold_every_run_and_the_figure(tmp_path):
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     plan = small_plan(12, variations=[parse_variation("imu.gyro_bias_deg_h=0:1")])
-    written = write_campaign(run_campaign(plan), OutputFolder(tmp_path))
+    found = run_campaign(plan)
+    written = found.save(tmp_path)
     assert [p.name for p in written.paths] == ["campaign.npz", "campaign.json", "campaign.png", "campaign.svg"]
     with np.load(tmp_path / "campaign.npz", allow_pickle=False) as arrays:
         assert arrays["runs/seed"].tolist() == list(range(3, 15))
@@ -246,6 +245,20 @@ def test_files_hold_every_run_and_the_figure(tmp_path):
         assert json.loads(arrays["meta"].item())["runs"] == 12
     assert json.loads((tmp_path / "campaign.json").read_text())["errors"].keys() == set(ATTITUDE)
     assert (tmp_path / "campaign.png").stat().st_size > 10_000
+    assert len(repr(found).splitlines()) == 2 and "12 runs of 2 s, seeds 3 to 14" in repr(found)
+    html = found._repr_html_()
+    assert "heading [deg]" in html and 'src="data:image/png;base64,' in html
+
+
+def test_dataframe_of_the_courses():
+    pytest.importorskip("pandas")
+    found = run_campaign(small_plan(8))
+    frame = found.to_dataframe()
+    assert frame.index.name == "time" and np.array_equal(frame.index, found.time)
+    course = found.courses["heading_deg"]
+    assert np.array_equal(frame["rms_heading_deg"], course.rms)
+    assert np.array_equal(frame["p97.5_heading_deg"], course.percentiles[-1])
+    assert np.array_equal(frame["limit_heading_deg"], course.limit)
 
 
 def test_the_command(tmp_path):

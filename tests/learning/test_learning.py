@@ -257,7 +257,7 @@ def test_wrong_calls_are_refused(tmp_path):
     refused(call("train", "lssvm", "ship-swaying", "-o", tmp_path / "m.json", "--seeds", "1-9"), "gnss")
     refused(call("train", "lssvm", TRAINING, "-o", tmp_path / "no" / "m.json"), "No such file")
     refused(call("train", "lssvm", TRAINING, "-o", tmp_path), "folder")
-    refused(call("train", "lssvm", TRAINING, "-o", os.devnull), "no plain file")
+    refused(call("train", "lssvm", TRAINING, "-o", os.devnull), "not a regular file")
     refused(call(*base, "--seeds", "1-9", "--duration", "nan"), "duration_s = nan s")
     assert seed_range("7") == range(7, 8) and seed_range("3-5") == range(3, 6)
     with pytest.raises(InputError, match="at least 5 seeds"):

@@ -19,8 +19,7 @@ from places import ROOT
 from insenv import attitude, estimators, geodesy
 from insenv.errors import InputError
 from insenv.logs import GnssFixes, RecordedLog, load
-from insenv.logs.flight import keys
-from insenv.logs.flight.telemetry import TelemetryLog
+from insenv.logs.flight.records import TelemetryLog
 from insenv.mavlink import Vehicle
 from insenv.mavlink.wire import TlogWriter, dialect
 from insenv.runs.follower import Follower
@@ -284,7 +283,7 @@ def test_replay_at_the_command_line(kind: str, drive: Drive, tmp_path: Path) -> 
 
 
 def test_the_start_comes_from_the_log_where_it_stands(tmp_path: Path) -> None:
-    """The car of the example log, as an ArduPilot would have logged it: rest, then off; no reference, nothing told."""
+    """A car as ArduPilot would log it: at rest, then under way; no reference, no initial conditions."""
     log = DataflashWriter()
     log.define("IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")
     log.define("GPS", "QBIHBcLLeffffB", "TimeUS,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U")
@@ -313,7 +312,7 @@ def test_the_start_comes_from_the_log_where_it_stands(tmp_path: Path) -> None:
 def test_no_imu_at_a_usable_rate(drive: Drive, tmp_path: Path) -> None:
     imu = {"HIL_SENSOR", "HIGHRES_IMU"}
     none = telemetry(drive, tmp_path / "none.tlog", lambda message: message.get_type() in imu)
-    with pytest.raises(InputError, match="no inertial unit at a usable rate, 20 Hz or more: found none at all; ask"):
+    with pytest.raises(InputError, match="no inertial unit at a usable rate, 20 Hz or more: found none at all; request"):
         load(none)
     few = telemetry(
         drive,
@@ -355,13 +354,13 @@ def test_another_unit_receiver_and_reference(drive: Drive, tmp_path: Path) -> No
 
 
 def test_gaps_twice_out_of_order_and_restarts(tmp_path: Path) -> None:
-    """One inertial unit whose log has everything that logs have."""
+    """An inertial unit whose log has gaps, repeated and swapped samples and a restart of the clock."""
     log = DataflashWriter()
     log.define("IMU", "Qffffff", "TimeUS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")
-    first = [t for t in range(0, 10_000_000, 10_000) if not 3_000_000 < t < 3_200_000]  # a hole that is bridged
+    first = [t for t in range(0, 10_000_000, 10_000) if not 3_000_000 < t < 3_200_000]  # a gap that is bridged
     first[500], first[501] = first[501], first[500]
     first.insert(600, first[599])
-    second = [t + 15_000_000 for t in range(0, 4_000_000, 10_000)]  # after a hole that is too long
+    second = [t + 15_000_000 for t in range(0, 4_000_000, 10_000)]  # after a gap that is too long
     third = list(range(1_000_000, 3_000_000, 10_000))  # after a restart
     for t in (*first, *second, *third):
         log.add("IMU", t, 0, 0, 0, 0, 0, -9.8)
@@ -372,7 +371,7 @@ def test_gaps_twice_out_of_order_and_restarts(tmp_path: Path) -> None:
     assert found.gaps.count == 1 and found.gaps.samples == 19
     assert (np.diff(found.imu_time) > 0).all()
     assert any("2 samples twice or out of order" in note for note in found.notes)
-    assert any(note.startswith("3 stretches between restarts and holes longer than 1 s: the longest") for note in found.notes)
+    assert any(note.startswith("3 segments between restarts and gaps longer than 1 s: the longest") for note in found.notes)
     other = load(described(path, "start_s = 12.0"))
     assert other.imu_time[-1] == pytest.approx(18.99)
     with pytest.raises(InputError, match="0 samples of IMU between"):
@@ -421,7 +420,7 @@ def test_a_telemetry_log_with_broken_bytes(drive: Drive, tmp_path: Path) -> None
     assert len(list(junk)) >= records // 20 - 10
     path = tmp_path / "junk.tlog"
     path.write_bytes(draw.randbytes(5000))
-    with pytest.raises(InputError, match="no MAVLink telemetry log"):
+    with pytest.raises(InputError, match="not a MAVLink telemetry log"):
         load(path)
 
 
@@ -497,11 +496,6 @@ def test_descriptions(tmp_path: Path) -> None:
         toml.write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match=words):
             load(toml)
-
-
-def test_the_page_has_the_keys() -> None:
-    page = ROOT / "docs" / "flight-logs.md"
-    assert keys.renew(page) == page.read_text(encoding="utf-8")
 
 
 # --- real logs -------------------------------------------------------------------------------------

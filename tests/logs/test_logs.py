@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from places import ROOT
 
 from insenv.errors import InputError
-from insenv.logs import keys, load
-from insenv.logs.bridging import bridge, missing_samples
+from insenv.logs import load
+from insenv.logs.inertial import bridge, missing_samples
 from insenv.logs.readers import read_table
 from insenv.logs.units import axes_matrix
 
@@ -336,14 +336,14 @@ def test_bridging_brings_back_smooth_signals(drop: set[int], jitter: float, freq
     assert np.abs(result.rates - truth).max() <= bound
 
 
-def test_a_late_stamp_is_jitter_not_a_hole() -> None:
+def test_a_late_stamp_is_jitter_not_a_gap() -> None:
     steps = np.array([1, 1, 1.9, 0.1, 1, 1, 3.0, 1, 1, 1.7, 0.8, 0.8, 1, 2.0, 1.0]) * 0.01
     missing = missing_samples(np.concatenate(([0.0], np.cumsum(steps))), 0.01)
     assert missing.tolist() == [0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 1, 0]
 
 
 @pytest.mark.parametrize("kind", ["rate", "increment"])
-def test_holes_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> None:
+def test_gaps_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> None:
     whole = folder.load()
     rows = imu_rows()
     if kind == "increment":
@@ -378,7 +378,7 @@ def test_holes_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> N
         ("imu.csv", 5, "10.08,0,0,0,0,0,-1,5", "line 5 has 8 fields, expected 7"),
         ("imu.csv", 5, "10.08,0,abc,0,0,0,-1", "line 5, column 'gy': 'abc' is not a number"),
         ("imu.csv", 5, "10.08,0,,0,0,0,-1", "line 5, column 'gy': the value is missing"),
-        ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'; the file has: t, gx, gy"),
+        ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'; did you mean 'gz'? (allowed: t, gx, gy"),
         (
             "gnss.csv",
             3,
@@ -587,11 +587,6 @@ def test_the_plain_example() -> None:
     assert log.delta_velocity[:, 2].mean() * 50 == pytest.approx(-G)
     assert log.delta_velocity[:, 1].mean() * 50 == pytest.approx(10 * math.radians(6), rel=1e-5)
     assert log.notes == ()
-
-
-def test_the_page_has_the_current_table_of_keys() -> None:
-    page = ROOT / "docs/logs.md"
-    assert keys.renew(page) == page.read_text(encoding="utf-8"), "run: python -m insenv.logs.keys docs/logs.md"
 
 
 # --- the real car log ------------------------------------------------------------------------------

@@ -122,7 +122,7 @@ def test_wrong_calls_are_refused(tmp_path):
     for path, word in (
         (tmp_path, "folder"),
         (".", "folder"),
-        (os.devnull, "no plain file"),
+        (os.devnull, "not a regular file"),
         (tmp_path / "no" / "a", "No such"),
     ):
         refused(call("stream", "car-city-drive", *to, "--tlog", path), word)

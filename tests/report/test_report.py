@@ -3,14 +3,15 @@
 import json
 import math
 import re
+import sys
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from insenv.errors import InputError, InsenvError
-from insenv.evaluation.errors import ATTITUDE, CHANNELS, Report, Result, Track
-from insenv.report import OutputFolder, comparison, document, to_json, write_files
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, Result, Track
+from insenv.report import OutputFolder, Report, comparison, document, to_json, write_files
 from insenv.report.figures import draw, save
 from insenv.report.files import collect, file_name
 from insenv.report.tables import number
@@ -255,3 +256,53 @@ def test_unusual_reports_are_drawn(made, tmp_path):
 def test_nothing_to_draw(tmp_path):
     made = report(result("q-method", ATTITUDE, errors={}), truth=Track(TIME), seed=None)
     assert "no figure" in write_files(made, OutputFolder(tmp_path)).note
+
+
+# --- a report in Python ------------------------------------------------------------------------------
+
+
+def test_repr_is_short():
+    text = repr(report(result(), result("q-method", ATTITUDE)))
+    assert text.splitlines()[0] == "Report of made-up, seed 7, 100 s, 20000 inertial samples"
+    heading = result().errors["heading_deg"][-1]
+    assert re.fullmatch(r"  loosely-coupled: final error heading \S+ deg, position \S+ m", text.splitlines()[1])
+    assert f"heading {heading:.3g} deg" in text.splitlines()[2] and len(text.splitlines()) == 3
+    assert repr(result(errors={})) == "loosely-coupled: no reference"
+
+
+def test_html_holds_the_tables_and_the_figure(monkeypatch):
+    made = report(result(), result("mine", errors={}), notes=("a < b",))
+    text = made._repr_html_()
+    assert text.count("<table>") == 2 and "heading [deg]" in text and "a &lt; b" in text and "latitude [deg]" in text
+    assert 'src="data:image/png;base64,' in text
+    monkeypatch.setattr("insenv.report.notebook.find_spec", lambda name: None)
+    assert "<img" not in made._repr_html_() and "<table>" in made._repr_html_()
+    with pytest.raises(InsenvError, match="pip install 'insenv"):
+        made.plot()
+
+
+def test_plot_and_save_do_what_out_does(tmp_path):
+    made = report()
+    assert len(made.plot().axes) == len(draw(made).axes)
+    written = made.save(tmp_path / "out", figure=False)
+    assert [p.suffix for p in written.paths] == [".npz", ".json"] and all(p.is_file() for p in written.paths)
+    with pytest.raises(InsenvError, match="neither a reference"):
+        report(result(errors={}, outputs={})).plot()
+
+
+def test_dataframe(monkeypatch):
+    pytest.importorskip("pandas")
+    made = report(result(), result("q-method", ATTITUDE))
+    frame = made.to_dataframe("loosely-coupled")
+    assert frame.index.name == "time" and np.array_equal(frame.index, TIME)
+    assert np.array_equal(frame["error_north_m"], made.results[0].errors["north_m"])
+    assert np.array_equal(frame["sigma_vn_mps"], made.results[0].sigma["vn_mps"])
+    assert np.array_equal(frame[[f"q_nb_{i}" for i in range(4)]], made.results[0].outputs["q_nb"])
+    assert np.array_equal(report().to_dataframe()["latitude"], PLACE["latitude"])
+    with pytest.raises(InputError, match="must be named, this run has loosely-coupled, q-method"):
+        made.to_dataframe()
+    with pytest.raises(InputError, match="did you mean 'q-method'"):
+        made.to_dataframe("q-methd")
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(InsenvError, match="pip install pandas"):
+        made.to_dataframe("q-method")

@@ -21,7 +21,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import registry
 from insenv.files.resources import scenario_folder
-from insenv.scenario import build, json_schema, keys, load, names, parse, summaries, tuning
+from insenv.scenario import build, json_schema, load, names, parse, summaries, tuning
 from insenv.scenario.sensor_notes import CONSTANT
 
 if sys.version_info >= (3, 11):
@@ -447,13 +447,6 @@ def test_tuning() -> None:
 # --- pages and schema ------------------------------------------------------------------------------
 
 
-def test_page_and_schema_are_current() -> None:
-    page = (ROOT / keys.PAGE).read_text(encoding="utf-8")
-    assert keys.renew(page) == page, "run: python -m insenv.scenario.keys"
-    assert (ROOT / keys.SCHEMA).read_text(encoding="utf-8") == keys.schema_text(), "run: python -m insenv.scenario.keys"
-    assert (scenario_folder() / "schema.json").is_file()
-
-
 def test_every_key_shows_its_unit() -> None:
     endings = {
         "deg": "_deg",
@@ -482,7 +475,7 @@ def test_every_key_shows_its_unit() -> None:
 
 def test_the_schema_accepts_what_is_shipped() -> None:
     jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads((ROOT / keys.SCHEMA).read_text(encoding="utf-8"))
+    schema = json.loads((ROOT / "scenarios/schema.json").read_text(encoding="utf-8"))
     for name in names():
         jsonschema.validate(data_of(name), schema)
     with pytest.raises(jsonschema.ValidationError):
@@ -490,7 +483,7 @@ def test_the_schema_accepts_what_is_shipped() -> None:
 
 
 def test_the_pages_examples(tmp_path: Path) -> None:
-    page = (ROOT / keys.PAGE).read_text(encoding="utf-8")
+    page = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(page.split("```toml\n")[1].split("```")[0])
     plant = build(load(tmp_path / "mine.toml"), duration_s=1.0)
     runner = make_runner(plant.model, plant.parameters, backend="interpreter")

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import ROOT
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, chi2
 
@@ -19,7 +18,7 @@ from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
-from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade, page, units
+from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade, units
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, check_timing, gnss_part
 from insenv.sensors.imu import imu_part
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
@@ -461,7 +460,7 @@ def test_timing_that_can_be_is_not() -> None:
     check_timing(1 / 400, 0.2, 0.0, 0.0)
 
 
-# --- grades, units, page ---------------------------------------------------------------------------------
+# --- grades, units ---------------------------------------------------------------------------------
 
 
 def test_units_against_hand_calculation() -> None:
@@ -513,9 +512,3 @@ def test_an_unknown_grade_suggests_the_nearest() -> None:
         imu_grade("tactial")
     with pytest.raises(InputError, match="did you mean 'rtk'"):
         gnss_grade("rtkk")
-
-
-def test_the_page_is_current() -> None:
-    path = ROOT / "docs" / "sensors.md"
-    text = path.read_text(encoding="utf-8")
-    assert page.updated(text) == text, "run: python -m insenv.sensors.page docs/sensors.md"

@@ -1,13 +1,12 @@
 """ArduPilot dataflash logs (.BIN), by pymavlink's DFReader: messages IMU, IMT, GPS, GPA, ATT, POS, XKF1 or NKF1.
 
-IMU holds instants of filtered rates, IMT increments over DelaT and DelvT.  TimeUS is the autopilot's clock; of a fix it is the
-time when it was logged, some tenths of a second late (`gnss_delay_s`).  Heights are over the sea.
+IMU holds filtered rates at instants, IMT increments over DelaT and DelvT. TimeUS is the autopilot's clock; for a fix it is the
+time of logging, some tenths of a second after the time of validity (`gnss_delay_s`). Heights are above mean sea level.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import io
 import os
 import tempfile
@@ -17,35 +16,49 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
-from insenv.logs.flight.series import INFORMS_NOT, FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.flight.series import (
+    FIX_3D,
+    NO_INFORMATION,
+    FixSeries,
+    Flight,
+    FlightFormat,
+    ImuSeries,
+    SolutionSeries,
+    course_velocity,
+    instance_name,
+    interpolated_angles,
+    three_sigmas,
+)
 from insenv.logs.units import Array
 
 HEAD = b"\xa3\x95"
-FIX_3D = 3
 _HEAD_BYTES = 3
 _CODES = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8"}
 _CODES |= {"e": "<f2", "f": "<f4", "d": "<f8"}
 
 
 def read_dataflash(label: str, data: bytes) -> Flight:
-    """What a dataflash log holds.  Raises InputError: no such log, or one that DFReader cannot read."""
+    """The series of a dataflash log. Raises InputError: not such a log, or not readable by DFReader."""
     if not data.startswith(HEAD):
-        raise InputError(f"{label}: no ArduPilot dataflash log: it must begin with the bytes A3 95")
+        raise InputError(f"{label}: not an ArduPilot dataflash log: it must begin with the bytes A3 95")
     with _reader(label, data) as reader:
         tables = _Tables(reader, data)
         imus, others = tables.imus()
         fixes = [series for name in tables.instances("GPS") if (series := tables.fixes(*name)) is not None]
         solution = tables.solution()
         rows = sum(len(offsets) for offsets in reader.offsets)
-    notes = ("fixes are stamped when they were logged, later than valid: gnss_delay_s says by how much",) if fixes else ()
-    solutions = () if solution is None else (solution,)
-    digest = hashlib.sha256(data).hexdigest()
-    return Flight("ArduPilot dataflash log", imus, tuple(fixes), solutions, notes, rows, digest, others)
+    notes = ("fixes are stamped at logging, after their time of validity: gnss_delay_s corrects for it",) if fixes else ()
+    return Flight(imus, tuple(fixes), () if solution is None else (solution,), notes, rows, others)
+
+
+FORMAT = FlightFormat(
+    ".BIN", "ArduPilot dataflash log", "LOG_BITMASK selects what is logged: set its IMU and fast bits", read_dataflash
+)
 
 
 @contextlib.contextmanager
 def _reader(label: str, data: bytes) -> Iterator[Any]:
-    """DFReader on the log.  It reads files only, prints what it thinks, and raises whatever comes out of it."""
+    """DFReader on the log. It reads only files, prints to the terminal, and can raise any exception."""
     from pymavlink.DFReader import DFReader_binary
 
     handle, path = tempfile.mkstemp(suffix=".BIN")
@@ -57,14 +70,14 @@ def _reader(label: str, data: bytes) -> Iterator[Any]:
             with (
                 contextlib.redirect_stderr(io.StringIO()),
                 contextlib.redirect_stdout(io.StringIO()),
-                _set("PYMAVLINK_FAST_INDEX", "0"),  # the fast one prints past Python
+                _set("PYMAVLINK_FAST_INDEX", "0"),  # the fast index prints from C, which cannot be redirected
             ):
                 reader.__init__(path)
         except Exception as error:
             raise InputError(f"{label}: not readable as an ArduPilot dataflash log: {error}") from None
         yield reader
     finally:
-        for name in ("data_map", "filehandle"):  # what it has opened by the time it fails, it leaves open
+        for name in ("data_map", "filehandle"):  # DFReader leaves these open if it fails
             opened = getattr(reader, name, None)
             if opened is not None:
                 opened.close()
@@ -73,7 +86,7 @@ def _reader(label: str, data: bytes) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _set(name: str, value: str) -> Iterator[None]:
-    """An environment variable for the block."""
+    """Set an environment variable within the block."""
     before = os.environ.get(name)
     os.environ[name] = value
     try:
@@ -86,14 +99,14 @@ def _set(name: str, value: str) -> Iterator[None]:
 
 
 class _Tables:
-    """The messages of a log as columns, scaled as their formats say."""
+    """The messages of a log as columns, scaled by the factors of their formats."""
 
     def __init__(self, reader: Any, data: bytes) -> None:
         self._reader, self._bytes = reader, np.frombuffer(data, np.uint8)
         self._cache: dict[str, dict[str, Array]] = {}
 
     def columns(self, name: str) -> dict[str, Array]:
-        """Numeric columns by name, float64 but for times; empty if the log has no such message."""
+        """Numeric columns by name, float64; empty if the log has no such message."""
         if name not in self._cache:
             self._cache[name] = self._read(name)
         return self._cache[name]
@@ -125,7 +138,7 @@ class _Tables:
         return result if "TimeUS" in result else {}
 
     def instances(self, base: str) -> list[tuple[str, int | None]]:
-        """(message, instance) of each sensor: by the column I, or by the number behind the name in old logs."""
+        """(message, instance) of each sensor: by the column I, or by the number after the name in old logs."""
         found: list[tuple[str, int | None]] = []
         for name in (base, f"{base}2", f"{base}3"):
             table = self.columns(name)
@@ -151,7 +164,7 @@ class _Tables:
             for name, instance in self.instances(base):
                 table = self.select(name, instance)
                 time = table["TimeUS"] * 1e-6
-                label = _label(name, instance)
+                label = instance_name(name, instance)
                 if base == "IMT":
                     span = np.where((table["DelaT"] > 0) & (table["DelvT"] > 0), 1.0, np.nan)
                     rate = _three(table, "DelA") * (span / table["DelaT"].clip(1e-9))[:, None]
@@ -165,7 +178,7 @@ class _Tables:
         return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), tuple(others)
 
     def fixes(self, name: str, instance: int | None) -> FixSeries | None:
-        """Fixes of one receiver, with the accuracies of its GPA messages."""
+        """Fixes of one receiver, with the accuracies from its GPA messages."""
         table = self.select(name, instance)
         if not {"Status", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"} <= set(table):
             return None
@@ -174,32 +187,28 @@ class _Tables:
         table = {column: values[good] for column, values in table.items()}
         if not good.any():
             return None
-        course, speed = np.radians(table["GCrs"]), table["Spd"]
-        velocity = np.stack([speed * np.cos(course), speed * np.sin(course), table["VZ"]], axis=1)
-        position_sigma = velocity_sigma = None
+        position_sigma, velocity_sigma = np.full((np.count_nonzero(good), 3), np.nan), None
         if {"HAcc", "VAcc", "SAcc"} <= set(accuracy) and accuracy["TimeUS"].size:
             at = _latest(accuracy["TimeUS"], table["TimeUS"])
             horizontal, vertical, moving = (accuracy[column][at] for column in ("HAcc", "VAcc", "SAcc"))
-            if (horizontal > 0).all() and (vertical > 0).all():
-                position_sigma = np.stack([horizontal, horizontal, vertical], axis=1)
+            position_sigma = three_sigmas(horizontal, vertical)
             if (moving > 0).any():
-                moving = np.where(moving > 0, moving, INFORMS_NOT)
+                moving = np.where(moving > 0, moving, NO_INFORMATION)
                 velocity_sigma = np.stack([moving] * 3, axis=1)
         return FixSeries(
-            _label(name, instance),
-            table["TimeUS"] * 1e-6,
-            np.radians(table["Lat"]),
-            np.radians(table["Lng"]),
-            table["Alt"],
-            True,
-            None,
-            position_sigma,
-            velocity,
-            velocity_sigma,
+            name=instance_name(name, instance),
+            time=table["TimeUS"] * 1e-6,
+            latitude=np.radians(table["Lat"]),
+            longitude=np.radians(table["Lng"]),
+            height=table["Alt"],
+            height_sea=True,
+            position_sigma=position_sigma,
+            velocity_n=course_velocity(table["Spd"], np.radians(table["GCrs"]), table["VZ"]),
+            velocity_sigma=velocity_sigma,
         )
 
     def solution(self) -> SolutionSeries | None:
-        """The autopilot's own: attitude of ATT, position of POS, velocity of its first filter."""
+        """The autopilot's solution: attitude of ATT, position of POS, velocity of its first filter."""
         attitude, place = self.columns("ATT"), self.columns("POS")
         filters = next((name for name in ("XKF1", "NKF1") if self.columns(name)), None)
         if not {"Roll", "Pitch", "Yaw"} <= set(attitude) or not {"Lat", "Lng", "Alt"} <= set(place):
@@ -216,25 +225,20 @@ class _Tables:
             velocity = np.stack([np.interp(at[inside], moments, table[v][core]) for v in ("VN", "VE", "VD")], axis=1)
         if np.count_nonzero(inside) < 2:
             return None
-        roll, pitch, heading = (
-            np.interp(at[inside], time, np.unwrap(np.radians(attitude[angle]))) for angle in ("Roll", "Pitch", "Yaw")
-        )
+        angles = [np.radians(attitude[angle]) for angle in ("Roll", "Pitch", "Yaw")]
+        roll, pitch, heading = interpolated_angles(at[inside], time, angles)
         return SolutionSeries(
-            "ATT, POS" + (f", {filters}" if filters else ""),
-            at[inside],
-            np.radians(place["Lat"][inside]),
-            np.radians(place["Lng"][inside]),
-            place["Alt"][inside],
-            velocity,
-            roll,
-            pitch,
-            heading,
+            name="ATT, POS" + (f", {filters}" if filters else ""),
+            time=at[inside],
+            latitude=np.radians(place["Lat"][inside]),
+            longitude=np.radians(place["Lng"][inside]),
+            height=place["Alt"][inside],
             height_sea=True,
+            velocity_n=velocity,
+            roll=roll,
+            pitch=pitch,
+            heading=heading,
         )
-
-
-def _label(name: str, instance: int | None) -> str:
-    return name if instance is None else f"{name}[{instance}]"
 
 
 def _three(table: dict[str, Array], what: str) -> Array:

@@ -1,19 +1,25 @@
-"""What a reader finds in a flight log, each series with its name in that log: inertial units, receivers, solutions.
+"""What a reader finds in a flight log: series of inertial units, receivers and solutions, each with its name in that log.
 
-Times are in seconds on one clock of the log.  Everything else is in SI, radians, body FRD, NED.
+Times are in seconds on one clock of the log. Everything else is in SI, radians, body FRD, NED.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeVar
 
 import numpy as np
 
+from insenv.logs.recorded import GnssFixes, Reference
 from insenv.logs.units import Array
 
-INFORMS_NOT = 100.0
+NO_INFORMATION = 100.0
 """Standard deviation (m/s) of a velocity component that a log does not hold."""
+FIX_3D = 3
+"""Fix type of a position fix in three dimensions, in every format."""
+UNIX_US = 10**14
+"""Time stamps beyond this many microseconds (3 years) are Unix time, not time since boot."""
 
 
 @dataclass(frozen=True)
@@ -37,54 +43,82 @@ class ImuSeries:
         return float(1.0 / np.median(steps)) if steps.size else 0.0
 
 
-@dataclass(frozen=True)
-class FixSeries:
-    """Fixes of one receiver: time (m,) s of validity as far as the log tells, latitude, longitude (m,) rad, height (m,) m.
+@dataclass(frozen=True, kw_only=True)
+class FixSeries(GnssFixes):
+    """Fixes of one receiver, as the log has them.
 
-    height_sea: over mean sea level, and undulation (m): of the geoid over the ellipsoid there, None where not told.
-    position_sigma (m, 3) m, velocity_n (m, 3) m/s, velocity_sigma (m, 3) m/s: None where the log has none; a component that
-    it has not has a standard deviation of `INFORMS_NOT`.
+    time: of validity as far as the log shows it. height: above mean sea level if `height_sea`; undulation (m): of the geoid
+    above the ellipsoid there, None if the log does not state it. If the log does not state them, position_sigma is NaN and
+    velocity_sigma None; a velocity component that the log does not hold has a standard deviation of `NO_INFORMATION`.
     """
 
     name: str
-    time: Array
-    latitude: Array
-    longitude: Array
-    height: Array
     height_sea: bool = False
     undulation: float | None = None
-    position_sigma: Array | None = None
-    velocity_n: Array | None = None
-    velocity_sigma: Array | None = None
 
 
-@dataclass(frozen=True)
-class SolutionSeries:
-    """A solution to compare with: fields of `insenv.logs.Reference`.  true: a simulator's truth, not an estimate."""
+@dataclass(frozen=True, kw_only=True)
+class SolutionSeries(Reference):
+    """A solution for comparison. true: a simulator's truth, not an estimate; height_sea: height above mean sea level."""
 
     name: str
-    time: Array
-    latitude: Array
-    longitude: Array
-    height: Array
-    velocity_n: Array | None
-    roll: Array
-    pitch: Array
-    heading: Array
     true: bool = False
     height_sea: bool = False
 
 
+AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries)
+
+
 @dataclass(frozen=True)
 class Flight:
-    """A log: kind, what was read (in the order of preference), what a user should know, rows (messages) and their digest."""
+    """A log: series in the order of preference, notes for the user, number of rows (messages).
 
-    kind: str
+    others: series in the log that cannot be used, each with the reason.
+    """
+
     imus: tuple[ImuSeries, ...]
     fixes: tuple[FixSeries, ...]
     solutions: tuple[SolutionSeries, ...]
-    notes: tuple[str, ...] = ()
-    rows: int = 0
-    sha256: str = ""
-    others: tuple[str, ...] = field(default=())
-    """Series that are in the log and cannot be used, each with the reason."""
+    notes: tuple[str, ...]
+    rows: int
+    others: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FlightFormat:
+    """A format of flight logs.
+
+    suffix: end of the file name; kind: what to call such a log; hint: how to get inertial samples at a usable rate; read: from
+    (name for messages, bytes) to the series, raises InputError.
+    """
+
+    suffix: str
+    kind: str
+    hint: str
+    read: Callable[[str, bytes], Flight]
+
+
+# --- steps that readers share ------------------------------------------------------------------------
+
+
+def instance_name(name: str, instance: int | None) -> str:
+    """Name of a series: that of its message, with the number of the instance."""
+    return name if instance is None else f"{name}[{instance}]"
+
+
+def three_sigmas(horizontal: Array, vertical: Array) -> Array:
+    """Standard deviations (m, 3) from the horizontal and vertical accuracy (m,); NaN unless all are stated (above 0)."""
+    stated = (horizontal > 0).all() and (vertical > 0).all()
+    sigma = np.stack([horizontal, horizontal, vertical], axis=1)
+    return sigma if stated else np.full(sigma.shape, np.nan)
+
+
+def course_velocity(speed: Array, course: Array, down: Array) -> Array:
+    """Velocity (n, 3) m/s, NED, from speed over ground (m/s), course (rad) and downward velocity (m/s)."""
+    return np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=1)
+
+
+def interpolated_angles(at: Array, time: Array, angles: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Roll, pitch and heading (rad) at the times `at`, interpolated between those at `time`."""
+    roll, pitch, heading = (np.interp(at, time, np.unwrap(angle)) for angle in angles)
+    return roll, pitch, heading

@@ -1,120 +1,46 @@
-"""MAVLink telemetry logs (.tlog): records of a time (microseconds, 64 bits, big end first) and a frame.
+"""MAVLink telemetry logs (.tlog): records of a time (microseconds, 64 bits, big-endian) and a frame.
 
-Broken bytes between records are skipped and counted.  Messages come from the vehicle that sent the most inertial samples.
-Units as the message definitions state them: degE7, mm, cm/s, milli-g.
+Broken bytes between records are skipped and counted. Only the messages of the system that sent the most inertial samples are
+used. Units are those of the message definitions: degE7, mm, cm/s, milli-g.
 """
 
 from __future__ import annotations
 
-import hashlib
-import re
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from insenv import attitude
 from insenv.errors import InputError
-from insenv.logs.flight.series import INFORMS_NOT, FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.flight.records import TelemetryLog, messages
+from insenv.logs.flight.series import (
+    FIX_3D,
+    NO_INFORMATION,
+    UNIX_US,
+    FixSeries,
+    Flight,
+    FlightFormat,
+    ImuSeries,
+    SolutionSeries,
+    course_velocity,
+    interpolated_angles,
+    three_sigmas,
+)
 from insenv.logs.units import STANDARD_GRAVITY, Array
 
-V1, V2, SIGNED = 0xFE, 0xFD, 0x01
-STAMP = 8
-_MAGIC = re.compile(b"[\xfd\xfe]")
 _DEG_E7 = np.pi / 180.0 * 1e-7
 _UNKNOWN = 65535
-_UNIX_US = 10**14
-"""A time stamp beyond this many microseconds (3 years) is no time since boot."""
-FIX_3D = 3
-
-
-@dataclass(frozen=True)
-class Record:
-    """A record: time (us of Unix time), sender, number of the message, its payload."""
-
-    time_us: int
-    system: int
-    component: int
-    number: int
-    payload: bytes
-
-
-@lru_cache(maxsize=1)
-def _messages() -> Any:
-    from pymavlink.dialects.v20 import ardupilotmega
-
-    return ardupilotmega.mavlink_map
-
-
-class TelemetryLog:
-    """The records of a log, in order.
-
-    records: how many; skipped: bytes that belong to none; wrong: frames with a wrong checksum; unknown: frames of messages
-    that are not known (they cannot be checked).
-    """
-
-    def __init__(self, data: bytes) -> None:
-        self.data = data
-        self.records = self.skipped = self.wrong = self.unknown = 0
-
-    def __iter__(self) -> Iterator[Record]:
-        from fastcrc import crc16
-
-        data, end, at = self.data, len(self.data), 0
-        extras = {number: kind.crc_extra for number, kind in _messages().items()}
-        while at + STAMP < end:
-            magic = data[at + STAMP]
-            head = 10 if magic == V2 else 6
-            begin = at + STAMP
-            if magic not in (V1, V2) or begin + head > end:
-                at = self._resynchronised(at)
-                continue
-            if magic == V2:
-                system, component = data[begin + 5], data[begin + 6]
-                number = int.from_bytes(data[begin + 7 : begin + 10], "little")
-                signature = 13 if data[begin + 2] & SIGNED else 0
-            else:
-                system, component, number, signature = data[begin + 3], data[begin + 4], data[begin + 5], 0
-            body = begin + head + data[begin + 1]
-            follows = body + 2 + signature
-            if follows > end:
-                at = self._resynchronised(at)
-                continue
-            extra = extras.get(number)
-            if extra is None:
-                if follows + STAMP < end and data[follows + STAMP] not in (V1, V2):
-                    at = self._resynchronised(at)
-                    continue
-                self.unknown += 1
-            elif crc16.mcrf4xx(data[begin + 1 : body] + bytes((extra,))) != int.from_bytes(data[body : body + 2], "little"):
-                self.wrong += 1
-                at = self._resynchronised(at)
-                continue
-            else:
-                self.records += 1
-                yield Record(int.from_bytes(data[at:begin], "big"), system, component, number, data[begin + head : body])
-            at = follows
-        self.skipped += max(end - at, 0)
-
-    def _resynchronised(self, at: int) -> int:
-        """Where the next record may begin: eight bytes before the next magic."""
-        found = _MAGIC.search(self.data, at + STAMP + 1)
-        after = len(self.data) if found is None else found.start() - STAMP
-        self.skipped += after - at
-        return after
 
 
 def read_telemetry(label: str, data: bytes) -> Flight:
-    """What a telemetry log holds.  Raises InputError: no telemetry log."""
+    """The series of a telemetry log. Raises InputError: not a telemetry log."""
     log = TelemetryLog(data)
     by_sender: dict[tuple[int, int], dict[int, list[tuple[int, bytes]]]] = defaultdict(lambda: defaultdict(list))
     for record in log:
         by_sender[record.system, record.component][record.number].append((record.time_us, record.payload))
     if not log.records:
-        raise InputError(f"{label}: no MAVLink telemetry log: it holds no frame behind a time stamp")
+        raise InputError(f"{label}: not a MAVLink telemetry log: it holds no frame after a time stamp")
     tables = {sender: _Tables(found) for sender, found in by_sender.items()}
     sender = max(tables, key=lambda s: tables[s].inertial_samples())
     notes = []
@@ -122,17 +48,24 @@ def read_telemetry(label: str, data: bytes) -> Flight:
         others = ", ".join(f"{s}/{c}" for s, c in sorted(tables) if (s, c) != sender)
         notes.append(f"messages of system {sender[0]}, component {sender[1]}; also in the log: {others}")
     if log.wrong or log.skipped:
-        notes.append(f"{log.wrong} frames with a wrong checksum, {log.skipped} bytes that belong to no record: left out")
-    digest = hashlib.sha256(data).hexdigest()
-    return tables[sender].flight(notes, log.records, digest)
+        notes.append(f"{log.wrong} frames with a wrong checksum, {log.skipped} bytes that belong to no record: skipped")
+    return tables[sender].flight(notes, log.records)
+
+
+FORMAT = FlightFormat(
+    ".tlog",
+    "MAVLink telemetry log",
+    "request HIGHRES_IMU from the vehicle (SET_MESSAGE_INTERVAL), or use the log on its own card",
+    read_telemetry,
+)
 
 
 class _Tables:
     """The messages of one sender, by name, as columns."""
 
     def __init__(self, found: dict[int, list[tuple[int, bytes]]]) -> None:
-        self._found = {_messages()[number].msgname: rows for number, rows in found.items()}
-        self._kinds = {_messages()[number].msgname: _messages()[number] for number in found}
+        self._found = {messages()[number].msgname: rows for number, rows in found.items()}
+        self._kinds = {messages()[number].msgname: messages()[number] for number in found}
         self.base_us = 0
 
     def __contains__(self, name: str) -> bool:
@@ -145,10 +78,10 @@ class _Tables:
         return np.array([time for time, _ in self._found[name]], dtype=np.int64)
 
     def columns(self, name: str) -> np.ndarray:
-        """The payloads as a structured array; what MAVLink cut off at the end is zero."""
+        """The payloads as a structured array; trailing bytes that MAVLink truncates are zero."""
         kind = self._kinds[name]
         fields: list[Any] = []
-        # native_format: one letter a field, in the order of the wire
+        # native_format: one letter per field, in wire order
         letters = bytes(kind.native_format).decode("ascii").lstrip("<>=")
         for field, letter, length in zip(kind.ordered_fieldnames, letters, _lengths(kind), strict=True):
             code = {"c": "S", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}.get(letter)
@@ -167,10 +100,10 @@ class _Tables:
 
     # --- series ----------------------------------------------------------------------------------
 
-    def flight(self, notes: list[str], records: int, digest: str) -> Flight:
+    def flight(self, notes: list[str], records: int) -> Flight:
         for name in ("HIL_SENSOR", "HIGHRES_IMU"):
-            if name in self and not self.base_us and (first := int(self.columns(name)["time_usec"][0])) > _UNIX_US:
-                # seconds since 1970 leave too few digits for the steps between samples
+            if name in self and not self.base_us and (first := int(self.columns(name)["time_usec"][0])) > UNIX_US:
+                # double precision of seconds since 1970 is too coarse for the steps between samples
                 self.base_us = first
                 notes.append("the vehicle's time stamps are Unix time: times are counted from the first inertial sample")
         imus, others = self._imus()
@@ -178,7 +111,7 @@ class _Tables:
         clock = imus[0].time if imus else np.zeros(0)
         fixes = [f for f in (self._hil_gps(undulation), self._gps_raw_int(undulation, clock, notes)) if f is not None]
         solutions = [s for s in (self._truth(), self._estimate()) if s is not None]
-        return Flight("MAVLink telemetry log", imus, tuple(fixes), tuple(solutions), tuple(notes), records, digest, others)
+        return Flight(imus, tuple(fixes), tuple(solutions), tuple(notes), records, others)
 
     def _imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
         imus = []
@@ -218,19 +151,15 @@ class _Tables:
             return None
         velocity = np.stack([rows["vn"], rows["ve"], rows["vd"]], axis=1) * 1e-2
         speed_sigma = self._velocity_accuracy()
-        known = (rows["eph"] > 0) & (rows["eph"] < _UNKNOWN) & (rows["epv"] > 0) & (rows["epv"] < _UNKNOWN)
-        sigma = np.stack([rows["eph"], rows["eph"], rows["epv"]], axis=1) * 1e-2 if known.all() else None
+        horizontal, vertical = (np.where(rows[name] < _UNKNOWN, rows[name], 0) * 1e-2 for name in ("eph", "epv"))
         return FixSeries(
-            "HIL_GPS",
-            self.seconds(rows),
-            rows["lat"] * _DEG_E7,
-            rows["lon"] * _DEG_E7,
-            rows["alt"] * 1e-3,
-            True,
-            undulation,
-            sigma,
-            velocity,
-            None if speed_sigma is None else np.full((len(rows), 3), speed_sigma),
+            name="HIL_GPS",
+            time=self.seconds(rows),
+            **_place(rows),
+            undulation=undulation,
+            position_sigma=three_sigmas(horizontal, vertical),
+            velocity_n=velocity,
+            velocity_sigma=None if speed_sigma is None else np.full((len(rows), 3), speed_sigma),
         )
 
     def _velocity_accuracy(self) -> float | None:
@@ -255,25 +184,20 @@ class _Tables:
         if clock.size and (time[-1] < clock[0] or time[0] > clock[-1]):
             offset = self._clock_offset()
             time = received * 1e-6 - offset
-            notes.append("GPS_RAW_INT: stamped by another clock than the inertial unit: its times of arrival are used")
-        stated = (rows["h_acc"] > 0) & (rows["v_acc"] > 0)
-        sigma = np.stack([rows["h_acc"], rows["h_acc"], rows["v_acc"]], axis=1) * 1e-3 if stated.all() else None
+            notes.append("GPS_RAW_INT: stamped by a different clock than the inertial unit: times of arrival are used")
         velocity, velocity_sigma = _from_course(rows["vel"], rows["cog"], rows["vel_acc"])
         return FixSeries(
-            "GPS_RAW_INT",
-            time,
-            rows["lat"] * _DEG_E7,
-            rows["lon"] * _DEG_E7,
-            rows["alt"] * 1e-3,
-            True,
-            undulation,
-            sigma,
-            velocity,
-            velocity_sigma,
+            name="GPS_RAW_INT",
+            time=time,
+            **_place(rows),
+            undulation=undulation,
+            position_sigma=three_sigmas(rows["h_acc"] * 1e-3, rows["v_acc"] * 1e-3),
+            velocity_n=velocity,
+            velocity_sigma=velocity_sigma,
         )
 
     def _clock_offset(self) -> float:
-        """Time of arrival less the vehicle's time, s: the least of what inertial messages show."""
+        """Time of arrival minus the vehicle's time, s: the smallest among the inertial messages."""
         for name in ("HIL_SENSOR", "HIGHRES_IMU"):
             if name in self:
                 return (
@@ -287,9 +211,16 @@ class _Tables:
             return None
         rows = _each_once(self.columns("HIL_STATE_QUATERNION"))
         roll, pitch, heading = attitude.numeric.to_euler(_unit(rows["attitude_quaternion"]))
-        velocity = np.stack([rows["vx"], rows["vy"], rows["vz"]], axis=1) * 1e-2
-        time, position = self.seconds(rows), (rows["lat"] * _DEG_E7, rows["lon"] * _DEG_E7, rows["alt"] * 1e-3)
-        return SolutionSeries("HIL_STATE_QUATERNION", time, *position, velocity, roll, pitch, heading, True, True)
+        return SolutionSeries(
+            name="HIL_STATE_QUATERNION",
+            time=self.seconds(rows),
+            **_place(rows),
+            velocity_n=np.stack([rows["vx"], rows["vy"], rows["vz"]], axis=1) * 1e-2,
+            roll=roll,
+            pitch=pitch,
+            heading=heading,
+            true=True,
+        )
 
     def _estimate(self) -> SolutionSeries | None:
         if "GLOBAL_POSITION_INT" not in self or not ("ATTITUDE" in self or "ATTITUDE_QUATERNION" in self):
@@ -306,15 +237,27 @@ class _Tables:
         if np.count_nonzero(inside) < 2:
             return None
         places, at = places[inside], at[inside]
-        roll, pitch, heading = (np.interp(at, time, np.unwrap(angle.astype(np.float64))) for angle in angles)
-        velocity = np.stack([places["vx"], places["vy"], places["vz"]], axis=1) * 1e-2
-        position = places["lat"] * _DEG_E7, places["lon"] * _DEG_E7, places["alt"] * 1e-3
-        return SolutionSeries(f"{name}, GLOBAL_POSITION_INT", at, *position, velocity, roll, pitch, heading, False, True)
+        roll, pitch, heading = interpolated_angles(at, time, [angle.astype(np.float64) for angle in angles])
+        return SolutionSeries(
+            name=f"{name}, GLOBAL_POSITION_INT",
+            time=at,
+            **_place(places),
+            velocity_n=np.stack([places["vx"], places["vy"], places["vz"]], axis=1) * 1e-2,
+            roll=roll,
+            pitch=pitch,
+            heading=heading,
+        )
 
 
 def _lengths(kind: Any) -> list[int]:
-    """Lengths of the arrays in the order of the wire, 0 for scalars."""
+    """Lengths of the arrays in wire order, 0 for scalars."""
     return list(kind.array_lengths)
+
+
+def _place(rows: np.ndarray) -> dict[str, Any]:
+    """Latitude, longitude (rad) and height above mean sea level (m) of a message."""
+    latitude, longitude = rows["lat"] * _DEG_E7, rows["lon"] * _DEG_E7
+    return {"latitude": latitude, "longitude": longitude, "height": rows["alt"] * 1e-3, "height_sea": True}
 
 
 def _three(rows: np.ndarray, what: str) -> Array:
@@ -333,13 +276,16 @@ def _unit(q: np.ndarray) -> Array:
 
 
 def _from_course(speed_cm: np.ndarray, course_cdeg: np.ndarray, accuracy_mm: np.ndarray) -> tuple[Array | None, Array | None]:
-    """Velocity (m/s, n) and its sigmas from speed over ground and course; the vertical one, and unknown ones, inform not."""
+    """Velocity and its standard deviations (n, 3) m/s from speed over ground and course.
+
+    The vertical component, and unknown ones, have a standard deviation of `NO_INFORMATION`.
+    """
     speed = np.where(speed_cm < _UNKNOWN, speed_cm, 0) * 1e-2
     course = np.radians(np.where(course_cdeg < _UNKNOWN, course_cdeg, 0) * 1e-2)
     known = (speed_cm < _UNKNOWN) & ((course_cdeg < _UNKNOWN) | (speed_cm == 0))
     if not known.any() or not (accuracy_mm > 0).any():
         return None, None
     sigma = np.where(accuracy_mm > 0, accuracy_mm, np.median(accuracy_mm[accuracy_mm > 0])) * 1e-3
-    sigma = np.where(known, sigma, INFORMS_NOT)
-    velocity = np.stack([speed * np.cos(course), speed * np.sin(course), np.zeros(len(speed))], axis=1)
-    return velocity, np.stack([sigma, sigma, np.full(len(speed), INFORMS_NOT)], axis=1)
+    sigma = np.where(known, sigma, NO_INFORMATION)
+    velocity = course_velocity(speed, course, np.zeros(len(speed)))
+    return velocity, np.stack([sigma, sigma, np.full(len(speed), NO_INFORMATION)], axis=1)

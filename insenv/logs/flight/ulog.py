@@ -1,4 +1,4 @@
-"""PX4 ULog files (.ulg), by pyulog: sensor_combined or vehicle_imu, vehicle_gps_position or sensor_gps, and PX4's own solution.
+"""PX4 ULog files (.ulg), by pyulog: sensor_combined or vehicle_imu, vehicle_gps_position or sensor_gps, and PX4's solution.
 
 Inertial samples are means over the integration time that ends at their time stamp, in body FRD, calibrated by PX4.
 https://docs.px4.io/main/en/dev_log/ulog_file_format.html
@@ -7,7 +7,6 @@ https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import io
 from typing import Any
 
@@ -15,15 +14,23 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.errors import InputError
-from insenv.logs.flight.series import FixSeries, Flight, ImuSeries, SolutionSeries
+from insenv.logs.flight.series import (
+    FIX_3D,
+    UNIX_US,
+    FixSeries,
+    Flight,
+    FlightFormat,
+    ImuSeries,
+    SolutionSeries,
+    instance_name,
+    interpolated_angles,
+    three_sigmas,
+)
 from insenv.logs.units import Array
 
 MAGIC = b"ULog\x01\x12\x35"
-FIX_3D = 3
-_UNIX_US = 10**14
-"""A time stamp beyond this many microseconds (3 years) is no time since boot."""
 _MOST_READS = 300_000
-"""Reads without getting on: two for each byte of the longest message, behind which the search goes on byte by byte."""
+"""Allowed reads without progress: two for each byte of the longest message, after which pyulog searches byte by byte."""
 _E7 = np.pi / 180.0 * 1e-7
 _TOPICS = [
     "sensor_combined",
@@ -39,17 +46,17 @@ Columns = dict[str, Any]
 
 
 def read_ulog(label: str, data: bytes) -> Flight:
-    """What a ULog file holds.  Raises InputError: no such file, or one that pyulog cannot read."""
+    """The series of a ULog file. Raises InputError: not such a file, or not readable by pyulog."""
     if not data.startswith(MAGIC):
-        raise InputError(f"{label}: no PX4 ULog file: it must begin with 'ULog'")
+        raise InputError(f"{label}: not a PX4 ULog file: it must begin with 'ULog'")
     try:
         from pyulog import ULog
     except ModuleNotFoundError:
         raise InputError(f"{label}: pyulog is not installed; install it with: pip install pyulog") from None
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it skips
+        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it skips
             log = ULog(_Advancing(data), _TOPICS)
-    except Exception as error:  # whatever a broken file makes of it
+    except Exception as error:  # a damaged file can raise any exception
         raise InputError(f"{label}: not readable as a PX4 ULog file: {error or type(error).__name__}") from None
     topics = {(d.name, d.multi_id): d.data for d in log.data_list if len(d.data["timestamp"])}
     notes = _rebased(topics)
@@ -57,22 +64,27 @@ def read_ulog(label: str, data: bytes) -> Flight:
     fixes = [
         series
         for (name, instance), table in sorted(topics.items(), key=lambda item: (item[0][0] == "sensor_gps", item[0]))
-        if name in ("vehicle_gps_position", "sensor_gps") and (series := _fixes(_label(name, instance), table)) is not None
+        if name in ("vehicle_gps_position", "sensor_gps")
+        and (series := _fixes(instance_name(name, instance or None), table)) is not None
     ]
     undulation = next((series.undulation for series in fixes if series.undulation is not None), None)
     solution = _solution(topics, undulation or 0.0)
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
-        notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in all")
+        notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in total")
     if log.file_corruption:
-        notes.append("the file is damaged: what could be read is used")
-    solutions = () if solution is None else (solution,)
+        notes.append("the file is damaged: its readable part is used")
     rows = sum(len(table["timestamp"]) for table in topics.values())
-    return Flight("PX4 ULog file", imus, tuple(fixes), solutions, tuple(notes), rows, hashlib.sha256(data).hexdigest())
+    return Flight(imus, tuple(fixes), () if solution is None else (solution,), tuple(notes), rows)
+
+
+FORMAT = FlightFormat(
+    ".ulg", "PX4 ULog file", "SDLOG_PROFILE selects what is logged: the default includes sensor_combined", read_ulog
+)
 
 
 class _Advancing(io.BytesIO):
-    """A file that ends the reading of one who goes round in circles, as pyulog does at some broken messages."""
+    """A file that raises an error when it is read without progress: some broken messages send pyulog into an endless loop."""
 
     def __init__(self, data: bytes) -> None:
         super().__init__(data)
@@ -89,15 +101,15 @@ class _Advancing(io.BytesIO):
 
 
 class _EndlessError(Exception):
-    """None of those that pyulog takes for a broken message and goes on."""
+    """Not one of the errors that pyulog catches at a broken message."""
 
 
 def _rebased(topics: dict[tuple[str, int], Columns]) -> list[str]:
-    """Count times from the first inertial sample if they are Unix time, as a simulated PX4 may stamp."""
+    """Count times from the first inertial sample if they are Unix time, as in logs of a simulated PX4."""
     first = min(
         (int(t["timestamp"][0]) for (name, _), t in topics.items() if name in ("sensor_combined", "vehicle_imu")), default=0
     )
-    if first < _UNIX_US:
+    if first < UNIX_US:
         return []
     for table in topics.values():
         for column in ("timestamp", "timestamp_sample"):
@@ -118,7 +130,7 @@ def _imus(topics: dict[tuple[str, int], Columns]) -> tuple[ImuSeries, ...]:
             force = _three(table, "delta_velocity") / _seconds(table["delta_velocity_dt"])[:, None]
         else:
             continue
-        imus.append(ImuSeries(_label(name, instance), _seconds(time), rate, force, "interval_end"))
+        imus.append(ImuSeries(instance_name(name, instance or None), _seconds(time), rate, force, "interval_end"))
     return tuple(sorted(imus, key=lambda imu: (-imu.rate_hz, imu.name)))
 
 
@@ -133,38 +145,34 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
     else:
         latitude, longitude = table["lat"] * _E7, table["lon"] * _E7
         sea, height = table["alt"] * 1e-3, table["alt_ellipsoid"] * 1e-3
-    # a receiver that does not tell leaves the height over the ellipsoid at zero
-    told = bool(np.any(height != 0.0))
+    ellipsoidal = bool(np.any(height != 0.0))  # a receiver without heights above the ellipsoid leaves them at zero
     time = (
         table["timestamp_sample"]
         if "timestamp_sample" in table and (table["timestamp_sample"] > 0).all()
         else table["timestamp"]
     )
-    velocity = velocity_sigma = position_sigma = None
+    velocity = velocity_sigma = None
     if (table["vel_ned_valid"] != 0).all():
         velocity = np.stack([table["vel_n_m_s"], table["vel_e_m_s"], table["vel_d_m_s"]], axis=1).astype(np.float64)
-        accuracy = table["s_variance_m_s"].astype(np.float64)  # by its name a variance, by its unit and use a deviation
+        accuracy = table["s_variance_m_s"].astype(np.float64)  # a standard deviation, despite its name
         if (accuracy > 0).all():
             velocity_sigma = np.stack([accuracy] * 3, axis=1)
-    horizontal, vertical = table["eph"].astype(np.float64), table["epv"].astype(np.float64)
-    if (horizontal > 0).all() and (vertical > 0).all():
-        position_sigma = np.stack([horizontal, horizontal, vertical], axis=1)
     return FixSeries(
-        name,
-        _seconds(time),
-        np.asarray(latitude, dtype=np.float64),
-        np.asarray(longitude, dtype=np.float64),
-        height if told else sea,
-        not told,
-        float(np.median(height - sea)) if told else None,
-        position_sigma,
-        velocity,
-        velocity_sigma,
+        name=name,
+        time=_seconds(time),
+        latitude=np.asarray(latitude, dtype=np.float64),
+        longitude=np.asarray(longitude, dtype=np.float64),
+        height=height if ellipsoidal else sea,
+        height_sea=not ellipsoidal,
+        undulation=float(np.median(height - sea)) if ellipsoidal else None,
+        position_sigma=three_sigmas(table["eph"].astype(np.float64), table["epv"].astype(np.float64)),
+        velocity_n=velocity,
+        velocity_sigma=velocity_sigma,
     )
 
 
 def _solution(topics: dict[tuple[str, int], Columns], undulation: float) -> SolutionSeries | None:
-    """PX4's own: attitude of vehicle_attitude, the rest of vehicle_local_position where that knows its origin."""
+    """PX4's solution: attitude of vehicle_attitude, the rest of vehicle_local_position where its origin is known."""
     turned, place = topics.get(("vehicle_attitude", 0)), topics.get(("vehicle_local_position", 0))
     if turned is None or place is None:
         return None
@@ -178,17 +186,25 @@ def _solution(topics: dict[tuple[str, int], Columns], undulation: float) -> Solu
     inside = (at >= time[0]) & (at <= time[-1])
     if np.count_nonzero(inside) < 2:
         return None
-    roll, pitch, heading = (np.interp(at[inside], time, np.unwrap(angle)) for angle in angles)
+    roll, pitch, heading = interpolated_angles(at[inside], time, angles)
     offset = _columns(place, ["x", "y", "z"])[inside]
     origin = (np.radians(place["ref_lat"][inside]), np.radians(place["ref_lon"][inside]), place["ref_alt"][inside] + undulation)
     latitude, longitude, height = _placed(offset, origin)
-    velocity = _columns(place, ["vx", "vy", "vz"])[inside]
-    name = "vehicle_attitude, vehicle_local_position"
-    return SolutionSeries(name, at[inside], latitude, longitude, height, velocity, roll, pitch, heading)
+    return SolutionSeries(
+        name="vehicle_attitude, vehicle_local_position",
+        time=at[inside],
+        latitude=latitude,
+        longitude=longitude,
+        height=height,
+        velocity_n=_columns(place, ["vx", "vy", "vz"])[inside],
+        roll=roll,
+        pitch=pitch,
+        heading=heading,
+    )
 
 
 def _placed(offset: Array, origin: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-    """Offsets from origins as latitude, longitude (rad) and height (m)."""
+    """Latitude, longitude (rad) and height (m) of offsets from origins."""
     places = np.array([geodesy.numeric.geodetic_from_ned_offset(o, *place) for o, *place in zip(offset, *origin, strict=True)])
     return places[:, 0], places[:, 1], places[:, 2]
 
@@ -203,7 +219,3 @@ def _columns(table: Columns, names: list[str]) -> Array:
 
 def _seconds(microseconds: Any) -> Array:
     return np.asarray(microseconds, dtype=np.float64) * 1e-6
-
-
-def _label(name: str, instance: int) -> str:
-    return name if instance == 0 else f"{name}[{instance}]"

@@ -20,7 +20,6 @@ import hmac
 import json
 import os
 import stat
-import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,6 +27,7 @@ from enum import Enum
 from pathlib import Path
 
 from insenv.errors import InputError
+from insenv.files.output import atomic
 from insenv.mavlink.wire.frames import SIGNATURE, is_signed, sender
 
 KEY_BYTES = 32
@@ -199,16 +199,8 @@ class Signing:
         streams = {" ".join(map(str, stream)): ticks for stream, ticks in sorted(self._mark.items())}
         text = json.dumps({"own": max(self._own, self._own_mark), "streams": streams}, indent=1)
         try:
-            # mkstemp makes a file that only its owner can read
-            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.")
-            try:
-                with open(handle, "w", encoding="utf-8") as file:
-                    file.write(text + "\n")
-                os.replace(temporary, path)
-            except BaseException:
-                with suppress(OSError):
-                    os.unlink(temporary)
-                raise
+            with atomic(path, private=True) as file:
+                file.write(f"{text}\n".encode())
         except OSError as error:
             raise InputError(
                 f"signing times {path}: cannot be written: {error.strerror or error}; they are kept beside the key"

@@ -1,31 +1,30 @@
-"""Time in a flight log: clocks that start anew, holes, samples twice or out of order, and the rest at the beginning."""
+"""Time in a flight log: restarts of the clock, gaps, samples twice or out of order, and the time at rest at the beginning."""
 
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from insenv.logs.flight.series import FixSeries, ImuSeries, SolutionSeries
+from insenv.logs.flight.series import AnySeries, ImuSeries
 from insenv.logs.recorded import GnssFixes
 from insenv.logs.units import Array
 
 RESTART_S = 1.0
-"""A clock that goes back by more has been started anew; by less, samples are out of order."""
+"""A clock that goes back by more has restarted; by less, samples are out of order."""
 REST_WINDOW_S = 1.0
 REST_RATE = 0.02
-"""rad/s: standard deviation of a body rate of a vehicle at rest, its motor idling."""
+"""Largest standard deviation of a body rate of a vehicle at rest with its motor idling (rad/s)."""
 REST_FORCE = 0.5
-"""m/s^2: of the specific force, likewise."""
+"""Largest standard deviation of the specific force, likewise (m/s^2)."""
 REST_SPEED = 0.5
-"""m/s"""
+"""Largest speed over ground that a receiver shows at rest (m/s)."""
 REST_SAMPLES = 100
-AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries)
 
 
 def restarts(time: Array) -> np.ndarray:
-    """For each row how often the clock has been started anew before it: (n,) integers."""
+    """Number of restarts of the clock before each row: (n,) integers."""
     return np.concatenate([[0], np.cumsum(np.diff(time) < -RESTART_S)]).astype(np.int64)
 
 
@@ -41,7 +40,7 @@ def rows_of(series: AnySeries, rows: np.ndarray) -> AnySeries:
 
 
 def ordered(series: AnySeries) -> tuple[AnySeries, int]:
-    """The series in order of time, each time once; how many rows that left out or moved."""
+    """The series in order of time, each time once; number of rows removed or moved."""
     steps = np.diff(series.time)
     wrong = int(np.count_nonzero(steps <= 0.0))
     if not wrong:
@@ -51,8 +50,9 @@ def ordered(series: AnySeries) -> tuple[AnySeries, int]:
 
 
 def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[str]) -> tuple[ImuSeries, int]:
-    """The samples `inside` of the longest stretch without a restart or a hole longer than `max_gap_s`, in order; and after how
-    many restarts it is.
+    """The samples `inside` of the longest segment without a restart or a gap longer than `max_gap_s`, in order of time.
+
+    Returns them and the number of restarts before them. Appends to `notes`.
     """
     part = restarts(imu.time)
     nominal = 1.0 / imu.rate_hz
@@ -70,26 +70,26 @@ def longest(imu: ImuSeries, inside: np.ndarray, max_gap_s: float, notes: list[st
     assert best is not None  # `inside` is not empty
     _, chosen, number = best
     if moved:
-        notes.append(f"{moved} samples twice or out of order: put in order, each time once")
+        notes.append(f"{moved} samples twice or out of order: sorted, each time once")
     if count > 1:
         notes.append(
-            f"{count} stretches between restarts and holes longer than {max_gap_s:g} s: the longest is used,"
-            f" {chosen.time[0]:.3f} to {chosen.time[-1]:.3f} s (start_s and stop_s choose another)"
+            f"{count} segments between restarts and gaps longer than {max_gap_s:g} s: the longest is used,"
+            f" {chosen.time[0]:.3f} to {chosen.time[-1]:.3f} s (start_s and stop_s select another one)"
         )
     return chosen, number
 
 
 def only(series: AnySeries, part: int, what: str, notes: list[str]) -> AnySeries | None:
-    """The rows after `part` restarts, in order; None when the series cannot tell."""
+    """The rows after `part` restarts, in order; None, with a note, if the series has fewer restarts."""
     of = restarts(series.time)
     if part > of[-1]:
-        notes.append(f"{what}: {series.name} has no restart of the clock where the inertial unit has: not used")
+        notes.append(f"{what}: {series.name} lacks a restart of the clock that the inertial unit has: not used")
         return None
     return ordered(rows_of(series, np.flatnonzero(of == part)))[0]
 
 
 def rest_until(end: Array, rate_ib_b: Array, specific_force_b: Array, gnss: GnssFixes | None) -> float | None:
-    """Until when (s) the vehicle stands from the first sample on; None when it moves at once."""
+    """End (s) of the time at rest that begins with the first sample; None if the vehicle moves at once."""
     per_window = max(round(REST_WINDOW_S / float(np.median(np.diff(end)))), 2)
     until = 0
     for begin in range(0, len(end) - per_window + 1, per_window):

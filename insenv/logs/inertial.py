@@ -1,0 +1,158 @@
+"""Inertial samples of a log: from time-stamped rates or increments to increments without gaps.
+
+Gaps are found in the time stamps. With T the nominal sample interval, a step s_i between two stamps is late if s_i > 1.5 T.
+If the steps next to it are shorter than T, the late stamp is at least partly jitter: the amount by which the two steps on
+either side fall short of T is subtracted. The rest, divided by T and rounded, less one, is the number of missing samples.
+
+Missing samples are interpolated: their stamps at equal distances between the two stamps around the gap, their rates linear
+between the rates on both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from insenv.errors import InputError
+from insenv.logs.units import Array
+
+LATE = 1.5
+"""A step longer than this many nominal intervals may be a gap."""
+NEIGHBOURS = 2
+"""Steps on either side that are searched for the jitter of a late stamp."""
+_MIN_FORCE, _MAX_FORCE = 8.8, 10.8
+"""Expected range of the median specific force of a vehicle on the Earth [m/s2]."""
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps that were bridged: count, samples interpolated, the longest [s], and (start, end) of each [s]."""
+
+    count: int = 0
+    samples: int = 0
+    longest_s: float = 0.0
+    intervals: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class InertialSamples:
+    """Increments in body axes (FRD).
+
+    imu_time (n,) s: end of each sample interval; delta_angle (n, 3) rad and delta_velocity (n, 3) m/s: increments over the
+    interval; dt (n,) s: its length; bridged (n,): True for interpolated samples; gaps: where those are.
+    """
+
+    imu_time: Array
+    delta_angle: Array
+    delta_velocity: Array
+    dt: Array
+    bridged: np.ndarray
+    gaps: Gaps
+
+
+@dataclass(frozen=True)
+class Bridged:
+    """Samples without gaps: time (n,) [s]; rates (n, k); original (n,): whether the log has the row; gaps."""
+
+    time: Array
+    rates: Array
+    original: np.ndarray
+    gaps: Gaps
+
+
+def increments(stamps: Array, samples: Array, interval: float, kind: str, stamp: str, max_gap_s: float) -> InertialSamples:
+    """Bridge the gaps and integrate rates over the sample intervals.
+
+    stamps (m,) s, strictly increasing; samples (m, 6): gyro and accelerometer in SI and body FRD; interval: nominal (s);
+    kind, stamp, max_gap_s: see the keys of a log's [imu]. Raises InputError for a longer gap.
+    """
+    is_rate = kind == "rate"
+    result = bridge(stamps, samples if is_rate else samples / interval, interval, max_gap_s)
+    if stamp == "interval_end":
+        end, dt = result.time, np.diff(result.time, prepend=result.time[0] - interval)
+    elif stamp == "interval_start":
+        end = np.append(result.time[1:], result.time[-1] + interval)
+        dt = end - result.time
+    else:
+        end, dt = result.time[1:], np.diff(result.time)
+    bridged = ~result.original
+    if stamp == "instant":
+        integrals = 0.5 * (result.rates[1:] + result.rates[:-1]) * dt[:, None]
+        bridged = bridged[1:]
+    else:
+        integrals = result.rates * dt[:, None]
+        if not is_rate:
+            integrals[result.original] = samples
+    return InertialSamples(end, integrals[:, :3].copy(), integrals[:, 3:].copy(), dt, bridged, result.gaps)
+
+
+def implausible(samples: InertialSamples) -> list[str]:
+    """Notes on a median specific force that no vehicle on the Earth has: wrong unit, kind or axes."""
+    force = samples.delta_velocity / samples.dt[:, None]
+    size = float(np.median(np.linalg.norm(force, axis=1)))
+    if not _MIN_FORCE < size < _MAX_FORCE:
+        return [f"imu: the median specific force is {size:.4g} m/s2, expected about 9.8: check accel_unit, accel_scale, kind"]
+    if float(np.median(force[:, 2])) > 0.5 * size:
+        return ["imu: the specific force points down (+z of FRD); a vehicle at rest has -9.8 there: check axes, accel_axes"]
+    return []
+
+
+def nominal_interval(time: Array, rate_hz: float | None, label: str = "imu") -> float:
+    """Nominal sample interval [s]: of the given rate, which must agree with the median step within 5 %, or the median step."""
+    if time.size < 3:
+        raise InputError(f"{label}: {time.size} samples in the window, at least 3 are needed")
+    median = float(np.median(np.diff(time)))
+    if rate_hz is None:
+        return median
+    if abs(median * rate_hz - 1.0) > 0.05:
+        raise InputError(
+            f"{label}: imu.rate_hz = {rate_hz:g} Hz, but the median step of the time stamps is {median:.6g} s"
+            f" ({1.0 / median:.6g} Hz): they must agree within 5 %; check time_unit and time_scale"
+        )
+    return 1.0 / rate_hz
+
+
+def missing_samples(time: Array, interval: float) -> np.ndarray:
+    """Number of samples missing after each stamp, (n - 1,) integers, by the rule at the top of this module."""
+    steps = np.diff(time)
+    short = np.minimum(steps - interval, 0.0)
+    padded = np.concatenate((np.zeros(NEIGHBOURS), short, np.zeros(NEIGHBOURS)))
+    size = steps.size
+    around = np.zeros(size)
+    for k in range(1, NEIGHBOURS + 1):
+        around += padded[NEIGHBOURS - k : NEIGHBOURS - k + size] + padded[NEIGHBOURS + k : NEIGHBOURS + k + size]
+    missing = np.rint((steps + around) / interval).astype(np.int64) - 1
+    return np.where(steps > LATE * interval, np.maximum(missing, 0), 0)
+
+
+def bridge(time: Array, rates: Array, interval: float, max_gap_s: float, label: str = "imu") -> Bridged:
+    """Interpolate the missing samples.
+
+    time (n,) [s], strictly increasing; rates (n, k), any unit per second; interval: nominal [s]; max_gap_s: the longest time
+    without samples (step less one interval) that is bridged. Raises InputError for a longer gap.
+    """
+    missing = missing_samples(time, interval)
+    at = np.flatnonzero(missing)
+    if not at.size:
+        return Bridged(time, rates, np.ones(time.size, bool), Gaps())
+    lengths = time[at + 1] - time[at] - interval
+    long = np.flatnonzero(lengths > max_gap_s + 1e-9)
+    if long.size:
+        i = at[long[0]]
+        raise InputError(
+            f"{label}: no samples between {time[i]:.6f} s and {time[i + 1]:.6f} s: a gap of {lengths[long[0]]:.6g} s,"
+            f" allowed imu.max_gap_s = {max_gap_s:g} s ({long.size} such gap{'s' if long.size > 1 else ''} in the log)"
+        )
+    total = time.size + int(missing.sum())
+    place = np.arange(time.size)
+    place[1:] += np.cumsum(missing)
+    original = np.zeros(total, bool)
+    original[place] = True
+    position = np.arange(total)
+    full_time = np.interp(position, place, time)
+    full = np.column_stack([np.interp(full_time, time, column) for column in rates.T])
+    full_time[place] = time
+    full[place] = rates
+    intervals = tuple((float(time[i]), float(time[i + 1])) for i in at)
+    return Bridged(full_time, full, original, Gaps(len(at), int(missing.sum()), float(lengths.max()), intervals))

@@ -1,0 +1,107 @@
+"""`Report`: what a run or a replay returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from insenv.errors import InputError, InsenvError, nearest
+from insenv.evaluation.errors import Result, Track
+from insenv.report.figures import draw, drawable
+from insenv.report.files import NOTHING_TO_DRAW, FilesWritten, OutputFolder, write_files
+from insenv.report.notebook import HtmlTable, data_frame, html_document, require_matplotlib
+from insenv.report.tables import ERROR_COLUMNS, ESTIMATE_COLUMNS, error_rows, estimate_rows, facts, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, repr=False)
+class Report:
+    """A whole run or replay: the truth (or reference) at the recorded times, and the result of each estimator.
+
+    scenario: its name, or the path of a log. seed: None for a replay. imu_samples: number of inertial samples.
+    published: name and RMS by channel of published results for the same log.
+    """
+
+    scenario: str
+    title: str
+    seed: int | None
+    duration_s: float
+    imu_samples: int
+    truth: Track
+    results: tuple[Result, ...]
+    notes: tuple[str, ...] = ()
+    published: tuple[tuple[str, dict[str, float]], ...] = field(default=())
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "duration_s": self.duration_s,
+            "imu_samples": self.imu_samples,
+            "results": [
+                {
+                    "estimator": r.estimator,
+                    **r.statistics(),
+                    "limit": r.limit,
+                    "us_per_sample": r.us_per_sample,
+                    "statistics_from_s": r.from_s,
+                    "notes": list(r.notes),
+                }
+                for r in self.results
+            ],
+            "notes": list(self.notes),
+        }
+
+    def plot(self) -> Figure:
+        """The figure of all estimators: errors over time with their limits, and the track.
+
+        Raises `InsenvError` if matplotlib is missing or there is nothing to draw.
+        """
+        require_matplotlib()
+        if not drawable(self):
+            raise InsenvError(NOTHING_TO_DRAW)
+        return draw(self)
+
+    def to_dataframe(self, estimator: str | None = None) -> DataFrame:
+        """One estimator's result as a pandas DataFrame, indexed by time (s).
+
+        Columns: ``error_CHANNEL``, ``sigma_CHANNEL`` and the estimator's outputs by row name (``NAME_0``, ``NAME_1``, ... for
+        vectors). estimator: may be None if the run has only one. Raises `InputError` for an unknown estimator, `InsenvError`
+        if pandas is missing.
+        """
+        results = {result.estimator: result for result in self.results}
+        if estimator is None and len(results) != 1:
+            raise InputError(f"estimator: must be named, this run has {', '.join(results) or 'none'}")
+        if estimator is not None and estimator not in results:
+            raise InputError(f"estimator {estimator!r}: not in this run{nearest(estimator, results)}")
+        result = self.results[0] if estimator is None else results[estimator]
+        columns = {f"error_{name}": values for name, values in result.errors.items()}
+        columns |= {f"sigma_{name}": values for name, values in result.sigma.items()}
+        return data_frame(result.time, {**columns, **result.outputs})
+
+    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
+        """Write every array, the summary and, if `figure` and matplotlib is installed, the figure, as ``--out`` does.
+
+        Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
+        """
+        return write_files(self, OutputFolder(folder), figure)
+
+    def __repr__(self) -> str:
+        return "\n  ".join((f"Report of {self.scenario}, {', '.join(facts(self))}", *map(str, self.results)))
+
+    def _repr_html_(self) -> str:
+        tables: list[HtmlTable] = []
+        for result in self.results:
+            if result.errors:
+                rows = [(name, *map(number, values)) for name, values in error_rows(result)]
+                tables.append((result.estimator, ERROR_COLUMNS, rows))
+            else:
+                tables.append((result.estimator, ESTIMATE_COLUMNS, estimate_rows(result)))
+        return html_document(
+            f"{self.scenario}: {self.title}", ", ".join(facts(self)), tables, self.notes, self.plot if drawable(self) else None
+        )

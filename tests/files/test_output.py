@@ -1,0 +1,51 @@
+"""Files are written completely or not at all."""
+
+import stat
+
+import pytest
+
+from insenv.errors import InputError, InsenvError
+from insenv.files.output import atomic, check_output_file, staged
+from insenv.files.toml import Section, key, validated
+
+
+def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
+    path = tmp_path / "file"
+    with atomic(path) as stream:
+        stream.write(b"first")
+    with pytest.raises(KeyboardInterrupt), atomic(path) as stream:
+        stream.write(b"second")
+        raise KeyboardInterrupt
+    assert path.read_bytes() == b"first" and list(tmp_path.iterdir()) == [path]
+
+
+def test_permissions_follow_the_umask_unless_private(tmp_path):
+    (tmp_path / "plain").write_text("")
+    for name, private in (("public", False), ("private", True)):
+        with atomic(tmp_path / name, private):
+            pass
+    assert (tmp_path / "public").stat().st_mode == (tmp_path / "plain").stat().st_mode
+    assert stat.S_IMODE((tmp_path / "private").stat().st_mode) == 0o600
+
+
+def test_several_files_appear_together_or_not(tmp_path):
+    (tmp_path / "b").mkdir()
+    with pytest.raises(InsenvError, match=r"b.*is a folder"), staged(tmp_path) as part:
+        for name in "ab":
+            part(name).write_text(name)
+    assert [path.name for path in tmp_path.iterdir()] == ["b"]
+
+
+def test_a_folder_is_not_an_output_file(tmp_path):
+    with pytest.raises(InputError, match="it is a folder"):
+        check_output_file(tmp_path)
+    check_output_file(tmp_path / "new")
+    assert not list(tmp_path.iterdir())
+
+
+def test_lists_of_wrong_length_are_named_with_both_lengths():
+    class Route(Section):
+        legs: tuple[int, ...] = key((), "legs", max_length=2)
+
+    with pytest.raises(InputError, match=r"^file: legs: at most 2 items, 3 given$"):
+        validated(Route, {"legs": [1, 2, 3]}, "file")

@@ -1,0 +1,248 @@
+"""Generate the tables of docs/scenarios.md, logs.md, flight-logs.md and sensors.md, and scenarios/schema.json.
+
+``python tools/pages.py`` in the repository rewrites them; tests/project/test_pages.py compares. A generated part of a page
+stands between ``<!-- begin NAME (python tools/pages.py) -->`` and ``<!-- end NAME -->``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from insenv.core.tables import Row, Table
+from insenv.files.toml import sections_in
+from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
+from insenv.logs.description import GnssSection as LogGnssSection
+from insenv.logs.description import ImuSection as LogImuSection
+from insenv.logs.description import ReferenceSection as LogReferenceSection
+from insenv.logs.flight.description import FlightDescription
+from insenv.scenario import description, json_schema
+from insenv.sensors import GnssSection, ImuSection
+from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
+from insenv.sensors.grades import ImuGrade
+from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.vehicles import aircraft_section as aircraft
+from insenv.vehicles import car_section as car
+from insenv.vehicles import section as legs
+from insenv.vehicles import ship_section as ship
+
+ROOT = Path(__file__).resolve().parents[1]
+Sections = Iterable[tuple[str, type[BaseModel]]]
+
+
+def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A Markdown table."""
+    head = list(head)
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+# --- keys of TOML files ------------------------------------------------------------------------------
+
+SCENARIO_SECTIONS: Sections = (
+    ("top level", description.Scenario),
+    ("[start]", legs.StartSection),
+    ('[vehicle], kind = "ship"', ship.ShipSection),
+    ("[vehicle.sway]", ship.SwaySection),
+    ("a sinusoid of roll, pitch or yaw", ship.AngleWave),
+    ("a sinusoid of north, east or down", ship.LengthWave),
+    ("[vehicle.sea]", ship.SeaSection),
+    ("[vehicle.sea.hull]", ship.HullSection),
+    ("a leg of a ship", ship.ShipLeg),
+    ('[vehicle], kind = "car"', car.CarSection),
+    ("a frequency of an engine", legs.EngineWave),
+    ("a leg of a car", car.CarLeg),
+    ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
+    ("a leg of an aircraft", aircraft.AircraftLeg),
+    ("[imu]", ImuSection),
+    ("[gnss]", GnssSection),
+    ("[knowledge]", description.KnowledgeSection),
+)
+LOG_SECTIONS: Sections = (
+    ("top level", LogDescription),
+    ("[imu]", LogImuSection),
+    ("[gnss]", LogGnssSection),
+    ("[reference]", LogReferenceSection),
+    ("[initial]", InitialSection),
+    ("[evaluation]", EvaluationSection),
+    ("[[evaluation.published]]", PublishedSection),
+)
+FLIGHT_SECTIONS: Sections = (("top level", FlightDescription),)
+
+_PER_AXIS = "number or 3"
+SCENARIO_TYPES = {
+    "outages_s": "list of pairs",
+    **dict.fromkeys(("gyro_bias_deg_h", "accel_bias_ug", "gust_velocity_sigma_mps", "wander_sigma_m"), _PER_AXIS),
+    **dict.fromkeys(("position_noise_m", "velocity_noise_mps", "position_sigma_m", "velocity_sigma_mps"), _PER_AXIS),
+}
+"""Types by key, for keys whose annotation does not show the type that a user writes."""
+LOG_TYPES = {"axes": "text or 3x3", "accel_axes": "text or 3x3", "file": "text or list"}
+
+
+def key_tables(sections: Sections, types: dict[str, str] | None = None) -> str:
+    """For each section a heading, the first line of its docstring and a table of its keys.
+
+    Keys that a section shares with an earlier one through a common base class are listed only there.
+    """
+    parts: list[str] = []
+    owners: dict[type, str] = {}
+    for title, model in sections:
+        bases = [base for base in model.__mro__[1:] if base.__module__ == model.__module__]
+        shared = next((base for base in bases if base in owners), None)
+        inherited = getattr(shared, "model_fields", {})
+        parts.append(f"### {title}\n\n{(model.__doc__ or '').strip().partition(chr(10))[0]}\n")
+        if shared is not None:
+            first, *_, last = inherited
+            parts.append(f"In addition to the keys `{first}` to `{last}` of {owners[shared]}:\n")
+        fields = ((name, field) for name, field in model.model_fields.items() if name not in inherited)
+        head = ("key", "value", "unit", "allowed", "default", "meaning")
+        parts.append(markdown(head, (_key_cells(name, field, types or {}) for name, field in fields)) + "\n")
+        owners = {**dict.fromkeys(bases, title), **owners}
+    return "\n".join(parts).rstrip()
+
+
+def _key_cells(name: str, field: Any, types: dict[str, str]) -> list[str]:
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    default = field.default
+    if default is PydanticUndefined:
+        text = "must be given"
+    elif default is None or default == () or default == {} or default == "" or isinstance(default, BaseModel):
+        text = "-"
+    else:
+        text = f"`{default}`"
+    value = types.get(name) or _type(field.annotation)
+    allowed = _limits(field.metadata, field.annotation)
+    return [f"`{name}`", value, str(extra.get("unit", "")) or "-", allowed or "-", text, str(field.description)]
+
+
+_SIGNS = {"gt": "above {:.16g}", "ge": "from {:.16g}", "lt": "below {:.16g}", "le": "to {:.16g}"}
+
+
+def _limits(metadata: Any, annotation: Any = None) -> str:
+    """The values that a key allows: from its numeric limits and from validators whose function has the attribute `limits`."""
+    parts = [
+        text.format(float(getattr(item, name))) for name, text in _SIGNS.items() for item in metadata if hasattr(item, name)
+    ]
+    parts += [item.func.limits for item in metadata if hasattr(getattr(item, "func", None), "limits")]
+    inner = [_limits(getattr(part, "__metadata__", ()), part) for part in get_args(annotation)]
+    return " ".join(parts) or next((text for text in inner if text), "")
+
+
+def _type(annotation: Any) -> str:
+    """A reader's name for the type of a key."""
+    origin = get_origin(annotation)
+    if origin is Literal:
+        return ", ".join(f"`{v}`" for v in get_args(annotation))
+    inner = [a for a in get_args(annotation) if a is not type(None)]
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "section"
+    if origin is dict:
+        return "table"
+    if origin is tuple and Ellipsis not in inner:
+        return "3 columns" if "str | int" in str(inner[0]) else f"{len(inner)} numbers"
+    if origin is tuple:
+        return "sections" if sections_in(inner[0]) else f"list of {_type(inner[0])}"
+    if inner and hasattr(annotation, "__metadata__"):
+        return _type(inner[0])
+    if set(inner) == {str, int}:
+        return "column"
+    if origin is Union and len(inner) > 1 and sections_in(annotation):
+        return "section"
+    if inner:
+        return _type(inner[0])
+    return {float: "number", int: "whole number", bool: "true, false", str: "text"}.get(annotation, "value")
+
+
+# --- sensors -----------------------------------------------------------------------------------------
+
+
+def rows_table(table: Table) -> str:
+    """The rows of a table of the model."""
+    head = ("row", "shape", "unit", "frame", "start", "meaning")
+    return markdown(head, ([f"`{r.name}`", _shape(r), r.unit, r.frame, _start(r), r.meaning] for r in table))
+
+
+def imu_grades() -> str:
+    """The IMU catalogue: each grade, its figures and the source of each."""
+    return "\n".join(_imu_grade(grade) for grade in IMU_GRADES.values()).rstrip()
+
+
+def gnss_grades() -> str:
+    """The GNSS catalogue."""
+    head = ("grade", "what", "white position N, E, D (m)", "white velocity (m/s)", "correlated position", "source")
+    rows = []
+    for grade in GNSS_GRADES.values():
+        wander = f"{_figure(grade.wander_sigma_m)} m, {grade.wander_time_s:g} s" if any(grade.wander_sigma_m) else ""
+        noise = _figure(grade.position_noise_m), _figure(grade.velocity_noise_m_s)
+        rows.append([f"`{grade.name}`", grade.title, *noise, wander, grade.source])
+    return markdown(head, rows)
+
+
+def _imu_grade(grade: ImuGrade) -> str:
+    figures = grade.figures().items()
+    head = f"### `{grade.name}`: {grade.title}\n"
+    if not figures:
+        return head
+    rows = ([f"`{name}`", _figure(value), grade.source(name)] for name, value in figures)
+    return f"{head}\n{markdown(['figure', 'value', 'source'], rows)}\n"
+
+
+def _shape(row: Row) -> str:
+    return " x ".join(map(str, row.shape))
+
+
+def _start(row: Row) -> str:
+    values = [f"{value:g}" for value in row.flat_start()]
+    return values[0] if len(set(values)) == 1 else ", ".join(values)
+
+
+def _figure(value: Any) -> str:
+    if not isinstance(value, tuple):
+        return f"{value:.5g}"
+    return f"{value[0]:.3g}" if len(set(value)) == 1 else ", ".join(f"{v:.3g}" for v in value)
+
+
+# --- pages -------------------------------------------------------------------------------------------
+
+PAGES: dict[str, dict[str, Callable[[], str]]] = {
+    "docs/scenarios.md": {"keys": lambda: key_tables(SCENARIO_SECTIONS, SCENARIO_TYPES)},
+    "docs/logs.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
+    "docs/flight-logs.md": {"keys": lambda: key_tables(FLIGHT_SECTIONS)},
+    "docs/sensors.md": {
+        "imu-parameters": lambda: rows_table(IMU_PARAMETERS),
+        "imu-state": lambda: rows_table(IMU_STATE),
+        "gnss-parameters": lambda: rows_table(GNSS_PARAMETERS),
+        "gnss-state": lambda: rows_table(GNSS_STATE),
+        "imu-grades": imu_grades,
+        "gnss-grades": gnss_grades,
+    },
+}
+"""By page, its generated parts by name."""
+SCHEMA = "scenarios/schema.json"
+
+
+def current() -> dict[str, str]:
+    """What each generated file should hold, by its path in the repository. Raises ValueError if a page lacks a marker."""
+    found = {}
+    for page, parts in PAGES.items():
+        text = (ROOT / page).read_text(encoding="utf-8")
+        for name, part in parts.items():
+            begin, end = f"<!-- begin {name} (python tools/pages.py) -->\n", f"<!-- end {name} -->"
+            if text.count(begin) != 1 or text.count(end) != 1:
+                raise ValueError(f"{page} must have one part {name!r} between {begin.strip()} and {end}")
+            before, rest = text.split(begin)
+            text = f"{before}{begin}\n{part()}\n\n{end}{rest.split(end)[1]}"
+        found[page] = text
+    found[SCHEMA] = json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+    return found
+
+
+if __name__ == "__main__":
+    for path, text in current().items():
+        (ROOT / path).write_text(text, encoding="utf-8")
