@@ -24,7 +24,7 @@ class TwoVectors:
         self.rate += seen["imu"][:, 0:3].sum(axis=0)
         if not self.force.any():
             return estimate_action(self.env.setup.task, np.array([1.0, 0.0, 0.0, 0.0]))
-        earth_rate_n = geodesy.earth_rate_n(seen["told_latitude"])
+        earth_rate_n = geodesy.earth_rate_n(seen["known_latitude"])
         down_n, north_n = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
         down_b = -self.force / np.linalg.norm(self.force)
         east_b = np.cross(down_b, self.rate)

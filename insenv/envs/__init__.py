@@ -7,10 +7,12 @@ Ids: `IDS`.  The action is the agent's estimate, the observation what a navigato
 """
 
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv
+from insenv.envs.estimation_task import estimate_action
+from insenv.envs.interface import Snapshot
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.manoeuvre import ManoeuvreEnv, ManoeuvreVectorEnv
-from insenv.envs.single import InertialEnv, Snapshot
-from insenv.envs.task import Task, estimate_action
+from insenv.envs.single import InertialEnv
+from insenv.envs.task import Task
 from insenv.envs.tuning import TuningEnv, TuningVectorEnv
 from insenv.envs.vector import InertialVectorEnv
 from insenv.registration import IDS, register

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from insenv.envs.estimation_task import estimation_task
 from insenv.envs.setup import Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import IMU_RANGE, Range, Ranges
-from insenv.envs.task import estimation_task
 from insenv.envs.vector import FACE, InertialVectorEnv
 from insenv.errors import InputError
 from insenv.scenario import Scenario, plant_of
@@ -46,8 +46,8 @@ def _setup(
 class AlignmentEnv(InertialEnv):
     """
     ## Description
-    A vehicle stays in place, sways, shakes, or is loaded; its inertial unit has the errors of its grade. The agent finds the
-    attitude `q_nb` from the inertial samples, and says when it is aligned. Ids: `insenv/ShipAlignment-v0`,
+    A vehicle stays in place, sways, shakes, or is loaded; its inertial unit has the errors of its grade. The agent
+    finds the attitude `q_nb` from the inertial samples, and says when it is aligned. Ids: `insenv/ShipAlignment-v0`,
     `insenv/VehicleAlignment-v0`, `insenv/AircraftAlignment-v0`.
 
     ## Action Space
@@ -75,15 +75,16 @@ class AlignmentEnv(InertialEnv):
     | 1 | the fix has a velocity | 0 | 1 | 1 |
     | 3 | velocity of the antenna | -1e5 | 1e5 | m/s |
     | 3 | its standard deviation | 0 | 1e5 | m/s |
-    | then: 32 | what is told of the start and of the sensors: the rows `told_...` of `env.unwrapped.layout` | | | SI |
+    | then: 32 | what is told of the start and of the sensors: the rows `known_...` of `env.unwrapped.layout` | | | SI |
 
-    The reference of positions is the start as told (`told_latitude`, `told_longitude`, `told_height`).
+    The reference of positions is the start as told (`known_latitude`, `known_longitude`, `known_height`).
 
     ## Rewards
-    With error e (the rotation vector from truth to estimate, in n), limit s (`info["limit"]`: what biases and white noise
-    leave at the end of the time, 1 sigma), `m = ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps:
-    every step gives `-(time_weight + m) / T`, and the step that ends the episode `-m` more. Garbage (no quaternion, or outside
-    the space) ends it with the worst of all: `-20 - (time_weight + 20) * (share of the time left)`.
+    With error e (the rotation vector from truth to estimate, in n), limit s (`info["limit"]`: what biases and white
+    noise leave at the end of the time, 1 sigma), `m = ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of
+    steps: every step gives `-(time_weight + m) / T`, and the step that ends the episode `-m` more. Garbage (no
+    quaternion, or outside the space) ends it with the worst of all: `-20 - (time_weight + 20) * (share of the time
+    left)`.
 
     ## Starting State
     The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say.
@@ -96,17 +97,18 @@ class AlignmentEnv(InertialEnv):
     - `samples_per_step`: inertial samples in a step.
     - `imu`: a grade of `insenv list`, or "random": between the two grades `imu_range`, drawn at each reset.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway, engine
-      and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows, s.
+      and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows,
+      s.
     - `time_weight`: see Rewards.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and `run_seed`: the
-    seed of `insenv run`, which then makes the same samples. `gymnasium.make(..., max_episode_steps=)` truncates earlier,
-    without the last step's part of the reward.
+    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and
+    `run_seed`: the seed of `insenv run`, which then makes the same samples. `gymnasium.make(..., max_episode_steps=)`
+    truncates earlier, without the last step's part of the reward.
 
     ## Vectorized environment
-    `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is the single environment reset with seed + i, to the bit.
-    `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
+    `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is the single environment reset with seed + i, to
+    the bit.  `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
 
     ## Version History
     - v0: first version.
@@ -126,8 +128,8 @@ class AlignmentEnv(InertialEnv):
 class NavigationEnv(InertialEnv):
     """
     ## Description
-    A vehicle moves; its inertial unit and its GNSS receiver have the errors of their grades, fixes fail in outages. The agent
-    tracks attitude, velocity and position. Ids: `insenv/ShipNavigation-v0`, `insenv/VehicleNavigation-v0`,
+    A vehicle moves; its inertial unit and its GNSS receiver have the errors of their grades, fixes fail in outages. The
+    agent tracks attitude, velocity and position. Ids: `insenv/ShipNavigation-v0`, `insenv/VehicleNavigation-v0`,
     `insenv/AircraftNavigation-v0`.
 
     ## Action Space
@@ -143,10 +145,10 @@ class NavigationEnv(InertialEnv):
     That of `AlignmentEnv`, always with GNSS.
 
     ## Rewards
-    With error e of the nine components, limit s (`info["limit"]`: root mean square of what the covariance of the 15-state
-    filter says over the scenario, and for position the part of the fixes' error that cannot be averaged), `m = ln(1 +
-    sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps: every step gives `-m / T`. Garbage ends the episode with -20
-    for all the time left.
+    With error e of the nine components, limit s (`info["limit"]`: root mean square of what the covariance of the
+    15-state filter says over the scenario, and for position the part of the fixes' error that cannot be averaged), `m =
+    ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps: every step gives `-m / T`. Garbage ends the
+    episode with -20 for all the time left.
 
     ## Starting State
     The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say.

@@ -10,11 +10,10 @@ from insenv.core.model import Model
 from insenv.envs.commands import COMMANDS
 from insenv.envs.estimation import ScenarioLike
 from insenv.envs.filter_inside import inner_loop
-from insenv.envs.inner_starts import InnerStarts
 from insenv.envs.manoeuvre_task import REWARDS, manoeuvre_task
 from insenv.envs.setup import Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import IMU_RANGE, Range, Ranges
+from insenv.envs.starts import IMU_RANGE, InnerStarts, Range, Ranges
 from insenv.envs.vector import FACE, InertialVectorEnv
 from insenv.errors import InputError
 from insenv.plant import plant_model
@@ -76,9 +75,10 @@ def _turntable_plant(structure: Structure) -> Model:
 class ManoeuvreEnv(InertialEnv):
     """
     ## Description
-    A vehicle with GNSS does not know its heading: fixes tell where it goes, not where its unit looks, until it accelerates,
-    brakes or turns. The agent commands the vehicle so that the filter, built in, finds the heading soon: active alignment.
-    A vehicle that stays in place stands on a turntable, which the agent turns (indexing). Id: `insenv/Manoeuvre-v0`.
+    A vehicle with GNSS does not know its heading: fixes tell where it goes, not where its unit looks, until it
+    accelerates, brakes or turns. The agent commands the vehicle so that the filter, built in, finds the heading soon:
+    active alignment.  A vehicle that stays in place stands on a turntable, which the agent turns (indexing). Id:
+    `insenv/Manoeuvre-v0`.
 
     ## Action Space
     `Box(-1, 1, float64)`; what is outside is taken as the nearest allowed. A car, (2,):
@@ -103,8 +103,8 @@ class ManoeuvreEnv(InertialEnv):
     | 0 | angle that the turntable goes to, at 10 deg/s, clockwise | -1 | 1 | 180 deg |
 
     ## Observation Space
-    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. "Level": decimal logarithm of a value in SI
-    units. The window is the time since the last step. A is the size of the action.
+    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. "Level": decimal logarithm of a value in
+    SI units. The window is the time since the last step. A is the size of the action.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
@@ -131,18 +131,18 @@ class ManoeuvreEnv(InertialEnv):
     | 58 .. 57+A | the action in force | -1 | 1 | 1 |
 
     ## Rewards
-    With k = ln of the heading's standard deviation as the filter states it (`reward="uncertainty"`), or k = ln sqrt(error^2 +
-    goal^2) of the heading's true error (`reward="error"`), and T the number of steps: `(k before - k after) - time_weight / T`.
-    The sum over an episode is what has been won in all, less `time_weight` times the share of the time that it took. A filter
-    that has diverged ends the episode with -10, less the time left.
+    With k = ln of the heading's standard deviation as the filter states it (`reward="uncertainty"`), or k = ln
+    sqrt(error^2 + goal^2) of the heading's true error (`reward="error"`), and T the number of steps: `(k before - k
+    after) - time_weight / T`.  The sum over an episode is what has been won in all, less `time_weight` times the share
+    of the time that it took. A filter that has diverged ends the episode with -10, less the time left.
 
     ## Starting State
     The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say. The
     commands of the scenario's own legs end with the first action.
 
     ## Episode End
-    Terminated when the stated standard deviation of the heading is below the goal, or when the filter has diverged: off by
-    100 km, or no numbers. Truncated at the end of the time.
+    Terminated when the stated standard deviation of the heading is below the goal, or when the filter has diverged: off
+    by 100 km, or no numbers. Truncated at the end of the time.
 
     ## Arguments
     - `scenario`: name, path, `insenv.scenario.Scenario` or mapping, of a car or aircraft with GNSS. `duration_s`: instead of
@@ -154,12 +154,12 @@ class ManoeuvreEnv(InertialEnv):
       of a factor on the amplitudes of engine, wind and gusts. `gnss_outages_s`: windows, s.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and `run_seed`: the
-    seed of `insenv run`.
+    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and
+    `run_seed`: the seed of `insenv run`.
 
     ## Vectorized environment
-    `gymnasium.make_vec` makes `ManoeuvreVectorEnv`, one batch: row i is the single environment reset with seed + i, to the
-    bit. `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
+    `gymnasium.make_vec` makes `ManoeuvreVectorEnv`, one batch: row i is the single environment reset with seed + i, to
+    the bit. `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
 
     ## Version History
     - v0: first version.

@@ -1,7 +1,7 @@
 """The task of making the heading known by moving: the action commands the vehicle, a filter inside finds the attitude.
 
-A round is: the step ``act``, which takes the command and keeps how well the heading was known, then the samples; the score is
-how much better it is known then.
+A round is: the step ``act``, which takes the command and keeps how well the heading was known, then the samples; the
+score is how much better it is known then.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from insenv.core.elementary import clamp, log, select, wrap_angle
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.commands import COMMANDS
-from insenv.envs.filter_inside import COMMON, ERROR, SMALLEST, TRUTH, Inner, inner_loop, log10, truth, within
-from insenv.envs.task import CLOCK, REWARD, Task
+from insenv.envs.filter_inside import COMMON, ERROR, SMALLEST, Inner, inner_loop, log10, within
+from insenv.envs.task import CLOCK, DECISIONS, NEVER, RESULT, TRUTH, Task, truth
 from insenv.envs.window import SHOWN, begun, shown, window_part
 
 WORST = 10.0
@@ -32,8 +32,8 @@ _PARAMETERS = COMMON + Table((
     Row("goal", "Stated standard deviation of the heading at which the task is done", "rad", start=0.0, lower=0.0, upper=4.0),
 ))  # fmt: skip
 _STATE = Table((
-    Row("never", "Always 0: what it is the condition of runs only when called"),
-    Row("rounds", "Actions so far"),
+    NEVER,
+    DECISIONS,
     Row("level_before", "How well the heading was known at the last action: a natural logarithm"),
 ))  # fmt: skip
 _FOUND = Table((
@@ -89,7 +89,7 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
         return {
             **commands.taken(plant, p, x, u),
             "command": action,
-            "rounds": x.rounds + 1.0,
+            "decisions": x.decisions + 1.0,
             "level_before": level(inner, p, x),
             **begun(),
         }
@@ -104,10 +104,11 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
         inputs=commands.actions,
         steps={"act": Step(act, when="never")},
     )
-    outputs = observation + Table(tuple(Row(name, name) for name in REWARD)) + _INFO
     title = f"{inner.model.title}: manoeuvres"
-    model = merge(f"{inner.model.id}-manoeuvre", title, [as_part(inner.model), window_part(), score], outputs, output)
-    return Task(model, commands.actions, Table(), observation, _INFO, judge="act", starts_as_told=True)
+    model = merge(
+        f"{inner.model.id}-manoeuvre", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
+    )
+    return Task(model, commands.actions, Table(), observation, _INFO, judge="act", starts_from_knowledge=True)
 
 
 def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
@@ -115,7 +116,7 @@ def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     roll, pitch, _ = attitude.to_euler(found.q_nb)
     forward = attitude.to_dcm(found.q_nb)[:2, 0]
     length = ca.sqrt(ca.sumsqr(forward))
-    places = (found.latitude, found.longitude, found.height, p.told_latitude, p.told_longitude, p.told_height)
+    places = (found.latitude, found.longitude, found.height, p.known_latitude, p.known_longitude, p.known_height)
     return {
         "roll_pitch": ca.vertcat(roll, pitch),
         "heading_cosine_sine": forward / select(length > 0.0, length, 1.0),
@@ -134,14 +135,14 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
     # neither holds of what is no number
     sound = ca.logic_and(ca.sumsqr(error) <= FARTHEST**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
     reached = ca.logic_and(sound, sigma < p.goal)
-    each = 1.0 / p.round_limit
-    left = 1.0 - (x.rounds - 1.0) * each  # of the time, with this round
+    each = 1.0 / p.decision_limit
+    left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
     fall = x.level_before - level(inner, p, x)
     over = ca.logic_or(reached, ca.logic_not(sound))
     return {
         "reward": select(sound, fall - each * p.time_weight, -(WORST + left * p.time_weight)),
         "terminated": over,
-        "truncated": ca.logic_and(x.rounds >= p.round_limit, ca.logic_not(over)),
+        "truncated": ca.logic_and(x.decisions >= p.decision_limit, ca.logic_not(over)),
         **truth(p, x),
         "error": select(sound, error, 0.0),
         "heading_error": select(sound, _heading_error(inner, p, x), 0.0),

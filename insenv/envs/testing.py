@@ -174,8 +174,8 @@ def _episodes(env: Any, seed: int | None) -> list[Any]:
 
 def _row_of(step: tuple[Any, ...], rows: slice) -> list[Any]:
     *arrays, infos = step
-    told = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and key != "final_info"}
-    return [np.asarray(array)[rows] for array in arrays] + [told]
+    info = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and key != "final_info"}
+    return [np.asarray(array)[rows] for array in arrays] + [info]
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -7,10 +7,9 @@ from typing import Any
 
 from insenv.envs.estimation import ScenarioLike
 from insenv.envs.filter_inside import inner_loop
-from insenv.envs.inner_starts import InnerStarts
 from insenv.envs.setup import Setup, check_samples, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import IMU_RANGE, Range, Ranges
+from insenv.envs.starts import IMU_RANGE, InnerStarts, Range, Ranges
 from insenv.envs.tuning_task import TUNED, tuning_task
 from insenv.envs.vector import FACE, InertialVectorEnv
 from insenv.errors import InputError
@@ -61,14 +60,14 @@ def _setup(
 class TuningEnv(InertialEnv):
     """
     ## Description
-    A vehicle moves; a filter with GNSS, built in, navigates it. The filter's noises are those of the data sheet, which are not
-    the best ones: errors of fixes wander, outliers come, sensors turn out better or worse than their sheet. The agent sees
-    what the filter shows of itself and scales its noises as it runs. Id: `insenv/Tuning-v0`.
+    A vehicle moves; a filter with GNSS, built in, navigates it. The filter's noises are those of the data sheet, which
+    are not the best ones: errors of fixes wander, outliers come, sensors turn out better or worse than their sheet. The
+    agent sees what the filter shows of itself and scales its noises as it runs. Id: `insenv/Tuning-v0`.
 
     ## Action Space
     `Box(-1, 1, (6,), float64)`: the decimal logarithm, in `decades`, of the factors on the filter's noises (standard
-    deviations) from now on; with the 2 decades there are by default, factors from 1/100 to 100. 0 is the data sheet. What is
-    outside is taken as the nearest allowed.
+    deviations) from now on; with the 2 decades there are by default, factors from 1/100 to 100. 0 is the data sheet.
+    What is outside is taken as the nearest allowed.
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
@@ -80,8 +79,9 @@ class TuningEnv(InertialEnv):
     | 5 | on that of velocities | -1 | 1 | decades |
 
     ## Observation Space
-    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. "Level": decimal logarithm of a value in SI
-    units. The window is the time since the last step. S is the number of the filter's error states (15 for loosely-coupled).
+    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. "Level": decimal logarithm of a value in
+    SI units. The window is the time since the last step. S is the number of the filter's error states (15 for
+    loosely-coupled).
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
@@ -101,18 +101,19 @@ class TuningEnv(InertialEnv):
     | last 6 | the action in force | -1 | 1 | decades |
 
     ## Rewards
-    The filter's error e (rotation vector, velocity, position, in n) and its normalised estimation error squared, e^T P^-1 e of
-    position, velocity and attitude in the filter's own definition, are looked at every second of the window. With s the limit
-    (`info["limit"]`: root mean square of what the covariance of the untuned 15-state filter says over the scenario, and for
-    position the part of the fixes' error that cannot be averaged), T the number of steps and n the components compared (9),
+    The filter's error e (rotation vector, velocity, position, in n) and its normalised estimation error squared, e^T
+    P^-1 e of position, velocity and attitude in the filter's own definition, are looked at every second of the window.
+    With s the limit (`info["limit"]`: root mean square of what the covariance of the untuned 15-state filter says over
+    the scenario, and for position the part of the fixes' error that cannot be averaged), T the number of steps and n
+    the components compared (9),
 
         measure = ln(1 + sqrt(mean of (e / s)^2 over components and looks))
         consistency = |ln(mean of e^T P^-1 e over looks / n)|, at most 10
         reward = -(measure + consistency_weight * consistency) / T
 
-    Of a filter that knows its errors e^T P^-1 e has a chi-square distribution and the mean n; in a window its consistency is
-    not 0 but that distribution's scatter, some 0.4 where the looks of the window are correlated throughout.
-    A filter that has diverged ends the episode with the worst of all for the time left.
+    Of a filter that knows its errors e^T P^-1 e has a chi-square distribution and the mean n; in a window its
+    consistency is not 0 but that distribution's scatter, some 0.4 where the looks of the window are correlated
+    throughout.  A filter that has diverged ends the episode with the worst of all for the time left.
 
     ## Starting State
     The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say.
@@ -128,15 +129,16 @@ class TuningEnv(InertialEnv):
     - `consistency_weight`: see Rewards.
     - `imu`: a grade of `insenv list`, or "random": between the two grades `imu_range`, drawn at each reset.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway, engine
-      and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows, s.
+      and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows,
+      s.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and `run_seed`: the
-    seed of `insenv run`, which then makes the same samples.
+    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and
+    `run_seed`: the seed of `insenv run`, which then makes the same samples.
 
     ## Vectorized environment
-    `gymnasium.make_vec` makes `TuningVectorEnv`, one batch: row i is the single environment reset with seed + i, to the bit.
-    `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
+    `gymnasium.make_vec` makes `TuningVectorEnv`, one batch: row i is the single environment reset with seed + i, to the
+    bit.  `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
 
     ## Version History
     - v0: first version.

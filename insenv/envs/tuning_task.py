@@ -1,7 +1,7 @@
 """The task of tuning a filter as it runs: the action is the logarithm of factors on its noises.
 
-A round is: the step ``act``, which sets the factors and begins new sums, then the samples, behind which error and NEES of the
-filter are taken every `score_samples` samples.  The score is that of the samples that the action acted on.
+A round is: the step ``act``, which sets the factors and begins new sums, then the samples, behind which error and NEES
+of the filter are taken every `score_samples` samples.  The score is that of the samples that the action acted on.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.envs.filter_inside import COMMON, ERROR, SCALED, TRUTH, Inner, inner_loop, log10, power10, truth, within
-from insenv.envs.task import CLOCK, REWARD, Task
+from insenv.envs.filter_inside import COMMON, ERROR, SCALED, Inner, inner_loop, log10, power10, within
+from insenv.envs.task import CLOCK, DECISIONS, NEVER, RESULT, TRUTH, Task, truth
 from insenv.envs.window import SHOWN, begun, shown, window_part
 
 TUNED = (
@@ -38,8 +38,8 @@ _PARAMETERS = COMMON + Table((
     Row("score_samples", "Samples from one look at the error to the next", start=1.0, lower=1.0, upper=1e9),
 ))  # fmt: skip
 _STATE = Table((
-    Row("never", "Always 0: what it is the condition of runs only when called"),
-    Row("rounds", "Actions so far"),
+    NEVER,
+    DECISIONS,
     Row("log_scale_now", "The action in force", "1", (6,)),
     Row("score_count", "Samples since the last look at the error"),
     Row("score_due", "1 on a sample after which the error is looked at"),
@@ -93,10 +93,11 @@ def tuning_task(plant: Model, estimator: str) -> Task:
         }
         return within(observation, seen) | _scored(inner, p, x)
 
-    outputs = observation + Table(tuple(Row(name, name) for name in REWARD)) + _INFO
     title = f"{inner.model.title}: tuning"
-    model = merge(f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], outputs, output)
-    return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act", starts_as_told=True)
+    model = merge(
+        f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
+    )
+    return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act", starts_from_knowledge=True)
 
 
 def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -104,7 +105,7 @@ def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {
         SCALED: power10(p.decades * action + p.mistuning),
         "log_scale_now": action,
-        "rounds": x.rounds + 1.0,
+        "decisions": x.decisions + 1.0,
         "score_count": 0.0,
         "scores": 0.0,
         "error_square": ca.SX.zeros(9),
@@ -141,11 +142,11 @@ def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     decent = ca.logic_and(share > 1e-12, share < 1e12)
     consistency = select(decent, minimum(ca.fabs(log(select(decent, share, 1.0))), WORST_CONSISTENCY), WORST_CONSISTENCY)
 
-    each = 1.0 / p.round_limit
-    left = 1.0 - (x.rounds - 1.0) * each  # of the time, with this round
+    each = 1.0 / p.decision_limit
+    left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
     worst = log(1.0 + DIVERGED) + p.consistency_weight * WORST_CONSISTENCY
     paid = each * (measure + p.consistency_weight * consistency)
-    last = x.rounds >= p.round_limit
+    last = x.decisions >= p.decision_limit
     error = inner.error(p, x)
     fine = ca.sumsqr(error) <= 1e30
     return {

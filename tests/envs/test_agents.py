@@ -39,7 +39,7 @@ def test_a_navigating_agent_is_the_filter_of_the_run():
     # fixes go through metres from the reference: the roundings of latitude, a nanometre
     assert action[:4] == pytest.approx(result.outputs["q_nb"][-1], abs=1e-9)
     told = env.unwrapped.named(env.reset(options={"run_seed": 3})[0])
-    reference = (told[f"told_{name}"] for name in ("latitude", "longitude", "height"))
+    reference = (told[f"known_{name}"] for name in ("latitude", "longitude", "height"))
     found = geodesy.numeric.ned_offset(*(result.outputs[name][-1] for name in ("latitude", "longitude", "height")), *reference)
     assert action[7:10] * 1e6 == pytest.approx(found, abs=1e-6)
     assert action[4:7] * 1e3 == pytest.approx(result.outputs["velocity_n"][-1], abs=1e-8)

@@ -95,14 +95,14 @@ def test_an_observation_is_what_the_sensors_of_the_run_show():
 def test_the_reward_is_what_the_page_says():
     env = gymnasium.make(SHIP, samples_per_step=50, duration_s=10.0, time_weight=2.0).unwrapped
     _, info = env.reset(seed=4)
-    total, rounds = 0.0, 40
-    for step in range(rounds):
+    total, decisions = 0.0, 40
+    for step in range(decisions):
         q_nb = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.0, 0.0, 0.01])), info["q_nb"])
         _, reward, terminated, truncated, info = env.step(estimate_action(env.setup.task, q_nb))
         assert info["error"] == pytest.approx([0.0, 0.0, 0.01], abs=1e-12)
         measure = np.log(1.0 + np.sqrt(np.mean((info["error"] / info["limit"]) ** 2)))
-        last = step == rounds - 1
-        assert reward == pytest.approx(-(2.0 + measure) / rounds - measure * last, rel=1e-8)
+        last = step == decisions - 1
+        assert reward == pytest.approx(-(2.0 + measure) / decisions - measure * last, rel=1e-8)
         assert not terminated and truncated == last
         total += reward
     assert total == pytest.approx(-2.0 - 2.0 * measure, rel=1e-8)
@@ -254,8 +254,8 @@ def test_options_stand_for_one_episode():
     seen = env.unwrapped.named(turned)
     # the scenario's mean heading is replaced; at time 0 its sway adds up to 3 deg
     assert np.degrees(attitude.numeric.to_euler(info["q_nb"])[2]) % 360.0 == pytest.approx(200.0, abs=3.1)
-    assert seen["told_heading_sigma"] == pytest.approx(np.radians(45.0))
-    assert seen["told_gyro_bias_sigma"] > env.unwrapped.named(plain)["told_gyro_bias_sigma"]
+    assert seen["known_heading_sigma"] == pytest.approx(np.radians(45.0))
+    assert seen["known_gyro_bias_sigma"] > env.unwrapped.named(plain)["known_gyro_bias_sigma"]
     assert np.array_equal(env.reset(seed=1)[0], plain)
 
 
@@ -265,8 +265,8 @@ def test_random_grades_lie_between_the_two_of_the_range():
     ends = [
         gymnasium.make_vec(SHIP, 1, **SHORT, imu=grade).reset(seed=0)[0] for grade in ("marine", "tactical")
     ]  # fmt: skip
-    low, high = (env.unwrapped.named(end)["told_angle_random_walk"][0] for end in ends)
-    drawn = seen["told_angle_random_walk"]
+    low, high = (env.unwrapped.named(end)["known_angle_random_walk"][0] for end in ends)
+    drawn = seen["known_angle_random_walk"]
     assert np.all((drawn >= low * 0.999) & (drawn <= high * 1.001)) and len(np.unique(drawn)) == 64
     # half of a logarithmic draw lies below the geometric mean: 64 draws, 4 sigma
     assert abs(np.mean(drawn < np.sqrt(low * high)) - 0.5) < 4 * 0.5 / 8

@@ -70,7 +70,7 @@ def test_manoeuvres_beat_driving_straight(car):
 
 def test_what_is_won_is_the_fall_of_the_stated_sigma(car):
     car.reset(seed=2)
-    told = car.setup.task.model.parameters.unpack(car._runner.p)["told_heading_sigma"]
+    told = car.setup.task.model.parameters.unpack(car._runner.p)["known_heading_sigma"]
     total = 0.0
     for k in range(6):
         _, reward, terminated, _, info = car.step(np.array([1.0, 0.5 * (k % 2)]))
