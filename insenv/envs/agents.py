@@ -21,6 +21,7 @@ from insenv import estimators, geodesy
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
+from insenv.envs.checks import check_number, check_whole
 from insenv.envs.estimation_task import estimate_action
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.setup import Setup
@@ -65,7 +66,11 @@ class Agent:
         self, estimator: Estimator, setup: Setup, rows: int, declare_after: float | None, tuned: dict[str, Any], threads: int
     ) -> None:
         self.estimator, self.setup, self.rows = estimator, setup, rows
-        self._declare_after = np.inf if declare_after is None else declare_after
+        check_whole("threads", threads)
+        most = np.finfo(float).max
+        self._declare_after = (
+            np.inf if declare_after is None else check_number("declare_after_s", declare_after, 0.0, most, "s")
+        )
         scenario = tuning(estimator.id, setup.scenario.estimator.get(estimator.id, {}))
         self._tuning = {**scenario, **tuned}
         self._layout, self._samples = setup.layout, setup.samples

@@ -2,45 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from gymnasium.vector import AutoresetMode
 
+from insenv.envs.checks import check_number
 from insenv.envs.estimation_task import estimation_task
-from insenv.envs.setup import Setup, chosen_scenario, make_setup
+from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import IMU_RANGE, Range, Ranges
-from insenv.envs.vector import FACE, InertialVectorEnv
+from insenv.envs.vector import InertialVectorEnv
 from insenv.errors import InputError
-from insenv.scenario import Scenario, plant_of
-
-ScenarioLike = str | Path | Scenario | Mapping[str, Any]
+from insenv.scenario import plant_of
 
 
 def _setup(
-    navigates: bool,
-    scenario: ScenarioLike,
-    vehicle: str = "",
-    samples_per_step: int = 100,
-    duration_s: float | None = None,
-    imu: str | None = None,
-    imu_range: tuple[str, str] = IMU_RANGE,
-    heading_deg: Range | None = None,
-    sea_state: Range | None = None,
-    initial_error: Range | None = None,
-    gnss_outages_s: tuple[Range, ...] | None = None,
+    navigates: bool, scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None,
     time_weight: float = 1.0,
-) -> Setup:
-    """The setup that the arguments of both faces ask for; they are explained in the classes below."""
+) -> Setup:  # fmt: skip
+    """Return the setup for the arguments of the classes below."""
     found = chosen_scenario(scenario, vehicle)
     if not navigates and not found.vehicle.in_place:
         raise InputError(f"an alignment environment needs a vehicle in place: that of {found.name or found.title!r} moves")
-    if not 0.0 <= time_weight <= 1e6:
-        raise InputError(f"time_weight = {time_weight!r}: allowed is a number from 0 to 1e6")
-    ranges = Ranges(imu, tuple(imu_range), heading_deg, sea_state, initial_error, gnss_outages_s)  # type: ignore[arg-type]
-    task = estimation_task(plant_of(found)[0], navigates)
-    constants = {"time_weight": float(time_weight)}
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants)
+    constants = {"time_weight": check_number("time_weight", time_weight, 0.0, 1e6)}
+    return make_setup(found, estimation_task(plant_of(found)[0], navigates), ranges, samples_per_step, duration_s, constants)
 
 
 class AlignmentEnv(InertialEnv):
@@ -115,14 +98,16 @@ class AlignmentEnv(InertialEnv):
     """
 
     def __init__(
-        self,
-        scenario: ScenarioLike = "ship-swaying",
-        *,
-        backend: str | None = None,
+        self, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "", samples_per_step: int = 100,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, time_weight: float = 1.0, backend: str | None = None,
         render_mode: str | None = None,
-        **given: Any,
-    ) -> None:
-        super().__init__(_setup(False, scenario, **given), backend, render_mode)
+    ) -> None:  # fmt: skip
+        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
+        super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
 class NavigationEnv(InertialEnv):
@@ -167,27 +152,52 @@ class NavigationEnv(InertialEnv):
     """
 
     def __init__(
-        self,
-        scenario: ScenarioLike = "car-city-drive",
-        *,
-        backend: str | None = None,
-        render_mode: str | None = None,
-        **given: Any,
-    ) -> None:
-        super().__init__(_setup(True, scenario, **given), backend, render_mode)
+        self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 100,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, backend: str | None = None, render_mode: str | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s)
+        super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
 class AlignmentVectorEnv(InertialVectorEnv):
-    """Many `AlignmentEnv` at once: its arguments, and those of `InertialVectorEnv`."""
+    """Many `AlignmentEnv` in one batch; takes the arguments of `AlignmentEnv` and of `InertialVectorEnv`."""
 
-    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", **given: Any) -> None:
-        face = {name: given.pop(name) for name in FACE if name in given}
-        super().__init__(_setup(False, scenario, **given), num_envs, **face)
+    def __init__(
+        self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "",
+        samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
+        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, time_weight: float = 1.0,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        render_mode: str | None = None, max_episode_steps: int | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
+        super().__init__(
+            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
+            max_episode_steps=max_episode_steps,
+        )  # fmt: skip
 
 
 class NavigationVectorEnv(InertialVectorEnv):
-    """Many `NavigationEnv` at once: its arguments, and those of `InertialVectorEnv`."""
+    """Many `NavigationEnv` in one batch; takes the arguments of `NavigationEnv` and of `InertialVectorEnv`."""
 
-    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", **given: Any) -> None:
-        face = {name: given.pop(name) for name in FACE if name in given}
-        super().__init__(_setup(True, scenario, **given), num_envs, **face)
+    def __init__(
+        self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
+        samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
+        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        render_mode: str | None = None, max_episode_steps: int | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s)
+        super().__init__(
+            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
+            max_episode_steps=max_episode_steps,
+        )  # fmt: skip

@@ -24,6 +24,7 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
+from insenv.envs.checks import as_numbers, refused
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, from_reference, truth
 from insenv.errors import InputError
@@ -208,15 +209,19 @@ def estimate_action(
     """Return the action that states an estimate, (actions.size,), or (rows, actions.size) for estimates of many rows.
 
     q_nb (..., 4).  declare: above 0 ends an alignment.  velocity_n (..., 3, m/s) and position from the reference (...,
-    3, m), both in n: for navigation tasks.  Raises `InputError` for a missing component.
+    3, m), both in n: for navigation tasks.  Raises `InputError` for a missing
+    component or a wrong shape.
     """
-    action = np.empty((*np.shape(q_nb)[:-1], task.actions.size))
+    lead = np.shape(q_nb)[:-1]
+    action = np.empty((*lead, task.actions.size))
     values: Mapping[str, Any] = {"estimate_q_nb": q_nb, "declare": declare}
     if velocity_n is not None and position is not None:
         values = {**values, "estimate_velocity": velocity_n / VELOCITY_RANGE, "estimate_position": position / POSITION_RANGE}
     for row in task.actions:
         if row.name not in values:
             raise InputError(f"estimate_action: {row.name!r} ({row.meaning}) is missing; this task's action needs it")
-        value = np.asarray(values[row.name])
+        value = as_numbers(values[row.name])
+        if value is None or value.shape not in ((*lead, *row.shape), row.shape):
+            raise refused(row.name, values[row.name], f"numbers of shape {(*lead, *row.shape)}")
         action[..., task.actions.slice(row.name)] = value if row.shape else value[..., None]
     return action

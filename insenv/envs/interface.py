@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
+from insenv.envs.checks import check_keywords
 from insenv.envs.setup import Setup
 
 Array = NDArray[np.float64]
@@ -40,6 +41,8 @@ class Interface:
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls: type[Made], *args: Any, **kwargs: Any) -> Made:
+        # __init__ runs next and keeps its typed signature; here the message can name the nearest argument
+        check_keywords(cls.__name__, cls.__init__, kwargs)
         made = super().__new__(cls)
         made._made_with = (args, kwargs)
         return made

@@ -13,13 +13,16 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
+from insenv.envs.checks import check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import Task
 from insenv.errors import InputError
-from insenv.scenario import Scenario, load
+from insenv.scenario import Scenario, load, parse
 from insenv.scenario.description import MAX_DURATION_S
 
 Array = NDArray[np.float64]
+ScenarioLike = str | Path | Scenario | Mapping[str, Any]
+"""A scenario by name, by path, as an object, or as a mapping of the keys of its file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +52,17 @@ class Setup:
         return spaces.Box(-1.0, 1.0, (size,), np.float64), spaces.Box(low, high, dtype=np.float64)
 
 
-def chosen_scenario(scenario: str | Path | Scenario | Mapping[str, Any], vehicle: str) -> Scenario:
+def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
     """Return the scenario of a name, path, mapping or object.
 
     vehicle: required kind of vehicle ("ship", "car", "aircraft"; empty: any).  Raises `InputError`.
     """
+    check_type("scenario", scenario, (str, Path, Scenario, Mapping), "a name, a path, a mapping or a Scenario")
+    check_type("vehicle", vehicle, str, "a kind of vehicle or ''")
     if isinstance(scenario, Mapping):
-        scenario = Scenario.model_validate(scenario)
-    found = scenario if isinstance(scenario, Scenario) else load(str(scenario))
+        found = parse(dict(scenario))
+    else:
+        found = scenario if isinstance(scenario, Scenario) else load(str(scenario))
     if vehicle and found.vehicle.kind != vehicle:
         raise InputError(
             f"scenario {found.name or found.title!r} has a vehicle of kind {found.vehicle.kind!r}: this environment is for "
@@ -75,20 +81,14 @@ def make_setup(
     `Starts` or a function that takes its arguments.  Raises `InputError` for a duration shorter than one step or too
     long.
     """
-    check_samples(samples_per_step)
+    samples = check_whole("samples_per_step", samples_per_step)
     duration = scenario.duration_s if duration_s is None else duration_s
-    step = samples_per_step / scenario.rate_hz
-    decisions = int(duration / step * (1.0 + 1e-12)) if 0.0 < duration <= MAX_DURATION_S else 0
+    step = samples / scenario.rate_hz
+    decisions = int(duration / step * (1.0 + 1e-12)) if is_number(duration) and 0.0 < duration <= MAX_DURATION_S else 0
     if decisions < 1:
-        raise InputError(f"duration_s = {duration:g} s: allowed is from one step, {step:g} s, to {MAX_DURATION_S:g} s")
+        raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
     starts = make_starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
-    return Setup(scenario, task, starts, int(samples_per_step), decisions, 1.0 / scenario.rate_hz)
-
-
-def check_samples(samples_per_step: Any) -> None:
-    """Raise `InputError` for a number of samples that is not a positive whole number."""
-    if isinstance(samples_per_step, bool) or not isinstance(samples_per_step, (int, np.integer)) or samples_per_step < 1:
-        raise InputError(f"samples_per_step = {samples_per_step!r}: allowed is a whole number from 1")
+    return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz)
 
 
 FLOAT64 = np.dtype(np.float64)
@@ -103,7 +103,7 @@ def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
     try:
         array = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"action = {action!r}: allowed is an array of shape {shape}") from None
+        raise refused("action", action, f"an array of shape {shape}") from None
     if array.shape != shape:
         raise InputError(f"action of shape {array.shape}: allowed is {shape}")
     if not np.isfinite(array).all():

@@ -10,6 +10,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from insenv.core.runner import make_runner
+from insenv.envs.checks import check_choice, check_type
 from insenv.envs.interface import Interface, Snapshot, places_of
 from insenv.envs.rendering import draw, write
 from insenv.envs.setup import Setup, checked_action
@@ -27,9 +28,9 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
 
     metadata = {"render_modes": ["rgb_array", "ansi"], "render_fps": 10}
 
-    def __init__(self, setup: Setup, backend: str | None = None, render_mode: str | None = None) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise InputError(f"render_mode = {render_mode!r}: allowed are None, {', '.join(self.metadata['render_modes'])}")
+    def __init__(self, setup: Setup, *, backend: str | None = None, render_mode: str | None = None) -> None:
+        if render_mode is not None:
+            check_choice("render_mode", render_mode, ("rgb_array", "ansi"))
         self.setup, self.render_mode = setup, render_mode
         self.action_space: Any
         self.observation_space: Any
@@ -95,6 +96,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to a snapshot.  Raises `InputError` for a snapshot of a different environment."""
+        check_type("snapshot", snapshot, Snapshot, "a Snapshot that snapshot() returned")
         runner = self._runner
         if snapshot.parameters.shape != runner.p.shape or snapshot.state.shape != runner.x.shape:
             raise InputError(

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
+from insenv.envs.checks import as_numbers, check_range, check_type, is_number, refused
 from insenv.envs.episode_limits import episode_limits
 from insenv.envs.filter_inside import Inner
 from insenv.envs.knowledge import KNOWN, knowledge_of, known_rows
 from insenv.envs.task import Task
-from insenv.errors import InputError
+from insenv.errors import InputError, nearest
 from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of, tuning
 from insenv.scenario.build import check_speed_of_sinusoids
@@ -53,43 +54,40 @@ class Ranges:
     OPTIONS = ("imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "run_seed")
 
     def __post_init__(self) -> None:
-        for grade in (*self.imu_range, *([] if self.imu in (None, "random") else [self.imu])):
+        check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
+        between = self.imu_range
+        if not isinstance(between, (tuple, list)) or len(between) != 2 or not all(isinstance(name, str) for name in between):
+            raise refused("imu_range", between, "two grades of the catalogue")
+        for grade in (*between, *([] if self.imu in (None, "random") else [self.imu])):
             imu_grade(grade)
-        for name, least, most in (("heading_deg", -360.0, 360.0), ("sea_state", 0.0, 10.0)):
-            _check_range(name, getattr(self, name), least, most)
+        check_range("heading_deg", self.heading_deg, -360.0, 360.0, "deg")
+        check_range("sea_state", self.sea_state, 0.0, 10.0)
         if self.initial_error is not None:
-            sigmas = np.asarray(self.initial_error, dtype=float)
-            if sigmas.shape != (2,) or not np.all((sigmas > 0.0) & (sigmas <= 360.0)):
-                raise InputError(
-                    f"initial_error = {self.initial_error}: allowed are two numbers above 0 up to 360 deg: tilt, heading"
-                )
-        for window in self.gnss_outages_s or ():
-            if len(window) != 2 or not 0.0 <= window[0] < window[1] < np.inf:
-                raise InputError(f"gnss_outages_s has {window}: allowed are pairs of begin and end, 0 <= begin < end, s")
-        if len(self.gnss_outages_s or ()) > OUTAGES:
-            raise InputError(f"gnss_outages_s has {len(self.gnss_outages_s or ())} windows: allowed are at most {OUTAGES}")
+            sigmas = as_numbers(self.initial_error)
+            if sigmas is None or sigmas.shape != (2,) or not np.all((sigmas > 0.0) & (sigmas <= 360.0)):
+                raise refused("initial_error", self.initial_error, "two numbers (tilt, heading) above 0 up to 360 deg")
+        if self.gnss_outages_s is not None:
+            pairs = as_numbers(self.gnss_outages_s)
+            if pairs is None or (pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2)) or not _are_intervals(pairs):
+                raise refused("gnss_outages_s", self.gnss_outages_s, "a sequence of pairs (begin, end), 0 <= begin < end, s")
+            if len(pairs) > OUTAGES:
+                raise InputError(f"gnss_outages_s has {len(pairs)} outages: allowed are at most {OUTAGES}")
 
     def overridden(self, options: Mapping[str, Any]) -> Ranges:
         """Return the ranges with the options of a reset replaced; a number stands for a range of one value."""
-        unknown = sorted(set(options) - set(self.OPTIONS))
-        if unknown:
-            raise InputError(f"options has {', '.join(map(repr, unknown))}: allowed are {', '.join(self.OPTIONS)}")
+        check_type("options", options, Mapping, "a mapping")
+        for name in options:
+            if name not in self.OPTIONS:
+                raise InputError(f"options: unknown option {name!r}{nearest(str(name), self.OPTIONS)}")
         given = {name: value for name, value in options.items() if name != "run_seed"}
         for name in ("heading_deg", "sea_state"):
-            if name in given and np.ndim(given[name]) == 0:
+            if name in given and is_number(given[name]):
                 given[name] = (given[name], given[name])
         return replace(self, **given)
 
 
-def _check_range(name: str, value: Any, least: float, most: float) -> None:
-    if value is None:
-        return
-    try:
-        pair = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        pair = np.zeros(0)
-    if pair.shape != (2,) or not least <= pair[0] <= pair[1] <= most:
-        raise InputError(f"{name} = {value!r}: allowed are two rising numbers from {least:g} to {most:g}")
+def _are_intervals(pairs: Array) -> bool:
+    return all(0.0 <= begin < end < np.inf for begin, end in pairs.reshape(-1, 2))
 
 
 class Starts:
@@ -240,5 +238,5 @@ def _between(low: Array, high: Array, fraction: float, parameters: Table) -> Arr
 def _run_seeds(given: Any, count: int) -> Array:
     seeds = np.asarray(given)
     if seeds.shape not in ((), (count,)) or seeds.dtype.kind not in "iu" or np.any(seeds < 0) or np.any(seeds > MAX_SEED):
-        raise InputError(f"options run_seed = {given!r}: allowed is a whole number from 0 to 2^53, or one for each row")
+        raise refused("run_seed", given, "a whole number from 0 to 2^53, or one for each row")
     return np.broadcast_to(seeds + (np.arange(count) if seeds.ndim == 0 else 0), (count,)).astype(float)

@@ -5,7 +5,7 @@ Row i is bit-identical to the single environment reset with seed + i, through al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,15 +16,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from insenv.core.batch import Batch, make_batch
+from insenv.envs.checks import check_type, check_whole, is_whole, refused
 from insenv.envs.interface import Interface, Snapshot, places_of
 from insenv.envs.setup import Setup, checked_action
 from insenv.errors import InputError
 
 Array = NDArray[np.float64]
 Infos = dict[str, Any]
-
-FACE = ("autoreset_mode", "threads", "backend", "render_mode", "max_episode_steps")
-"""Arguments of the vector interface itself."""
 
 
 class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
@@ -38,21 +36,17 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
-        self, setup: Setup, num_envs: int, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1,
+        self, setup: Setup, num_envs: int, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1,
         backend: str | None = None, render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         if render_mode is not None:
-            raise InputError(f"render_mode = {render_mode!r}: allowed is None; only a single environment is drawn")
+            raise refused("render_mode", render_mode, "None; only a single environment is drawn")
         allowed = (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)
         mode = next((m for m in AutoresetMode if autoreset_mode in (m, m.value, m.name)), None)
         if mode not in allowed:
-            raise InputError(f"autoreset_mode = {autoreset_mode!r}: allowed are {', '.join(str(m) for m in allowed)}")
-        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise InputError(f"num_envs = {num_envs!r}: allowed is a whole number from 1")
-        if max_episode_steps is not None and max_episode_steps < 1:
-            raise InputError(f"max_episode_steps = {max_episode_steps}: allowed is a whole number from 1")
-        self.setup, self.num_envs = setup, int(num_envs)
-        self._most = np.inf if max_episode_steps is None else max_episode_steps
+            raise refused("autoreset_mode", autoreset_mode, " or ".join(str(m) for m in allowed))
+        self.setup, self.num_envs = setup, check_whole("num_envs", num_envs)
+        self._most = np.inf if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps)
         self._elapsed = np.zeros(self.num_envs)
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.single_action_space, self.single_observation_space = setup.spaces()
@@ -61,7 +55,9 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         )
         task = setup.task
         base = np.tile(setup.task.model.parameters.start_vector(), (self.num_envs, 1))
-        self._batch: Batch = make_batch(task.model, self.num_envs, base, threads=threads, backend=backend)
+        self._batch: Batch = make_batch(
+            task.model, self.num_envs, base, threads=check_whole("threads", threads), backend=backend
+        )
         self._places = places_of(setup)
         self._observed = self._places["reward"].start
         self._inputs = np.tile(task.model.inputs.start_vector(), (self.num_envs, 1))
@@ -76,17 +72,14 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         Row i takes seed + i, or the i-th seed of a sequence.  The other options (see the class) replace the arguments
         for these episodes.
         """
+        check_type("options", options, (Mapping, type(None)), "a mapping or None")
         options = dict(options or {})
         mask = options.pop("reset_mask", None)
         rows = np.arange(self.num_envs) if mask is None else np.flatnonzero(self._mask(mask))
         chosen: list[int] = rows.tolist()
         if mask is not None and self._over is None:
             raise ResetNeeded("reset() with a reset_mask before the first reset() of all rows")
-        seeds: Sequence[int | None] = [seed + i for i in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else (
-            seed if seed is not None else [None] * self.num_envs
-        )  # fmt: skip
-        if len(seeds) != self.num_envs:
-            raise InputError(f"seed of {len(seeds)} numbers: allowed are one, or {self.num_envs}")
+        seeds = self._seeds(seed)
         if not self._generators:
             self._generators = [seeding.np_random(s)[0] for s in seeds]
         else:
@@ -152,6 +145,15 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             infos[f"_{row.name}"] = every
         return infos
 
+    def _seeds(self, seed: Any) -> list[int | None]:
+        count = self.num_envs
+        if is_whole(seed):
+            return [int(seed) + i for i in range(count)]
+        several = [None] * count if seed is None else list(seed) if isinstance(seed, (Sequence, np.ndarray)) else []
+        if len(several) != count or not all(each is None or is_whole(each) for each in several):
+            raise refused("seed", seed, f"a whole number from 0, or a sequence of {count} of them, or None")
+        return [None if each is None else int(each) for each in several]
+
     def _mask(self, mask: Any) -> NDArray[np.bool_]:
         array = np.asarray(mask)
         if array.shape != (self.num_envs,) or array.dtype != np.bool_:
@@ -166,6 +168,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to a snapshot.  Raises `InputError` for a snapshot of a different environment."""
+        check_type("snapshot", snapshot, Snapshot, "a Snapshot that snapshot() returned")
         shape = (self.num_envs, self.setup.task.model.state.size)
         if snapshot.inputs.shape != self._inputs.shape or snapshot.state.shape != shape:
             raise InputError(f"snapshot of states {snapshot.state.shape}: this environment has {shape}")

@@ -235,7 +235,7 @@ def test_a_navigation_environment_without_gnss():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"colour": 1}, "'colour': allowed are imu"),
+        ({"colour": 1}, "unknown option 'colour' .allowed: imu"),
         ({"run_seed": -1}, "run_seed"),
         ({"imu": "gold"}, "gold"),
         ({"sea_state": 11}, "sea"),

@@ -5,13 +5,13 @@ import shutil
 import gymnasium
 import numpy as np
 import pytest
-import tomllib
 
 from insenv import attitude
 from insenv.core.runner import make_runner
 from insenv.envs import ManoeuvreEnv, testing
 from insenv.errors import InputError
 from insenv.files.resources import scenario_folder
+from insenv.files.toml import read_toml
 from insenv.scenario import build, parse
 
 ID = "insenv/Manoeuvre-v0"
@@ -21,8 +21,7 @@ has_compiler = shutil.which("cc") is not None
 
 def changed(name, **sections):
     """The keys of a scenario's file, some sections replaced."""
-    data = tomllib.loads((scenario_folder() / f"{name}.toml").read_text(encoding="utf-8"))
-    return {**data, **sections}
+    return {**read_toml(scenario_folder() / f"{name}.toml"), **sections}
 
 
 PARKED = changed(
@@ -195,7 +194,7 @@ def test_an_action_outside_is_the_nearest_allowed():
         ({"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
         ({"scenario": "ship-underway"}, "needs a car or an aircraft"),
         ({"scenario": "car-parked"}, "has no .gnss."),
-        ({"reward": "speed"}, "reward = 'speed': allowed are 'uncertainty', 'error'"),
+        ({"reward": "speed"}, "reward = 'speed': allowed is 'uncertainty' or 'error'"),
         ({"goal_deg": 0.0}, "goal_deg = 0"),
         ({"time_weight": -1.0}, "time_weight = -1"),
         ({"duration_s": 1e-3}, "duration_s"),

@@ -11,7 +11,7 @@ from insenv import estimators
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.envs import TuningEnv, testing
-from insenv.envs.tuning_task import TUNED
+from insenv.envs.tuning import TUNED
 from insenv.errors import InputError
 from insenv.plant import loop_model
 from insenv.plant.feeding import input_rows
