@@ -1,9 +1,9 @@
-"""Gymnasium environments: alignment and navigation as tasks for an agent.
+"""Gymnasium environments: alignment, navigation, filter tuning and manoeuvres as tasks for an agent.
 
     import gymnasium, insenv
     env = gymnasium.make("insenv/ShipAlignment-v0")
 
-Ids: `IDS`.  The action is the agent's estimate, the observation what a navigator has; the truth is in the info alone.
+The ids are `IDS`.  An observation contains what a navigator knows and measures; only the info contains the truth.
 """
 
 from insenv.envs.estimation import AlignmentEnv, AlignmentVectorEnv, NavigationEnv, NavigationVectorEnv

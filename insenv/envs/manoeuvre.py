@@ -1,7 +1,7 @@
 """`ManoeuvreEnv`: the action moves the vehicle so that its filter can observe the heading.
 
-One decision consists of the step ``act``, which takes the command and stores how well the heading is known, and then of the
-inertial samples.  The score is how much better the heading is known after them.
+One decision consists of the step ``act``, which takes the command and stores how well the heading is known, and then of
+the inertial samples.  The score is how much better the heading is known after them.
 """
 
 from __future__ import annotations
@@ -36,60 +36,64 @@ from insenv.scenario.vehicles import make_vehicle
 from insenv.vehicles.turntable import on_turntable
 
 WORST = 10.0
-"""Lost, besides what the time left costs, when the filter diverges."""
+"""Reward lost when the filter diverges, in addition to the cost of the time left."""
 FARTHEST = 1e5
-"""m of position error beyond which the filter has diverged."""
+"""Position error above which the filter has diverged, m."""
 
+GOAL = "Stated standard deviation of the heading below which the task is done"
 _PARAMETERS = COMMON + Table((
     Row("time_weight", "Reward lost by using all the time", start=1.0, lower=0.0, upper=1e6),
-    Row("goal", "Stated standard deviation of the heading at which the task is done", "rad", start=0.0, lower=0.0, upper=4.0),
+    Row("goal", GOAL, "rad", start=0.0, lower=0.0, upper=4.0),
 ))  # fmt: skip
 _STATE = Table((
     NEVER,
     DECISIONS,
-    Row("level_before", "How well the heading was known at the last action: a natural logarithm"),
+    Row("level_before", "Natural logarithm of the heading uncertainty at the last action"),
 ))  # fmt: skip
 _FOUND = Table((
-    Row("roll_pitch", "Roll and pitch, as the filter finds them", "rad", (2,), "n", lower=-4.0, upper=4.0),
-    Row("heading_cosine_sine", "Cosine and sine of the heading, likewise", "1", (2,), "n", lower=-1.0, upper=1.0),
-    Row("velocity_estimate", "Velocity, likewise", "m/s", (3,), "n", lower=-1e4, upper=1e4),
-    Row("position_estimate", "Position from the start as told, likewise", "m", (3,), "n", lower=-1e7, upper=1e7),
-    Row("attitude_level", "Decimal logarithm of the stated standard deviation of the misalignment, north, east, down (rad)",
-        "1", (3,), "n", lower=-16.0, upper=16.0),
-    Row("velocity_level", "Likewise of the velocity (m/s)", "1", (3,), "n", lower=-16.0, upper=16.0),
-    Row("position_level", "Likewise of the position (m)", "1", (3,), "n", lower=-16.0, upper=16.0),
-    Row("gyro_bias", "Gyro bias, as the filter finds it", "rad/s", (3,), "b", lower=-1e3, upper=1e3),
-    Row("accel_bias", "Accelerometer bias, likewise", "m/s^2", (3,), "b", lower=-1e5, upper=1e5),
+    Row("roll_pitch", "Estimated roll and pitch", "rad", (2,), "n", lower=-4.0, upper=4.0),
+    Row("heading_cosine_sine", "Cosine and sine of the estimated heading", "1", (2,), "n", lower=-1.0, upper=1.0),
+    Row("velocity_estimate", "Estimated velocity", "m/s", (3,), "n", lower=-1e4, upper=1e4),
+    Row("position_estimate", "Estimated position from the reported start", "m", (3,), "n", lower=-1e7, upper=1e7),
+    *(
+        Row(f"{name}_level", f"Decimal logarithm of the stated standard deviation of the {what}", "1", (3,), "n",
+            lower=-16.0, upper=16.0)
+        for name, what in (("attitude", "misalignment (rad)"), ("velocity", "velocity (m/s)"), ("position", "position (m)"))
+    ),
+    Row("gyro_bias", "Estimated gyro bias", "rad/s", (3,), "b", lower=-1e3, upper=1e3),
+    Row("accel_bias", "Estimated accelerometer bias", "m/s^2", (3,), "b", lower=-1e5, upper=1e5),
 ))  # fmt: skip
 _INFO = Table((
     *TRUTH,
     ERROR,
-    Row("heading_error", "Heading found less the true one, in (-pi, pi]", "rad"),
-    Row("heading_sigma", "Standard deviation of the misalignment about down that the filter states", "rad"),
-    Row("goal", "That at which the task is done", "rad"),
+    Row("heading_error", "Heading error, estimate minus truth, in (-pi, pi]", "rad"),
+    Row("heading_sigma", "Stated standard deviation of the misalignment about down", "rad"),
+    Row("goal", GOAL, "rad"),
     Row("reached", "1 if the goal is reached"),
     Row("diverged", "1 if the filter has diverged"),
 ))  # fmt: skip
 
 
 def _by_uncertainty(inner: Inner, p: Any, x: Any) -> Any:
-    """ln of the stated standard deviation."""
+    """Return ln of the stated standard deviation of the heading."""
     return _log(inner.found(p, x).attitude_sigma[2])
 
 
 def _by_error(inner: Inner, p: Any, x: Any) -> Any:
-    """ln of the error, of which errors below the goal hardly count."""
+    """Return ln of the heading error, with a floor at the goal."""
     error = _heading_error(inner, p, x)
     return 0.5 * _log(error * error + p.goal * p.goal)
 
 
 REWARDS: dict[str, Callable[[Inner, Any, Any], Any]] = {"uncertainty": _by_uncertainty, "error": _by_error}
-"""What falls, by name."""
+"""Logarithm whose fall is the reward, by the name of the reward."""
 
 
 @lru_cache(maxsize=16)
 def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task:
-    """The task for a plant whose vehicle is of a kind of `COMMANDS`, with the filter `estimator` and a reward of `REWARDS`.
+    """Return the task of making the heading observable by moving.
+
+    kind: kind of vehicle, a key of `COMMANDS`.  estimator: id of the inner filter.  reward: a key of `REWARDS`.
 
     Raises `InputError` for a filter that cannot run inside.
     """
@@ -145,7 +149,7 @@ def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
 
 def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: Any) -> dict[str, Any]:
     error, sigma = inner.error(p, x), inner.found(p, x).attitude_sigma[2]
-    # neither holds of what is no number
+    # comparisons with NaN are false
     sound = ca.logic_and(ca.sumsqr(error) <= FARTHEST**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
     reached = ca.logic_and(sound, sigma < p.goal)
     each = 1.0 / p.decision_limit
@@ -199,7 +203,7 @@ def _setup(
 
 
 def _commanded(scenario: Scenario) -> tuple[Model, str]:
-    """The plant, and what of it is commanded: a vehicle that stays in place stands on a turntable."""
+    """Return the plant and its kind of commands; a vehicle that stays in place stands on a turntable."""
     if not scenario.vehicle.in_place:
         return plant_of(scenario)[0], scenario.vehicle.kind
     return _turntable_plant(scenario.vehicle.structure()), "turntable"
@@ -213,55 +217,55 @@ def _turntable_plant(structure: Structure) -> Model:
 class ManoeuvreEnv(InertialEnv):
     """
     ## Description
-    A vehicle with GNSS does not know its heading: fixes tell where it goes, not where its unit looks, until it
-    accelerates, brakes or turns. The agent commands the vehicle so that the filter, built in, finds the heading soon:
-    active alignment.  A vehicle that stays in place stands on a turntable, which the agent turns (indexing). Id:
-    `insenv/Manoeuvre-v0`.
+    A vehicle with GNSS does not know its heading. Fixes give its direction of travel; they do not give the orientation
+    of its inertial unit until it accelerates, brakes or turns. The agent commands the vehicle such that the built-in
+    filter finds the heading quickly: active alignment. A vehicle that stays in place stands on a turntable, which the
+    agent turns (indexing). Id: `insenv/Manoeuvre-v0`.
 
     ## Action Space
-    `Box(-1, 1, float64)`; what is outside is taken as the nearest allowed. A car, (2,):
+    `Box(-1, 1, float64)`; actions outside the space are clipped to it. A car, (2,):
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
-    | 0 | acceleration along the path; negative: brake, to a stop; up to 25 m/s | -1 | 1 | 3 m/s^2 |
-    | 1 | acceleration across the path, right positive: a turn | -1 | 1 | 3 m/s^2 |
+    | 0 | acceleration along the path, up to 25 m/s; negative: brake to a stop | -1 | 1 | 3 m/s^2 |
+    | 1 | acceleration across the path, positive to the right: a turn | -1 | 1 | 3 m/s^2 |
 
     An aircraft, (3,):
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
     | 0 | acceleration along the path, between 60 and 120 m/s | -1 | 1 | 2.5 m/s^2 |
-    | 1 | bank of a coordinated turn, right positive | -1 | 1 | 0.7 rad |
+    | 1 | bank of a coordinated turn, positive to the right | -1 | 1 | 0.7 rad |
     | 2 | rate of climb | -1 | 1 | 10 m/s |
 
     A car or aircraft in place, (1,):
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
-    | 0 | angle that the turntable goes to, at 10 deg/s, clockwise | -1 | 1 | 180 deg |
+    | 0 | target angle of the turntable, clockwise; it turns at 10 deg/s | -1 | 1 | 180 deg |
 
     ## Observation Space
-    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. "Level": decimal logarithm of a value in
-    SI units. The window is the time since the last step. A is the size of the action.
+    `Box(float64)`, flat; `env.unwrapped.named(observation)` returns it by name. "Level" is the decimal logarithm of a
+    value in SI units. The window is the time since the last step. A is the size of the action.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
     | 0 | time since the start | 0 | 1e6 | s |
-    | 1-2 | roll and pitch, as the filter finds them | -4 | 4 | rad |
-    | 3-4 | cosine and sine of the heading, likewise | -1 | 1 | 1 |
-    | 5-7 | velocity, likewise, n | -1e4 | 1e4 | m/s |
-    | 8-10 | position from the start as told, likewise, n | -1e7 | 1e7 | m |
+    | 1-2 | estimated roll and pitch | -4 | 4 | rad |
+    | 3-4 | cosine and sine of the estimated heading | -1 | 1 | 1 |
+    | 5-7 | estimated velocity, n | -1e4 | 1e4 | m/s |
+    | 8-10 | estimated position from the reported start, n | -1e7 | 1e7 | m |
     | 11-13 | levels of the stated standard deviations of the misalignment about north, east, down (rad) | -16 | 16 | 1 |
-    | 14-16 | of the velocity (m/s) | -16 | 16 | 1 |
-    | 17-19 | of the position (m) | -16 | 16 | 1 |
-    | 20-22 | gyro bias, as the filter finds it, b | -1e3 | 1e3 | rad/s |
-    | 23-25 | accelerometer bias, likewise | -1e5 | 1e5 | m/s^2 |
+    | 14-16 | levels of those of the velocity (m/s) | -16 | 16 | 1 |
+    | 17-19 | levels of those of the position (m) | -16 | 16 | 1 |
+    | 20-22 | estimated gyro bias, b | -1e3 | 1e3 | rad/s |
+    | 23-25 | estimated accelerometer bias, b | -1e5 | 1e5 | m/s^2 |
     | 26 | fixes in the window | 0 | 1e6 | 1 |
     | 27 | time since the epoch of the latest fix | 0 | 1e6 | s |
-    | 28-30 | root mean square of their innovations: position, north, east, down | 0 | 1e6 | m |
-    | 31-33 | velocity | 0 | 1e6 | m/s |
-    | 34-39 | mean of their test ratios (innovation over its standard deviation as the filter sees it) | -100 | 100 | 1 |
-    | 40-45 | level of the root mean square of the test ratios; 0 if the filter is right, or without fixes | -6 | 2 | 1 |
+    | 28-30 | root mean square of the position innovations, north, east, down | 0 | 1e6 | m |
+    | 31-33 | root mean square of the velocity innovations | 0 | 1e6 | m/s |
+    | 34-39 | mean test ratios (innovation over the standard deviation that the filter predicts) | -100 | 100 | 1 |
+    | 40-45 | level of the root mean square of the test ratios; 0 for a consistent filter, and without fixes | -6 | 2 | 1 |
     | 46-48 | mean of the gyros in the window, b | -1e3 | 1e3 | rad/s |
     | 49-51 | standard deviation of a gyro sample | 0 | 1e3 | rad/s |
     | 52-54 | mean of the accelerometers | -1e5 | 1e5 | m/s^2 |
@@ -269,35 +273,27 @@ class ManoeuvreEnv(InertialEnv):
     | 58 .. 57+A | the action in force | -1 | 1 | 1 |
 
     ## Rewards
-    With k = ln of the heading's standard deviation as the filter states it (`reward="uncertainty"`), or k = ln
-    sqrt(error^2 + goal^2) of the heading's true error (`reward="error"`), and T the number of steps: `(k before - k
-    after) - time_weight / T`.  The sum over an episode is what has been won in all, less `time_weight` times the share
-    of the time that it took. A filter that has diverged ends the episode with -10, less the time left.
+    Let k be the logarithm of the stated standard deviation of the heading (`reward="uncertainty"`), or `ln sqrt(error^2
+    + goal^2)` with the true error of the heading (`reward="error"`), and T the number of steps. Every step gives `(k
+    before - k after) - time_weight / T`. The sum over an episode is the total fall of k, minus `time_weight` times the
+    share of the time used. Divergence ends the episode with `-10 - time_weight * (share of the time left)`.
 
     ## Starting State
-    The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say. The
-    commands of the scenario's own legs end with the first action.
+    That of the scenario, with a seed from the environment's generator; the arguments add further random draws. The
+    first action ends the commands of the scenario's own legs.
 
     ## Episode End
-    Terminated when the stated standard deviation of the heading is below the goal, or when the filter has diverged: off
-    by 100 km, or no numbers. Truncated at the end of the time.
+    Terminated when the stated standard deviation of the heading is below the goal, or when the filter diverges: a
+    position error above 100 km, or NaN. Truncated at the end of the time.
 
     ## Arguments
-    - `scenario`: name, path, `insenv.scenario.Scenario` or mapping, of a car or aircraft with GNSS. `duration_s`: instead of
-      the scenario's. `samples_per_step`: inertial samples in a step.
-    - `estimator`: "aqe-ekf", "aqe-sukf" (both made for headings quite unknown) or "loosely-coupled".
-    - `reward`: "uncertainty" or "error". `goal_deg`: of the heading, deg. `time_weight`: see Rewards.
-    - `initial_error`: standard deviations (tilt, heading) of what is told, deg; `heading_deg`: range of the start heading, deg.
-    - `imu`: a grade of `insenv list`, or "random": between the two grades `imu_range`, drawn at each reset. `sea_state`: range
-      of a factor on the amplitudes of engine, wind and gusts. `gnss_outages_s`: windows, s.
-    - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
-
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and
-    `run_seed`: the seed of `insenv run`.
+    - `scenario`: as for `AlignmentEnv`, of a car or aircraft with GNSS.
+    - `estimator`: "aqe-ekf", "aqe-sukf" (both made for an unknown heading) or "loosely-coupled".
+    - `reward`: "uncertainty" or "error". `goal_deg`: goal for the heading, deg. `time_weight`: see Rewards.
+    - All others, and the options of `reset`: as for `AlignmentEnv`.
 
     ## Vectorized environment
-    `gymnasium.make_vec` makes `ManoeuvreVectorEnv`, one batch: row i is the single environment reset with seed + i, to
-    the bit. `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
+    `gymnasium.make_vec` makes `ManoeuvreVectorEnv`, as for `AlignmentEnv`.
 
     ## Version History
     - v0: first version.

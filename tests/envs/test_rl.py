@@ -1,4 +1,4 @@
-"""Learning: the example's PPO beats the untuned filter on seeds that it has not seen.  Minutes: `make test-rl` runs it."""
+"""Learning: the example's PPO beats the untuned filter on held-out seeds.  It takes minutes; `make test-rl` runs it."""
 
 import os
 import re
@@ -9,7 +9,7 @@ import pytest
 from places import ROOT
 
 if not os.environ.get("INSENV_TEST_RL"):
-    pytest.skip("it trains for minutes: make test-rl runs it", allow_module_level=True)
+    pytest.skip("training takes minutes: make test-rl runs it", allow_module_level=True)
 pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed: pip install insenv[rl]")
 
 
