@@ -24,7 +24,7 @@ def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "figure" / "tuner.png").stat().st_size > 10_000
-    found = re.search(r"PPO less untuned, seed by seed: ([+-][\d.]+) \+- ([\d.]+)", done.stdout)
+    found = re.search(r"PPO minus untuned, seed by seed: ([+-][\d.]+) \+- ([\d.]+)", done.stdout)
     assert found is not None, done.stdout
     gain, error = map(float, found.groups())
     assert gain > 4 * error, done.stdout
