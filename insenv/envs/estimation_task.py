@@ -11,7 +11,6 @@ in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORS
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -48,7 +47,6 @@ SAMPLE = Table((
 """Rows of each inertial sample in an observation."""
 FIX = Table((
     Row("fix_new", "1 if the fix arrived since the last step", lower=0.0, upper=1.0),
-    Row("fix_count", "Number of fixes so far", lower=0.0, upper=1e9),
     Row("fix_time", "Time of delivery of the latest fix", "s", lower=0.0, upper=1e6),
     Row("fix_delay", "Time from its epoch to its delivery", "s", lower=0.0, upper=1e6),
     Row("fix_position", "Antenna from the reference, latest fix", "m", (3,), "n", lower=-1e8, upper=1e8),
@@ -74,7 +72,6 @@ def fix_part() -> Part:
         )
         return {
             "fix_new": ca.SX(1),
-            "fix_count": x.fix_count + 1.0,
             "fix_time": x.time,
             "fix_delay": x.gnss_age,
             "fix_position": antenna,
@@ -87,92 +84,68 @@ def fix_part() -> Part:
     return Part(state=FIX, steps={"keep_fix": Step(keep, when="gnss_valid")})
 
 
-@dataclass(frozen=True)
-class Referee:
-    """Scores an attitude (alignment), or an attitude, a velocity and a position (navigation).
+def _rows(navigates: bool) -> tuple[Table, Row, Row]:
+    """Return the rows of the action (elements in [-1, 1]), the error (estimate minus truth) and the error limit.
 
-    navigates: whether the action contains velocity and position.  There is then no declaring: the episode lasts its
-    full time.
+    An alignment estimates the attitude and can be declared.  A navigation also estimates velocity and position; it
+    lasts its full time.
     """
-
-    navigates: bool
-
-    @property
-    def actions(self) -> Table:
-        """Rows of the action, each component in [-1, 1]."""
-        quaternion = Row("estimate_q_nb", "Estimate of q_nb; any norm but 0", "1", (4,), "n", (1, 0, 0, 0), -1.0, 1.0)
-        if not self.navigates:
-            return Table((quaternion, Row("declare", "Above 0: aligned, end the episode", start=-1.0, lower=-1.0, upper=1.0)))
+    size, what = 3, "rotation vector (rad)"
+    own: tuple[Row, ...] = (Row("declare", "Above 0: aligned, end the episode", start=-1.0, lower=-1.0, upper=1.0),)
+    if navigates:
+        size, what = 9, f"{what}, velocity (m/s), position (m)"
         velocity = f"Estimate of velocity_n, in {VELOCITY_RANGE:g} m/s"
         position = f"Estimate of the position from the reference, in {POSITION_RANGE:g} m"
-        return Table((
-            quaternion,
+        own = (
             Row("estimate_velocity", velocity, "1", (3,), "n", 0.0, -1.0, 1.0),
             Row("estimate_position", position, "1", (3,), "n", 0.0, -1.0, 1.0),
-        ))  # fmt: skip
+        )
+    quaternion = Row("estimate_q_nb", "Estimate of q_nb; any norm but 0", "1", (4,), "n", (1, 0, 0, 0), -1.0, 1.0)
+    error = Row("error", f"Error of the latest estimate in n: {what}", "1", (size,), "n")
+    limit = Row("limit", "1-sigma limit of each component of the error", "1", (size,), "n", 1.0, lower=1e-15, upper=1e9)
+    return Table((quaternion, *own)), error, limit
 
-    @property
-    def components(self) -> int:
-        """Number of error components."""
-        return 9 if self.navigates else 3
 
-    @property
-    def error(self) -> Row:
-        """State row of the errors, estimate minus truth."""
-        what = "rotation vector (rad)" + (", velocity (m/s), position (m)" if self.navigates else "")
-        return Row("error", f"Error of the latest estimate in n: {what}", "1", (self.components,), "n")
+def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Score the action; actions outside the bounds are invalid."""
+    navigates = "declare" not in actions
+    given = ca.vertcat(*(getattr(u, row.name) for row in actions))
+    outside = ca.sumsqr(select(ca.fabs(given) > 1.0 + 1e-9, 1.0, 0.0)) > 0.0
+    # values outside the bounds must not overflow below
+    action = actions.symbols(clamp(given, -1.0, 1.0))
+    square = ca.dot(action.estimate_q_nb, action.estimate_q_nb)
+    invalid = ca.logic_or(square < SHORT, outside)
+    q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), action.estimate_q_nb)
+    error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
+    if navigates:
+        velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
+        error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - from_reference(p, x))
+    ratio = error / p.limit
+    measure = minimum(log(1.0 + ca.sqrt(ca.sumsqr(ratio) / error.numel())), WORST)
 
-    @property
-    def limit(self) -> Row:
-        """Parameter row of the error limits."""
-        meaning = "1-sigma limit of each component of the error"
-        return Row("limit", meaning, "1", (self.components,), "n", 1.0, lower=1e-15, upper=1e9)
-
-    def part(self) -> Part:
-        """Return the scoring as a part of a model; its step ``judge`` runs only when it is called by name."""
-        weight = Row("time_weight", "Reward lost by using all the time before declaring", start=1.0, lower=0.0, upper=1e6)
-        parameters = KNOWN + Table((self.limit, DECISION_LIMIT, weight))
-        state = RESULT + FLAGS + Table((DECISIONS, self.error, NEVER))
-        return Part(parameters=parameters, state=state, inputs=self.actions, steps={"judge": Step(self._judge, when="never")})
-
-    def _judge(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
-        given = ca.vertcat(*(getattr(u, row.name) for row in self.actions))
-        outside = ca.sumsqr(select(ca.fabs(given) > 1.0 + 1e-9, 1.0, 0.0)) > 0.0
-        # values outside the bounds must not overflow below
-        action = self.actions.symbols(clamp(given, -1.0, 1.0))
-        square = ca.dot(action.estimate_q_nb, action.estimate_q_nb)
-        invalid = ca.logic_or(square < SHORT, outside)
-        q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), action.estimate_q_nb)
-        error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
-        if self.navigates:
-            velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
-            error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - from_reference(p, x))
-        ratio = error / p.limit
-        measure = minimum(log(1.0 + ca.sqrt(ca.sumsqr(ratio) / self.components)), WORST)
-
-        decisions = x.decisions + 1.0
-        last = decisions >= p.decision_limit
-        share = 1.0 / p.decision_limit
-        left = 1.0 - x.decisions * share  # share of the time left, this decision included
-        if self.navigates:
-            declared = ca.SX(0)
-            paid, forfeit = share * measure, left * WORST
-        else:
-            declared = ca.logic_and(action.declare > 0.0, ca.logic_not(invalid))
-            over = ca.logic_or(declared, last)
-            paid = share * (p.time_weight + measure) + select(over, measure, 0.0)
-            forfeit = left * (p.time_weight + WORST) + WORST
-        terminated = ca.logic_or(declared, invalid)
-        return {
-            "reward": -select(invalid, forfeit, paid),
-            "terminated": terminated,
-            "truncated": ca.logic_and(last, ca.logic_not(terminated)),
-            "declared": declared,
-            "diverged": invalid,
-            "decisions": decisions,
-            "error": error,
-            **({"fix_new": ca.SX(0)} if hasattr(x, "fix_new") else {}),
-        }
+    decisions = x.decisions + 1.0
+    last = decisions >= p.decision_limit
+    share = 1.0 / p.decision_limit
+    left = 1.0 - x.decisions * share  # share of the time left, this decision included
+    if navigates:
+        declared = ca.SX(0)
+        paid, forfeit = share * measure, left * WORST
+    else:
+        declared = ca.logic_and(action.declare > 0.0, ca.logic_not(invalid))
+        over = ca.logic_or(declared, last)
+        paid = share * (p.time_weight + measure) + select(over, measure, 0.0)
+        forfeit = left * (p.time_weight + WORST) + WORST
+    terminated = ca.logic_or(declared, invalid)
+    return {
+        "reward": -select(invalid, forfeit, paid),
+        "terminated": terminated,
+        "truncated": ca.logic_and(last, ca.logic_not(terminated)),
+        "declared": declared,
+        "diverged": invalid,
+        "decisions": decisions,
+        "error": error,
+        **({"fix_new": ca.SX(0)} if hasattr(x, "fix_new") else {}),
+    }
 
 
 @lru_cache(maxsize=64)
@@ -184,10 +157,10 @@ def estimation_task(plant: Model, navigates: bool) -> Task:
     has_gnss = "gnss_valid" in plant.state
     if navigates and not has_gnss:
         raise InputError("a navigation environment needs GNSS fixes: the scenario has no [gnss]")
-    referee = Referee(navigates)
-    fix = Table((FIX["fix_new"], FIX_AGE)) + Table(FIX.rows[3:]) if has_gnss else Table()
+    actions, error, limit = _rows(navigates)
+    fix = Table((FIX["fix_new"], FIX_AGE)) + Table(FIX.rows[2:]) if has_gnss else Table()
     observation = Table((CLOCK,)) + fix + KNOWN
-    info = TRUTH + Table((referee.error, referee.limit)) + FLAGS
+    info = TRUTH + Table((error, limit)) + FLAGS
 
     def output(p: Any, x: Any) -> dict[str, Any]:
         rows = {name: getattr(p, name) for name in (*KNOWN.names, "limit")}
@@ -198,9 +171,16 @@ def estimation_task(plant: Model, navigates: bool) -> Task:
         return rows | truth(p, x)
 
     what = "navigation" if navigates else "alignment"
-    parts = [as_part(plant), *([fix_part()] if has_gnss else []), referee.part()]
+    weight = Row("time_weight", "Reward lost by using all the time before declaring", start=1.0, lower=0.0, upper=1e6)
+    referee = Part(
+        parameters=KNOWN + Table((limit, DECISION_LIMIT, weight)),
+        state=RESULT + FLAGS + Table((DECISIONS, error, NEVER)),
+        inputs=actions,
+        steps={"judge": Step(lambda p, x, u: _judge(actions, p, x, u), when="never")},
+    )
+    parts = [as_part(plant), *([fix_part()] if has_gnss else []), referee]
     model = merge(f"{plant.id}-{what}", f"{plant.title}: {what}", parts, observation + RESULT + info, output)
-    return Task(model, referee.actions, SAMPLE, observation, info)
+    return Task(model, actions, SAMPLE, observation, info)
 
 
 def estimate_action(
@@ -208,9 +188,8 @@ def estimate_action(
 ) -> Array:
     """Return the action that states an estimate, (actions.size,), or (rows, actions.size) for estimates of many rows.
 
-    q_nb (..., 4).  declare: above 0 ends an alignment.  velocity_n (..., 3, m/s) and position from the reference (...,
-    3, m), both in n: for navigation tasks.  Raises `InputError` for a missing
-    component or a wrong shape.
+    q_nb (..., 4).  declare: above 0 ends an alignment.  velocity_n (..., 3), m/s, and position from the reference
+    (..., 3), m, both in n: for navigation tasks.  Raises `InputError` for a missing component or a wrong shape.
     """
     lead = np.shape(q_nb)[:-1]
     action = np.empty((*lead, task.actions.size))
