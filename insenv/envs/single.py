@@ -61,7 +61,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         runner._u[:] = self.setup.task.model.inputs.start_vector()
         self._over = False
         self._buffer[:] = 0.0
-        self._buffer[len(self._buffer) - self.setup.task.model.outputs.size :] = runner.output()
+        self._buffer[self.setup.task.watched.size * self.setup.samples :] = runner.output()
         shown = self._buffer.copy()
         observation, info = shown[: self._observed], self._info(shown)
         if self.history is not None:

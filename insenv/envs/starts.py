@@ -106,8 +106,6 @@ class Starts:
             rows = {name: np.asarray(value) for name, value in plant_of(scenario)[1].items()}
             _scale(rows, self._vehicle, ranges.sea_state[1])
             check_speed_of_sinusoids(rows, 1.0 / scenario.rate_hz)
-        if ranges.gnss_outages_s and scenario.gnss is None:
-            raise InputError("gnss_outages_s: the scenario has no [gnss]")
         self._base = self._bases(ranges)
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:

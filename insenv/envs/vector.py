@@ -60,6 +60,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         )
         self._places = places_of(setup)
         self._observed = self._places["reward"].start
+        self._outputs = slice(task.watched.size * setup.samples, None)
         self._inputs = np.tile(task.model.inputs.start_vector(), (self.num_envs, 1))
         self._over: NDArray[np.bool_] | None = None
         self._generators: list[np.random.Generator] = []
@@ -90,12 +91,8 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             self._over = np.zeros(self.num_envs, dtype=bool)
         self._start(rows, options or None)
         shown = np.zeros((self.num_envs, max(place.stop for place in self._places.values())))
-        shown[:, self._observed_outputs] = self._batch.output()
+        shown[:, self._outputs] = self._batch.output()
         return shown[:, : self._observed], self._info(shown)
-
-    @property
-    def _observed_outputs(self) -> slice:
-        return slice(self.setup.task.watched.size * self.setup.samples, None)
 
     def step(self, actions: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
         """Judge each row's action, then advance to the next decision; `autoreset_mode` decides about ended rows."""
@@ -110,7 +107,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         if len(over):
             self._start(over, None)
             shown[over] = 0.0
-            shown[over, self._observed_outputs] = self._batch.output()[over]
+            shown[over, self._outputs] = self._batch.output()[over]
             score = slice(self._places["reward"].start, self._places["truncated"].stop)
             shown[over, score] = 0.0  # the new episode has no score yet
         reward, terminated, truncated = (shown[:, self._places[name].start] for name in ("reward", "terminated", "truncated"))
