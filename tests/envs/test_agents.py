@@ -87,7 +87,7 @@ def test_a_row_of_a_vector_agent_is_the_single_agent():
             assert np.array_equal(seen[-1], observation[i])
             action = single.act(seen[-1])
             assert np.array_equal(action, actions[i])
-            seen.append(env.step(action)[0] if not env.unwrapped._over else env.reset()[0])
+            seen.append(env.reset()[0] if env.unwrapped.snapshot().over else env.step(action)[0])
         observation, *_ = venv.step(actions)
 
 

@@ -69,14 +69,14 @@ def test_manoeuvres_beat_driving_straight(car):
 
 def test_the_reward_is_the_fall_of_the_stated_sigma(car):
     car.reset(seed=2)
-    known = car.setup.task.model.parameters.unpack(car._runner.p)["known_heading_sigma"]
+    known = car.setup.task.model.parameters.unpack(car.snapshot().parameters)["known_heading_sigma"]
     total = 0.0
     for k in range(6):
         _, reward, terminated, _, info = car.step(np.array([1.0, 0.5 * (k % 2)]))
         total += reward
         assert not terminated
         if k == 0:
-            begun = float(car.setup.task.model.state.unpack(car._runner.x)["level_before"])
+            begun = float(car.setup.task.model.state.unpack(car.snapshot().state)["level_before"])
     assert total == pytest.approx(begun - np.log(info["heading_sigma"]) - 6.0 / 40.0, rel=1e-9)
     # for a normal heading error the filter keeps the second moment of its sine, at most 1/2
     assert begun == pytest.approx(np.log(2 * np.sqrt(0.5 * (1 - np.exp(-0.5 * known**2)))), rel=1e-3)
@@ -146,7 +146,7 @@ def test_a_turntable_changes_the_heading_only():
     for k in range(2):
         *_, info = env.step(np.zeros(1))
         assert info["q_nb"] == pytest.approx(still["q_nb"][50 * k + 49], abs=1e-14)
-    state = env.setup.task.model.state.unpack(env._runner.x)
+    state = env.setup.task.model.state.unpack(env.snapshot().state)
     for name in ("delta_angle", "delta_velocity"):
         assert state[name] == pytest.approx(still[name][-1], abs=1e-14)
     before = attitude.numeric.to_euler(info["q_nb"])
@@ -172,7 +172,9 @@ def test_indexing_beats_standing_still():
 def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
     env = ManoeuvreEnv(**SHORT)
     env.reset(seed=1)
-    env._runner.x[env.setup.task.model.state.slice("estimator_height")] = wrong
+    snapshot = env.snapshot()
+    snapshot.state[env.setup.task.model.state.slice("estimator_height")] = wrong
+    env.restore(snapshot)
     observation, reward, terminated, truncated, info = env.step(np.zeros(2))
     assert terminated and not truncated and info["diverged"] == 1.0
     assert env.observation_space.contains(observation)

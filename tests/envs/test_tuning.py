@@ -51,7 +51,7 @@ def test_an_action_of_zero_leaves_the_filter_of_a_run(second):
     model = loop_model(plant.model, estimator.model)
     runner = make_runner(model, {**plant.parameters, **{f"estimator_{k}": v for k, v in rows.items()}}, "interpreter")
     runner.run(600)
-    found = second.setup.task.model.state.unpack(second._runner.x)
+    found = second.setup.task.model.state.unpack(second.snapshot().state)
     assert found["gnss_epochs"] == 3
     for name, value in runner.state.items():
         assert np.array_equal(found[name], value), name
@@ -77,7 +77,7 @@ def test_factors_act_like_scaled_parameters(second):
     columns["dt"] = np.full(600, plant.sample_interval)
     runner = make_runner(estimator.model, rows, "interpreter")
     runner.run(600, input_rows(estimator.model, columns, 600))
-    found = second.setup.task.model.state.unpack(second._runner.x)
+    found = second.setup.task.model.state.unpack(second.snapshot().state)
     for name, value in runner.state.items():
         assert np.array_equal(found[f"estimator_{name}"], value), name
 
@@ -88,7 +88,7 @@ def test_a_larger_driving_noise_of_the_biases_acts_after_the_start():
     observation, _ = env.reset(seed=1)
     before = env.named(observation)["sigma_level"][9:15]
     driven = env.named(env.step(np.array([0, 0, 1.0, 1.0, 0, 0]))[0])["sigma_level"][9:15]
-    rows = env.setup.task.model.parameters.unpack(env._runner.p)
+    rows = env.setup.task.model.parameters.unpack(env.snapshot().parameters)
     for triad, part in (("gyro", slice(0, 3)), ("accel", slice(3, 6))):
         sigma, time = (float(rows[f"estimator_{triad}_{name}"]) for name in ("bias_sigma", "correlation_time"))
         assert before[part] == pytest.approx(np.log10(sigma), abs=1e-12)
@@ -156,7 +156,9 @@ def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
     env = TuningEnv(**SHORT)
     env.reset(seed=1)
     env.step(np.zeros(6))
-    env._runner.x[env.setup.task.model.state.slice("estimator_height")] = wrong
+    snapshot = env.snapshot()
+    snapshot.state[env.setup.task.model.state.slice("estimator_height")] = wrong
+    env.restore(snapshot)
     observation, reward, terminated, truncated, info = env.step(np.zeros(6))
     assert terminated and not truncated and info["diverged"] == 1.0
     assert env.observation_space.contains(observation)
