@@ -66,10 +66,6 @@ class Interface:
         """Return the complete state."""
         raise NotImplementedError
 
-    def restore(self, snapshot: Snapshot) -> None:
-        """Return to a snapshot of this environment or of one made with the same arguments."""
-        raise NotImplementedError
-
 
 def _remade(kind: Any, args: tuple[Any, ...], kwargs: dict[str, Any], snapshot: Snapshot) -> Any:
     env = kind(*args, **kwargs)

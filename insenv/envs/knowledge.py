@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from math import pi
 from typing import Any
 
@@ -71,13 +72,11 @@ def known_rows(
 
 def knowledge_of(known: Mapping[str, Any]) -> Knowledge:
     """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored."""
-    roll, pitch, heading = (float(angle) for angle in known["known_attitude"])
-    plain: dict[str, Any] = {name: float(known[f"known_{name}"]) for name in _NUMBERS}
-    plain |= {name: np.array(known[f"known_{name}"]) for name in _VECTORS}
-    sheet = SensorNotes(**{name: float(known[f"known_{name}"]) for name in _SHEET})
-    return Knowledge(**plain, roll=roll, pitch=pitch, heading=heading, sensors=sheet)
+    values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
+    values = {name: np.array(value) if np.ndim(value) else float(value) for name, value in values.items()}
+    roll, pitch, heading = (float(angle) for angle in values.pop("attitude"))
+    sheet = SensorNotes(**{name: values.pop(name) for name in _SHEET})
+    return Knowledge(**values, roll=roll, pitch=pitch, heading=heading, sensors=sheet)
 
 
-_NUMBERS = ("sample_interval", "latitude", "longitude", "height", "tilt_sigma", "heading_sigma")
-_VECTORS = ("position_sigma", "velocity_n", "velocity_sigma", "antenna_lever_arm")
-_SHEET = tuple(name.removeprefix("known_") for name in KNOWN.names[-6:])
+_SHEET = tuple(field.name for field in fields(SensorNotes))

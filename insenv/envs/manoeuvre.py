@@ -260,16 +260,7 @@ class ManoeuvreEnv(InertialEnv):
     | 17-19 | levels of those of the position (m) | -16 | 16 | 1 |
     | 20-22 | estimated gyro bias, b | -1e3 | 1e3 | rad/s |
     | 23-25 | estimated accelerometer bias, b | -1e5 | 1e5 | m/s^2 |
-    | 26 | fixes in the window | 0 | 1e6 | 1 |
-    | 27 | time since the epoch of the latest fix | 0 | 1e6 | s |
-    | 28-30 | root mean square of the position innovations, north, east, down | 0 | 1e6 | m |
-    | 31-33 | root mean square of the velocity innovations | 0 | 1e6 | m/s |
-    | 34-39 | mean test ratios (innovation over the standard deviation that the filter predicts) | -100 | 100 | 1 |
-    | 40-45 | level of the root mean square of the test ratios; 0 for a consistent filter, and without fixes | -6 | 2 | 1 |
-    | 46-48 | mean of the gyros in the window, b | -1e3 | 1e3 | rad/s |
-    | 49-51 | standard deviation of a gyro sample | 0 | 1e3 | rad/s |
-    | 52-54 | mean of the accelerometers | -1e5 | 1e5 | m/s^2 |
-    | 55-57 | standard deviation of an accelerometer sample | 0 | 1e5 | m/s^2 |
+    | 26-57 | statistics of the fixes and sensors in the window: components 1-32 of `TuningEnv` | | | |
     | 58 .. 57+A | the action in force | -1 | 1 | 1 |
 
     ## Rewards

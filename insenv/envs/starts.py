@@ -37,11 +37,8 @@ IMU_RANGE = ("marine", "tactical")
 class Ranges:
     """The quantities, besides the seed, that vary between episodes; None keeps the scenario's value.
 
-    imu: a grade of the catalogue, or "random" for a draw between the two grades `imu_range`, uniform in the logarithm
-    of each figure.  heading_deg, sea_state: ranges of uniform draws; `sea_state` multiplies the amplitudes and standard
-    deviations of the vehicle's waves, sway, engine and gusts.  initial_error: standard deviations of tilt and heading,
-    deg, both reported and used for the draw.  gnss_outages_s: intervals without fixes, s.  Raises `InputError` for a
-    value that is not allowed.
+    The fields are arguments of `AlignmentEnv`.  The draw between two grades is uniform in the logarithm of each figure;
+    `initial_error` is both reported and used for the draw.  Raises `InputError` for a value that is not allowed.
     """
 
     imu: str | None = None
