@@ -1,9 +1,9 @@
-"""Active alignment: a car that does not know its heading, and four ways to drive.
+"""Active alignment: four ways to drive a car whose heading is unknown.
 
     python examples/active_alignment.py [--out DIR]
 
-GNSS tells where the car goes, not where its inertial unit looks.  At an even speed straight on, the two have nothing to do with
-one another; every change of speed or direction, felt by the unit and seen by GNSS, ties them together.
+GNSS measures the direction of travel, not the orientation of the inertial unit.  Straight motion at constant speed does not
+relate the two.  Every change of speed or direction is measured by both the unit and GNSS, and relates them.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import insenv
 
 SECONDS, SEEDS = 60, range(12)
 PATTERNS = {  # (acceleration, turn) at second k, in 3 m/s^2
-    "straight, even speed": lambda k: (0.0, 0.0),
+    "straight, constant speed": lambda k: (0.0, 0.0),
     "accelerate and brake": lambda k: (1.0, 0.0) if k % 8 < 4 else (-1.0, 0.0),
     "circle": lambda k: (0.0, 1.0),
     "S-turns": lambda k: (0.0, 1.0) if k % 16 < 8 else (0.0, -1.0),
@@ -25,15 +25,15 @@ SHOWN = (5, 10, 20, 40, 60)
 
 
 def drive(env, pattern, seed):
-    """Stated standard deviation and true error of the heading (deg) at each second, (SECONDS, 2), and the way (m, n)."""
+    """Return the stated sigma and the true error of the heading, (SECONDS, 2, deg), and the track (SECONDS, 3, m, n)."""
     env.reset(seed=seed)
-    heading, way = [], []
+    heading, track = [], []
     for k in range(SECONDS):
         _, _, terminated, _, info = env.step(np.array(pattern(k)))
         heading.append((info["heading_sigma"], info["heading_error"]))
-        way.append(info["position"])
+        track.append(info["position"])
         assert not terminated
-    return np.degrees(heading), np.array(way)
+    return np.degrees(heading), np.array(track)
 
 
 def draw(path, found):
@@ -44,12 +44,12 @@ def draw(path, found):
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     time = np.arange(1, SECONDS + 1)
-    for number, (name, (heading, ways)) in enumerate(found.items()):
+    for number, (name, (heading, tracks)) in enumerate(found.items()):
         left.plot(time, np.median(heading[..., 0], axis=0), color=f"C{number}", label=name)
         left.plot(time, np.sqrt(np.mean(heading[..., 1] ** 2, axis=0)), color=f"C{number}", linestyle=":")
-        right.plot(ways[0][:, 1] - ways[0][0, 1], ways[0][:, 0] - ways[0][0, 0], color=f"C{number}", label=name)
+        right.plot(tracks[0][:, 1] - tracks[0][0, 1], tracks[0][:, 0] - tracks[0][0, 0], color=f"C{number}", label=name)
     left.set(xlabel="time [s]", ylabel="heading [deg]: stated sigma; dotted: rms error", yscale="log")
-    right.set(xlabel="east [m]", ylabel="north [m]", title="the way of the first seed", aspect="equal")
+    right.set(xlabel="east [m]", ylabel="north [m]", title="track of the first seed", aspect="equal")
     left.legend(fontsize=8)
     path.mkdir(parents=True, exist_ok=True)
     figure.savefig(path / "active-alignment.png", dpi=120)
@@ -57,20 +57,20 @@ def draw(path, found):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Ways to drive that make a car's heading known")
+    parser = argparse.ArgumentParser(description="Ways to drive that make the heading of a car observable")
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
-    env = gymnasium.make("insenv/Manoeuvre-v0", goal_deg=1e-3)  # a goal out of reach: every drive has its full time
+    env = gymnasium.make("insenv/Manoeuvre-v0", goal_deg=1e-3)  # a goal out of reach: every drive lasts its full time
     found = {}
     for name, pattern in PATTERNS.items():
         runs = [drive(env, pattern, seed) for seed in SEEDS]
-        found[name] = np.array([heading for heading, _ in runs]), [way for _, way in runs]
+        found[name] = np.array([heading for heading, _ in runs]), [track for _, track in runs]
 
     print(f"insenv {insenv.__version__}: heading [deg], stated sigma (median) / true error (rms) of {len(SEEDS)} seeds")
-    print("after" + " " * 16 + "".join(f"{second:>13} s" for second in SHOWN))
+    print("after" + " " * 19 + "".join(f"{second:>13} s" for second in SHOWN))
     for name, (heading, _) in found.items():
         sigma, error = np.median(heading[..., 0], axis=0), np.sqrt(np.mean(heading[..., 1] ** 2, axis=0))
-        print(f"{name:21s}" + "".join(f"{f'{sigma[s - 1]:.2f} / {error[s - 1]:.2f}':>15}" for s in SHOWN))
+        print(f"{name:24s}" + "".join(f"{f'{sigma[s - 1]:.2f} / {error[s - 1]:.2f}':>15}" for s in SHOWN))
     if given.out:
         draw(given.out, found)
 

@@ -1,4 +1,4 @@
-"""A plain env.step loop: an agent aligns a swaying ship, and says when it is done.
+"""A plain env.step loop: an agent aligns a swaying ship and declares when it is aligned.
 
 python examples/env_loop.py
 """
@@ -15,10 +15,10 @@ agent = agents.make("qakf-improved", env, declare_after_s=240.0)
 observation, info = env.reset(seed=7)
 score, over = 0.0, False
 while not over:
-    action = agent.act(observation, info)  # the agent sees the observation alone: the truth is in the info
+    action = agent.act(observation, info)  # the agent uses the observation only; the info contains the truth
     observation, reward, terminated, truncated, info = env.step(action)
     score, over = score + reward, terminated or truncated
 
 error, limit = np.degrees(info["error"]), np.degrees(info["limit"])
 print(f"insenv {insenv.__version__}: aligned after {env.unwrapped.named(observation)['time']:.0f} s, score {score:.3f}")
-print(f"heading error {error[2]:+.4f} deg, limit {limit[2]:.4f} deg (1 sigma, at the end of all the time)")
+print(f"heading error {error[2]:+.4f} deg, limit {limit[2]:.4f} deg (1 sigma, at the end of the full time)")

@@ -1,4 +1,4 @@
-"""Write an estimator of your own and score it beside a baseline.
+"""Write your own estimator as an agent and compare it with a baseline.
 
 python examples/own_estimator.py
 """
@@ -11,7 +11,7 @@ from insenv.geodesy import numeric as geodesy
 
 
 class TwoVectors:
-    """Gravity and the Earth's rate, averaged over all samples: good on a vehicle that does not move at all."""
+    """Attitude from the averages of gravity and Earth rate over all samples, for a vehicle that does not move."""
 
     def __init__(self, env):
         self.env = env.unwrapped
@@ -24,7 +24,7 @@ class TwoVectors:
         self.rate += seen["imu"][:, 0:3].sum(axis=0)
         if not self.force.any():
             return estimate_action(self.env.setup.task, np.array([1.0, 0.0, 0.0, 0.0]))
-        earth_rate_n = geodesy.earth_rate_n(seen["told_latitude"])
+        earth_rate_n = geodesy.earth_rate_n(seen["known_latitude"])
         down_n, north_n = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
         down_b = -self.force / np.linalg.norm(self.force)
         east_b = np.cross(down_b, self.rate)
@@ -35,7 +35,7 @@ class TwoVectors:
 
 
 def score(env, agent, seeds):
-    """Mean return over episodes, and RMS of the heading error at their ends (deg)."""
+    """Return the mean return of the episodes and the RMS of the heading error at their ends (deg)."""
     returns, errors = [], []
     for seed in seeds:
         observation, info = env.reset(seed=seed)

@@ -1,10 +1,9 @@
-"""Step by step: a plant and an estimator, each a runner, in a plain loop of one inertial sample at a time.
+"""Step by step: a plant and an estimator, each on a runner, in a plain loop over inertial samples.
 
     python examples/step_by_step.py
 
-The loop is yours: here a car drives for a minute and a half, the last ten seconds without GNSS, and the filter's error is
-looked at beside what it states.  Inputs and outputs go by name; what there is stands in the models' tables, as
-`print(estimator.model.inputs.names)` shows.
+A car drives for a minute and a half, the last ten seconds without GNSS; the loop prints the filter's error beside the sigma
+that it states.  Inputs and outputs are passed by name; `print(estimator.model.inputs.names)` shows the names.
 """
 
 import numpy as np

@@ -1,13 +1,13 @@
-"""Train a tuner: PPO of Stable-Baselines3 learns to scale a filter's noises, and is compared on seeds that it has not seen.
+"""Train a tuner: PPO of Stable-Baselines3 learns to scale a filter's noises and is compared on held-out seeds.
 
-    pip install 'insenv[rl,plot]'            # torch's wheel for processors without a GPU is enough
+    pip install 'insenv[rl,plot]'            # torch's CPU wheel is enough
     python examples/train_tuner.py           # some minutes
     python examples/train_tuner.py --steps 40000 --out tuner
 
-The filter is the 15-state one in a city drive with two outages of GNSS.  It is mistuned on purpose: at each episode what it is
-told of its noises is wrong by factors of up to 30 either way, drawn anew, which the agent is not told.  It sees innovations,
-covariance and sensors, and finds factors that mend it.  Beside it stand the untuned filter (mistuned as it is), the best fixed
-factors that a search along the axes finds, and the filter that has the data sheets right, which nobody knew.
+The filter is the 15-state filter in a city drive with two GNSS outages.  It is mistuned on purpose: each episode multiplies its
+noise parameters by random factors of up to 30 either way, which the agent does not know.  The agent observes innovations,
+covariance and sensors, and chooses factors that correct the filter.  It is compared with the untuned filter (as mistuned), with
+the best fixed factors of a search along the axes, and with the filter that has the correct data sheets.
 """
 
 import argparse
@@ -25,7 +25,7 @@ ROWS = 16  # environments that are trained on at once
 
 
 def episodes(policy, seeds, **options):
-    """One episode for each seed, all at once: mean reward of an episode and the rows of the infos, (steps, seeds, ...)."""
+    """Run one episode per seed in one batch; return the rewards (seeds,) and the infos by name, (steps, seeds, ...)."""
     venv = gymnasium.make_vec(ID, len(seeds), **EPISODE, **options)
     observations, _ = venv.reset(seed=[int(seed) for seed in seeds])
     total, running, infos = np.zeros(len(seeds)), np.ones(len(seeds), bool), []
@@ -38,12 +38,12 @@ def episodes(policy, seeds, **options):
 
 
 def fixed(action):
-    """The policy of one action for ever; of several, one for each environment."""
+    """Return the policy of a constant action, or of one constant action per environment."""
     return lambda observations: np.broadcast_to(action, (len(observations), 6))
 
 
 def best_fixed(seeds, passes, **options):
-    """Search along the axes: each component in turn at the best of five values, mean reward over the seeds."""
+    """Search along the axes: set each component in turn to the best of five values by mean reward over the seeds."""
     best, grid = np.zeros(6), np.linspace(-0.6, 0.6, 5)
     for _ in range(passes):
         for axis in (4, 1, 5, 0, 3, 2):
@@ -55,7 +55,7 @@ def best_fixed(seeds, passes, **options):
 
 
 def batch_for_sb3(**options):
-    """The native batch as a `VecEnv` of Stable-Baselines3, which wants ended rows to start afresh within the step."""
+    """Return the native batch as a `VecEnv` of Stable-Baselines3, which restarts ended rows within the step."""
     from stable_baselines3.common.vec_env import VecEnv
 
     class Batch(VecEnv):
@@ -102,7 +102,7 @@ def batch_for_sb3(**options):
 
 
 def train(steps, **options):
-    """The trained policy, and the curve of mean episode rewards over the steps."""
+    """Return the trained policy and the curve of mean episode rewards over the steps."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
@@ -138,21 +138,21 @@ def train(steps, **options):
 
 
 def draw(path, found, curve):
-    """Learning curve, and consistency over an episode by policy."""
+    """Draw the learning curve, and the consistency over an episode by policy."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    left.plot(*curve.T, color="C2", label="PPO while it learns (it explores)")
+    left.plot(*curve.T, color="C2", label="PPO during training (with exploration)")
     for (name, (reward, infos)), colour in zip(found.items(), ("C0", "C1", "C2", "0.4"), strict=True):
         left.axhline(reward.mean(), color=colour, linestyle="--", label=f"{name}, held-out seeds")
         time = np.arange(1, len(infos["nees"]) + 1) * EPISODE["samples_per_step"] / 200.0
         right.plot(time, np.median(infos["nees"], axis=1), color=colour, label=name)
     for begin, end in EPISODE["gnss_outages_s"]:
         right.axvspan(begin, end, color="0.9")
-    right.axhline(9.0, color="k", linewidth=0.8, label="9: what it should be")
+    right.axhline(9.0, color="k", linewidth=0.8, label="9: consistent")
     left.set(xlabel="steps", ylabel="reward of an episode")
     right.set(xlabel="time [s] (grey: no GNSS)", ylabel="NEES of 9 states, median of the seeds", yscale="log")
     for axes in (left, right):
@@ -167,7 +167,7 @@ def main():
     parser.add_argument("--steps", type=int, default=24_000, help="environment steps to train for")
     parser.add_argument("--seeds", type=int, default=64, help="held-out seeds to compare on")
     parser.add_argument("--passes", type=int, default=1, help="passes of the search for the best fixed factors")
-    parser.add_argument("--mistuned", type=float, default=1.5, help="decades by which the noises are told wrong, at random")
+    parser.add_argument("--mistuned", type=float, default=1.5, help="half-width of the random mistuning, decades")
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
     options = {"mistuning_decades": given.mistuned}
@@ -178,7 +178,7 @@ def main():
     best = best_fixed(SEARCH + np.arange(48), given.passes, **options)
     policies = {"untuned": fixed(np.zeros(6)), "best fixed factors": fixed(best), "PPO": policy}
     found = {name: episodes(policy, held_out, **options) for name, policy in policies.items()}
-    found["data sheets right"] = episodes(fixed(np.zeros(6)), held_out)
+    found["correct data sheets"] = episodes(fixed(np.zeros(6)), held_out)
 
     print(f"\n{given.seeds} held-out seeds       reward  +- 1 s.e.  measure  consistency  position [m]  heading [deg]")
     for name, (reward, infos) in found.items():
@@ -189,7 +189,9 @@ def main():
         )
     difference = found["PPO"][0] - found["untuned"][0]
     error = difference.std() / np.sqrt(given.seeds)
-    print(f"\nPPO less untuned, seed by seed: {difference.mean():+.3f} +- {error:.3f}; better on {np.mean(difference > 0):.0%}")
+    print(
+        f"\nPPO minus untuned, seed by seed: {difference.mean():+.3f} +- {error:.3f}; better on {np.mean(difference > 0):.0%}"
+    )
     print("factors of the search:", " ".join(f"{10 ** (2 * a):.2g}" for a in best))
     mean = np.exp(np.log(found["PPO"][1]["scale"]).mean(axis=(0, 1)))
     print("factors of PPO, geometric mean:", " ".join(f"{scale:.2g}" for scale in mean))

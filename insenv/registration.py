@@ -1,4 +1,4 @@
-"""Registration with Gymnasium, by strings: nothing of insenv is imported until an environment is made."""
+"""Registration with Gymnasium by entry points: an environment's module is imported when the environment is made."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ SPECS: dict[str, tuple[str, dict[str, object]]] = {
     "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading", "heading_deg": (0.0, 360.0)}),
 }
 IDS = tuple(SPECS)
-"""The ids of all environments."""
+"""Ids of all environments."""
 
 
 def register() -> None:
-    """Register the environments; once registered, they are left alone."""
+    """Register the environments that are not yet registered."""
     from gymnasium.envs.registration import register as add
     from gymnasium.envs.registration import registry
 
@@ -33,13 +33,13 @@ def register() -> None:
 
 
 def titles() -> dict[str, str]:
-    """One line on each environment, by id."""
+    """Return a one-line description of each environment, by id."""
     return {id: f"{_TASKS[name]}, by default in {kwargs['scenario']}" for id, (name, kwargs) in SPECS.items()}
 
 
 _TASKS = {
-    "Alignment": "find the attitude of a vehicle in place, and say when",
-    "Navigation": "track attitude, velocity and position of a vehicle with GNSS",
-    "Tuning": "tune a filter's noise while it runs",
-    "Manoeuvre": "drive such that the filter finds the heading",
+    "Alignment": "estimate the attitude of a vehicle in place, and declare when aligned",
+    "Navigation": "estimate attitude, velocity and position of a vehicle with GNSS",
+    "Tuning": "tune the noise parameters of a filter while it runs",
+    "Manoeuvre": "move the vehicle such that the filter finds the heading",
 }

@@ -4,8 +4,8 @@
     observation, info = env.reset(seed=1)
     action = agent.act(observation, info)
 
-An agent looks at observations alone: what it is told of the start and of the sensors stands in them, an episode's first
-observation has time 0.  The info is taken and not looked at.
+An agent uses observations only: they contain the initial knowledge, and the first one of an episode has time 0.  It
+accepts the info and ignores it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from insenv import estimators, geodesy
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
+from insenv.envs.checks import check_number, check_whole
+from insenv.envs.estimation_task import estimate_action
 from insenv.envs.knowledge import knowledge_of
 from insenv.envs.setup import Setup
-from insenv.envs.task import estimate_action
 from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.plant.feeding import bridge_lost
@@ -39,11 +40,11 @@ def make(
     tuning: Mapping[str, Any] | None = None,
     threads: int = 1,
 ) -> Agent:
-    """An estimator (its id, or the object) as an agent of `env`, single (wrapped or not) or vector.
+    """Return an estimator, by its id or the object, as an agent of `env`, which is single (wrapped or not) or vector.
 
-    declare_after_s: an alignment is declared from this time on (s; None: the time limit ends it).  tuning: the estimator's
-    parameter rows, SI, on top of the scenario's.  threads: over the rows of a vector environment.  Raises `InputError` for an
-    estimator that cannot work there.
+    declare_after_s: time from which an alignment is declared, s; None: never.  tuning: parameter rows of the estimator,
+    SI, which override those of the scenario.  threads: worker threads over the rows of a vector environment.  Raises
+    `InputError` for an estimator that cannot act in `env`.
     """
     chosen, setup = estimators.get(estimator), getattr(env.unwrapped, "setup", None)
     if not isinstance(setup, Setup) or not {"estimate_q_nb"} <= set(setup.task.actions.names):
@@ -61,13 +62,17 @@ def make(
 
 
 class Agent:
-    """An estimator that acts.  Made by `make`."""
+    """An estimator that acts in an environment.  Made by `make`."""
 
     def __init__(
         self, estimator: Estimator, setup: Setup, rows: int, declare_after: float | None, tuned: dict[str, Any], threads: int
     ) -> None:
         self.estimator, self.setup, self.rows = estimator, setup, rows
-        self._declare_after = np.inf if declare_after is None else declare_after
+        check_whole("threads", threads)
+        most = np.finfo(float).max
+        self._declare_after = (
+            np.inf if declare_after is None else check_number("declare_after_s", declare_after, 0.0, most, "s")
+        )
         self._tunings, self._tuned = setup.scenario.tunings, tuned
         self._layout, self._samples = setup.layout, setup.samples
         model = estimator.model
@@ -79,7 +84,7 @@ class Agent:
         self._takes_fixes = "gnss_valid" in model.inputs and "fix_new" in setup.task.observation
 
     def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
-        """The action for an observation (of all rows, for a vector environment): the estimate at its time."""
+        """Return the action for an observation (or those of all rows): the estimate at its time."""
         raise NotImplementedError
 
     def _parameters(self, told: Mapping[str, Any]) -> Array:
@@ -87,7 +92,7 @@ class Agent:
         return self.estimator.model.parameters.pack(rows)
 
     def _feed(self, seen: Mapping[str, Any]) -> Array:
-        """The estimator's inputs (rows, samples, inputs.size) for observations by name, first axis rows."""
+        """Return the estimator's inputs (rows, samples, inputs.size) for observations by name, (rows, ...)."""
         imu = seen["imu"]
         if not imu[..., 6].all():
             imu = _bridged(imu)
@@ -98,7 +103,7 @@ class Agent:
         return self._inputs
 
     def _fixes(self, seen: Mapping[str, Any]) -> None:
-        """Each new fix with the sample with which it was delivered."""
+        """Write each new fix into the inputs of the sample with which it was delivered."""
         inputs, table = self._inputs, self.estimator.model.inputs
         for name in ("gnss_valid", "gnss_velocity_valid"):
             if name in table:
@@ -108,7 +113,7 @@ class Agent:
             return
         since = (seen["fix_age"][new] - seen["fix_delay"][new]) / self.setup.interval
         sample = self._samples - 1 - np.rint(since).astype(int)
-        reference = (seen[f"told_{name}"][new] for name in ("latitude", "longitude", "height"))
+        reference = (seen[f"known_{name}"][new] for name in ("latitude", "longitude", "height"))
         latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(seen["fix_position"][new], *reference)
         rows = {
             "gnss_valid": np.ones(len(new)), "gnss_age": seen["fix_delay"][new], "gnss_latitude": latitude,
@@ -121,19 +126,19 @@ class Agent:
                 inputs[new, sample, table.slice(name)] = values.reshape(len(new), -1)
 
     def _action(self, outputs: Array, seen: Mapping[str, Any]) -> Array:
-        """Actions (rows, actions.size) from the estimator's outputs."""
-        told = self.estimator.model.outputs.unpack(outputs)
-        q_nb = told["q_nb"] / np.linalg.norm(told["q_nb"], axis=1, keepdims=True)
+        """Return the actions (rows, actions.size) from the estimator's outputs."""
+        found = self.estimator.model.outputs.unpack(outputs)
+        q_nb = found["q_nb"] / np.linalg.norm(found["q_nb"], axis=1, keepdims=True)
         declare = np.where(seen["time"] >= self._declare_after, 1.0, -1.0)
         if "estimate_velocity" not in self.setup.task.actions:
             return estimate_action(self.setup.task, q_nb, declare)
-        reference = (seen[f"told_{name}"] for name in ("latitude", "longitude", "height"))
-        position = geodesy.numeric.ned_offset(told["latitude"], told["longitude"], told["height"], *reference)
-        return estimate_action(self.setup.task, q_nb, -1.0, told["velocity_n"], position)
+        reference = (seen[f"known_{name}"] for name in ("latitude", "longitude", "height"))
+        position = geodesy.numeric.ned_offset(found["latitude"], found["longitude"], found["height"], *reference)
+        return estimate_action(self.setup.task, q_nb, -1.0, found["velocity_n"], position)
 
 
 class SingleAgent(Agent):
-    """On one runner."""
+    """The agent of a single environment, on one runner."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -151,7 +156,7 @@ class SingleAgent(Agent):
 
 
 class VectorAgent(Agent):
-    """On one batch: row i does what the single agent does."""
+    """The agent of a vector environment, on one batch; row i is bit-identical to the single agent."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -165,8 +170,8 @@ class VectorAgent(Agent):
         if len(fresh) < self.rows:
             outputs = self._batch.run(self._samples, self._feed(seen), self._samples)[:, 0]
         if len(fresh):
-            told = [self._parameters({name: value[i] for name, value in seen.items()}) for i in fresh]
-            self._batch.start_rows(fresh, np.array(told))
+            parameters = [self._parameters({name: value[i] for name, value in seen.items()}) for i in fresh]
+            self._batch.start_rows(fresh, np.array(parameters))
             shown = self._batch.output()
             if len(fresh) == self.rows:
                 outputs = shown
@@ -176,7 +181,7 @@ class VectorAgent(Agent):
 
 
 def _joined(pairs: Sequence[tuple[slice, slice]]) -> list[tuple[slice, slice]]:
-    """Places to copy to and from, neighbours on both sides as one: six numbers are copied as fast as three."""
+    """Return the places to copy to and from, merging neighbours: copying six numbers is as fast as copying three."""
     joined = [pairs[0]]
     for to, come in pairs[1:]:
         before_to, before_come = joined[-1]
@@ -188,7 +193,7 @@ def _joined(pairs: Sequence[tuple[slice, slice]]) -> list[tuple[slice, slice]]:
 
 
 def _bridged(imu: Array) -> Array:
-    """Samples (rows, n, 7) with the lost ones interpolated between their neighbours in the window."""
+    """Return samples (rows, n, 7) with the lost ones interpolated between their neighbours."""
     imu = imu.copy()
     for row in np.flatnonzero(~imu[..., 6].all(axis=1)):
         columns = {"delta_angle": imu[row, :, 0:3], "delta_velocity": imu[row, :, 3:6], "imu_valid": imu[row, :, 6]}

@@ -1,4 +1,4 @@
-"""What an agent may command: from action components in [-1, 1] to the state rows of a vehicle's commands in force."""
+"""Vehicle commands of an agent: from action components in [-1, 1] to the state rows of the commands in force."""
 
 from __future__ import annotations
 
@@ -16,23 +16,27 @@ from insenv.core.tables import Row, Table
 from insenv.vehicles.turntable import COMMANDED
 
 CAR_ACCELERATION = 3.0
-"""m/s^2, along and across."""
+"""m/s^2, along and across the path."""
 CAR_SPEED = 25.0
-"""m/s that a car is not driven beyond."""
+"""Top speed of a car, m/s."""
 CAR_SLOW = 2.0
-"""m/s: below it the wheel is turned as at that speed."""
+"""Speed below which the yaw rate is that at this speed, m/s."""
 AIRCRAFT_ACCELERATION = 2.5
+"""m/s^2, along the path."""
 AIRCRAFT_SPEED = (60.0, 120.0)
+"""Lowest and highest speed, m/s."""
 AIRCRAFT_BANK = 0.7
-"""rad: 40 deg."""
+"""Largest bank, rad (40 deg)."""
 AIRCRAFT_CLIMB = 10.0
+"""Largest rate of climb, m/s."""
 
 
 @dataclass(frozen=True)
 class Commands:
     """The commands of one kind of vehicle.
 
-    actions: rows of the action.  taken: ``(plant, p, x, u) -> {state row: value}`` with the commands in force.
+    actions: rows of the action.  taken: ``(plant, p, x, u) -> {state row: value}``, the commands in force after an
+    action.
     """
 
     actions: Table
@@ -44,12 +48,12 @@ def _action(name: str, meaning: str) -> Row:
 
 
 def _by_script(plant: Model, p: Any, x: Any, u: Any, commands: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The plant's own step ``command`` with these inputs: it ends the script."""
+    """Run the plant's own step ``command`` with these inputs; it ends the scenario's script."""
     return plant.steps["command"].function(p, x, SimpleNamespace(**{**vars(u), **commands}))
 
 
 def _drive(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
-    """A positive acceleration leads to the top speed, a negative one to a stop; 0 holds the speed."""
+    """Accelerate to the top speed, brake to a stop, or (at 0) hold the speed."""
     along, across = clamp(u.accelerate, -1.0, 1.0), clamp(u.steer, -1.0, 1.0)
     commands = {
         "command_speed": ca.SX(CAR_SPEED),
@@ -78,19 +82,19 @@ def _index(plant: Model, p: Any, x: Any, u: Any) -> Mapping[str, Any]:
 COMMANDS = {
     "car": Commands(
         Table((
-            _action("accelerate", f"Acceleration along the path, in {CAR_ACCELERATION:g} m/s^2; negative: brake, to a stop"),
-            _action("steer", f"Acceleration across the path, right positive, in {CAR_ACCELERATION:g} m/s^2"),
+            _action("accelerate", f"Acceleration along the path, in {CAR_ACCELERATION:g} m/s^2; negative: brake to a stop"),
+            _action("steer", f"Acceleration across the path, positive to the right, in {CAR_ACCELERATION:g} m/s^2"),
         )),
         _drive,
     ),
     "aircraft": Commands(
         Table((
             _action("accelerate", f"Acceleration along the path, in {AIRCRAFT_ACCELERATION:g} m/s^2"),
-            _action("bank", f"Bank of a coordinated turn, right positive, in {AIRCRAFT_BANK:g} rad"),
+            _action("bank", f"Bank of a coordinated turn, positive to the right, in {AIRCRAFT_BANK:g} rad"),
             _action("climb", f"Rate of climb, in {AIRCRAFT_CLIMB:g} m/s"),
         )),
         _fly,
     ),
-    "turntable": Commands(Table((_action("index", "Angle that the turntable goes to, clockwise, in 180 deg"),)), _index),
+    "turntable": Commands(Table((_action("index", "Target angle of the turntable, clockwise, in 180 deg"),)), _index),
 }  # fmt: skip
-"""By kind of vehicle; "turntable": one that stays in place."""
+"""Commands by kind of vehicle; "turntable": a vehicle that stays in place."""

@@ -1,65 +1,48 @@
-"""`AlignmentEnv` and `NavigationEnv`: the action is the agent's estimate; and their vector faces."""
+"""`AlignmentEnv`, `NavigationEnv` and their vector forms: the action is the agent's estimate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from gymnasium.vector import AutoresetMode
 
-from insenv.envs.setup import Setup, chosen_scenario, make_setup
+from insenv.envs.checks import check_number
+from insenv.envs.estimation_task import estimation_task
+from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import IMU_RANGE, Range, Ranges
-from insenv.envs.task import estimation_task
-from insenv.envs.vector import FACE, InertialVectorEnv
+from insenv.envs.vector import InertialVectorEnv
 from insenv.errors import InputError
-from insenv.scenario import Scenario, plant_of
-
-ScenarioLike = str | Path | Scenario | Mapping[str, Any]
+from insenv.scenario import plant_of
 
 
 def _setup(
-    navigates: bool,
-    scenario: ScenarioLike,
-    vehicle: str = "",
-    samples_per_step: int = 100,
-    duration_s: float | None = None,
-    imu: str | None = None,
-    imu_range: tuple[str, str] = IMU_RANGE,
-    heading_deg: Range | None = None,
-    sea_state: Range | None = None,
-    initial_error: Range | None = None,
-    gnss_outages_s: tuple[Range, ...] | None = None,
+    navigates: bool, scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None,
     time_weight: float = 1.0,
-) -> Setup:
-    """The setup that the arguments of both faces ask for; they are explained in the classes below."""
+) -> Setup:  # fmt: skip
+    """Return the setup for the arguments of the classes below."""
     found = chosen_scenario(scenario, vehicle)
     if not navigates and not found.vehicle.in_place:
         raise InputError(f"an alignment environment needs a vehicle in place: that of {found.name or found.title!r} moves")
-    if not 0.0 <= time_weight <= 1e6:
-        raise InputError(f"time_weight = {time_weight!r}: allowed is a number from 0 to 1e6")
-    ranges = Ranges(imu, tuple(imu_range), heading_deg, sea_state, initial_error, gnss_outages_s)  # type: ignore[arg-type]
-    task = estimation_task(plant_of(found)[0], navigates)
-    constants = {"time_weight": float(time_weight)}
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants)
+    constants = {"time_weight": check_number("time_weight", time_weight, 0.0, 1e6)}
+    return make_setup(found, estimation_task(plant_of(found)[0], navigates), ranges, samples_per_step, duration_s, constants)
 
 
 class AlignmentEnv(InertialEnv):
     """
     ## Description
-    A vehicle stays in place, sways, shakes, or is loaded; its inertial unit has the errors of its grade. The agent finds the
-    attitude `q_nb` from the inertial samples, and says when it is aligned. Ids: `insenv/ShipAlignment-v0`,
-    `insenv/VehicleAlignment-v0`, `insenv/AircraftAlignment-v0`.
+    A vehicle stays in place; it may sway, shake or be loaded. The errors of its inertial unit are those of a grade. The
+    agent estimates the attitude `q_nb` from the inertial samples and declares when it is aligned. Ids:
+    `insenv/ShipAlignment-v0`, `insenv/VehicleAlignment-v0`, `insenv/AircraftAlignment-v0`.
 
     ## Action Space
-    `Box(-1, 1, (5,), float64)`: the estimate at the time of the observation just seen.
+    `Box(-1, 1, (5,), float64)`: the estimate at the time of the latest observation.
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
-    | 0-3 | quaternion `q_nb` (b to n, scalar first), of any length but 0 | -1 | 1 | 1 |
+    | 0-3 | quaternion `q_nb` (b to n, scalar first), any norm but 0 | -1 | 1 | 1 |
     | 4 | above 0: aligned, end the episode | -1 | 1 | 1 |
 
     ## Observation Space
-    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. N is `samples_per_step`.
+    `Box(float64)`, flat; `env.unwrapped.named(observation)` returns it by name. N is `samples_per_step`.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
@@ -67,75 +50,78 @@ class AlignmentEnv(InertialEnv):
     | 7i+3 .. 7i+5 | accelerometer increment of sample i | -1e4 | 1e4 | m/s |
     | 7i+6 | 0 if sample i was lost | 0 | 1 | 1 |
     | 7N | time since the start | 0 | 1e6 | s |
-    | then, with GNSS: 1 | a fix came since the last step | 0 | 1 | 1 |
+    | then, with GNSS: 1 | 1 if a fix arrived since the last step | 0 | 1 | 1 |
     | 1 | time since the epoch of the latest fix (`fix_age`) | 0 | 1e6 | s |
     | 1 | time from that epoch to its delivery (`fix_delay`) | 0 | 1e6 | s |
     | 3 | antenna from the reference, north, east, down | -1e8 | 1e8 | m |
     | 3 | its standard deviation | 0 | 1e8 | m |
-    | 1 | the fix has a velocity | 0 | 1 | 1 |
+    | 1 | 1 if the fix has a velocity | 0 | 1 | 1 |
     | 3 | velocity of the antenna | -1e5 | 1e5 | m/s |
     | 3 | its standard deviation | 0 | 1e5 | m/s |
-    | then: 32 | what is told of the start and of the sensors: the rows `told_...` of `env.unwrapped.layout` | | | SI |
+    | then: 32 | initial knowledge: the rows `known_...` of `env.unwrapped.layout` | | | SI |
 
-    The reference of positions is the start as told (`told_latitude`, `told_longitude`, `told_height`).
+    The reference of positions is the reported start (`known_latitude`, `known_longitude`, `known_height`).
 
     ## Rewards
-    With error e (the rotation vector from truth to estimate, in n), limit s (`info["limit"]`: what biases and white noise
-    leave at the end of the time, 1 sigma), `m = ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps:
-    every step gives `-(time_weight + m) / T`, and the step that ends the episode `-m` more. Garbage (no quaternion, or outside
-    the space) ends it with the worst of all: `-20 - (time_weight + 20) * (share of the time left)`.
+    Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the 1-sigma
+    error that biases and white noise leave at the end of the time), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20,
+    and T the number of steps. Every step gives `-(time_weight + m) / T`; the step that ends the episode gives `-m` in
+    addition. An invalid estimate (a zero quaternion, or an action outside the space) ends the episode with the lowest
+    reward: `-20 - (time_weight + 20) * (share of the time left)`.
 
     ## Starting State
-    The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say.
+    That of the scenario, with a seed from the environment's generator; the arguments add further random draws.
 
     ## Episode End
-    Terminated when the agent declares itself aligned, or has diverged (garbage). Truncated at the end of the time.
+    Terminated when the agent declares itself aligned or gives an invalid estimate. Truncated at the end of the time.
 
     ## Arguments
-    - `scenario`: name, path, `insenv.scenario.Scenario` or mapping. `duration_s`: instead of the scenario's.
-    - `samples_per_step`: inertial samples in a step.
-    - `imu`: a grade of `insenv list`, or "random": between the two grades `imu_range`, drawn at each reset.
-    - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway, engine
-      and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows, s.
-    - `time_weight`: see Rewards.
+    - `scenario`: name, path, mapping or `insenv.scenario.Scenario`. `vehicle`: required kind of vehicle; empty: any.
+    - `duration_s`: length of an episode, s; None: that of the scenario. `samples_per_step`: inertial samples per step.
+    - `imu`: a grade of `insenv list`, or "random" for a draw between the two grades `imu_range` at each reset.
+    - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway,
+      engine and gusts. `initial_error`: standard deviations (tilt, heading) of the initial attitude, deg.
+    - `gnss_outages_s`: pairs (begin, end) of outages, s, instead of those of the scenario. `time_weight`: see Rewards.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and `run_seed`: the
-    seed of `insenv run`, which then makes the same samples. `gymnasium.make(..., max_episode_steps=)` truncates earlier,
-    without the last step's part of the reward.
+    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error and gnss_outages_s for one episode, and
+    `run_seed`: the seed of the `insenv run` that produces the same samples. `gymnasium.make(..., max_episode_steps=)`
+    truncates earlier, without the additional reward of the last step.
 
     ## Vectorized environment
-    `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is the single environment reset with seed + i, to the bit.
-    `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
+    `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is bit-identical to the single environment reset
+    with seed + i. `autoreset_mode` is NEXT_STEP or DISABLED; `threads` is the number of worker threads.
 
     ## Version History
     - v0: first version.
     """
 
     def __init__(
-        self,
-        scenario: ScenarioLike = "ship-swaying",
-        *,
-        backend: str | None = None,
+        self, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "", samples_per_step: int = 100,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, time_weight: float = 1.0, backend: str | None = None,
         render_mode: str | None = None,
-        **given: Any,
-    ) -> None:
-        super().__init__(_setup(False, scenario, **given), backend, render_mode)
+    ) -> None:  # fmt: skip
+        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
+        super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
 class NavigationEnv(InertialEnv):
     """
     ## Description
-    A vehicle moves; its inertial unit and its GNSS receiver have the errors of their grades, fixes fail in outages. The agent
-    tracks attitude, velocity and position. Ids: `insenv/ShipNavigation-v0`, `insenv/VehicleNavigation-v0`,
+    A vehicle moves. The errors of its inertial unit and of its GNSS receiver are those of grades, and GNSS has outages.
+    The agent estimates attitude, velocity and position. Ids: `insenv/ShipNavigation-v0`, `insenv/VehicleNavigation-v0`,
     `insenv/AircraftNavigation-v0`.
 
     ## Action Space
-    `Box(-1, 1, (10,), float64)`: the estimate at the time of the observation just seen.
+    `Box(-1, 1, (10,), float64)`: the estimate at the time of the latest observation.
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
-    | 0-3 | quaternion `q_nb` (b to n, scalar first), of any length but 0 | -1 | 1 | 1 |
+    | 0-3 | quaternion `q_nb` (b to n, scalar first), any norm but 0 | -1 | 1 | 1 |
     | 4-6 | velocity, north, east, down | -1 | 1 | 1000 m/s |
     | 7-9 | position from the reference, north, east, down | -1 | 1 | 1e6 m |
 
@@ -143,19 +129,19 @@ class NavigationEnv(InertialEnv):
     That of `AlignmentEnv`, always with GNSS.
 
     ## Rewards
-    With error e of the nine components, limit s (`info["limit"]`: root mean square of what the covariance of the 15-state
-    filter says over the scenario, and for position the part of the fixes' error that cannot be averaged), `m = ln(1 +
-    sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps: every step gives `-m / T`. Garbage ends the episode with -20
-    for all the time left.
+    Let e be the error with its nine components, s the limit (`info["limit"]`: the root mean square over the scenario of
+    the standard deviations that the 15-state filter states; for position it includes the part of the fix error that
+    does not average out), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps. Every step gives
+    `-m / T`. An invalid estimate ends the episode with `-20 * (share of the time left)`.
 
     ## Starting State
-    The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say.
+    That of the scenario, with a seed from the environment's generator; the arguments add further random draws.
 
     ## Episode End
-    Terminated when the agent has diverged (garbage). Truncated at the end of the time.
+    Terminated when the agent gives an invalid estimate. Truncated at the end of the time.
 
     ## Arguments
-    Those of `AlignmentEnv` but `time_weight`.
+    Those of `AlignmentEnv` except `time_weight`.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `NavigationVectorEnv`, as for `AlignmentEnv`.
@@ -165,27 +151,52 @@ class NavigationEnv(InertialEnv):
     """
 
     def __init__(
-        self,
-        scenario: ScenarioLike = "car-city-drive",
-        *,
-        backend: str | None = None,
-        render_mode: str | None = None,
-        **given: Any,
-    ) -> None:
-        super().__init__(_setup(True, scenario, **given), backend, render_mode)
+        self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 100,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, backend: str | None = None, render_mode: str | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s)
+        super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
 class AlignmentVectorEnv(InertialVectorEnv):
-    """Many `AlignmentEnv` at once: its arguments, and those of `InertialVectorEnv`."""
+    """Many `AlignmentEnv` in one batch; takes the arguments of `AlignmentEnv` and of `InertialVectorEnv`."""
 
-    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", **given: Any) -> None:
-        face = {name: given.pop(name) for name in FACE if name in given}
-        super().__init__(_setup(False, scenario, **given), num_envs, **face)
+    def __init__(
+        self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "",
+        samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
+        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, time_weight: float = 1.0,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        render_mode: str | None = None, max_episode_steps: int | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
+        super().__init__(
+            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
+            max_episode_steps=max_episode_steps,
+        )  # fmt: skip
 
 
 class NavigationVectorEnv(InertialVectorEnv):
-    """Many `NavigationEnv` at once: its arguments, and those of `InertialVectorEnv`."""
+    """Many `NavigationEnv` in one batch; takes the arguments of `NavigationEnv` and of `InertialVectorEnv`."""
 
-    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", **given: Any) -> None:
-        face = {name: given.pop(name) for name in FACE if name in given}
-        super().__init__(_setup(True, scenario, **given), num_envs, **face)
+    def __init__(
+        self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
+        samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
+        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        render_mode: str | None = None, max_episode_steps: int | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s)
+        super().__init__(
+            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
+            max_episode_steps=max_episode_steps,
+        )  # fmt: skip

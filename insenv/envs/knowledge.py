@@ -1,8 +1,9 @@
-"""What a navigator is told before it starts, as rows of a model: constant through an episode, part of every observation."""
+"""The initial knowledge as rows of a model: constant during an episode, and part of every observation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from math import pi
 from typing import Any
 
@@ -17,44 +18,42 @@ from insenv.sensors.imu_tables import HUGE
 
 Array = NDArray[np.float64]
 
-TOLD = Table((
-    Row("told_sample_interval", "Time from one inertial sample to the next", "s", lower=0.0, upper=1.0),
-    Row("told_latitude", "Latitude of the start, as told: with longitude and height the reference of positions", "rad",
+KNOWN = Table((
+    Row("known_sample_interval", "Time between inertial samples", "s", lower=0.0, upper=1.0),
+    Row("known_latitude", "Reported latitude of the start; with longitude and height the reference of positions", "rad",
         lower=-pi / 2, upper=pi / 2),
-    Row("told_longitude", "Longitude of the start, as told", "rad", lower=-2 * pi, upper=2 * pi),
-    Row("told_height", "Height of the start above the ellipsoid, as told", "m", lower=-1e6, upper=1e6),
-    Row("told_position_sigma", "Standard deviation told of that position", "m", (3,), "n", lower=0.0, upper=1e7),
-    Row("told_velocity_n", "Velocity at the start, as told", "m/s", (3,), "n", lower=-1e4, upper=1e4),
-    Row("told_velocity_sigma", "Standard deviation told of that velocity", "m/s", (3,), "n", lower=0.0, upper=1e4),
-    Row("told_attitude", "Roll, pitch, heading at the start, as told", "rad", (3,), "n", lower=-1e3, upper=1e3),
-    Row("told_tilt_sigma", "Standard deviation told of roll and pitch", "rad", lower=0.0, upper=4 * pi),
-    Row("told_heading_sigma", "Standard deviation told of the heading", "rad", lower=0.0, upper=4 * pi),
-    Row("told_antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),
-    Row("told_angle_random_walk", "Gyro white noise, of the data sheet", "rad/sqrt(s)", lower=0.0, upper=1e3),
-    Row("told_velocity_random_walk", "Accelerometer white noise, of the data sheet", "m/s/sqrt(s)", lower=0.0, upper=1e3),
-    Row("told_gyro_bias_sigma", "Gyro bias, 1 sigma, of the data sheet", "rad/s", lower=0.0, upper=1e3),
-    Row("told_accel_bias_sigma", "Accelerometer bias, 1 sigma, of the data sheet", "m/s^2", lower=0.0, upper=1e4),
-    Row("told_gyro_correlation_time", "Correlation time of the gyro bias", "s", lower=0.0, upper=HUGE),
-    Row("told_accel_correlation_time", "Correlation time of the accelerometer bias", "s", lower=0.0, upper=HUGE),
+    Row("known_longitude", "Reported longitude of the start", "rad", lower=-2 * pi, upper=2 * pi),
+    Row("known_height", "Reported height of the start above the ellipsoid", "m", lower=-1e6, upper=1e6),
+    Row("known_position_sigma", "Reported standard deviation of that position", "m", (3,), "n", lower=0.0, upper=1e7),
+    Row("known_velocity_n", "Reported velocity at the start", "m/s", (3,), "n", lower=-1e4, upper=1e4),
+    Row("known_velocity_sigma", "Reported standard deviation of that velocity", "m/s", (3,), "n", lower=0.0, upper=1e4),
+    Row("known_attitude", "Reported roll, pitch and heading at the start", "rad", (3,), "n", lower=-1e3, upper=1e3),
+    Row("known_tilt_sigma", "Reported standard deviation of roll and pitch", "rad", lower=0.0, upper=4 * pi),
+    Row("known_heading_sigma", "Reported standard deviation of the heading", "rad", lower=0.0, upper=4 * pi),
+    Row("known_antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),
+    Row("known_angle_random_walk", "Gyro white noise, from the data sheet", "rad/sqrt(s)", lower=0.0, upper=1e3),
+    Row("known_velocity_random_walk", "Accelerometer white noise, from the data sheet", "m/s/sqrt(s)", lower=0.0, upper=1e3),
+    Row("known_gyro_bias_sigma", "Gyro bias, 1 sigma, from the data sheet", "rad/s", lower=0.0, upper=1e3),
+    Row("known_accel_bias_sigma", "Accelerometer bias, 1 sigma, from the data sheet", "m/s^2", lower=0.0, upper=1e4),
+    Row("known_gyro_correlation_time", "Correlation time of the gyro bias", "s", lower=0.0, upper=HUGE),
+    Row("known_accel_correlation_time", "Correlation time of the accelerometer bias", "s", lower=0.0, upper=HUGE),
 ))  # fmt: skip
+"""Rows of the initial knowledge."""
 
 
-def told_rows(
+def known_rows(
     scenario: Scenario, parameters: Mapping[str, Array], state: Mapping[str, Array], notes: list[SensorNotes]
 ) -> Array:
-    """Values of `TOLD` for episodes at their start, (k, TOLD.size).
+    """Return the values of `KNOWN` for k episodes at their start, (k, KNOWN.size).
 
-    parameters, state: rows of the plant by name, the first axis being the episodes; notes: the data sheet of each.  The
-    errors of what is told are those that `insenv.scenario.build` draws for the same seeds.
+    parameters, state: rows of the plant by name, with the episodes along the first axis.  notes: the data sheet of each
+    episode.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
     """
     section = scenario.knowledge
     error = np.array([start_errors(section, int(seed)) for seed in parameters["seed"].ravel()])
     place = (state[name].ravel() for name in ("latitude", "longitude", "height"))
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(error[:, 3:6], *place)
-    sheets = np.array([
-        (n.angle_random_walk, n.velocity_random_walk, n.gyro_bias_sigma, n.accel_bias_sigma, n.gyro_correlation_time,
-         n.accel_correlation_time) for n in notes
-    ])  # fmt: skip
+    sheets = np.array([[getattr(sheet, name) for name in _SHEET] for sheet in notes])
     k = len(error)
     lever_arm = parameters["antenna_lever_arm_b"] if "antenna_lever_arm_b" in parameters else np.zeros((k, 3))
     columns = (
@@ -71,18 +70,13 @@ def told_rows(
     return np.concatenate(columns, axis=1)
 
 
-def knowledge_of(told: Mapping[str, Any]) -> Knowledge:
-    """What an estimator's `prepare` takes, from the rows of `TOLD` by name (one episode's; others are passed over)."""
-    roll, pitch, heading = (float(angle) for angle in told["told_attitude"])
-    plain: dict[str, Any] = {name: float(told[f"told_{name}"]) for name in _NUMBERS}
-    plain |= {name: np.array(told[f"told_{name}"]) for name in _VECTORS}
-    sheet = SensorNotes(**{name: float(told[f"told_{name}"]) for name in _SHEET})
-    return Knowledge(**plain, roll=roll, pitch=pitch, heading=heading, sensors=sheet)
+def knowledge_of(known: Mapping[str, Any]) -> Knowledge:
+    """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored."""
+    values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
+    values = {name: np.array(value) if np.ndim(value) else float(value) for name, value in values.items()}
+    roll, pitch, heading = (float(angle) for angle in values.pop("attitude"))
+    sheet = SensorNotes(**{name: values.pop(name) for name in _SHEET})
+    return Knowledge(**values, roll=roll, pitch=pitch, heading=heading, sensors=sheet)
 
 
-_NUMBERS = ("sample_interval", "latitude", "longitude", "height", "tilt_sigma", "heading_sigma")
-_VECTORS = ("position_sigma", "velocity_n", "velocity_sigma", "antenna_lever_arm")
-_SHEET = (
-    "angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma", "gyro_correlation_time",
-    "accel_correlation_time",
-)  # fmt: skip
+_SHEET = tuple(field.name for field in fields(SensorNotes))

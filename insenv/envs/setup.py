@@ -1,11 +1,10 @@
-"""From the arguments of an environment to the task and the starts: shared by its two faces, single and vector."""
+"""The task and the starts of an environment, made from its arguments; common to the single and the vector interface."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
+from insenv.envs.checks import check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import Task
 from insenv.errors import InputError
-from insenv.scenario import Scenario, load
+from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.description import MAX_DURATION_S
 
 Array = NDArray[np.float64]
@@ -24,16 +24,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What an environment is made of.
+    """Everything that defines an environment.
 
-    task, starts: see there.  samples: inertial samples a step.  rounds: steps in an episode.  interval: time of a sample, s.
+    samples: inertial samples per decision.  decisions: decisions per episode.  interval: time between inertial samples,
+    s.
     """
 
     scenario: Scenario
     task: Task
     starts: Starts
     samples: int
-    rounds: int
+    decisions: int
     interval: float
 
     @property
@@ -42,16 +43,18 @@ class Setup:
         return self.task.layout(self.samples)
 
     def spaces(self) -> tuple[spaces.Box, spaces.Box]:
-        """Action space and observation space of one environment."""
+        """Return the action space and the observation space of one environment."""
         low, high = self.task.bounds(self.samples)
         size = self.task.actions.size
         return spaces.Box(-1.0, 1.0, (size,), np.float64), spaces.Box(low, high, dtype=np.float64)
 
 
-def chosen_scenario(scenario: str | Path | Scenario | Mapping[str, Any], vehicle: str) -> Scenario:
-    """The scenario by name, path or object, of the kind of vehicle that an environment is for ("ship", "car", "aircraft", or
-    empty for any).  Raises `InputError`.
+def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
+    """Return the scenario of a name, path, mapping or object.
+
+    vehicle: required kind of vehicle ("ship", "car", "aircraft"; empty: any).  Raises `InputError`.
     """
+    check_type("vehicle", vehicle, str, "a kind of vehicle or ''")
     found = load(scenario)
     if vehicle and found.vehicle.kind != vehicle:
         raise InputError(
@@ -65,38 +68,35 @@ def make_setup(
     scenario: Scenario, task: Task, ranges: Ranges, samples_per_step: int, duration_s: float | None,
     constants: Mapping[str, float], make_starts: Callable[..., Starts] = Starts,
 ) -> Setup:  # fmt: skip
-    """constants: parameter rows of the task, the same in all episodes.  make_starts: the class of the starts, or what stands
-    for it.  Raises `InputError` for times that do not go together.
+    """Return the setup of a task in a scenario.
+
+    duration_s: None: that of the scenario.  constants: parameter rows of the task common to all episodes.  make_starts:
+    `Starts` or a function that takes its arguments.  Raises `InputError` for a duration shorter than one step or too
+    long.
     """
-    check_samples(samples_per_step)
+    samples = check_whole("samples_per_step", samples_per_step)
     duration = scenario.duration_s if duration_s is None else duration_s
-    step = samples_per_step / scenario.rate_hz
-    rounds = int(duration / step * (1.0 + 1e-12)) if 0.0 < duration <= MAX_DURATION_S else 0
-    if rounds < 1:
-        raise InputError(f"duration_s = {duration:g} s: allowed is from one step, {step:g} s, to {MAX_DURATION_S:g} s")
-    starts = make_starts(scenario, task, ranges, {"round_limit": float(rounds), **constants}, rounds * step)
-    return Setup(scenario, task, starts, int(samples_per_step), rounds, 1.0 / scenario.rate_hz)
-
-
-def check_samples(samples_per_step: Any) -> None:
-    """Raises `InputError` for a number of samples in a step that is none."""
-    if isinstance(samples_per_step, bool) or not isinstance(samples_per_step, (int, np.integer)) or samples_per_step < 1:
-        raise InputError(f"samples_per_step = {samples_per_step!r}: allowed is a whole number from 1")
+    step = samples / scenario.rate_hz
+    decisions = int(duration / step * (1.0 + 1e-12)) if is_number(duration) and 0.0 < duration <= MAX_DURATION_S else 0
+    if decisions < 1:
+        raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
+    starts = make_starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
+    return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz)
 
 
 FLOAT64 = np.dtype(np.float64)
 
 
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
-    """The action as float64.  Raises `InputError` for a wrong shape or a number that is not finite."""
-    # quick for a short row: a number that is not finite makes a sum that is not
+    """Return the action as float64.  Raises `InputError` for a wrong shape or a number that is not finite."""
+    # a sum is fast for a short row, and not finite if an element is not
     plain = type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape and len(shape) == 1
     if plain and isfinite(sum(action.tolist())):
         return action
     try:
         array = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"action = {action!r}: allowed is an array of shape {shape}") from None
+        raise refused("action", action, f"an array of shape {shape}") from None
     if array.shape != shape:
         raise InputError(f"action of shape {array.shape}: allowed is {shape}")
     if not np.isfinite(array).all():

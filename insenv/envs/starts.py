@@ -1,4 +1,4 @@
-"""How an episode starts: what is drawn of the scenario, and the parameters that follow."""
+"""The start of an episode: random draws, and the model parameters that follow from them and from the start state."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
-from insenv.envs.knowledge import TOLD, told_rows
-from insenv.envs.limit import limits_of
+from insenv.envs.checks import as_numbers, check_range, check_type, is_number, refused
+from insenv.envs.episode_limits import episode_limits
+from insenv.envs.filter_inside import Inner
+from insenv.envs.knowledge import KNOWN, knowledge_of, known_rows
 from insenv.envs.task import Task
-from insenv.errors import InputError
+from insenv.errors import InputError, nearest
+from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import check_speed_of_sinusoids
 from insenv.scenario.description import MAX_SEED
@@ -27,16 +30,15 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 IMU_RANGE = ("marine", "tactical")
+"""Default grades between which a random unit is drawn."""
 
 
 @dataclass(frozen=True)
 class Ranges:
-    """What differs from episode to episode, besides the seed; None: as the scenario has it.
+    """The quantities, besides the seed, that vary between episodes; None keeps the scenario's value.
 
-    imu: a grade of the catalogue, or "random": between the grades `imu_range`, in the logarithm of each figure.
-    heading_deg, sea_state: uniform between two numbers; `sea_state` multiplies the amplitudes (and standard deviations) of the
-    vehicle's waves, sway, engine and gusts.  initial_error: standard deviations told and drawn of tilt and heading, deg.
-    gnss_outages_s: windows without fixes.
+    The fields are arguments of `AlignmentEnv`.  The draw between two grades is uniform in the logarithm of each figure;
+    `initial_error` is both reported and used for the draw.  Raises `InputError` for a value that is not allowed.
     """
 
     imu: str | None = None
@@ -49,50 +51,47 @@ class Ranges:
     OPTIONS = ("imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "run_seed")
 
     def __post_init__(self) -> None:
-        for grade in (*self.imu_range, *([] if self.imu in (None, "random") else [self.imu])):
+        check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
+        between = self.imu_range
+        if not isinstance(between, (tuple, list)) or len(between) != 2 or not all(isinstance(name, str) for name in between):
+            raise refused("imu_range", between, "two grades of the catalogue")
+        for grade in (*between, *([] if self.imu in (None, "random") else [self.imu])):
             imu_grade(grade)
-        for name, least, most in (("heading_deg", -360.0, 360.0), ("sea_state", 0.0, 10.0)):
-            _check_range(name, getattr(self, name), least, most)
+        check_range("heading_deg", self.heading_deg, -360.0, 360.0, "deg")
+        check_range("sea_state", self.sea_state, 0.0, 10.0)
         if self.initial_error is not None:
-            sigmas = np.asarray(self.initial_error, dtype=float)
-            if sigmas.shape != (2,) or not np.all((sigmas > 0.0) & (sigmas <= 360.0)):
-                raise InputError(
-                    f"initial_error = {self.initial_error}: allowed are two numbers above 0 up to 360 deg: tilt, heading"
-                )
-        for window in self.gnss_outages_s or ():
-            if len(window) != 2 or not 0.0 <= window[0] < window[1] < np.inf:
-                raise InputError(f"gnss_outages_s has {window}: allowed are pairs of begin and end, 0 <= begin < end, s")
-        if len(self.gnss_outages_s or ()) > OUTAGES:
-            raise InputError(f"gnss_outages_s has {len(self.gnss_outages_s or ())} windows: allowed are at most {OUTAGES}")
+            sigmas = as_numbers(self.initial_error)
+            if sigmas is None or sigmas.shape != (2,) or not np.all((sigmas > 0.0) & (sigmas <= 360.0)):
+                raise refused("initial_error", self.initial_error, "two numbers (tilt, heading) above 0 up to 360 deg")
+        if self.gnss_outages_s is not None:
+            pairs = as_numbers(self.gnss_outages_s)
+            if pairs is None or (pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2)) or not _are_intervals(pairs):
+                raise refused("gnss_outages_s", self.gnss_outages_s, "a sequence of pairs (begin, end), 0 <= begin < end, s")
+            if len(pairs) > OUTAGES:
+                raise InputError(f"gnss_outages_s has {len(pairs)} outages: allowed are at most {OUTAGES}")
 
     def overridden(self, options: Mapping[str, Any]) -> Ranges:
-        """With the options of a reset in place of the arguments; a number stands for a range of one value."""
-        unknown = sorted(set(options) - set(self.OPTIONS))
-        if unknown:
-            raise InputError(f"options has {', '.join(map(repr, unknown))}: allowed are {', '.join(self.OPTIONS)}")
+        """Return the ranges with the options of a reset replaced; a number stands for a range of one value."""
+        check_type("options", options, Mapping, "a mapping")
+        for name in options:
+            if name not in self.OPTIONS:
+                raise InputError(f"options: unknown option {name!r}{nearest(str(name), self.OPTIONS)}")
         given = {name: value for name, value in options.items() if name != "run_seed"}
         for name in ("heading_deg", "sea_state"):
-            if name in given and np.ndim(given[name]) == 0:
+            if name in given and is_number(given[name]):
                 given[name] = (given[name], given[name])
         return replace(self, **given)
 
 
-def _check_range(name: str, value: Any, least: float, most: float) -> None:
-    if value is None:
-        return
-    try:
-        pair = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        pair = np.zeros(0)
-    if pair.shape != (2,) or not least <= pair[0] <= pair[1] <= most:
-        raise InputError(f"{name} = {value!r}: allowed are two rising numbers from {least:g} to {most:g}")
+def _are_intervals(pairs: Array) -> bool:
+    return all(0.0 <= begin < end < np.inf for begin, end in pairs.reshape(-1, 2))
 
 
 class Starts:
-    """Draws the parameters of episodes of a task in a scenario.
+    """Draws the model parameters of the episodes of a task.
 
-    Each episode draws from the generator of its own row and from nothing else, always the same count of numbers.
-    constants: parameter rows that all episodes have.  duration: of an episode, s.
+    Each episode draws a fixed count of numbers from the generator of its own row only.  constants: parameter rows
+    common to all episodes.  duration: of an episode, s.
     """
 
     def __init__(self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float) -> None:
@@ -104,12 +103,10 @@ class Starts:
             rows = {name: np.asarray(value) for name, value in plant_of(scenario)[1].items()}
             _scale(rows, self._vehicle, ranges.sea_state[1])
             check_speed_of_sinusoids(rows, 1.0 / scenario.rate_hz)
-        if ranges.gnss_outages_s and scenario.gnss is None:
-            raise InputError("gnss_outages_s: the scenario has no [gnss]")
         self._base = self._bases(ranges)
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
-        """Parameters of new episodes, one of each generator, (k, parameters.size); `tell` completes them."""
+        """Draw the parameters of one episode per generator, (k, parameters.size); `complete` adds the rest."""
         ranges, bases = self.ranges, self._base
         if options:
             ranges = self.ranges.overridden(options)
@@ -130,21 +127,21 @@ class Starts:
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
         return p
 
-    def tell(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
-        """p with what is told of start states x (k, state.size), and with the limits."""
+    def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
+        """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""
         ranges = self.ranges.overridden(options) if options else self.ranges
         model, scenario = self.task.model, self.scenario
         if ranges.initial_error is not None:
             tilt, heading = ranges.initial_error
-            told = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
-            scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=told)})
+            sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
+            scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
         rows = model.parameters.unpack(p)
         sheets = [self._sheet(rows, i) for i in (range(len(p)) if ranges.imu == "random" else (0,))]
         notes = sheets if len(sheets) == len(p) else sheets * len(p)
-        first, last = model.parameters.slice(TOLD.names[0]), model.parameters.slice(TOLD.names[-1])
-        p[:, first.start : last.stop] = told_rows(scenario, rows, model.state.unpack(x), notes)
+        first, last = model.parameters.slice(KNOWN.names[0]), model.parameters.slice(KNOWN.names[-1])
+        p[:, first.start : last.stop] = known_rows(scenario, rows, model.state.unpack(x), notes)
         if "limit" in model.parameters:
-            p[:, model.parameters.slice("limit")] = limits_of(self.task, scenario, rows, notes, self.duration)
+            p[:, model.parameters.slice("limit")] = episode_limits(self.task, scenario, rows, notes, self.duration)
         return p
 
     def _sheet(self, rows: Mapping[str, Array], i: int) -> Any:
@@ -152,7 +149,7 @@ class Starts:
         return sensor_notes(plant, self.scenario.vehicle.in_place)
 
     def _bases(self, ranges: Ranges) -> tuple[Array, ...]:
-        """The plant's parameters, one vector, or two to draw between."""
+        """Return the plant's parameter vector, or the two vectors to draw between."""
         grades: tuple[str | None, ...] = ranges.imu_range if ranges.imu == "random" else (ranges.imu,)
         bases = []
         for grade in grades:
@@ -170,19 +167,56 @@ class Starts:
         return tuple(bases)
 
 
+class InnerStarts(Starts):
+    """`Starts` of a task with a filter inside, whose parameters follow from the initial knowledge.
+
+    mistuning: if not 0, the filter's noises are wrong by factors whose decimal logarithms (row ``mistuning`` of the
+    task) are drawn uniformly between -mistuning and +mistuning.
+    """
+
+    def __init__(
+        self, scenario: Scenario, task: Task, ranges: Ranges, constants: Mapping[str, float], duration: float, *, inner: Inner,
+        mistuning: float = 0.0,
+    ) -> None:  # fmt: skip
+        super().__init__(scenario, task, ranges, constants, duration)
+        self.mistuning, self._estimator = mistuning, inner.estimator
+        self._tunings = scenario.tunings
+        first, last = (task.model.parameters.slice(PREFIX + inner.estimator.model.parameters.names[k]) for k in (0, -1))
+        self._place = slice(first.start, last.stop)
+
+    def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
+        p = super().draw(generators, options)
+        if self.mistuning:
+            place = self.task.model.parameters.slice("mistuning")
+            for row, generator in zip(p, generators, strict=True):
+                row[place] = generator.uniform(-self.mistuning, self.mistuning, place.stop - place.start)
+        return p
+
+    def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
+        p = super().complete(p, x, options)
+        parameters, estimator = self.task.model.parameters, self._estimator
+        for row in p:
+            known = {name: row[parameters.slice(name)].reshape(parameters[name].shape) for name in KNOWN.names}
+            row[self._place] = estimator.model.parameters.pack(estimator.parameters(knowledge_of(known), self._tunings))
+        return p
+
+
 def _at(bounds: Range, fraction: float) -> float:
     return bounds[0] + (bounds[1] - bounds[0]) * fraction
 
 
 def _scale(rows: dict[str, Array], vehicle: Table, factor: float) -> None:
-    """Multiply the vehicle's amplitudes and standard deviations, in place where they are views."""
+    """Multiply the vehicle's amplitudes and standard deviations in place."""
     for name in vehicle.names:
         if name in rows and name.endswith(("_amplitude", "_sigma")):
             rows[name] *= factor
 
 
 def _between(low: Array, high: Array, fraction: float, parameters: Table) -> Array:
-    """Inertial figures between two grades: in the logarithm where both are positive, else linear; the rest is low's."""
+    """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
+
+    All other parameters are those of `low`.
+    """
     found = low.copy()
     for name in IMU_PARAMETERS.names:
         if name not in parameters:
@@ -199,5 +233,5 @@ def _between(low: Array, high: Array, fraction: float, parameters: Table) -> Arr
 def _run_seeds(given: Any, count: int) -> Array:
     seeds = np.asarray(given)
     if seeds.shape not in ((), (count,)) or seeds.dtype.kind not in "iu" or np.any(seeds < 0) or np.any(seeds > MAX_SEED):
-        raise InputError(f"options run_seed = {given!r}: allowed is a whole number from 0 to 2^53, or one for each row")
+        raise refused("run_seed", given, "a whole number from 0 to 2^53, or one for each row")
     return np.broadcast_to(seeds + (np.arange(count) if seeds.ndim == 0 else 0), (count,)).astype(float)

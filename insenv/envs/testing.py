@@ -1,7 +1,7 @@
-"""The conformance kit: what every environment of insenv keeps, as functions that raise `AssertionError` with what they found.
+"""The conformance kit: the properties that every environment of insenv has, as checks that raise `AssertionError`.
 
-For one's own environments too: ``check(MyEnv, lambda n, **given: MyVectorEnv(n, **given))``, or by a registered id,
-``check_id("my/Env-v0")``.  Each check stands alone; `check` runs all of them.
+The kit also checks user-defined environments: ``check(MyEnv, lambda n, **given: MyVectorEnv(n, **given))``, or by a
+registered id ``check_id("my/Env-v0")``.  Each check is independent; `check` runs all of them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Make = Callable[..., Any]
 
 
 def check_id(id: str, **kwargs: Any) -> None:
-    """All checks of a registered environment made with `kwargs`."""
+    """Run all checks on a registered environment made with `kwargs`."""
     check_spec(id, **kwargs)
 
     def vector(num_envs: int, **more: Any) -> Any:
@@ -31,7 +31,7 @@ def check_id(id: str, **kwargs: Any) -> None:
 
 
 def check(make: Make, make_vector: Make | None = None) -> None:
-    """All checks of environments that `make()` gives, and of batches that `make_vector(num_envs, autoreset_mode=...)` gives."""
+    """Run all checks on environments from `make()` and on batches from `make_vector(num_envs, autoreset_mode=...)`."""
     check_contract(make)
     check_deterministic(make)
     check_snapshot(make)
@@ -42,11 +42,11 @@ def check(make: Make, make_vector: Make | None = None) -> None:
 
 
 def check_contract(make: Make) -> None:
-    """Gymnasium's own checker, its warnings being errors; finite bounds; actions in [-1, 1]; the same keys of info always."""
+    """Run Gymnasium's checker with warnings as errors; check bounds, the action space and the keys of info."""
     env = make()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # the checker wants a spec to make copies by; renders are looked at one by one elsewhere
+        # rendering is tested separately
         check_env(env.unwrapped, skip_render_check=True)
     for space in (env.action_space, env.observation_space):
         assert isinstance(space, gymnasium.spaces.Box), f"space {space}: a Box is expected"
@@ -66,10 +66,10 @@ def check_contract(make: Make) -> None:
 
 
 def check_deterministic(make: Make) -> None:
-    """The same seed and actions give the same to the bit, another seed something else; seed None goes on, not back."""
-    one, other = (_episodes(make(), 7) for _ in range(2))
-    _assert_same(one, other, "two environments with one seed")
-    assert not _same(one, _episodes(make(), 8)), "seeds 7 and 8 give the same episodes: the seed is not used"
+    """Check that equal seeds give bit-identical episodes, other seeds differ, and seed None continues the sequence."""
+    one, other = (episodes(make(), 7) for _ in range(2))
+    assert_same(one, other, "two environments with one seed")
+    assert not _same(one, episodes(make(), 8)), "seeds 7 and 8 give the same episodes: the seed is not used"
     env = make()
     env.reset(seed=3)
     first = _rollout(env, 5)
@@ -78,61 +78,62 @@ def check_deterministic(make: Make) -> None:
 
 
 def check_snapshot(make: Make) -> None:
-    """A snapshot restored, here and in another environment, goes on to the bit."""
+    """Check that a snapshot restored here or in another environment continues bit-identically."""
     env, other = make(), make()
     env.reset(seed=5)
     _rollout(env, 3)
     snapshot = env.unwrapped.snapshot()
-    expected = _rollout(env, 6), _episodes(env, None)
+    expected = _rollout(env, 6), episodes(env, None)
     other.reset(seed=99)
     for restored in (env, other):
         restored.unwrapped.restore(pickle.loads(pickle.dumps(snapshot)))
-        _assert_same(expected[0], _rollout(restored, 6), "a restored environment")
-        _assert_same(expected[1], _episodes(restored, None), "the episodes after a restored one")
+        assert_same(expected[0], _rollout(restored, 6), "a restored environment")
+        assert_same(expected[1], episodes(restored, None), "the episodes after a restored one")
 
 
 def check_pickling(make: Make) -> None:
-    """A pickled environment goes on to the bit."""
+    """Check that a pickled environment continues bit-identically."""
     env = make()
     env.reset(seed=11)
     _rollout(env, 2)
     copied = pickle.loads(pickle.dumps(env.unwrapped))
-    _assert_same(_rollout(env, 6), _rollout(copied, 6), "a pickled environment")
+    assert_same(_rollout(env, 6), _rollout(copied, 6), "a pickled environment")
 
 
 def check_spec(id: str, **kwargs: Any) -> None:
-    """The spec goes to JSON and back, and makes the same environment."""
+    """Check that the spec survives JSON and then makes the same environment."""
     env = gymnasium.make(id, **kwargs)
     assert env.spec is not None
     spec = gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json())
-    _assert_same(_episodes(env, 2), _episodes(gymnasium.make(spec), 2), "an environment made of its spec's JSON")
+    assert_same(episodes(env, 2), episodes(gymnasium.make(spec), 2), "an environment made of its spec's JSON")
 
 
 def check_rows(make: Make, make_vector: Make, num_envs: int = 5, steps: int = 12) -> None:
-    """Row i of a batch, row i of a SyncVectorEnv and the single environment reset with seed + i are the same to the bit, over
-    the ends of episodes, whatever the width of the batch.
+    """Check that row i of a batch and row i of a SyncVectorEnv are bit-identical, for batches of two widths.
+
+    The comparison continues over the ends of episodes.  SyncVectorEnv resets its single environments with seed + i.
     """
-    faces = {
+    interfaces = {
         "make_vec": make_vector(num_envs),
         "make_vec, one row more": make_vector(num_envs + 1),
         "SyncVectorEnv": SyncVectorEnv([make] * num_envs, autoreset_mode=AutoresetMode.NEXT_STEP),
     }
-    space = faces["make_vec"].single_action_space
+    space = interfaces["make_vec"].single_action_space
     actions = np.stack([_actions(space, steps, seed) for seed in range(num_envs + 1)], axis=1)
     shown = {}
-    for name, face in faces.items():
-        rows = face.num_envs
-        observations, infos = face.reset(seed=40)
+    for name, interface in interfaces.items():
+        rows = interface.num_envs
+        observations, infos = interface.reset(seed=40)
         found = [(observations, np.zeros(rows), np.zeros(rows), np.zeros(rows), infos)]
-        found += [face.step(action[:rows]) for action in actions]
-        shown[name] = [_row_of(step, slice(0, num_envs)) for step in found]
-        face.close()
-    _assert_same(shown["make_vec"], shown["SyncVectorEnv"], "make_vec and SyncVectorEnv")
-    _assert_same(shown["make_vec"], shown["make_vec, one row more"], "batches of other widths")
+        found += [interface.step(action[:rows]) for action in actions]
+        shown[name] = [row_of(step, slice(0, num_envs)) for step in found]
+        interface.close()
+    assert_same(shown["make_vec"], shown["SyncVectorEnv"], "make_vec and SyncVectorEnv")
+    assert_same(shown["make_vec"], shown["make_vec, one row more"], "batches of other widths")
 
 
 def check_disabled_autoreset(make_vector: Make, num_envs: int = 4) -> None:
-    """With autoreset DISABLED, ended rows are started by their mask; the others go on untouched."""
+    """Check that with autoreset DISABLED a mask restarts ended rows and leaves the others unchanged."""
     venv = make_vector(num_envs, autoreset_mode=AutoresetMode.DISABLED)
     venv.reset(seed=1)
     action = np.stack([_actions(venv.single_action_space, 1, seed)[0] for seed in range(num_envs)])
@@ -149,7 +150,7 @@ def check_disabled_autoreset(make_vector: Make, num_envs: int = 4) -> None:
 
 
 def _actions(space: Any, count: int, seed: int = 0) -> Any:
-    """Actions inside the space, small enough that few episodes end by them."""
+    """Return actions inside the space, of which few end an episode."""
     generator = np.random.default_rng(seed)
     actions = generator.uniform(-1.0, 1.0, (count, *space.shape))
     actions[..., -1] = -np.abs(actions[..., -1])
@@ -165,17 +166,19 @@ def _rollout(env: Any, steps: int) -> list[Any]:
     return found
 
 
-def _episodes(env: Any, seed: int | None) -> list[Any]:
+def episodes(env: Any, seed: int | None) -> list[Any]:
+    """Return the results of a few steps after `reset(seed=seed)` and after a reset without a seed."""
     found: list[Any] = []
     for again in (seed, None):
         found += [env.reset(seed=again), *_rollout(env, 4)]
     return found
 
 
-def _row_of(step: tuple[Any, ...], rows: slice) -> list[Any]:
+def row_of(step: tuple[Any, ...], rows: slice) -> list[Any]:
+    """Return some rows of a result of a vector environment's `reset` or `step`."""
     *arrays, infos = step
-    told = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and key != "final_info"}
-    return [np.asarray(array)[rows] for array in arrays] + [told]
+    info = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and key != "final_info"}
+    return [np.asarray(array)[rows] for array in arrays] + [info]
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -186,7 +189,8 @@ def _same(one: Any, other: Any) -> bool:
     return bool(np.array_equal(np.asarray(one, dtype=float), np.asarray(other, dtype=float)))
 
 
-def _assert_same(one: list[Any], other: list[Any], what: str) -> None:
+def assert_same(one: list[Any], other: list[Any], what: str) -> None:
+    """Raise `AssertionError` unless two lists of results are bit-identical; `what` begins the message."""
     assert len(one) == len(other), f"{what}: {len(one)} and {len(other)} steps"
     for k, (a, b) in enumerate(zip(one, other, strict=True)):
         assert _same(a, b), f"{what}: step {k} differs: {a} and {b}"

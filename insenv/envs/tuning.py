@@ -1,161 +1,320 @@
-"""`TuningEnv`: the action tunes a filter as it runs; and its vector face."""
+"""`TuningEnv`: the action scales the noises of a filter while it runs.
+
+One decision consists of the step ``act``, which sets the factors and clears the sums, and then of the inertial
+samples.  Every `score_samples` samples the filter's error and NEES are added to the sums.  The score is that of the
+samples after the action.
+"""
 
 from __future__ import annotations
 
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
-from insenv.envs.estimation import ScenarioLike
-from insenv.envs.filter_inside import inner_loop
-from insenv.envs.inner_starts import InnerStarts
-from insenv.envs.setup import Setup, check_samples, chosen_scenario, make_setup
+import casadi as ca
+from gymnasium.vector import AutoresetMode
+
+from insenv.core.compose import Part, as_part, merge
+from insenv.core.elementary import clamp, log, minimum, select
+from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
+from insenv.envs.checks import check_number, check_type, check_whole
+from insenv.envs.filter_inside import COMMON, ERROR, SCALED, Inner, inner_loop, log10, power10, within
+from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import IMU_RANGE, Range, Ranges
-from insenv.envs.tuning_task import TUNED, tuning_task
-from insenv.envs.vector import FACE, InertialVectorEnv
+from insenv.envs.starts import IMU_RANGE, InnerStarts, Range, Ranges
+from insenv.envs.task import CLOCK, DECISIONS, NEVER, RESULT, TRUTH, Task, truth
+from insenv.envs.vector import InertialVectorEnv
+from insenv.envs.window import SHOWN, begun, shown, window_part
 from insenv.errors import InputError
 from insenv.scenario import plant_of
 
-LOOK_INTERVAL = 1.0
-"""s from one look at the error to the next, or a step if that is shorter."""
+TUNED = (
+    "angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma", "gnss_position_sigma",
+    "gnss_velocity_sigma",
+)  # fmt: skip
+"""Parameters and inputs of the filter that an action scales, in the order of its components."""
+DIVERGED = 1e4
+"""Root mean square of the error components, in limits, above which the filter has diverged."""
+WORST_CONSISTENCY = 10.0
+"""Upper bound of |ln(NEES / degrees of freedom)| in the reward."""
+
+ACTION = Row("log_scale", f"Logarithm of the factors on {', '.join(TUNED)}, in `decades`", "1", (6,), lower=-1.0, upper=1.0)
+_PARAMETERS = COMMON + Table((
+    Row("limit", "1-sigma limit of each component of the error", "1", (9,), "n", 1.0, lower=1e-15, upper=1e9),
+    Row("decades", "Decimal logarithm of the factor for an action of 1", start=2.0, lower=0.0, upper=4.0),
+    Row("mistuning", "Decimal logarithm of the factors for an action of 0", "1", (6,), lower=-4.0, upper=4.0),
+    Row("consistency_weight", "Weight of the consistency in the reward", start=0.5, lower=0.0, upper=1e3),
+    Row("score_samples", "Samples between evaluations of the error", start=1.0, lower=1.0, upper=1e9),
+))  # fmt: skip
+_STATE = Table((
+    NEVER,
+    DECISIONS,
+    Row("log_scale_now", "The action in force", "1", (6,)),
+    Row("score_count", "Samples since the last evaluation of the error"),
+    Row("score_due", "1 on a sample after which the error is evaluated"),
+    Row("scores", "Evaluations since the last action"),
+    Row("error_square", "Sum of their squared errors", "1", (9,), "n"),
+    Row("nees_sum", "Sum of their normalised estimation errors squared"),
+))  # fmt: skip
+_GNSS_LEVEL = Row("gnss_level", "Decimal logarithm of the standard deviations that the receiver reports: position (m), velocity"
+                  " (m/s)", "1", (6,), "n", lower=-16.0, upper=16.0)  # fmt: skip
+_INFO = Table((
+    *TRUTH,
+    ERROR,
+    Row("error_rms", "Root mean square of the error since the last action", "1", (9,), "n"),
+    Row("limit", "1-sigma limit of each component of the error", "1", (9,), "n"),
+    Row("measure", "ln(1 + root mean square of error over limit), since the last action"),
+    Row("nees", "Mean since the last action of the normalised estimation error squared"),
+    Row("degrees", "Expected value of the NEES of a consistent filter: the number of components"),
+    Row("consistency", "|ln(nees / degrees)|"),
+    Row("scale", f"Factors in force on {', '.join(TUNED)}", "1", (6,)),
+    Row("diverged", "1 if the filter has diverged"),
+))  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def tuning_task(plant: Model, estimator: str) -> Task:
+    """Return the task of tuning a filter of a plant.  Raises `InputError` for one that cannot be tuned."""
+    inner = inner_loop(plant, estimator, TUNED)
+    sigma = Row("sigma_level", "Decimal logarithm of the filter's standard deviations, in the order of its states", "1",
+                (inner.states,), lower=-16.0, upper=16.0)  # fmt: skip
+    action = Row("log_scale_now", "The action in force", "1", (6,), lower=-1.0, upper=1.0)
+    observation = Table((CLOCK,)) + SHOWN + Table((_GNSS_LEVEL, sigma, action))
+    score = Part(
+        parameters=_PARAMETERS,
+        state=_STATE,
+        inputs=Table((ACTION,)),
+        steps={
+            "score_count": Step(_count),
+            "score": Step(lambda p, x, u: _evaluate(inner, p, x), when="score_due"),
+            "act": Step(_act, when="never"),
+        },
+    )
+
+    def output(p: Any, x: Any) -> dict[str, Any]:
+        reported = ca.vertcat(x.gnss_position_sigma, x.gnss_velocity_sigma)
+        seen = {
+            "time": x.time,
+            **shown(p, x),
+            "gnss_level": log10(reported),
+            "sigma_level": log10(inner.sigma(x)),
+            "log_scale_now": x.log_scale_now,
+        }
+        return within(observation, seen) | _scored(inner, p, x)
+
+    title = f"{inner.model.title}: tuning"
+    model = merge(
+        f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
+    )
+    return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act", starts_from_knowledge=True)
+
+
+def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    action = clamp(u.log_scale, -1.0, 1.0)
+    return {
+        SCALED: power10(p.decades * action + p.mistuning),
+        "log_scale_now": action,
+        "decisions": x.decisions + 1.0,
+        "score_count": 0.0,
+        "scores": 0.0,
+        "error_square": ca.SX.zeros(9),
+        "nees_sum": 0.0,
+        **begun(),
+    }
+
+
+def _count(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    count = x.score_count + 1.0
+    due = count >= p.score_samples
+    return {"score_count": select(due, 0.0, count), "score_due": due}
+
+
+def _evaluate(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+    error = inner.error(p, x)
+    return {
+        "scores": x.scores + 1.0,
+        "error_square": x.error_square + error * error,
+        "nees_sum": x.nees_sum + inner.nees(p, x)[0],
+    }
+
+
+def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
+    """Return the values of `RESULT` and of the info."""
+    evaluations = select(x.scores > 0.0, x.scores, 1.0)
+    square = x.error_square / evaluations
+    ratio = ca.sumsqr(ca.sqrt(square) / p.limit) / 9.0
+    sound = ca.logic_and(ratio >= 0.0, ratio <= DIVERGED**2)  # both are false for NaN
+    measure = log(1.0 + ca.sqrt(select(sound, ratio, DIVERGED**2)))
+    degrees = float(inner.nees(p, x)[1])
+    nees = x.nees_sum / evaluations
+    share = nees / degrees
+    decent = ca.logic_and(share > 1e-12, share < 1e12)
+    consistency = select(decent, minimum(ca.fabs(log(select(decent, share, 1.0))), WORST_CONSISTENCY), WORST_CONSISTENCY)
+
+    each = 1.0 / p.decision_limit
+    left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
+    worst = log(1.0 + DIVERGED) + p.consistency_weight * WORST_CONSISTENCY
+    paid = each * (measure + p.consistency_weight * consistency)
+    last = x.decisions >= p.decision_limit
+    error = inner.error(p, x)
+    fine = ca.sumsqr(error) <= 1e30
+    return {
+        "reward": -select(sound, paid, left * worst),
+        "terminated": ca.logic_not(sound),
+        "truncated": ca.logic_and(last, sound),
+        **truth(p, x),
+        "error": select(fine, error, 0.0),
+        "error_rms": select(sound, ca.sqrt(square), DIVERGED * p.limit),
+        "limit": p.limit,
+        "measure": measure,
+        "nees": select(decent, nees, 0.0),
+        "degrees": degrees,
+        "consistency": consistency,
+        "scale": getattr(x, SCALED),
+        "diverged": ca.logic_not(sound),
+    }
+
+
+SCORE_INTERVAL = 1.0
+"""Time between evaluations of the error, s; a shorter step is evaluated once."""
 
 
 def _setup(
-    scenario: ScenarioLike,
-    vehicle: str = "",
-    estimator: str = "loosely-coupled",
-    samples_per_step: int = 2000,
-    duration_s: float | None = None,
-    imu: str | None = None,
-    imu_range: tuple[str, str] = IMU_RANGE,
-    heading_deg: Range | None = None,
-    sea_state: Range | None = None,
-    initial_error: Range | None = None,
-    gnss_outages_s: tuple[Range, ...] | None = None,
-    decades: float = 2.0,
-    mistuning_decades: float = 0.0,
-    consistency_weight: float = 0.5,
-) -> Setup:
-    """The setup that the arguments of both faces ask for; they are explained in the class below."""
+    scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None, estimator: str,
+    decades: float, mistuning_decades: float, consistency_weight: float,
+) -> Setup:  # fmt: skip
+    """Return the setup for the arguments of the classes below."""
     found = chosen_scenario(scenario, vehicle)
     if found.gnss is None:
         raise InputError(f"a tuning environment needs GNSS fixes: scenario {found.name or found.title!r} has no [gnss]")
-    check_samples(samples_per_step)
-    numbers = (("decades", decades, 4.0), ("mistuning_decades", mistuning_decades, 4.0),
-               ("consistency_weight", consistency_weight, 1e3))  # fmt: skip
-    for name, value, most in numbers:
-        if not 0.0 <= value <= most:
-            raise InputError(f"{name} = {value!r}: allowed is a number from 0 to {most:g}")
-    ranges = Ranges(imu, tuple(imu_range), heading_deg, sea_state, initial_error, gnss_outages_s)  # type: ignore[arg-type]
+    samples = check_whole("samples_per_step", samples_per_step)
+    constants = {
+        "decades": check_number("decades", decades, 0.0, 4.0),
+        "consistency_weight": check_number("consistency_weight", consistency_weight, 0.0, 1e3),
+        "score_samples": float(max(1, min(samples, round(SCORE_INTERVAL * found.rate_hz)))),
+    }
+    mistuning = check_number("mistuning_decades", mistuning_decades, 0.0, 4.0)
+    check_type("estimator", estimator, str, "the id of an estimator")
     plant = plant_of(found)[0]
     task = tuning_task(plant, estimator)
-    constants = {
-        "decades": float(decades),
-        "consistency_weight": float(consistency_weight),
-        "score_samples": float(max(1, min(samples_per_step, round(LOOK_INTERVAL * found.rate_hz)))),
-    }
-    starts = partial(InnerStarts, inner=inner_loop(plant, estimator, TUNED), mistuning=float(mistuning_decades))
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, starts)
+    starts = partial(InnerStarts, inner=inner_loop(plant, estimator, TUNED), mistuning=mistuning)
+    return make_setup(found, task, ranges, samples, duration_s, constants, starts)
 
 
 class TuningEnv(InertialEnv):
     """
     ## Description
-    A vehicle moves; a filter with GNSS, built in, navigates it. The filter's noises are those of the data sheet, which are not
-    the best ones: errors of fixes wander, outliers come, sensors turn out better or worse than their sheet. The agent sees
-    what the filter shows of itself and scales its noises as it runs. Id: `insenv/Tuning-v0`.
+    A vehicle moves and a built-in filter navigates it with GNSS. The filter's noise parameters are those of the data
+    sheet. They are not optimal: fix errors are correlated in time, there are outliers, and a unit may be better or
+    worse than its data sheet. The agent observes the statistics of the filter and scales its noises while it runs. Id:
+    `insenv/Tuning-v0`.
 
     ## Action Space
-    `Box(-1, 1, (6,), float64)`: the decimal logarithm, in `decades`, of the factors on the filter's noises (standard
-    deviations) from now on; with the 2 decades there are by default, factors from 1/100 to 100. 0 is the data sheet. What is
-    outside is taken as the nearest allowed.
+    `Box(-1, 1, (6,), float64)`: the decimal logarithms, in units of `decades`, of the factors on the filter's noises
+    (standard deviations) until the next step. With the default of 2 decades the factors are from 1/100 to 100; 0 is the
+    data sheet. Actions outside the space are clipped to it.
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
-    | 0 | factor on the gyros' white noise (angle random walk) | -1 | 1 | decades |
-    | 1 | on the accelerometers' white noise (velocity random walk) | -1 | 1 | decades |
-    | 2 | on the drive of the gyro biases | -1 | 1 | decades |
-    | 3 | on the drive of the accelerometer biases | -1 | 1 | decades |
-    | 4 | on the standard deviation of positions, as the receiver reports it | -1 | 1 | decades |
-    | 5 | on that of velocities | -1 | 1 | decades |
+    | 0 | factor on the gyro white noise (angle random walk) | -1 | 1 | decades |
+    | 1 | factor on the accelerometer white noise (velocity random walk) | -1 | 1 | decades |
+    | 2 | factor on the driving noise of the gyro biases | -1 | 1 | decades |
+    | 3 | factor on the driving noise of the accelerometer biases | -1 | 1 | decades |
+    | 4 | factor on the standard deviation of positions that the receiver reports | -1 | 1 | decades |
+    | 5 | factor on the standard deviation of velocities that the receiver reports | -1 | 1 | decades |
 
     ## Observation Space
-    `Box(float64)`, flat; `env.unwrapped.named(observation)` gives it by name. "Level": decimal logarithm of a value in SI
-    units. The window is the time since the last step. S is the number of the filter's error states (15 for loosely-coupled).
+    `Box(float64)`, flat; `env.unwrapped.named(observation)` returns it by name. "Level" is the decimal logarithm of a
+    value in SI units. The window is the time since the last step. S is the number of the filter's error states (15 for
+    loosely-coupled).
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
     | 0 | time since the start | 0 | 1e6 | s |
     | 1 | fixes in the window | 0 | 1e6 | 1 |
     | 2 | time since the epoch of the latest fix | 0 | 1e6 | s |
-    | 3-5 | root mean square of their innovations: position, north, east, down | 0 | 1e6 | m |
-    | 6-8 | velocity | 0 | 1e6 | m/s |
-    | 9-14 | mean of their test ratios (innovation over its standard deviation as the filter sees it) | -100 | 100 | 1 |
-    | 15-20 | level of the root mean square of the test ratios; 0 if the filter is right, or without fixes | -6 | 2 | 1 |
+    | 3-5 | root mean square of the position innovations, north, east, down | 0 | 1e6 | m |
+    | 6-8 | root mean square of the velocity innovations | 0 | 1e6 | m/s |
+    | 9-14 | mean test ratios (innovation over the standard deviation that the filter predicts) | -100 | 100 | 1 |
+    | 15-20 | level of the root mean square of the test ratios; 0 for a consistent filter, and without fixes | -6 | 2 | 1 |
     | 21-23 | mean of the gyros in the window, b | -1e3 | 1e3 | rad/s |
     | 24-26 | standard deviation of a gyro sample | 0 | 1e3 | rad/s |
     | 27-29 | mean of the accelerometers | -1e5 | 1e5 | m/s^2 |
     | 30-32 | standard deviation of an accelerometer sample | 0 | 1e5 | m/s^2 |
     | 33-38 | levels of the standard deviations that the receiver reports: position (m), velocity (m/s) | -16 | 16 | 1 |
-    | 39 .. 38+S | levels of the filter's standard deviations, the roots of its covariance's diagonal; loosely-coupled: position (m), velocity (m/s), attitude (rad), gyro bias (rad/s), accelerometer bias (m/s^2) | -16 | 16 | 1 |
+    | 39 .. 38+S | levels of the filter's standard deviations in the order of its states; loosely-coupled: position (m), velocity (m/s), attitude (rad), gyro bias (rad/s), accelerometer bias (m/s^2) | -16 | 16 | 1 |
     | last 6 | the action in force | -1 | 1 | decades |
 
     ## Rewards
-    The filter's error e (rotation vector, velocity, position, in n) and its normalised estimation error squared, e^T P^-1 e of
-    position, velocity and attitude in the filter's own definition, are looked at every second of the window. With s the limit
-    (`info["limit"]`: root mean square of what the covariance of the untuned 15-state filter says over the scenario, and for
-    position the part of the fixes' error that cannot be averaged), T the number of steps and n the components compared (9),
+    The filter's error e (rotation vector, velocity, position, in n) and its normalised estimation error squared (NEES),
+    `e^T P^-1 e` of position, velocity and attitude as the filter defines its errors, are evaluated every second of the
+    window. Let s be the limit (`info["limit"]`: the root mean square over the scenario of the standard deviations that
+    the untuned 15-state filter states; for position it includes the part of the fix error that does not average out), T
+    the number of steps and n = 9 the number of components. Then
 
-        measure = ln(1 + sqrt(mean of (e / s)^2 over components and looks))
-        consistency = |ln(mean of e^T P^-1 e over looks / n)|, at most 10
+        measure = ln(1 + sqrt(mean of (e / s)^2 over components and evaluations))
+        consistency = |ln(mean NEES over evaluations / n)|, at most 10
         reward = -(measure + consistency_weight * consistency) / T
 
-    Of a filter that knows its errors e^T P^-1 e has a chi-square distribution and the mean n; in a window its consistency is
-    not 0 but that distribution's scatter, some 0.4 where the looks of the window are correlated throughout.
-    A filter that has diverged ends the episode with the worst of all for the time left.
+    The NEES of a consistent filter has a chi-square distribution with mean n. Its consistency measure over a window is
+    not 0 because of the scatter of that distribution; it is about 0.4 where the evaluations of a window are fully
+    correlated. Divergence ends the episode with the lowest reward for the time left.
 
     ## Starting State
-    The scenario's, with a seed of its own drawn from the environment's generator; other draws as the arguments say.
+    That of the scenario, with a seed from the environment's generator; the arguments add further random draws.
 
     ## Episode End
-    Terminated when the filter has diverged: errors of 10,000 limits, or no numbers. Truncated at the end of the time.
+    Terminated when the filter diverges: errors above 10,000 limits, or NaN. Truncated at the end of the time.
 
     ## Arguments
-    - `scenario`: name, path, `insenv.scenario.Scenario` or mapping, with GNSS. `duration_s`: instead of the scenario's.
-    - `estimator`: "loosely-coupled", "aqe-ekf" or "aqe-sukf". `samples_per_step`: inertial samples in a step.
-    - `decades`: what an action of 1 is. `mistuning_decades`: if above 0, at each reset what the filter is told of its noises
-      is made wrong by factors of 10^u, u uniform within plus and minus that: 0 is then no longer the data sheet.
-    - `consistency_weight`: see Rewards.
-    - `imu`: a grade of `insenv list`, or "random": between the two grades `imu_range`, drawn at each reset.
-    - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway, engine
-      and gusts. `initial_error`: standard deviations (tilt, heading) of what is told, deg. `gnss_outages_s`: windows, s.
-    - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
-
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, gnss_outages_s for one episode, and `run_seed`: the
-    seed of `insenv run`, which then makes the same samples.
+    - `scenario`: as for `AlignmentEnv`, with GNSS. `estimator`: "loosely-coupled", "aqe-ekf" or "aqe-sukf".
+    - `decades`: decimal logarithm of the factor for an action of 1. `consistency_weight`: see Rewards.
+    - `mistuning_decades`: if above 0, the filter's noises are wrong by factors 10^u, with u drawn at each reset from a
+      uniform distribution between plus and minus that value; an action of 0 is then no longer the data sheet.
+    - All others, and the options of `reset`: as for `AlignmentEnv`, without `time_weight`.
 
     ## Vectorized environment
-    `gymnasium.make_vec` makes `TuningVectorEnv`, one batch: row i is the single environment reset with seed + i, to the bit.
-    `autoreset_mode` NEXT_STEP or DISABLED; `threads`.
+    `gymnasium.make_vec` makes `TuningVectorEnv`, as for `AlignmentEnv`.
 
     ## Version History
     - v0: first version.
     """  # noqa: E501
 
     def __init__(
-        self,
-        scenario: ScenarioLike = "car-city-drive",
-        *,
-        backend: str | None = None,
+        self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 2000,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "loosely-coupled", decades: float = 2.0,
+        mistuning_decades: float = 0.0, consistency_weight: float = 0.5, backend: str | None = None,
         render_mode: str | None = None,
-        **given: Any,
-    ) -> None:
-        super().__init__(_setup(scenario, **given), backend, render_mode)
+    ) -> None:  # fmt: skip
+        """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(
+            scenario, vehicle, ranges, samples_per_step, duration_s, estimator, decades, mistuning_decades, consistency_weight
+        )
+        super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
 class TuningVectorEnv(InertialVectorEnv):
-    """Many `TuningEnv` at once: its arguments, and those of `InertialVectorEnv`."""
+    """Many `TuningEnv` in one batch; takes the arguments of `TuningEnv` and of `InertialVectorEnv`."""
 
-    def __init__(self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", **given: Any) -> None:
-        face = {name: given.pop(name) for name in FACE if name in given}
-        super().__init__(_setup(scenario, **given), num_envs, **face)
+    def __init__(
+        self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
+        samples_per_step: int = 2000, duration_s: float | None = None, imu: str | None = None,
+        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
+        estimator: str = "loosely-coupled", decades: float = 2.0, mistuning_decades: float = 0.0,
+        consistency_weight: float = 0.5, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 1, backend: str | None = None, render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+    ) -> None:  # fmt: skip
+        """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
+        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        setup = _setup(
+            scenario, vehicle, ranges, samples_per_step, duration_s, estimator, decades, mistuning_decades, consistency_weight
+        )
+        super().__init__(
+            setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
+            max_episode_steps=max_episode_steps,
+        )  # fmt: skip

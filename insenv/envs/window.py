@@ -1,4 +1,4 @@
-"""What the sensors and the filter showed since the last step: sums over a step's samples and fixes, as a part of a model."""
+"""Statistics of the inertial samples and fixes since the last decision, as a part of a model."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from insenv.envs.filter_inside import log10
 from insenv.plant.loop import PREFIX
 
 LARGEST_RATIO = 100.0
-"""A test ratio counts as at most that."""
+"""Bound on the magnitude of a test ratio."""
 
 _SUMS = Table((
-    Row("window_samples", "Samples that arrived since the last step"),
+    Row("window_samples", "Samples received since the last step"),
     Row("window_delta_angle", "Their gyro increments, summed", "rad", (3,), "b"),
     Row("window_delta_velocity", "Their accelerometer increments, summed", "m/s", (3,), "b"),
     Row("window_delta_angle_square", "Squares of their gyro increments, summed", "rad^2", (3,), "b"),
@@ -34,20 +34,20 @@ SHOWN = Table((
     Row("fix_age", "Time since the epoch of the latest fix", "s", lower=0.0, upper=1e6),
     Row("innovation_rms", "Root mean square of the fixes' innovations: position (m), velocity (m/s)", "m, m/s", (6,), "n",
         lower=0.0, upper=1e6),
-    Row("test_ratio_mean", "Mean of the innovations over their standard deviations", "1", (6,), "n", lower=-LARGEST_RATIO,
-        upper=LARGEST_RATIO),
-    Row("test_ratio_level", "Decimal logarithm of their root mean square; 0 if the filter is right, and without fixes", "1",
+    Row("test_ratio_mean", "Mean of the test ratios: innovations over their standard deviations", "1", (6,), "n",
+        lower=-LARGEST_RATIO, upper=LARGEST_RATIO),
+    Row("test_ratio_level", "Decimal logarithm of their root mean square; 0 for a consistent filter, and without fixes", "1",
         (6,), "n", lower=-6.0, upper=2.0),
     Row("rate_mean", "Mean of the gyros", "rad/s", (3,), "b", lower=-1e3, upper=1e3),
     Row("rate_deviation", "Standard deviation of a gyro sample", "rad/s", (3,), "b", lower=0.0, upper=1e3),
     Row("force_mean", "Mean of the accelerometers", "m/s^2", (3,), "b", lower=-1e5, upper=1e5),
     Row("force_deviation", "Standard deviation of an accelerometer sample", "m/s^2", (3,), "b", lower=0.0, upper=1e5),
 ))  # fmt: skip
-"""Rows that observations have of it."""
+"""Observation rows of the window."""
 
 
 def window_part() -> Part:
-    """Sums behind a filter's steps; `begun` sets them to zero."""
+    """Return the part that sums after the filter's steps; `begun` sets the sums to zero."""
     return Part(
         state=_SUMS + Table((_FIX_TIME,)),
         steps={"window": Step(_sample), "window_fix": Step(_fix, when="gnss_valid")},
@@ -55,7 +55,7 @@ def window_part() -> Part:
 
 
 def begun() -> dict[str, Any]:
-    """State rows of a window that begins."""
+    """Return the state rows of an empty window."""
     return {row.name: ca.SX.zeros(row.size) for row in _SUMS}
 
 
@@ -83,7 +83,7 @@ def _fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def shown(p: Any, x: Any) -> dict[str, Any]:
-    """Values of `SHOWN`, not yet within their bounds."""
+    """Return the values of `SHOWN`, not yet clipped to their bounds."""
     count, fixes = maximum(x.window_samples, 1.0), maximum(x.window_fixes, 1.0)
     rate = 1.0 / p.sample_interval
     some = x.window_fixes > 0.0

@@ -1,4 +1,4 @@
-"""The paper estimators as agents: in the loop they do what `insenv run` does, and reach their limits."""
+"""The estimators as agents: in the loop they give the results of `insenv run` and reach their limits."""
 
 import gymnasium
 import numpy as np
@@ -25,21 +25,21 @@ def episode(env, agent, **reset):
 
 
 @pytest.mark.parametrize("id", ["analytic", "q-method", "qakf-improved", "ecef-kf", "gyrocompass"])
-def test_an_agent_is_the_estimator_of_the_run_to_the_bit(id):
+def test_an_agent_is_bit_identical_to_the_estimator_of_a_run(id):
     env = gymnasium.make(SHIP, samples_per_step=250, duration_s=30.0)
     _, action, _ = episode(env, agents.make(id, env), seed=1, options={"run_seed": 6})
     q_nb = run(load("ship-swaying"), [id], seed=6, duration_s=30.0).results[0].outputs["q_nb"][-1]
     assert np.array_equal(action[:4], q_nb / np.linalg.norm(q_nb))
 
 
-def test_a_navigating_agent_is_the_filter_of_the_run():
+def test_a_navigating_agent_is_the_filter_of_a_run():
     env = gymnasium.make(DRIVE, samples_per_step=130, duration_s=65.0)
     _, action, info = episode(env, agents.make("loosely-coupled", env), seed=1, options={"run_seed": 3})
     result = run(load("car-city-drive"), ["loosely-coupled"], seed=3, duration_s=65.0).results[0]
-    # fixes go through metres from the reference: the roundings of latitude, a nanometre
+    # fixes pass through metres from the reference, which rounds latitude to about a nanometre
     assert action[:4] == pytest.approx(result.outputs["q_nb"][-1], abs=1e-9)
-    told = env.unwrapped.named(env.reset(options={"run_seed": 3})[0])
-    reference = (told[f"told_{name}"] for name in ("latitude", "longitude", "height"))
+    known = env.unwrapped.named(env.reset(options={"run_seed": 3})[0])
+    reference = (known[f"known_{name}"] for name in ("latitude", "longitude", "height"))
     found = geodesy.numeric.ned_offset(*(result.outputs[name][-1] for name in ("latitude", "longitude", "height")), *reference)
     assert action[7:10] * 1e6 == pytest.approx(found, abs=1e-6)
     assert action[4:7] * 1e3 == pytest.approx(result.outputs["velocity_n"][-1], abs=1e-8)
@@ -68,7 +68,7 @@ def test_a_baseline_reaches_its_limit_inside_the_loop(env_id, id, declared):
         assert np.array_equal(terminated[over], np.full(over.sum(), declared is not None))
         done |= over
     ratio = np.sqrt(np.mean((errors / info["limit"]) ** 2, axis=0))
-    # an RMS of 24 seeds has a standard deviation of 14 %; declared early, the white noise's part is larger
+    # an RMS over 24 seeds has a standard deviation of 14 %; white noise contributes more after an early declaration
     assert np.all(ratio < (1.5 if declared is None else 1.9)), ratio
     assert ratio[2] > 0.4
 
@@ -81,13 +81,13 @@ def test_a_row_of_a_vector_agent_is_the_single_agent():
         env = gymnasium.make(SHIP, **kwargs)
         singles.append((env, agents.make("q-method", env), [env.reset(seed=9 + i)[0]]))
     observation, _ = venv.reset(seed=9)
-    for _ in range(25):  # over two ends of episodes, 10 steps each
+    for _ in range(25):  # two episodes of 10 steps and the beginning of a third
         actions = agent.act(observation)
         for i, (env, single, seen) in enumerate(singles):
             assert np.array_equal(seen[-1], observation[i])
             action = single.act(seen[-1])
             assert np.array_equal(action, actions[i])
-            seen.append(env.step(action)[0] if not env.unwrapped._over else env.reset()[0])
+            seen.append(env.reset()[0] if env.unwrapped.snapshot().over else env.step(action)[0])
         observation, *_ = venv.step(actions)
 
 

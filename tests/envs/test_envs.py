@@ -1,4 +1,4 @@
-"""The environments: Gymnasium's contract, both faces, bad input, and what episodes are made of."""
+"""The environments: Gymnasium's contract, both interfaces, wrong actions and arguments, starts of episodes."""
 
 import gymnasium
 import numpy as np
@@ -18,7 +18,7 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
 
 
 NATIVE = [pytest.param(id, marks=[] if id in (SHIP, DRIVE) else [pytest.mark.slow]) for id in ESTIMATION]
-"""Each takes 5 to 50 s to compile: all of them in make test-slow."""
+"""Compiling one takes 5 to 50 s; `make test-slow` runs all of them."""
 
 
 @pytest.mark.parametrize("id", NATIVE)
@@ -35,9 +35,9 @@ def test_a_random_start_conforms():
     testing.check_id(SHIP, **SHORT, imu="random", heading_deg=(0.0, 360.0), sea_state=(0.5, 1.5), initial_error=(1.0, 90.0))
 
 
-def test_interpreter_equals_native_to_the_bit():
+def test_interpreter_and_native_are_bit_identical():
     envs = [gymnasium.make(SHIP, backend=backend, **SHORT) for backend in ("native", "interpreter")]
-    testing._assert_same(*(testing._episodes(env, 3) for env in envs), "native and interpreter")
+    testing.assert_same(*(testing.episodes(env, 3) for env in envs), "native and interpreter")
 
 
 def test_the_kit_finds_an_environment_that_ignores_its_seed():
@@ -60,17 +60,17 @@ def test_the_kit_finds_rows_that_share_a_stream():
         testing.check_rows(lambda: gymnasium.make(SHIP, **SHORT), skewed)
 
 
-def test_an_observation_is_what_the_sensors_of_the_run_show():
+def test_observations_equal_the_sensor_outputs_of_a_run():
     env = gymnasium.make(DRIVE, samples_per_step=300, duration_s=20.0).unwrapped
     observation, _ = env.reset(seed=1, options={"run_seed": 12})
     plant = build(load("car-city-drive"), seed=12)
     from insenv.core.runner import make_runner
 
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(3000))
-    told = knowledge_of(env.named(observation))
-    assert told.latitude == pytest.approx(plant.knowledge.latitude, abs=1e-15)
-    assert told.heading == pytest.approx(plant.knowledge.heading, abs=1e-15)
-    assert told.sensors == plant.knowledge.sensors
+    known = knowledge_of(env.named(observation))
+    assert known.latitude == pytest.approx(plant.knowledge.latitude, abs=1e-15)
+    assert known.heading == pytest.approx(plant.knowledge.heading, abs=1e-15)
+    assert known.sensors == plant.knowledge.sensors
     fixes = 0
     for step in range(10):
         observation, _, _, _, info = env.step(env.action_space.sample() * 0 + np.eye(10)[0])
@@ -87,50 +87,50 @@ def test_an_observation_is_what_the_sensors_of_the_run_show():
             assert seen["fix_age"] == pytest.approx(since + shown["gnss_age"][at], abs=1e-9)
             assert seen["fix_delay"] == shown["gnss_age"][at]
             assert np.array_equal(seen["fix_velocity_n"], shown["gnss_velocity_n"][at])
-            # 1.5 s steps: the fix is near the vehicle, which drives less than 10 m after it
+            # a fix of the last 1.5 s lies near the vehicle
             assert np.linalg.norm(seen["fix_position"] - info["position"]) < 40.0
     assert fixes >= 8
 
 
-def test_the_reward_is_what_the_page_says():
+def test_the_reward_follows_its_documentation():
     env = gymnasium.make(SHIP, samples_per_step=50, duration_s=10.0, time_weight=2.0).unwrapped
     _, info = env.reset(seed=4)
-    total, rounds = 0.0, 40
-    for step in range(rounds):
+    total, decisions = 0.0, 40
+    for step in range(decisions):
         q_nb = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.0, 0.0, 0.01])), info["q_nb"])
         _, reward, terminated, truncated, info = env.step(estimate_action(env.setup.task, q_nb))
         assert info["error"] == pytest.approx([0.0, 0.0, 0.01], abs=1e-12)
         measure = np.log(1.0 + np.sqrt(np.mean((info["error"] / info["limit"]) ** 2)))
-        last = step == rounds - 1
-        assert reward == pytest.approx(-(2.0 + measure) / rounds - measure * last, rel=1e-8)
+        last = step == decisions - 1
+        assert reward == pytest.approx(-(2.0 + measure) / decisions - measure * last, rel=1e-8)
         assert not terminated and truncated == last
         total += reward
     assert total == pytest.approx(-2.0 - 2.0 * measure, rel=1e-8)
 
 
-def test_declaring_ends_an_alignment_and_costs_no_more_time():
+def test_declaring_ends_an_alignment_and_stops_the_cost_of_time():
     env = gymnasium.make(SHIP, samples_per_step=50, duration_s=10.0)
     _, info = env.reset(seed=4)
     action = estimate_action(env.unwrapped.setup.task, info["q_nb"], declare=1.0)
     _, reward, terminated, truncated, info = env.step(action)
     assert terminated and not truncated and info["declared"] == 1.0
-    assert reward == pytest.approx(-1.0 / 40.0, abs=1e-6)  # the truth itself: only the time of one step
+    assert reward == pytest.approx(-1.0 / 40.0, abs=1e-6)  # a perfect estimate costs only the time of one step
 
 
 @pytest.mark.parametrize("id", [SHIP, DRIVE])
-@pytest.mark.parametrize("garbage", ["no quaternion", "outside", "huge"])
-def test_garbage_ends_the_episode_with_a_finite_reward(id, garbage):
+@pytest.mark.parametrize("fault", ["no quaternion", "outside", "huge"])
+def test_an_invalid_estimate_ends_the_episode_with_a_finite_reward(id, fault):
     for env in (gymnasium.make(id, **SHORT), gymnasium.make_vec(id, 3, **SHORT)):
         _, info = env.reset(seed=1)
         action = np.zeros(env.action_space.shape)
-        action[..., -1] = {"no quaternion": 0.0, "outside": 1.01, "huge": 1e300}[garbage]
+        action[..., -1] = {"no quaternion": 0.0, "outside": 1.01, "huge": 1e300}[fault]
         _, reward, terminated, truncated, info = env.step(action)
         assert np.all(np.isfinite(reward)) and np.all(np.asarray(reward) < -19.0)
         assert np.all(terminated) and not np.any(truncated)
         assert np.all(info["diverged"] == 1.0) and np.isfinite(info["error"]).all()
 
 
-def test_garbage_is_worse_than_any_estimate():
+def test_an_invalid_estimate_is_worse_than_any_valid_one():
     env = gymnasium.make(SHIP, **SHORT)
     returns = []
     for action in (np.zeros(5), np.array([0.0, 1.0, 0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0, 0.0, 1.0])):
@@ -158,7 +158,7 @@ def test_a_wrong_action_is_an_error_and_changes_nothing(action, message):
         e.reset(seed=1)
     with pytest.raises(InputError, match=message):
         env.step(action)
-    testing._assert_same([env.step(LEVEL)], [other.step(LEVEL)], "after a wrong action")
+    testing.assert_same([env.step(LEVEL)], [other.step(LEVEL)], "after a wrong action")
 
 
 def test_a_nan_in_one_row_names_it():
@@ -211,7 +211,7 @@ def test_arguments_that_are_not_allowed(kwargs, message):
         gymnasium.make(SHIP, **{**SHORT, **kwargs})
 
 
-def test_fewer_steps_are_those_of_the_wrapper():
+def test_max_episode_steps_acts_like_the_wrapper():
     testing.check_rows(
         lambda: gymnasium.make(SHIP, max_episode_steps=4, **SHORT),
         lambda n, **more: gymnasium.make_vec(SHIP, n, max_episode_steps=4, **SHORT, **more),
@@ -220,7 +220,7 @@ def test_fewer_steps_are_those_of_the_wrapper():
         AlignmentVectorEnv(2, max_episode_steps=0, **SHORT)
 
 
-def test_a_render_mode_that_is_not_there():
+def test_an_unknown_render_mode_is_refused():
     with pytest.raises(InputError, match="hologram"):
         AlignmentEnv(render_mode="hologram", **SHORT)
     with pytest.raises(InputError, match="rgb_array"):
@@ -235,7 +235,7 @@ def test_a_navigation_environment_without_gnss():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"colour": 1}, "'colour': allowed are imu"),
+        ({"colour": 1}, "unknown option 'colour' .allowed: imu"),
         ({"run_seed": -1}, "run_seed"),
         ({"imu": "gold"}, "gold"),
         ({"sea_state": 11}, "sea"),
@@ -247,15 +247,15 @@ def test_options_that_are_not_allowed(options, message):
             env.reset(seed=1, options=options)
 
 
-def test_options_stand_for_one_episode():
+def test_options_hold_for_one_episode():
     env = gymnasium.make(SHIP, **SHORT)
     plain, _ = env.reset(seed=1)
     turned, info = env.reset(seed=1, options={"heading_deg": 200.0, "imu": "tactical", "initial_error": (2.0, 45.0)})
     seen = env.unwrapped.named(turned)
-    # the scenario's mean heading is replaced; at time 0 its sway adds up to 3 deg
+    # the option replaces the mean heading of the scenario; sway adds up to 3 deg at time 0
     assert np.degrees(attitude.numeric.to_euler(info["q_nb"])[2]) % 360.0 == pytest.approx(200.0, abs=3.1)
-    assert seen["told_heading_sigma"] == pytest.approx(np.radians(45.0))
-    assert seen["told_gyro_bias_sigma"] > env.unwrapped.named(plain)["told_gyro_bias_sigma"]
+    assert seen["known_heading_sigma"] == pytest.approx(np.radians(45.0))
+    assert seen["known_gyro_bias_sigma"] > env.unwrapped.named(plain)["known_gyro_bias_sigma"]
     assert np.array_equal(env.reset(seed=1)[0], plain)
 
 
@@ -265,10 +265,10 @@ def test_random_grades_lie_between_the_two_of_the_range():
     ends = [
         gymnasium.make_vec(SHIP, 1, **SHORT, imu=grade).reset(seed=0)[0] for grade in ("marine", "tactical")
     ]  # fmt: skip
-    low, high = (env.unwrapped.named(end)["told_angle_random_walk"][0] for end in ends)
-    drawn = seen["told_angle_random_walk"]
+    low, high = (env.unwrapped.named(end)["known_angle_random_walk"][0] for end in ends)
+    drawn = seen["known_angle_random_walk"]
     assert np.all((drawn >= low * 0.999) & (drawn <= high * 1.001)) and len(np.unique(drawn)) == 64
-    # half of a logarithmic draw lies below the geometric mean: 64 draws, 4 sigma
+    # half of the logarithmic draws lie below the geometric mean; 64 draws, 4 sigma
     assert abs(np.mean(drawn < np.sqrt(low * high)) - 0.5) < 4 * 0.5 / 8
 
 

@@ -1,17 +1,17 @@
-"""`insenv/Manoeuvre-v0`: the vehicle does what it is told, the reward is what is learnt of the heading, and moving pays."""
+"""`insenv/Manoeuvre-v0`: the vehicle follows its commands, and the reward is the gain in knowledge of the heading."""
 
 import shutil
 
 import gymnasium
 import numpy as np
 import pytest
-import tomllib
 
 from insenv import attitude
 from insenv.core.runner import make_runner
 from insenv.envs import ManoeuvreEnv, testing
 from insenv.errors import InputError
 from insenv.files.resources import scenario_folder
+from insenv.files.toml import read_toml
 from insenv.scenario import build, parse
 
 ID = "insenv/Manoeuvre-v0"
@@ -20,9 +20,8 @@ has_compiler = shutil.which("cc") is not None
 
 
 def changed(name, **sections):
-    """The keys of a scenario's file, some sections replaced."""
-    data = tomllib.loads((scenario_folder() / f"{name}.toml").read_text(encoding="utf-8"))
-    return {**data, **sections}
+    """Return the keys of a scenario file with some sections replaced."""
+    return {**read_toml(scenario_folder() / f"{name}.toml"), **sections}
 
 
 PARKED = changed(
@@ -33,12 +32,12 @@ PARKED = changed(
 
 @pytest.fixture(scope="module")
 def car():
-    """Steps of one second, a goal out of reach."""
+    """An environment with steps of one second and a goal out of reach."""
     return ManoeuvreEnv(goal_deg=1e-3, duration_s=40.0, heading_deg=(0.0, 360.0), backend="interpreter")
 
 
 def driven(env, pattern, seconds, seed):
-    """The infos of an episode's first seconds, by name, (seconds, ...)."""
+    """Return the infos of the first seconds of an episode by name, (seconds, ...)."""
     env.reset(seed=seed)
     infos = [env.step(np.array(pattern(k), dtype=float))[4] for k in range(seconds)]
     return {name: np.array([info[name] for info in infos]) for name in infos[0]}
@@ -53,10 +52,10 @@ def test_it_conforms(given):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
-def test_it_conforms_natively_and_equals_the_interpreter_to_the_bit():
+def test_it_conforms_natively_and_is_bit_identical_to_the_interpreter():
     testing.check_id(ID, **{**SHORT, "backend": "native"})
     envs = [ManoeuvreEnv(**{**SHORT, "backend": backend}) for backend in ("native", "interpreter")]
-    testing._assert_same(*(testing._episodes(env, 3) for env in envs), "native and interpreter")
+    testing.assert_same(*(testing.episodes(env, 3) for env in envs), "native and interpreter")
 
 
 def test_manoeuvres_beat_driving_straight(car):
@@ -68,22 +67,22 @@ def test_manoeuvres_beat_driving_straight(car):
     assert np.all(error["S-turns"] < 5 * sigma["S-turns"]) and np.max(error["straight"]) > 10.0
 
 
-def test_what_is_won_is_the_fall_of_the_stated_sigma(car):
+def test_the_reward_is_the_fall_of_the_stated_sigma(car):
     car.reset(seed=2)
-    told = car.setup.task.model.parameters.unpack(car._runner.p)["told_heading_sigma"]
+    known = car.setup.task.model.parameters.unpack(car.snapshot().parameters)["known_heading_sigma"]
     total = 0.0
     for k in range(6):
         _, reward, terminated, _, info = car.step(np.array([1.0, 0.5 * (k % 2)]))
         total += reward
         assert not terminated
         if k == 0:
-            begun = float(car.setup.task.model.state.unpack(car._runner.x)["level_before"])
+            begun = float(car.setup.task.model.state.unpack(car.snapshot().state)["level_before"])
     assert total == pytest.approx(begun - np.log(info["heading_sigma"]) - 6.0 / 40.0, rel=1e-9)
-    # the filter keeps of a normal heading error the second moment of its sine, at most 1/2
-    assert begun == pytest.approx(np.log(2 * np.sqrt(0.5 * (1 - np.exp(-0.5 * told**2)))), rel=1e-3)
+    # for a normal heading error the filter keeps the second moment of its sine, at most 1/2
+    assert begun == pytest.approx(np.log(2 * np.sqrt(0.5 * (1 - np.exp(-0.5 * known**2)))), rel=1e-3)
 
 
-def test_the_reward_by_error_is_the_fall_of_the_true_one():
+def test_the_reward_by_error_is_the_fall_of_the_true_error():
     env = ManoeuvreEnv(reward="error", goal_deg=2.0, time_weight=0.5, duration_s=20.0, backend="interpreter")
     _, before = env.reset(seed=4)
     for _ in range(4):
@@ -110,7 +109,7 @@ def test_the_goal_ends_the_episode():
     assert 3 < k < 15 and info["goal"] == np.radians(2.0)
 
 
-def test_the_car_does_what_it_is_told(car):
+def test_the_car_follows_its_commands(car):
     speed = np.linalg.norm(driven(car, lambda k: (0.0, 0.0), 4, 1)["velocity_n"], axis=1)
     assert speed == pytest.approx(12.0, abs=0.05)
     faster = np.linalg.norm(driven(car, lambda k: (0.5, 0.0), 4, 1)["velocity_n"], axis=1)
@@ -139,7 +138,7 @@ def test_an_aircraft_banks_climbs_and_keeps_its_speeds():
     assert np.linalg.norm(slow["velocity_n"][-1, :2]) == pytest.approx(60.0, abs=1.0)
 
 
-def test_a_turntable_turns_the_vehicle_and_nothing_else():
+def test_a_turntable_changes_the_heading_only():
     env = ManoeuvreEnv(PARKED, samples_per_step=50, duration_s=60.0, goal_deg=1e-3, backend="interpreter")
     env.reset(seed=1, options={"run_seed": 5})
     plant = build(parse(PARKED, "parked", "parked"), seed=5)
@@ -147,7 +146,7 @@ def test_a_turntable_turns_the_vehicle_and_nothing_else():
     for k in range(2):
         *_, info = env.step(np.zeros(1))
         assert info["q_nb"] == pytest.approx(still["q_nb"][50 * k + 49], abs=1e-14)
-    state = env.setup.task.model.state.unpack(env._runner.x)
+    state = env.setup.task.model.state.unpack(env.snapshot().state)
     for name in ("delta_angle", "delta_velocity"):
         assert state[name] == pytest.approx(still[name][-1], abs=1e-14)
     before = attitude.numeric.to_euler(info["q_nb"])
@@ -157,11 +156,11 @@ def test_a_turntable_turns_the_vehicle_and_nothing_else():
     turned = np.degrees(after[2] - before[2])
     assert turned == pytest.approx(90.0, abs=0.01)
     assert np.linalg.norm(info["velocity_n"]) < 1e-6
-    assert np.degrees(np.abs(np.subtract(after[:2], before[:2]))).max() < 0.2  # the wind's
+    assert np.degrees(np.abs(np.subtract(after[:2], before[:2]))).max() < 0.2  # caused by the wind
 
 
 def test_indexing_beats_standing_still():
-    """Gyro biases turn with the table, the Earth's rate does not: the one becomes known apart from the other."""
+    """Gyro biases turn with the table and the Earth rate does not, which makes them separable."""
     env = ManoeuvreEnv(PARKED, samples_per_step=50, duration_s=200.0, goal_deg=1e-3, backend="interpreter")
     still = driven(env, lambda k: [0.0], 200, 3)
     indexed = driven(env, lambda k: [1.0 if k % 60 >= 30 else 0.0], 200, 3)
@@ -173,7 +172,9 @@ def test_indexing_beats_standing_still():
 def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
     env = ManoeuvreEnv(**SHORT)
     env.reset(seed=1)
-    env._runner.x[env.setup.task.model.state.slice("estimator_height")] = wrong
+    snapshot = env.snapshot()
+    snapshot.state[env.setup.task.model.state.slice("estimator_height")] = wrong
+    env.restore(snapshot)
     observation, reward, terminated, truncated, info = env.step(np.zeros(2))
     assert terminated and not truncated and info["diverged"] == 1.0
     assert env.observation_space.contains(observation)
@@ -181,12 +182,12 @@ def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
     assert all(np.all(np.isfinite(value)) for value in info.values())
 
 
-def test_an_action_outside_is_the_nearest_allowed():
+def test_an_action_outside_the_space_is_clipped():
     env, ends = ManoeuvreEnv(**SHORT), []
     for action in ([30.0, -1e5], [1.0, -1.0]):
         env.reset(seed=1)
         ends.append(env.step(np.array(action)))
-    testing._assert_same(list(ends[0]), list(ends[1]), "clipped")
+    testing.assert_same(list(ends[0]), list(ends[1]), "clipped")
 
 
 @pytest.mark.parametrize(
@@ -195,7 +196,7 @@ def test_an_action_outside_is_the_nearest_allowed():
         ({"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
         ({"scenario": "ship-underway"}, "needs a car or an aircraft"),
         ({"scenario": "car-parked"}, "has no .gnss."),
-        ({"reward": "speed"}, "reward = 'speed': allowed are 'uncertainty', 'error'"),
+        ({"reward": "speed"}, "reward = 'speed': allowed is 'uncertainty' or 'error'"),
         ({"goal_deg": 0.0}, "goal_deg = 0"),
         ({"time_weight": -1.0}, "time_weight = -1"),
         ({"duration_s": 1e-3}, "duration_s"),

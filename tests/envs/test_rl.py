@@ -1,4 +1,4 @@
-"""Learning: the example's PPO beats the untuned filter on seeds that it has not seen.  Minutes: `make test-rl` runs it."""
+"""Learning: the example's PPO beats the untuned filter on held-out seeds.  It takes minutes; `make test-rl` runs it."""
 
 import os
 import re
@@ -9,7 +9,7 @@ import pytest
 from places import ROOT
 
 if not os.environ.get("INSENV_TEST_RL"):
-    pytest.skip("it trains for minutes: make test-rl runs it", allow_module_level=True)
+    pytest.skip("training takes minutes: make test-rl runs it", allow_module_level=True)
 pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed: pip install insenv[rl]")
 
 
@@ -24,7 +24,7 @@ def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "figure" / "tuner.png").stat().st_size > 10_000
-    found = re.search(r"PPO less untuned, seed by seed: ([+-][\d.]+) \+- ([\d.]+)", done.stdout)
+    found = re.search(r"PPO minus untuned, seed by seed: ([+-][\d.]+) \+- ([\d.]+)", done.stdout)
     assert found is not None, done.stdout
     gain, error = map(float, found.groups())
     assert gain > 4 * error, done.stdout

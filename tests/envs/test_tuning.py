@@ -1,4 +1,4 @@
-"""`insenv/Tuning-v0`: the filter inside is the registered one with its noises scaled, and what is shown and scored is right."""
+"""`insenv/Tuning-v0`: the inner filter is the registered one with scaled noises; observations and rewards are right."""
 
 import shutil
 import warnings
@@ -11,7 +11,7 @@ from insenv import estimators
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.envs import TuningEnv, testing
-from insenv.envs.tuning_task import TUNED
+from insenv.envs.tuning import TUNED
 from insenv.errors import InputError
 from insenv.plant import loop_model
 from insenv.plant.feeding import input_rows
@@ -25,7 +25,7 @@ has_compiler = shutil.which("cc") is not None
 
 @pytest.fixture(scope="module")
 def second():
-    """Steps of one second."""
+    """An environment with steps of one second."""
     return TuningEnv(**SECOND)
 
 
@@ -35,13 +35,13 @@ def test_it_conforms():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
-def test_it_conforms_natively_and_equals_the_interpreter_to_the_bit():
+def test_it_conforms_natively_and_is_bit_identical_to_the_interpreter():
     testing.check_id(ID, **{**SHORT, "backend": "native"})
     envs = [TuningEnv(**{**SHORT, "backend": backend}) for backend in ("native", "interpreter")]
-    testing._assert_same(*(testing._episodes(env, 3) for env in envs), "native and interpreter")
+    testing.assert_same(*(testing.episodes(env, 3) for env in envs), "native and interpreter")
 
 
-def test_an_action_of_zero_is_the_filter_of_the_run(second):
+def test_an_action_of_zero_leaves_the_filter_of_a_run(second):
     second.reset(seed=1, options={"run_seed": 12})
     for _ in range(3):
         second.step(np.zeros(6))
@@ -51,14 +51,14 @@ def test_an_action_of_zero_is_the_filter_of_the_run(second):
     model = loop_model(plant.model, estimator.model)
     runner = make_runner(model, {**plant.parameters, **{f"estimator_{k}": v for k, v in rows.items()}}, "interpreter")
     runner.run(600)
-    found = second.setup.task.model.state.unpack(second._runner.x)
+    found = second.setup.task.model.state.unpack(second.snapshot().state)
     assert found["gnss_epochs"] == 3
     for name, value in runner.state.items():
         assert np.array_equal(found[name], value), name
 
 
-def test_factors_act_as_if_the_filter_had_been_told_so(second):
-    """But for the drive of the biases, whose sigma is also that of the start."""
+def test_factors_act_like_scaled_parameters(second):
+    """Except for the driving noise of the biases, whose parameter is also their start sigma."""
     action = np.array([0.3, -0.4, 0.0, 0.0, 0.5, -0.25])
     second.reset(seed=1, options={"run_seed": 12})
     for _ in range(3):
@@ -77,25 +77,25 @@ def test_factors_act_as_if_the_filter_had_been_told_so(second):
     columns["dt"] = np.full(600, plant.sample_interval)
     runner = make_runner(estimator.model, rows, "interpreter")
     runner.run(600, input_rows(estimator.model, columns, 600))
-    found = second.setup.task.model.state.unpack(second._runner.x)
+    found = second.setup.task.model.state.unpack(second.snapshot().state)
     for name, value in runner.state.items():
         assert np.array_equal(found[f"estimator_{name}"], value), name
 
 
-def test_a_larger_drive_of_the_biases_leaves_the_start_and_grows_from_there():
-    """Over the first quarter of a second, in which nothing tells the biases."""
+def test_a_larger_driving_noise_of_the_biases_acts_after_the_start():
+    """During the first quarter of a second, in which the biases are not observable."""
     env = TuningEnv(samples_per_step=50, duration_s=1.0, backend="interpreter")
     observation, _ = env.reset(seed=1)
     before = env.named(observation)["sigma_level"][9:15]
     driven = env.named(env.step(np.array([0, 0, 1.0, 1.0, 0, 0]))[0])["sigma_level"][9:15]
-    rows = env.setup.task.model.parameters.unpack(env._runner.p)
+    rows = env.setup.task.model.parameters.unpack(env.snapshot().parameters)
     for triad, part in (("gyro", slice(0, 3)), ("accel", slice(3, 6))):
         sigma, time = (float(rows[f"estimator_{triad}_{name}"]) for name in ("bias_sigma", "correlation_time"))
         assert before[part] == pytest.approx(np.log10(sigma), abs=1e-12)
         assert driven[part] == pytest.approx(0.5 * np.log10(sigma**2 + 100.0**2 * 2 * sigma**2 / time * 0.25), abs=1e-4)
 
 
-def test_what_is_shown_is_what_sensors_and_filter_did(second):
+def test_observations_are_the_statistics_of_sensors_and_filter(second):
     second.reset(seed=5, options={"run_seed": 3})
     plant = build(load("car-city-drive"), seed=3)
     estimator = estimators.get("loosely-coupled")
@@ -128,12 +128,12 @@ def test_what_is_shown_is_what_sensors_and_filter_did(second):
     assert fixes >= 2
 
 
-def test_the_reward_is_what_the_page_says():
+def test_the_reward_follows_its_documentation():
     env = TuningEnv(samples_per_step=50, duration_s=1.0, consistency_weight=0.7, backend="interpreter")
     env.reset(seed=2)
     for step in range(4):
         _, reward, terminated, truncated, info = env.step(np.full(6, 0.1))
-        assert info["error_rms"] == pytest.approx(np.abs(info["error"]))  # one look a step
+        assert info["error_rms"] == pytest.approx(np.abs(info["error"]))  # one evaluation per step
         measure = np.log(1.0 + np.sqrt(np.mean((info["error_rms"] / info["limit"]) ** 2)))
         consistency = abs(np.log(info["nees"] / 9.0))
         assert (info["measure"], info["consistency"]) == pytest.approx((measure, consistency))
@@ -141,8 +141,8 @@ def test_the_reward_is_what_the_page_says():
         assert not terminated and truncated == (step == 3)
 
 
-def test_a_start_drawn_as_told_is_consistent():
-    """Over seeds the mean NEES of the start is that of chi-square with 9 degrees of freedom."""
+def test_the_start_is_consistent_with_its_reported_sigmas():
+    """The mean NEES of the start over seeds is that of a chi-square distribution with 9 degrees of freedom."""
     env, seeds = TuningEnv(samples_per_step=1, duration_s=0.1, backend="interpreter"), 80
     found = []
     for seed in range(seeds):
@@ -156,7 +156,9 @@ def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
     env = TuningEnv(**SHORT)
     env.reset(seed=1)
     env.step(np.zeros(6))
-    env._runner.x[env.setup.task.model.state.slice("estimator_height")] = wrong
+    snapshot = env.snapshot()
+    snapshot.state[env.setup.task.model.state.slice("estimator_height")] = wrong
+    env.restore(snapshot)
     observation, reward, terminated, truncated, info = env.step(np.zeros(6))
     assert terminated and not truncated and info["diverged"] == 1.0
     assert env.observation_space.contains(observation)
@@ -165,7 +167,7 @@ def test_a_filter_that_diverges_ends_the_episode_with_a_finite_reward(wrong):
     assert all(np.all(np.isfinite(value)) for value in info.values())
 
 
-def test_mistuning_is_drawn_anew_and_is_what_an_action_of_zero_gives():
+def test_each_reset_draws_the_mistuning_that_an_action_of_zero_gives():
     env = TuningEnv(**SHORT, mistuning_decades=1.5)
     scales = []
     for seed in (1, 2, 1):
@@ -177,12 +179,12 @@ def test_mistuning_is_drawn_anew_and_is_what_an_action_of_zero_gives():
     assert np.log10(env.step(np.full(6, 0.5))[4]["scale"]) == pytest.approx(scales[0] + 1.0, abs=1e-12)
 
 
-def test_an_action_outside_is_the_nearest_allowed():
+def test_an_action_outside_the_space_is_clipped():
     env, ends = TuningEnv(**SHORT), []
     for action in ([3.0, -1e6, 0.0, 1.0, 0.5, -2.0], [1.0, -1.0, 0.0, 1.0, 0.5, -1.0]):
         env.reset(seed=1)
         ends.append(env.step(np.array(action)))
-    testing._assert_same(list(ends[0]), list(ends[1]), "clipped")
+    testing.assert_same(list(ends[0]), list(ends[1]), "clipped")
 
 
 @pytest.mark.parametrize(
@@ -211,7 +213,7 @@ def test_a_bad_action_is_an_error(action):
 
 
 def test_stable_baselines_accepts_it():
-    """Its checker's warnings are errors, but for the advice to take float32: what an estimate is would not fit in it."""
+    """Warnings of its checker are errors, except the advice to use float32, which cannot resolve an estimate."""
     checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="stable_baselines3 is not installed")
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -1,4 +1,4 @@
-"""The environments under what people put around them: wrappers, vector environments, pickling, pictures, video."""
+"""The environments inside wrappers and vector environments; pickling, images, video."""
 
 import copy
 import pickle
@@ -28,7 +28,7 @@ def test_normalised_stacked_narrow_observations():
     for _ in range(5):
         observation, *_ = env.step(LEVEL)
     assert np.isfinite(observation).all()
-    # what never changes within an episode is normalised to 0, the samples are not
+    # rows that are constant during an episode are normalised to 0; the samples are not
     assert np.abs(observation[-1, :70]).max() > 0.1
 
 
@@ -37,7 +37,7 @@ def test_rescaled_actions_and_episode_statistics():
     env.reset(seed=1)
     over = False
     while not over:
-        _, _, terminated, truncated, info = env.step(LEVEL * 3.0)  # clipped to the space: no garbage
+        _, _, terminated, truncated, info = env.step(LEVEL * 3.0)  # clipped to the space: a valid estimate
         over = terminated or truncated
     assert truncated and info["episode"]["l"] == 10
 
@@ -53,47 +53,45 @@ def test_batches_normalised():
 
 
 @pytest.mark.parametrize("shared", [True, False])
-def test_processes_give_what_one_process_gives(shared):
+def test_several_processes_give_the_results_of_one(shared):
     makers = [partial(gymnasium.make, SHIP, **SHORT)] * 3
-    faces = SyncVectorEnv(makers), AsyncVectorEnv(makers, shared_memory=shared)
+    interfaces = SyncVectorEnv(makers), AsyncVectorEnv(makers, shared_memory=shared)
     shown = []
     try:
-        for face in faces:
-            observation, _ = face.reset(seed=5)
+        for interface in interfaces:
+            observation, _ = interface.reset(seed=5)
             steps = [observation]
             for _ in range(14):
-                observation, reward, *_ = face.step(np.tile(LEVEL, (3, 1)))
+                observation, reward, *_ = interface.step(np.tile(LEVEL, (3, 1)))
                 steps.append(np.column_stack([observation, reward]))
             shown.append(steps)
     finally:
-        faces[1].close()
-    testing._assert_same(*shown, "SyncVectorEnv and AsyncVectorEnv")
+        interfaces[1].close()
+    testing.assert_same(*shown, "SyncVectorEnv and AsyncVectorEnv")
 
 
-def test_copies_and_pickles_of_batches_go_on_to_the_bit():
+def test_copies_and_pickles_of_batches_continue_bit_identically():
     venv = gymnasium.make_vec(SHIP, 3, **SHORT)
     venv.reset(seed=2)
     actions = np.tile(LEVEL, (3, 1))
     for _ in range(4):
         venv.step(actions)
     copies = [pickle.loads(pickle.dumps(venv)), copy.deepcopy(venv)]
-    for _ in range(12):  # over the end of an episode
+    for _ in range(12):  # beyond the end of an episode
         expected = venv.step(actions)
         for other in copies:
-            testing._assert_same(
-                [testing._row_of(expected, slice(3))], [testing._row_of(other.step(actions), slice(3))], "a copy"
-            )
+            testing.assert_same([testing.row_of(expected, slice(3))], [testing.row_of(other.step(actions), slice(3))], "a copy")
 
 
-def test_a_snapshot_of_a_batch_is_an_exact_place_to_go_back_to():
+def test_a_batch_restored_from_a_snapshot_is_bit_identical():
     venv = gymnasium.make_vec(DRIVE, 3, autoreset_mode=AutoresetMode.NEXT_STEP, **SHORT)
     venv.reset(seed=2)
     actions = np.tile(np.eye(10)[0], (3, 1))
     venv.step(actions)
     snapshot = venv.snapshot()
-    first = [testing._row_of(venv.step(actions), slice(3)) for _ in range(12)]
+    first = [testing.row_of(venv.step(actions), slice(3)) for _ in range(12)]
     venv.restore(snapshot)
-    testing._assert_same(first, [testing._row_of(venv.step(actions), slice(3)) for _ in range(12)], "a restored batch")
+    testing.assert_same(first, [testing.row_of(venv.step(actions), slice(3)) for _ in range(12)], "a restored batch")
 
 
 @pytest.mark.parametrize("id", [SHIP, DRIVE])

@@ -14,14 +14,14 @@ from insenv.scenario import load
 
 EXAMPLES = ROOT / "examples"
 SAID = {  # what each script must print
-    "active_alignment.py": ("S-turns", "straight, even speed"),
+    "active_alignment.py": ("S-turns", "straight, constant speed"),
     "align_a_ship.py": ("heading_deg", "limit"),
     "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
     "env_loop.py": ("aligned after", "limit"),
     "navigate_a_log.py": ("vd_mps", "KF-GINS"),
     "own_estimator.py": ("two vectors", "ship-swaying"),
     "step_by_step.py": ("90 s", "stated sigma"),
-    "train_tuner.py": ("PPO less untuned", "best fixed factors"),
+    "train_tuner.py": ("PPO minus untuned", "best fixed factors"),
 }
 
 

@@ -1,4 +1,4 @@
-"""The limits that errors in an environment are measured in: what the sensors leave, whatever the method."""
+"""The error limits of an episode: the errors that the sensors leave, whatever the method."""
 
 from __future__ import annotations
 
@@ -20,15 +20,20 @@ from insenv.scenario import Scenario, build, load
 Array = NDArray[np.float64]
 
 LONGEST = 600.0
-"""s of a flight or drive that the filter's covariance is taken over, at most."""
+"""Longest time over which the filter's covariance is averaged, s."""
 RECORD_INTERVAL = 1.0
+"""Time between covariances that are averaged, s."""
 
 
-def limits_of(task: Task, scenario: Scenario, rows: Mapping[str, Array], notes: list[SensorNotes], duration: float) -> Array:
-    """1-sigma limits of the error's components (k, components), for episodes with plant rows `rows` and data sheets `notes`.
+def episode_limits(
+    task: Task, scenario: Scenario, rows: Mapping[str, Array], notes: list[SensorNotes], duration: float
+) -> Array:
+    """Return the 1-sigma limits of the error components of k episodes, (k, components).
 
-    Alignment: tilts and heading (rad about n) that the biases (1 sigma) and the white noise over `duration` leave, see
-    `insenv.evaluation.limits`.  Navigation: see `navigation_limit`; the same for all episodes.
+    rows: plant parameters by name, with the episodes along the first axis.  notes: the data sheet of each episode.
+    duration: of an episode, s.  Alignment: the tilts and heading (rad, rotation about n) that biases of 1 sigma and
+    white noise over `duration` leave, see `insenv.evaluation.limits`.  Navigation: `navigation_limit`, the same for all
+    episodes.
     """
     if task.model.parameters["limit"].size > 3:
         return np.tile(navigation_limit(scenario.model_dump_json(), duration), (len(notes), 1))
@@ -45,11 +50,11 @@ def limits_of(task: Task, scenario: Scenario, rows: Mapping[str, Array], notes: 
 
 @lru_cache(maxsize=32)
 def navigation_limit(scenario_json: str, duration: float) -> Array:
-    """What the covariance of the 15-state filter says on a scenario, root mean square over its time: attitude (rad about n),
-    velocity (m/s) and position (m), (9,).
+    """Return the root mean square over time of the 15-state filter's stated sigmas in a scenario, (9,).
 
-    To the position comes the part of the fixes' error that changes too slowly to be averaged.  Taken from one run with the
-    scenario's seed, over at most `LONGEST` seconds: a covariance depends on the motion, hardly on the noise.
+    The components are attitude (rad, rotation about n), velocity (m/s) and position (m).  The position limit includes
+    the part of the fix error that changes too slowly to be averaged.  The values come from one run with the scenario's
+    seed over at most `LONGEST` seconds: the covariance depends on the motion and hardly on the noise.
     """
     scenario = load(json.loads(scenario_json))
     plant = build(scenario, duration_s=min(duration, LONGEST))

@@ -1,0 +1,206 @@
+"""The task of estimating the attitude of a plant, or its full navigation state.
+
+One decision consists of the step ``judge``, which scores the action against the present truth, and then of the inertial
+samples until the next decision.  The task changes neither the plant nor its noise, whose streams are those of `insenv
+run`.
+
+Error measure, with each of the k error components e (a rotation vector in n; for navigation also velocity and position)
+in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude, geodesy
+from insenv.core.compose import Part, as_part, merge
+from insenv.core.elementary import clamp, log, minimum, select
+from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
+from insenv.envs.checks import as_numbers, refused
+from insenv.envs.knowledge import KNOWN
+from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, from_reference, truth
+from insenv.errors import InputError
+
+Array = NDArray[np.float64]
+
+WORST = 20.0
+"""Largest value of the error measure, and its value for an invalid estimate."""
+VELOCITY_RANGE = 1000.0
+"""m/s for an action component of 1."""
+POSITION_RANGE = 1e6
+"""m for an action component of 1."""
+SHORT = 1e-12
+"""Squared norm below which a quaternion is invalid."""
+
+SAMPLE = Table((
+    Row("delta_angle", "Gyro increment", "rad", (3,), "b", lower=-10.0, upper=10.0),
+    Row("delta_velocity", "Accelerometer increment", "m/s", (3,), "b", lower=-1e4, upper=1e4),
+    Row("imu_valid", "0 if the sample was lost", lower=0.0, upper=1.0),
+))  # fmt: skip
+"""Rows of each inertial sample in an observation."""
+FIX = Table((
+    Row("fix_new", "1 if the fix arrived since the last step", lower=0.0, upper=1.0),
+    Row("fix_time", "Time of delivery of the latest fix", "s", lower=0.0, upper=1e6),
+    Row("fix_delay", "Time from its epoch to its delivery", "s", lower=0.0, upper=1e6),
+    Row("fix_position", "Antenna from the reference, latest fix", "m", (3,), "n", lower=-1e8, upper=1e8),
+    Row("fix_position_sigma", "Its standard deviation, as the receiver reports", "m", (3,), "n", lower=0.0, upper=1e8),
+    Row("fix_has_velocity", "1 if the latest fix has a velocity", lower=0.0, upper=1.0),
+    Row("fix_velocity_n", "Velocity of the antenna, latest fix", "m/s", (3,), "n", lower=-1e5, upper=1e5),
+    Row("fix_velocity_sigma", "Its standard deviation, as the receiver reports", "m/s", (3,), "n", lower=0.0, upper=1e5),
+))  # fmt: skip
+"""State rows of the latest fix, zeros before the first."""
+FIX_AGE = Row("fix_age", "Time since the epoch of the latest fix", "s", lower=0.0, upper=1e6)
+FLAGS = Table((
+    Row("declared", "1 if the agent has declared itself aligned", lower=0.0, upper=1.0),
+    Row("diverged", "1 if the estimate was invalid", lower=0.0, upper=1.0),
+))  # fmt: skip
+
+
+def fix_part() -> Part:
+    """Return the part that keeps the latest fix; it reads the plant's GNSS rows, `time` and the parameters `KNOWN`."""
+
+    def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        antenna = geodesy.ned_offset(
+            x.gnss_latitude, x.gnss_longitude, x.gnss_height, p.known_latitude, p.known_longitude, p.known_height
+        )
+        return {
+            "fix_new": ca.SX(1),
+            "fix_time": x.time,
+            "fix_delay": x.gnss_age,
+            "fix_position": antenna,
+            "fix_position_sigma": x.gnss_position_sigma,
+            "fix_has_velocity": x.gnss_velocity_valid,
+            "fix_velocity_n": x.gnss_velocity_n,
+            "fix_velocity_sigma": x.gnss_velocity_sigma,
+        }
+
+    return Part(state=FIX, steps={"keep_fix": Step(keep, when="gnss_valid")})
+
+
+def _rows(navigates: bool) -> tuple[Table, Row, Row]:
+    """Return the rows of the action (elements in [-1, 1]), the error (estimate minus truth) and the error limit.
+
+    An alignment estimates the attitude and can be declared.  A navigation also estimates velocity and position; it
+    lasts its full time.
+    """
+    size, what = 3, "rotation vector (rad)"
+    own: tuple[Row, ...] = (Row("declare", "Above 0: aligned, end the episode", start=-1.0, lower=-1.0, upper=1.0),)
+    if navigates:
+        size, what = 9, f"{what}, velocity (m/s), position (m)"
+        velocity = f"Estimate of velocity_n, in {VELOCITY_RANGE:g} m/s"
+        position = f"Estimate of the position from the reference, in {POSITION_RANGE:g} m"
+        own = (
+            Row("estimate_velocity", velocity, "1", (3,), "n", 0.0, -1.0, 1.0),
+            Row("estimate_position", position, "1", (3,), "n", 0.0, -1.0, 1.0),
+        )
+    quaternion = Row("estimate_q_nb", "Estimate of q_nb; any norm but 0", "1", (4,), "n", (1, 0, 0, 0), -1.0, 1.0)
+    error = Row("error", f"Error of the latest estimate in n: {what}", "1", (size,), "n")
+    limit = Row("limit", "1-sigma limit of each component of the error", "1", (size,), "n", 1.0, lower=1e-15, upper=1e9)
+    return Table((quaternion, *own)), error, limit
+
+
+def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Score the action; actions outside the bounds are invalid."""
+    navigates = "declare" not in actions
+    given = ca.vertcat(*(getattr(u, row.name) for row in actions))
+    outside = ca.sumsqr(select(ca.fabs(given) > 1.0 + 1e-9, 1.0, 0.0)) > 0.0
+    # values outside the bounds must not overflow below
+    action = actions.symbols(clamp(given, -1.0, 1.0))
+    square = ca.dot(action.estimate_q_nb, action.estimate_q_nb)
+    invalid = ca.logic_or(square < SHORT, outside)
+    q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), action.estimate_q_nb)
+    error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
+    if navigates:
+        velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
+        error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - from_reference(p, x))
+    ratio = error / p.limit
+    measure = minimum(log(1.0 + ca.sqrt(ca.sumsqr(ratio) / error.numel())), WORST)
+
+    decisions = x.decisions + 1.0
+    last = decisions >= p.decision_limit
+    share = 1.0 / p.decision_limit
+    left = 1.0 - x.decisions * share  # share of the time left, this decision included
+    if navigates:
+        declared = ca.SX(0)
+        paid, forfeit = share * measure, left * WORST
+    else:
+        declared = ca.logic_and(action.declare > 0.0, ca.logic_not(invalid))
+        over = ca.logic_or(declared, last)
+        paid = share * (p.time_weight + measure) + select(over, measure, 0.0)
+        forfeit = left * (p.time_weight + WORST) + WORST
+    terminated = ca.logic_or(declared, invalid)
+    return {
+        "reward": -select(invalid, forfeit, paid),
+        "terminated": terminated,
+        "truncated": ca.logic_and(last, ca.logic_not(terminated)),
+        "declared": declared,
+        "diverged": invalid,
+        "decisions": decisions,
+        "error": error,
+        **({"fix_new": ca.SX(0)} if hasattr(x, "fix_new") else {}),
+    }
+
+
+@lru_cache(maxsize=64)
+def estimation_task(plant: Model, navigates: bool) -> Task:
+    """Return the task of estimating the attitude of a plant, or (navigates) its attitude, velocity and position.
+
+    Raises `InputError` for navigation without a GNSS receiver.
+    """
+    has_gnss = "gnss_valid" in plant.state
+    if navigates and not has_gnss:
+        raise InputError("a navigation environment needs GNSS fixes: the scenario has no [gnss]")
+    actions, error, limit = _rows(navigates)
+    fix = Table((FIX["fix_new"], FIX_AGE)) + Table(FIX.rows[2:]) if has_gnss else Table()
+    observation = Table((CLOCK,)) + fix + KNOWN
+    info = TRUTH + Table((error, limit)) + FLAGS
+
+    def output(p: Any, x: Any) -> dict[str, Any]:
+        rows = {name: getattr(p, name) for name in (*KNOWN.names, "limit")}
+        rows |= {name: getattr(x, name) for name in ("time", *RESULT.names, "error", *FLAGS.names)}
+        if has_gnss:
+            rows |= {name: getattr(x, name) for name in fix.names if name != "fix_age"}
+            rows["fix_age"] = (x.time - x.fix_time) + x.fix_delay
+        return rows | truth(p, x)
+
+    what = "navigation" if navigates else "alignment"
+    weight = Row("time_weight", "Reward lost by using all the time before declaring", start=1.0, lower=0.0, upper=1e6)
+    referee = Part(
+        parameters=KNOWN + Table((limit, DECISION_LIMIT, weight)),
+        state=RESULT + FLAGS + Table((DECISIONS, error, NEVER)),
+        inputs=actions,
+        steps={"judge": Step(lambda p, x, u: _judge(actions, p, x, u), when="never")},
+    )
+    parts = [as_part(plant), *([fix_part()] if has_gnss else []), referee]
+    model = merge(f"{plant.id}-{what}", f"{plant.title}: {what}", parts, observation + RESULT + info, output)
+    return Task(model, actions, SAMPLE, observation, info)
+
+
+def estimate_action(
+    task: Task, q_nb: Array, declare: Array | float = -1.0, velocity_n: Array | None = None, position: Array | None = None
+) -> Array:
+    """Return the action that states an estimate, (actions.size,), or (rows, actions.size) for estimates of many rows.
+
+    q_nb (..., 4).  declare: above 0 ends an alignment.  velocity_n (..., 3), m/s, and position from the reference
+    (..., 3), m, both in n: for navigation tasks.  Raises `InputError` for a missing component or a wrong shape.
+    """
+    lead = np.shape(q_nb)[:-1]
+    action = np.empty((*lead, task.actions.size))
+    values: Mapping[str, Any] = {"estimate_q_nb": q_nb, "declare": declare}
+    if velocity_n is not None and position is not None:
+        values = {**values, "estimate_velocity": velocity_n / VELOCITY_RANGE, "estimate_position": position / POSITION_RANGE}
+    for row in task.actions:
+        if row.name not in values:
+            raise InputError(f"estimate_action: {row.name!r} ({row.meaning}) is missing; this task's action needs it")
+        value = as_numbers(values[row.name])
+        if value is None or value.shape not in ((*lead, *row.shape), row.shape):
+            raise refused(row.name, values[row.name], f"numbers of shape {(*lead, *row.shape)}")
+        action[..., task.actions.slice(row.name)] = value if row.shape else value[..., None]
+    return action
