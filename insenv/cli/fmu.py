@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
@@ -65,6 +66,35 @@ def ssp(
     return partial(_ssp, scenario, estimator, output, seed=seed, platforms=platform or [], as_json=json)
 
 
+@app.command("run")
+def run(
+    fmu: Annotated[
+        Path, typer.Argument(metavar="X.fmu", help="An FMU for Co-Simulation, FMI 2 or 3, of insenv or another tool.")
+    ],
+    input_: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--input", metavar="CSV", help="Inputs: a column `time`, s, and one for each element of an input."),
+    ] = None,
+    output: Annotated[Optional[Path], typer.Option("--output", "-o", metavar="CSV", help="Write the outputs there.")] = None,  # noqa: UP045
+    step: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(metavar="S", help="Communication step in seconds, instead of the FMU's own."),
+    ] = None,
+    stop: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(metavar="S", help="Stop time in seconds; without --input the default is the FMU's own."),
+    ] = None,
+    every: Annotated[int, typer.Option(metavar="N", help="Record the outputs after every N steps.")] = 1,
+    set_: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--set", metavar="NAME=VALUE", help="Value of a scalar parameter; may be given more than once."),
+    ] = None,
+    json: Json = False,
+) -> Work:
+    """Run an FMU over sampled inputs; print or write its outputs."""
+    return partial(_run, fmu, input_, output, step=step, stop=stop, every=every, set_=set_ or [], as_json=json)
+
+
 def platforms_of(given: Sequence[str]) -> list[str]:
     """The names in options that may hold several, parted by commas; "host" if there are none."""
     return [name.strip() for option in given for name in option.split(",")] or ["host"]
@@ -99,6 +129,65 @@ def _ssp(scenario: str, estimator: str, output: Path, *, seed: int | None, platf
         return
     print_line(f"{output}: {scenario} and {estimator}, {output.stat().st_size / 1000:.0f} kB")
     print_line(f"{made['connections']} connections; steps of {made['step_s']:g} s, up to {made['stop_time_s']:g} s")
+
+
+def _run(
+    fmu: Path,
+    input_: Path | None,
+    output: Path | None,
+    *,
+    step: float | None,
+    stop: float | None,
+    every: int,
+    set_: Sequence[str],
+    as_json: bool,
+) -> None:
+    from insenv.cli.output import print_json, print_line, quiet_warnings, working
+    from insenv.files.output import check_output_file
+    from insenv.fmu.running import run, some
+    from insenv.fmu.series import read_csv, write_csv
+
+    parameters = _scalars(set_)
+    if output is not None:
+        check_output_file(output)
+    inputs = None if input_ is None else read_csv(input_)
+    with quiet_warnings(), working(fmu.name) as progress:
+        found = run(fmu, inputs, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
+    if output is not None:
+        write_csv(output, found)
+    time_s, us_per_step = float(found.time[-1]), found.seconds / found.steps * 1e6
+    last = dict(zip(found.names, found.values[-1].tolist(), strict=True))
+    if as_json:
+        print_json(
+            {"fmu": str(fmu), "steps": found.steps, "step_s": found.step, "us_per_step": us_per_step,
+             "passed_over": found.passed_over, "held": found.held, "time_s": time_s, "outputs": last,
+             "written": None if output is None else str(output)}
+        )  # fmt: skip
+        return
+    for label, names in (("columns that are not inputs", found.passed_over), ("inputs without a column", found.held)):
+        if names:
+            print_line(f"insenv: {label}: {some(names)}", stderr=True)
+    print_line(f"{found.steps} steps of {found.step:g} s, {us_per_step:.2f} us per step")
+    if output is not None:
+        print_line(f"written: {output}, {len(found.time)} rows of {len(found.names)} outputs")
+        return
+    width = max(map(len, last), default=0)
+    print_line(f"outputs at {time_s:g} s (--output CSV writes all):")
+    for name, value in last.items():
+        unit = "" if found.units[name] == "1" else found.units[name]
+        print_line(f"  {name:<{width}}  {value:.9g} {unit}".rstrip())
+
+
+def _scalars(given: Sequence[str]) -> dict[str, float]:
+    """One finite number by name, from NAME=VALUE.  Raises `InputError`."""
+    from insenv.errors import InputError
+
+    settings: dict[str, float] = {}
+    for name, value in _settings(given).items():
+        if not (isinstance(value, float) and math.isfinite(value)):
+            raise InputError(f"--set {name}: allowed is one finite number")
+        settings[name] = value
+    return settings
 
 
 def _settings(given: Sequence[str]) -> dict[str, object]:

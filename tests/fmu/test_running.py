@@ -1,4 +1,4 @@
-"""`python -m insenv.fmu.run` and the function behind it: results to the bit, CSV, errors that say what to do."""
+"""`insenv.fmu.run` and `insenv fmu run`: bit-identical results, CSV, errors that say what to do."""
 
 import json
 import os
@@ -8,11 +8,12 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from command_line import call
 from fmu_tools import INTERVAL, columns_for, exported, in_process
 
 from insenv import estimators
 from insenv.errors import InputError, InsenvError
-from insenv.fmu.run import main, run
+from insenv.fmu import run
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 SAMPLES = 3000
@@ -178,7 +179,7 @@ def test_a_damaged_fmu_is_told(tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
 def test_a_reader_that_leaves_is_no_fault():
-    command = [sys.executable, "-m", "insenv.fmu.run", str(exported("ship-swaying")), "--stop", "1"]
+    command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported("ship-swaying")), "--stop", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert (process.stderr.read(), process.wait(60)) == ("", 141)
@@ -186,7 +187,7 @@ def test_a_reader_that_leaves_is_no_fault():
 
 def test_the_command_writes_what_the_function_gives(log, tmp_path):
     output = tmp_path / "out.csv"
-    command = [sys.executable, "-m", "insenv.fmu.run", str(exported("qakf-improved")), "--input", str(log), "--json"]
+    command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported("qakf-improved")), "--input", str(log), "--json"]
     done = subprocess.run([*command, "--output", str(output)], capture_output=True, text=True, check=True)
     document = json.loads(done.stdout)
     assert document["steps"] == 400
@@ -196,9 +197,9 @@ def test_the_command_writes_what_the_function_gives(log, tmp_path):
     np.testing.assert_array_equal(list(document["outputs"].values()), given.values[-1])
 
 
-def test_the_command_prints_the_last_outputs(log, capsys):
-    assert main([str(exported("qakf-improved")), "--input", str(log), "--set", "latitude=0.7"]) == 0
-    shown = capsys.readouterr().out
+def test_the_command_prints_the_last_outputs(log):
+    status, shown, _ = call("fmu", "run", exported("qakf-improved"), "--input", log, "--set", "latitude=0.7")
+    assert status == 0
     assert "400 steps of 0.005 s" in shown
     assert "attitude_sigma[3]" in shown
 
@@ -207,7 +208,9 @@ def test_the_command_prints_the_last_outputs(log, capsys):
     ("options", "status", "said"),
     [
         (["--input", "missing.csv"], 2, "missing.csv: No such file"),
-        (["--input", "LOG", "--set", "latitude=north"], 2, "--set latitude=north"),
+        (["--input", "LOG", "--set", "latitude=north"], 2, "--set 'latitude=north': 'north' is not a number"),
+        (["--input", "LOG", "--set", "latitude=nan"], 2, "--set latitude: allowed is one finite number"),
+        (["--input", "LOG", "--set", "latitude=1,2"], 2, "--set latitude: allowed is one finite number"),
         (["--input", "LOG", "--step", "0.0075"], 2, "rows stand 0.005 s apart"),
         (["--input", "LOG", "--output", "no/such/folder/x.csv"], 2, "no/such/folder/x.csv"),
         (["--input", "LOG", "--output", "."], 2, "'.': it is a folder"),
@@ -217,8 +220,9 @@ def test_the_command_prints_the_last_outputs(log, capsys):
         (["--input", "LOG", "--every", "401"], 2, "every = 401: allowed is 1 to 400"),
     ],
 )
-def test_the_command_tells_what_is_wrong(log, capsys, options, status, said):
-    assert main([str(exported("qakf-improved")), "--json", *(str(log) if o == "LOG" else o for o in options)]) == status
-    told = capsys.readouterr()
-    assert said in told.err
-    assert said in json.loads(told.out)["error"]["message"]
+def test_the_command_tells_what_is_wrong(log, options, status, said):
+    options = [log if option == "LOG" else option for option in options]
+    code, out, err = call("fmu", "run", exported("qakf-improved"), "--json", *options)
+    assert code == status
+    assert said in err
+    assert said in json.loads(out)["error"]["message"]
