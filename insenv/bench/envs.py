@@ -16,8 +16,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from insenv.bench.figures import Figure
-from insenv.bench.speed import EMPTY
+from insenv.bench.figure import EMPTY, Figure
 from insenv.core.batch import make_batch
 from insenv.envs import AlignmentEnv, agents
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import estimators
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 from insenv.core.codegen import native_source
 from insenv.core.compile import Compiler, compile_library, find_compiler
 from insenv.core.native import load as load_library

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 
 SCENARIO = "car-city-drive"
 STEPS, ROUNDS = 2000, 3

@@ -8,7 +8,7 @@ import time
 from contextlib import closing
 from functools import lru_cache
 
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 
 SCENARIO = "car-city-drive"
 SIMULATED_S = 30.0

@@ -1,4 +1,4 @@
-"""Speed: one inertial sample of the 15-state filter, one row after another and in a batch; the import."""
+"""Speed of one inertial sample of the 15-state filter, sample by sample and in a batch; time of the import."""
 
 from __future__ import annotations
 
@@ -11,28 +11,15 @@ from collections.abc import Callable
 import numpy as np
 
 from insenv.bench import peers
-from insenv.bench.figures import Figure
+from insenv.bench.figure import EMPTY, Figure
 from insenv.core.batch import make_batch
-from insenv.core.model import Model, Step
+from insenv.core.model import Model
 from insenv.core.runner import make_runner
-from insenv.core.tables import Row, Table
 from insenv.estimators import get
 
 REPETITIONS = 15
-SAMPLES = 4000  # calls, or samples in all rows alike, a repetition
+SAMPLES = 4000  # calls in a repetition
 ROWS = 1024
-
-EMPTY = Model(
-    id="empty",
-    title="counts its advances and does nothing else",
-    parameters=Table(),
-    state=Table((Row("count", "Number of advances"),)),
-    inputs=Table(),
-    outputs=Table(),
-    steps={"sample": Step(lambda p, x, u: {"count": x.count + 1})},
-    output=lambda p, x: {},
-)
-"""The floor: what a runner costs by itself."""
 
 
 def single(backend: str, covariance_interval: float) -> Figure:
@@ -42,14 +29,14 @@ def single(backend: str, covariance_interval: float) -> Figure:
     runner.advance(_at_rest(model))
     empty = make_runner(EMPTY, None, backend)
     value, floor = (_median(r._advance, SAMPLES) / SAMPLES * 1e6 for r in (runner, empty))
-    # pyins propagates over batches of samples: at each sample it would be used against its grain
+    # pyins is made to propagate over several samples at a time: a covariance at each sample would be an unfair comparison
     peer = peers.propagate15(covariance_interval) if backend == "native" and covariance_interval else None
     note = _covariance_note(covariance_interval)
     return Figure(_name(backend, covariance_interval), value, "us", floor, REPETITIONS, note, peer)
 
 
 def batch(covariance_interval: float) -> Figure:
-    """The same for 1024 rows on one core: time a row and sample."""
+    """The same for 1024 rows on one core: time per row and sample."""
     model = get("loosely-coupled").model
     rows = make_batch(model, ROWS, {"covariance_interval": covariance_interval})
     inputs, empty, samples = _at_rest(model), make_batch(EMPTY, ROWS), 100

@@ -8,7 +8,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.bench import peers
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.plant.feeding import input_rows
