@@ -39,6 +39,7 @@ from insenv.fmu.instance import Instance
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.series import flattened
 from insenv.fmu.subject import subject
+from insenv.installing import install_extra
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
@@ -82,7 +83,7 @@ def fmpy() -> Figure:
 def pythonfmu() -> Figure:
     """PythonFMU with the same estimator, its native runner called from Python, stepped by `insenv.fmu.run` likewise."""
     value = _pythonfmu()
-    missing = "" if value is not None else "; not installed: pip install 'insenv[bench]'"
+    missing = "" if value is not None else f"; not installed: {install_extra('bench')}"
     note = f"{ESTIMATOR} in Python, by the same loop{missing}"
     return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _empty_calls(), REPETITIONS, note)
 

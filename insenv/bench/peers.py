@@ -1,7 +1,7 @@
 """Peers: what another package shows for the same work, measured in the same run on the same machine.
 
 The peer is pyins (https://github.com/nmayorov/pyins, MIT), whose package on PyPI is called `python-ins`
-(``pip install 'insenv[bench]'``).  Each function returns (what was measured, value in the figure's unit), or
+(extra `bench`).  Each function returns (what was measured, value in the figure's unit), or
 None where pyins is not installed.
 """
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from insenv.core.compile import Compiler, cache_folder, compile_library, find_compiler
 from insenv.errors import InputError, InsenvError, nearest
+from insenv.installing import install_extra
 
 FLAGS = (
     "-std=gnu99",
@@ -131,7 +132,7 @@ def universal(libraries: Sequence[bytes]) -> bytes:
 def _host_compiler(identifier: str) -> Compiler:
     found = find_compiler()
     if found is None:
-        raise InsenvError("no C compiler found: cc, gcc or clang on the path, or pip install 'insenv[fmu]'")
+        raise InsenvError(f"no C compiler found: allowed is cc, gcc or clang on the path, or ziglang: {install_extra('fmu')}")
     # else the library would name the folder that it was built in
     own = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
     return Compiler(found.command, (*FLAGS, *host().further, *own))
@@ -139,7 +140,7 @@ def _host_compiler(identifier: str) -> Compiler:
 
 def _need_zig() -> None:
     if importlib.util.find_spec("ziglang") is None:
-        raise InsenvError("building for named platforms needs ziglang: pip install 'insenv[fmu]' (or --platform host)")
+        raise InsenvError(f"building for named platforms needs ziglang: {install_extra('fmu')} (or --platform host)")
 
 
 def _cross_compiler(where: Platform, identifier: str) -> Compiler:

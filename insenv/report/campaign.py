@@ -13,7 +13,7 @@ from insenv.campaigns import PERCENTILES, Summary
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
-from insenv.report.files import NO_MATPLOTLIB, FilesWritten, OutputFolder
+from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.scales import set_scale
 from insenv.report.tables import _table, label, number
 
@@ -79,7 +79,7 @@ def campaign_tables(found: Summary) -> Iterator[RenderableType]:
 
 def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write campaign.npz, campaign.json and, if `figure` and matplotlib is there, campaign.png and campaign.svg."""
-    note = NO_MATPLOTLIB if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
     names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
     paths = tuple(folder.path / name for name in names)
