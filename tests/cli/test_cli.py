@@ -219,7 +219,7 @@ def test_ctrl_c_while_the_call_is_parsed_is_told_too(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("insenv.cli.app.partial", interrupted)
+    monkeypatch.setattr("insenv.cli.options.partial", interrupted)
     assert call("list") == (130, "", "insenv: interrupted, nothing written\n")
 
 
