@@ -1,11 +1,11 @@
-"""A scenario's plant and an estimator on what its sensors show, as one SSP file (System Structure and Parameterization 1.0).
+"""Export a scenario's plant and an estimator, connected, as one SSP file (System Structure and Parameterization 1.0).
 
 The archive holds two FMUs (FMI 2, Co-Simulation) and SystemStructure.ssd, which connects each input of the estimator to the
-plant's output of the same name.  The estimator starts from the scenario's start knowledge and tuning, as in
+plant's output of the same name.  The estimator starts from the scenario's initial conditions and tuning, as in
 `insenv.runs.simulated`.
 
-A master steps both components from t to t + h and then hands the plant's outputs on, so that the estimator works one step h on
-the samples of the step before: its estimate at t + h is the attitude at t.
+A master steps both components from t to t + h and then passes the plant's outputs on.  Each step of the estimator therefore
+uses the samples of the step before: its estimate at t + h is the attitude at t.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from xml.etree import ElementTree
 
 from insenv import estimators
 from insenv.errors import InputError
-from insenv.fmu.archive import check_output, write_archive
-from insenv.fmu.exporter import export
+from insenv.fmu.exporter import check_output, export, write_archive
 from insenv.scenario import build, load
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -32,10 +31,10 @@ _LIKE = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeratio
 def export_ssp(
     scenario: str, estimator_id: str, output: str | Path, *, seed: int | None = None, platforms: Sequence[str] = ("host",)
 ) -> dict[str, Any]:
-    """Write the SSP file of a scenario's plant and an estimator; what a master needs to know: step_s, stop_time_s, connections.
+    """Write the SSP file of a scenario's plant and an estimator; return step_s, stop_time_s and the number of connections.
 
-    scenario: a name or a .toml file.  seed: instead of the scenario's.  platforms: as in `insenv.fmu.export`.  Raises
-    `InputError` for what is unknown or does not go together and for a file that cannot be written.
+    scenario: a name or a .toml file.  seed: replaces the scenario's.  platforms: as in `insenv.fmu.export`.  Raises
+    `InputError` for an unknown name, for an estimator that the scenario does not suit and for a file that cannot be written.
     """
     from fmpy import read_model_description
 
@@ -46,9 +45,9 @@ def export_ssp(
     if estimator.aided and not plant.has_gnss:
         raise InputError(f"estimator {estimator.id!r} needs GNSS: scenario {loaded.name!r} has no [gnss]")
     if estimator.kind == "alignment" and not plant.in_place:
-        raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: that of {loaded.name!r} moves")
+        raise InputError(f"estimator {estimator.id!r} aligns a vehicle in place: the vehicle of {loaded.name!r} moves")
     if plant.parameters.get("imu_drop_probability", 0.0) > 0.0:
-        raise InputError(f"scenario {loaded.name!r} loses inertial samples: the FMU of an estimator has no input that says so")
+        raise InputError(f"scenario {loaded.name!r} loses inertial samples: an estimator's FMU has no input for a lost sample")
     started: dict[str, Any] = dict(estimator.prepare(plant.knowledge))
     for id in (estimator.smooths, estimator.id):
         started |= plant.estimator_tuning.get(id, {})
@@ -67,9 +66,9 @@ def export_ssp(
 
 
 def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes:
-    """SystemStructure.ssd of two components, from FMPy's reading of their model descriptions.
+    """SystemStructure.ssd of two components; plant, estimator: their model descriptions as FMPy reads them.
 
-    Raises `InputError` if no output of the plant has the name of an input of the estimator, or units differ.
+    Raises `InputError` if no output of the plant has the name of an input of the estimator, or if their units differ.
     """
     ElementTree.register_namespace("ssd", SSD)
     ElementTree.register_namespace("ssc", SSC)
@@ -88,7 +87,7 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
         root, f"{{{SSD}}}System", name="loop", description=f"{plant.modelName}; {estimator.modelName}"
     )
     elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
-    # an input that nothing is connected to has no connector: masters set what has one
+    # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
     own = [v for v in estimator.modelVariables if v.causality == "output"]
     _component(elements, ESTIMATOR, estimator, [*joined, *own], left=400.0)
@@ -129,7 +128,7 @@ def _component(elements: ElementTree.Element, name: str, description: Any, varia
 
 
 def _units(root: ElementTree.Element, variables: Sequence[Any], definitions: Sequence[Any]) -> None:
-    """The units in use, each as its component defines it."""
+    """The units in use, as the components define them."""
     defined = {unit.name: unit for unit in definitions}
     used = [name for name in dict.fromkeys(map(_unit, variables)) if name]
     if not used:

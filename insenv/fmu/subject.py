@@ -1,7 +1,7 @@
-"""What an FMU is made of: a model, the values of its parameters, its sample interval and what is said about it.
+"""The subject of an FMU: a model, the values of its parameters, its sample interval and its texts.
 
-An estimator's parameters are those that it has in a shipped scenario (`SCENARIOS`), by its kind, so that its FMU and a
-run can be compared; a plant's are its scenario's.  Settings lie on top.
+The parameters of an estimator are those that it has in a packaged scenario (`SCENARIOS`) of its kind, so that its FMU and a
+run can be compared.  The parameters of a plant are those of its scenario.  Settings replace single values.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from insenv.estimators import Estimator, registered
 from insenv.scenario import Plant, Scenario, build, load, names, tuning
 
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
-"""The scenario that an estimator's start values come from, by its kind."""
+"""Scenario from which the start values of an estimator come, by its kind."""
 EVENTS = ("gnss_valid", "smoothed")
-"""Inputs that say that something came with one sample: in a step of several samples it comes with the last."""
+"""Flags of an event that belongs to one sample; in a step of several samples it belongs to the last."""
 _FASTEST, _SLOWEST = 1e4, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is exported.
+    """An estimator or a plant to export.
 
-    id: as asked for.  kind: "estimator" or "plant".  model: its equations.  parameters: flat, SI.
-    sample_interval: s.  stop_time: of the default experiment, s.  plant: whose samples the reference signals are.
-    values_from: one sentence: where the start values come from.
+    id: its id or the scenario's name.  kind: "estimator" or "plant".  model: its equations.  parameters: flat, SI.
+    sample_interval: s.  stop_time: of the default experiment, s.  plant: source of the samples of the reference signals.
+    values_from: a sentence that says where the start values come from.
     """
 
     id: str
@@ -46,13 +46,13 @@ class Subject:
 
     @property
     def identifier(self) -> str:
-        """A name that C allows."""
+        """The id as a C identifier."""
         name = re.sub(r"\W", "_", self.id)
         return name if name[0].isalpha() else f"model_{name}"
 
     @property
     def title(self) -> str:
-        """One line that says what it is."""
+        """A title in one line."""
         if self.kind == "plant":
             return f"{self.model.title}: {self.plant.scenario.title}"
         smoothed = registered()[self.id].smooths
@@ -61,7 +61,7 @@ class Subject:
 
 
 def subject(model_id_or_scenario: str, settings: Mapping[str, object]) -> Subject:
-    """The estimator or the plant of that name.  Raises `InputError` for an unknown one and for wrong settings."""
+    """The estimator or the plant of that name.  Raises `InputError` for an unknown name and for wrong settings."""
     if model_id_or_scenario in registered():
         return _estimator(registered()[model_id_or_scenario], settings)
     if not model_id_or_scenario.endswith(".toml") and model_id_or_scenario not in names():
@@ -96,7 +96,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
 
 
 def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:
-    """Rows, SI, from settings by a row's name or by name and data-sheet unit.  Raises `InputError`."""
+    """Rows, in SI units, from settings by row name or by name and data-sheet unit.  Raises `InputError`."""
     table = estimator.model.parameters
     rows = {name: value for name, value in settings.items() if name in table}
     for name, value in settings.items():
@@ -145,7 +145,7 @@ def _at_rate(scenario: Scenario, rate_hz: float) -> Scenario:
     changed = scenario.model_copy(update={"rate_hz": rate_hz})
     try:
         build(changed)
-    except InputError:  # its fixes or its motion do not go with this rate: the reference signals keep the scenario's own
+    except InputError:  # its fixes or motion do not allow this rate: the reference signals keep the scenario's
         return scenario
     return changed
 

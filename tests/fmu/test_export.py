@@ -17,7 +17,7 @@ from insenv import estimators, scenario
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.fmu import export, platforms
-from insenv.fmu.dependencies import start_dependencies
+from insenv.fmu.description import start_dependencies
 from insenv.fmu.subject import subject
 from insenv.fmu.variables import Kind, variables
 

@@ -111,7 +111,7 @@ def test_csv_of_fmpy_with_blanks_inside_arrays(tmp_path):
         ("time,a\n0,1\n1,\n", r"line 3, column 'a': the value is missing"),
         ("time,a\n0,nan\n", r"line 2, column 'a': value is nan"),
         ("time,a\n0,1\n1\n", r"line 3 has 1 fields, expected 2"),
-        ("time,a,a\n0,1,2\n", "columns that stand there twice: a"),
+        ("time,a,a\n0,1,2\n", "repeated columns: a"),
         ('time,"a[1,1]"\n0,z\n', r"line 2, column 'a\[1,1\]'"),
     ],
 )
@@ -121,10 +121,10 @@ def test_a_bad_csv_is_named(tmp_path, text, said):
         read_csv(tmp_path / "bad.csv")
 
 
-def test_rows_must_stand_a_step_apart():
+def test_rows_must_be_a_step_apart():
     good = series_of(columns_for("qakf-improved", 100))
     for time, said in (
-        (good.time * 2, "rows stand 0.01 s apart"),
+        (good.time * 2, "rows are 0.01 s apart"),
         (np.where(np.arange(100) > 50, good.time + 0.1, good.time), "time = 0.355 s in row 52 follows 0.25 s"),
         (np.where(np.arange(100) == 50, 0.0, good.time), "follows"),
     ):
@@ -211,7 +211,7 @@ def test_the_command_prints_the_last_outputs(log):
         (["--input", "LOG", "--set", "latitude=north"], 2, "--set 'latitude=north': 'north' is not a number"),
         (["--input", "LOG", "--set", "latitude=nan"], 2, "--set latitude: allowed is one finite number"),
         (["--input", "LOG", "--set", "latitude=1,2"], 2, "--set latitude: allowed is one finite number"),
-        (["--input", "LOG", "--step", "0.0075"], 2, "rows stand 0.005 s apart"),
+        (["--input", "LOG", "--step", "0.0075"], 2, "rows are 0.005 s apart"),
         (["--input", "LOG", "--output", "no/such/folder/x.csv"], 2, "no/such/folder/x.csv"),
         (["--input", "LOG", "--output", "."], 2, "'.': it is a folder"),
         (["--stop", "nan"], 2, "stop time nan s"),
