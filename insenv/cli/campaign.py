@@ -45,14 +45,14 @@ def campaign(
 
     if resume and out is None:
         raise InputError("--resume continues from a folder: name it with --out DIR")
-    makers = _workers(workers, scheduler)
+    pool = _workers(workers, scheduler)
     variations = [parse_variation(text) for text in vary or []]
     plan = make_plan(load(scenario), estimator, runs, first_seed=seed, duration_s=duration, variations=variations)
     folder = None if out is None else OutputFolder(out)
     store = None if folder is None else Folder(folder.path, plan, resume)
     with quiet_warnings(), working(f"{plan.name}, {plan.runs} runs") as progress:
         try:
-            found = run_campaign(plan, store=store, workers=makers, progress=progress)
+            found = run_campaign(plan, store=store, workers=pool, progress=progress)
         except KeyboardInterrupt:
             kept = "finished blocks are kept: --resume continues" if store else "nothing written: --out DIR keeps them"
             raise KeyboardInterrupt(f"interrupted; {kept}") from None

@@ -42,11 +42,11 @@ def train(
     choice = Choice() if support is None else Choice(support=support)
     with quiet_warnings(), working("simulating") as progress:
 
-        def tell(work: str, done: int, total: int) -> None:
+        def show(work: str, done: int, total: int) -> None:
             progress.describe(work)
             progress(done, total)
 
-        machine = learn(scenarios, chosen, duration_s=duration, choice=choice, progress=tell)
+        machine = learn(scenarios, chosen, duration_s=duration, choice=choice, progress=show)
         machine.save(out)
     training = machine.training
     if as_json:

@@ -1,4 +1,4 @@
-"""The file that is exported: description, sources, documents, bytes."""
+"""The exported file: description, sources, documents, bytes."""
 
 import functools
 import json
@@ -27,7 +27,7 @@ SUBJECTS = (*estimators.registered(), *PLANTS)
 
 @pytest.fixture
 def uncompiled(monkeypatch):
-    """Exports without binaries: what is looked at is the rest."""
+    """Export without binaries."""
     monkeypatch.setattr("insenv.fmu.exporter.build", lambda *arguments: {})
 
 
@@ -38,7 +38,7 @@ def description(path):
 
 @functools.cache
 def parser(lark, grammar, start):
-    """FMPy's parser of names, made once."""
+    """FMPy's parser of names, constructed once."""
     return lark(grammar, start=start)
 
 
@@ -50,7 +50,7 @@ def parsed(lark, grammar, start, name):
 
 @pytest.fixture
 def names_once(monkeypatch):
-    """FMPy's check of names, but names that differ in their numbers only are parsed once."""
+    """FMPy's check of names; names that differ only in their numbers are parsed once."""
     import lark
 
     class Once:
@@ -145,7 +145,7 @@ def test_units_have_their_base_exponents_and_display_units(uncompiled, tmp_path)
 
 @pytest.mark.parametrize("id", ("loosely-coupled", "qakf-improved", "ship-swaying"))
 def test_the_dependencies_at_the_start_are_exact(id):
-    """What a parameter changes in the outputs at the start is listed, and what is listed is the equations' own."""
+    """Every initial output that a parameter changes is listed, and every listed dependency is in the equations."""
     what = subject(id, {})
     needs = start_dependencies(what.model)
     before = make_runner(what.model, what.parameters, backend="interpreter").output()
@@ -262,7 +262,7 @@ def test_folders_of_the_platforms():
     assert set(platforms._laid_out({"aarch64-linux": b""}, "m", 2)) == {"binaries/aarch64-linux/m.so", "binaries/linux64/m.so"}
 
 
-def test_the_rows_of_the_c_side_are_in_order():
+def test_the_rows_in_c_are_in_order():
     for id in ("smoother", "car-city-drive"):
         listed = variables(subject(id, {}))
         assert [v.number for v in listed] == list(range(len(listed)))

@@ -1,4 +1,4 @@
-"""`insenv.fmu.run` and `insenv fmu run`: bit-identical results, CSV, errors that say what to do."""
+"""`insenv.fmu.run` and `insenv fmu run`: bit-identical results, CSV, messages of errors."""
 
 import json
 import os
@@ -35,7 +35,7 @@ def log(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("id", "fmi"), PAIRS)
-def test_the_outputs_are_those_of_the_model_to_the_bit(id, fmi):
+def test_the_outputs_are_bit_identical_to_those_of_the_model(id, fmi):
     columns = columns_for(id, SAMPLES)
     found = run(exported(id, fmi), columns)
     np.testing.assert_array_equal(found.values, in_process(id, columns))
@@ -79,13 +79,13 @@ def test_a_plant_runs_without_inputs_and_its_outputs_feed_an_estimator(tmp_path)
     assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row stands at the end of the plant's first step
 
 
-def test_progress_is_told():
-    told = []
-    run(exported("qakf-improved"), columns_for("qakf-improved", SAMPLES), progress=lambda *done: told.append(done))
-    assert told[-1] == (SAMPLES, SAMPLES)
+def test_progress_is_reported():
+    calls = []
+    run(exported("qakf-improved"), columns_for("qakf-improved", SAMPLES), progress=lambda *done: calls.append(done))
+    assert calls[-1] == (SAMPLES, SAMPLES)
 
 
-def test_csv_reads_back_to_the_bit(tmp_path):
+def test_csv_reads_back_bit_identical(tmp_path):
     columns = {"a": np.array([0.1, 1e-300, -1 / 3]), "m": np.arange(12.0).reshape(3, 2, 2) / 7}
     write_csv(tmp_path / "x.csv", series_of(columns))
     back = read_csv(tmp_path / "x.csv")
@@ -148,7 +148,7 @@ def test_wrong_inputs_are_named():
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_what_the_fmu_refuses_is_told_in_its_own_words(fmi):
+def test_the_messages_of_the_fmu_are_part_of_the_error(fmi):
     fmu, columns = exported("qakf-improved", fmi), columns_for("qakf-improved", 100)
     with pytest.raises(InputError, match=r"parameter latitude = 7 refused: .*latitude = 7 rad"):
         run(fmu, columns, parameters={"latitude": 7.0})
@@ -160,14 +160,14 @@ def test_what_the_fmu_refuses_is_told_in_its_own_words(fmi):
         run(fmu, broken)
 
 
-def test_what_is_no_fmu_is_told(tmp_path):
+def test_a_file_that_is_not_an_fmu_is_reported(tmp_path):
     (tmp_path / "x.fmu").write_text("no archive")
     for path, said in ((tmp_path / "none.fmu", "no such file"), (tmp_path / "x.fmu", "not an FMU")):
         with pytest.raises(InputError, match=said):
             run(path, {"a": np.zeros(3)})
 
 
-def test_a_damaged_fmu_is_told(tmp_path):
+def test_a_damaged_fmu_is_reported(tmp_path):
     with ZipFile(exported("qakf-improved")) as archive:
         binary = next(entry for entry in archive.infolist() if entry.filename.startswith("binaries/"))
     raw = bytearray(exported("qakf-improved").read_bytes())
@@ -178,14 +178,14 @@ def test_a_damaged_fmu_is_told(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
-def test_a_reader_that_leaves_is_no_fault():
+def test_a_closed_pipe_is_not_an_error():
     command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported("ship-swaying")), "--stop", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert (process.stderr.read(), process.wait(60)) == ("", 141)
 
 
-def test_the_command_writes_what_the_function_gives(log, tmp_path):
+def test_the_command_writes_the_result_of_the_function(log, tmp_path):
     output = tmp_path / "out.csv"
     command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported("qakf-improved")), "--input", str(log), "--json"]
     done = subprocess.run([*command, "--output", str(output)], capture_output=True, text=True, check=True)
@@ -220,7 +220,7 @@ def test_the_command_prints_the_last_outputs(log):
         (["--input", "LOG", "--every", "401"], 2, "every = 401: allowed is 1 to 400"),
     ],
 )
-def test_the_command_tells_what_is_wrong(log, options, status, said):
+def test_the_command_reports_what_is_wrong(log, options, status, said):
     options = [log if option == "LOG" else option for option in options]
     code, out, err = call("fmu", "run", exported("qakf-improved"), "--json", *options)
     assert code == status

@@ -21,7 +21,7 @@ NO_UNIT = {"1", "SI"}  # a number; a matrix whose elements have different units
 
 
 def expected(id):
-    """By variable name: the row, its causality and its start values (None for outputs), from the tables."""
+    """By variable name: row, causality and start values (None for outputs), from the tables."""
     what = subject(id, {})
     found = {}
     for table, causality, prefix in (
