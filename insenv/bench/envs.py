@@ -6,17 +6,14 @@ stepped by the same loops: Gymnasium's CartPole and Pendulum, and EnvPool's Cart
 
 from __future__ import annotations
 
-import statistics
-import time
 import warnings
-from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from insenv.bench.figure import EMPTY, Figure
+from insenv.bench.figure import EMPTY, Figure, median_time
 from insenv.core.batch import make_batch
 from insenv.envs import AlignmentEnv, agents
 
@@ -46,20 +43,9 @@ class Constant(gymnasium.Env[Any, Any]):
         return self._shown.copy(), 0.0, False, False, {}
 
 
-def _seconds(call: Callable[[], Any], count: int) -> float:
-    """Median time of a call, over repetitions of `count` calls."""
-    times = []
-    for _ in range(REPETITIONS):
-        begin = time.perf_counter()
-        for _ in range(count):
-            call()
-        times.append((time.perf_counter() - begin) / count)
-    return statistics.median(times)
-
-
 def _step_time(env: Any, action: Any, count: int) -> float:
     env.reset(seed=1)
-    return _seconds(lambda: env.step(action), count)
+    return median_time(lambda: env.step(action), REPETITIONS, count)
 
 
 def single() -> Figure:
@@ -90,7 +76,7 @@ def _classic(id: str, action: Any) -> float:
         if terminated or truncated:
             env.reset()
 
-    return _seconds(step, 3000)
+    return median_time(step, REPETITIONS, 3000)
 
 
 def _vector(samples: int) -> Any:
@@ -102,13 +88,16 @@ def _vector(samples: int) -> Any:
 def plant() -> Figure:
     """1024 rows on one core, no estimator."""
     venv, actions = _vector(SAMPLES), np.tile(LEVEL, (ROWS, 1))
-    value = ROWS * SAMPLES / _seconds(lambda: venv.step(actions), 1)
+    value = ROWS * SAMPLES / median_time(lambda: venv.step(actions), REPETITIONS)
     empty = make_batch(EMPTY, ROWS)
-    least = ROWS * SAMPLES / _seconds(lambda: empty.run(SAMPLES), 1)
+    least = ROWS * SAMPLES / median_time(lambda: empty.run(SAMPLES), REPETITIONS)
     cart = gymnasium.make_vec("CartPole-v1", ROWS, vectorization_mode="vector_entry_point")
     cart.reset(seed=1)
     push = np.zeros(ROWS, dtype=np.int64)
-    peer = ("CartPole-v1 of Gymnasium, one step counted as a sample", ROWS / _seconds(lambda: cart.step(push), 30))
+    peer = (
+        "CartPole-v1 of Gymnasium, one step counted as a sample",
+        ROWS / median_time(lambda: cart.step(push), REPETITIONS, 30),
+    )
     note = f"make_vec, {ROWS} rows, {SAMPLES} samples per step, one core" + _envpool()
     return Figure("vector.plant", value, "samples/s", least, REPETITIONS, note, peer)
 
@@ -123,7 +112,7 @@ def _envpool() -> str:
         pool = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=ROWS, num_threads=1)
     pool.reset()
     push = np.zeros(ROWS, dtype=np.int32)
-    return f"; EnvPool CartPole-v1: {ROWS / _seconds(lambda: pool.step(push), 10):.3g} steps/s"
+    return f"; EnvPool CartPole-v1: {ROWS / median_time(lambda: pool.step(push), REPETITIONS, 10):.3g} steps/s"
 
 
 def q_method() -> Figure:
@@ -136,8 +125,7 @@ def q_method() -> Figure:
     def step() -> None:
         seen[0] = venv.step(agent.act(seen[0]))[0]
 
-    step()
-    value = ROWS * SAMPLES / _seconds(step, 1)
+    value = ROWS * SAMPLES / median_time(step, REPETITIONS)
     least = plant().value
     return Figure(
         "vector.q-method", value, "samples/s", least, REPETITIONS, f"{ROWS} rows, {SAMPLES} samples per step; floor: no agent"
@@ -146,8 +134,7 @@ def q_method() -> Figure:
 
 def making() -> Figure:
     """Creation of 1024 rows whose code is compiled already."""
-    gymnasium.make_vec(ID, ROWS)
-    value, least = _seconds(lambda: gymnasium.make_vec(ID, ROWS), 1), _seconds(lambda: AlignmentEnv("ship-swaying"), 1)
-    return Figure(
-        "vector.make", value, "s", least, REPETITIONS, f"make_vec of {ROWS} rows, warm; floor: one single environment"
-    )
+    value = median_time(lambda: gymnasium.make_vec(ID, ROWS), REPETITIONS)
+    least = median_time(lambda: AlignmentEnv("ship-swaying"), REPETITIONS)
+    note = f"make_vec of {ROWS} rows, warm; floor: one single environment"
+    return Figure("vector.make", value, "s", least, REPETITIONS, note)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from insenv.bench.figure import EMPTY, Figure, empty_loop
+from insenv.bench.figure import EMPTY, Figure, empty_loop, median_time
 from insenv.campaigns import make_plan, run_campaign
 from insenv.campaigns.executors import cores
 from insenv.core.batch import make_batch
@@ -106,16 +106,6 @@ def campaign() -> Figure:
         lambda: plant.run(plan.samples),
         lambda: empty.run(plan.samples),
     )
-    value, alone, floor = (samples / _warm_median(work) for work in works)
+    value, alone, floor = (samples / median_time(work, CAMPAIGNS) for work in works)
     note = f"{runs} runs of 600 s at 200 Hz, {threads} cores; plant alone {alone:.3g}"
     return Figure("campaign.q-method", value, "samples/s", floor, CAMPAIGNS, note)
-
-
-def _warm_median(work: Callable[[], object]) -> float:
-    """Median time, s, after one call that compiles."""
-    taken = []
-    for _ in range(CAMPAIGNS + 1):
-        begin = time.perf_counter()
-        work()
-        taken.append(time.perf_counter() - begin)
-    return statistics.median(taken[1:])

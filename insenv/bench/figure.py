@@ -1,9 +1,10 @@
-"""A figure, and the empty model whose cost is the floor of many figures."""
+"""A figure; the empty model whose cost is the floor of many figures; median times."""
 
 from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from insenv.core.model import Model, Step
@@ -49,3 +50,15 @@ def empty_loop(samples: int, repetitions: int) -> float:
         runner.run(samples, every=0)
         taken.append(time.process_time() - begin)
     return statistics.median(taken) / samples * 1e6
+
+
+def median_time(call: Callable[[], object], repetitions: int, count: int = 1) -> float:
+    """Median wall-clock time of a call, s, over repetitions of `count` calls, after one call to warm up."""
+    call()
+    taken = []
+    for _ in range(repetitions):
+        begin = time.perf_counter()
+        for _ in range(count):
+            call()
+        taken.append((time.perf_counter() - begin) / count)
+    return statistics.median(taken)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 
 import numpy as np
 
 from insenv.bench import peers
-from insenv.bench.figure import EMPTY, Figure
+from insenv.bench.figure import EMPTY, Figure, median_time
 from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
@@ -20,6 +17,7 @@ from insenv.estimators import get
 REPETITIONS = 15
 SAMPLES = 4000  # calls in a repetition
 ROWS = 1024
+STARTS = 7  # repetitions of the import
 
 
 def single(backend: str, covariance_interval: float) -> Figure:
@@ -28,7 +26,7 @@ def single(backend: str, covariance_interval: float) -> Figure:
     runner = make_runner(model, {"covariance_interval": covariance_interval}, backend)
     runner.advance(_at_rest(model))
     empty = make_runner(EMPTY, None, backend)
-    value, floor = (_median(r._advance, SAMPLES) / SAMPLES * 1e6 for r in (runner, empty))
+    value, floor = (median_time(r._advance, REPETITIONS, SAMPLES) * 1e6 for r in (runner, empty))
     # pyins is made to propagate over several samples at a time: a covariance at each sample would be an unfair comparison
     peer = peers.propagate15(covariance_interval) if backend == "native" and covariance_interval else None
     note = _covariance_note(covariance_interval)
@@ -41,11 +39,8 @@ def batch(covariance_interval: float) -> Figure:
     rows = make_batch(model, ROWS, {"covariance_interval": covariance_interval})
     inputs, empty, samples = _at_rest(model), make_batch(EMPTY, ROWS), 100
 
-    def run() -> None:
-        rows.run(samples, inputs)
-
-    value = _median(run, 1) / (ROWS * samples) * 1e9
-    floor = _median(lambda: empty.run(samples), 1) / (ROWS * samples) * 1e9
+    value = median_time(lambda: rows.run(samples, inputs), REPETITIONS) / (ROWS * samples) * 1e9
+    floor = median_time(lambda: empty.run(samples), REPETITIONS) / (ROWS * samples) * 1e9
     lanes = getattr(rows, "lanes", 1)
     note = f"{ROWS} rows, one core, {lanes} lanes; {_covariance_note(covariance_interval)}"
     return Figure(_name("batch", covariance_interval), value, "ns", floor, REPETITIONS, note)
@@ -55,9 +50,9 @@ def import_time() -> Figure:
     """A new interpreter that imports insenv; the floor is one that imports nothing."""
 
     def started(statement: str) -> float:
-        return _median(lambda: subprocess.run([sys.executable, "-c", statement], check=True), 1, repetitions=7)
+        return median_time(lambda: subprocess.run([sys.executable, "-c", statement], check=True), STARTS)
 
-    return Figure("import.insenv", started("import insenv"), "s", started("pass"), 7, "whole process")
+    return Figure("import.insenv", started("import insenv"), "s", started("pass"), STARTS, "whole process")
 
 
 def _name(prefix: str, covariance_interval: float) -> str:
@@ -70,15 +65,3 @@ def _covariance_note(interval: float) -> str:
 
 def _at_rest(model: Model) -> np.ndarray:
     return model.inputs.pack({"delta_velocity": (0.0, 0.0, -9.8 * 0.005), "dt": 0.005})
-
-
-def _median(call: Callable[[], object], times: int, repetitions: int = REPETITIONS) -> float:
-    """Median time of `times` calls, s."""
-    call()
-    taken = []
-    for _ in range(repetitions):
-        begin = time.perf_counter()
-        for _ in range(times):
-            call()
-        taken.append(time.perf_counter() - begin)
-    return statistics.median(taken)

@@ -83,17 +83,3 @@ def _undisturbed(motion: Any) -> Any:
     if "gust_velocity_sigma_mps" in still:
         still["gust_velocity_sigma_mps"] = (0.0, 0.0, 0.0)
     return motion.model_copy(update={**still, **({"engine": ()} if "engine" in type(motion).model_fields else {})})
-
-
-def table() -> str:
-    """The table of docs/truth.md: drift without disturbances at four rates; `python -m insenv.bench.truth` prints it."""
-    rates = (50.0, 100.0, 200.0, 400.0)
-    lines = ["| | " + " | ".join(f"{rate:g} Hz" for rate in rates) + " |", "|---|---|---|---|---|"]
-    for vehicle in SCENARIOS:
-        cells = [f"{drift_ned(vehicle, rate, disturbed=False).max():.2g}" for rate in rates]
-        lines.append(f"| {vehicle} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    print(table())

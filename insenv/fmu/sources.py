@@ -56,17 +56,10 @@ def amalgamated(files: Mapping[str, str], main: str) -> str:
 def token(description: str, files: Mapping[str, str], further: Iterable[str]) -> str:
     """A GUID: hash of the description, the sources and the further texts that determine the behaviour of the FMU."""
     digest = hashlib.sha256()
-    for text in (description, *itemized(files), *further):
+    for text in (description, *(text for item in sorted(files.items()) for text in item), *further):
         digest.update(text.encode() + b"\0")
     h = digest.hexdigest()
     return f"{{{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}}}"
-
-
-def itemized(files: Mapping[str, str]) -> Iterable[str]:
-    """Names and texts, sorted by name."""
-    for name in sorted(files):
-        yield name
-        yield files[name]
 
 
 def config(subject: Subject, variables: Sequence[Variable]) -> str:
