@@ -1,6 +1,6 @@
 """Lockstep with a stand-in for PX4: how many times faster than real time vehicle and stand-in run.
 
-The stand-in is a process of its own (this module as a program).  It answers each HIL_SENSOR at once with actuator outputs of
+The stand-in runs in a separate process (this module as a program).  It answers each HIL_SENSOR at once with actuator outputs of
 the same time.  The floor is the same exchange with a constant message instead of a vehicle: sockets and processes alone.
 """
 

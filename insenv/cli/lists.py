@@ -1,4 +1,4 @@
-"""The commands `insenv list` and `insenv schema`: what can be named at the command line and in scenario files."""
+"""The commands `insenv list` and `insenv schema`: the names and keys that commands and scenario files accept."""
 
 from __future__ import annotations
 

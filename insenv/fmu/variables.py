@@ -88,7 +88,7 @@ def variables(subject: Subject) -> list[Variable]:
         held = np.array([subject.sample_interval]) if row.name == "dt" else row.flat_start()
         found.append((row, row.name, Kind.INPUT, held))
     for row in model.outputs:
-        kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # the independent variable is the time
+        kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # FMI has its own variable for the time
         found.append((row, row.name, kind, None))
 
     result, place = [], 0

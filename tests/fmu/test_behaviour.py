@@ -49,7 +49,7 @@ class Slave:
         if fmi == 2:
             callbacks = fmi2.fmi2CallbackFunctions()
             callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda e, name, *message: self.said.append(message))
-            addLoggerProxy(byref(callbacks))  # puts the values into the message
+            addLoggerProxy(byref(callbacks))  # formats the message
             self.fmu = fmi2.FMU2Slave(**shared)
             self.fmu.instantiate(callbacks=callbacks)
         else:
@@ -154,7 +154,7 @@ def test_outputs_are_bit_identical_to_those_of_the_model(slave, id, fmi):
 def test_simulate_fmu_gives_the_same_and_the_reference_signals(id, fmi):
     folder = unzipped(id, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref"
     inputs = fmpy.read_csv(str(folder / "in.csv"))
-    if fmi == 3:  # FMPy takes inputs of one shape only; dt is left at its start value, the sample interval
+    if fmi == 3:  # FMPy accepts inputs of one shape only; dt keeps its start value, the sample interval
         assert (inputs["dt"] == 0.005).all()
         inputs = inputs[["time", "delta_angle", "delta_velocity"]]
     found = fmpy.simulate_fmu(str(exported(id, fmi)), input=inputs, output_interval=0.005, stop_time=1.5, validate=False)
@@ -163,7 +163,7 @@ def test_simulate_fmu_gives_the_same_and_the_reference_signals(id, fmi):
     for name in reference.dtype.names[1:]:
         np.testing.assert_array_equal(found[name][::10], reference[name], err_msg=name)
     np.testing.assert_allclose(found["time"][::10], reference["time"], rtol=1e-12)
-    assert id != "loosely-coupled" or inputs["gnss_valid"].sum() == 1  # a fix came
+    assert id != "loosely-coupled" or inputs["gnss_valid"].sum() == 1  # a fix arrived
 
 
 def test_simulate_fmu_gets_the_reason_for_a_refused_interval():
@@ -180,7 +180,7 @@ def test_a_step_of_several_samples_holds_the_inputs(slave, fmi):
     held = np.repeat(rows[::10], 10, axis=0)
     flag = one.what.model.inputs.slice("gnss_valid").start
     coming = rows[::10].copy()
-    coming[5, flag] = 1.0  # a fix in the sixth step is taken with the last sample of it
+    coming[5, flag] = 1.0  # a fix in the sixth step applies to the last sample of the step
     held[:, flag] = 0.0
     held[59, flag] = 1.0
     rows_of_steps = coming
@@ -256,7 +256,7 @@ def test_steps_that_are_not_a_whole_number_of_samples_are_refused(slave, fmi):
     for point in (0.005, -1.0, float("nan")):
         one.refused(lambda point=point: one.fmu.doStep(point, 0.005), "communication point is", "the instance stands at 0 s")
     one.refused(lambda: one.fmu.doStep(0.0, 0.205), "passes the stop time, 0.2 s")
-    # nothing was changed by what was refused; times that carry rounding are taken
+    # the refused calls have changed nothing; times with rounding errors are accepted
     np.testing.assert_array_equal(one.run(rows), expected("qakf-improved", rows, one.shown))
     one.fmu.doStep(0.1 + 1e-13, 0.1 + 0.005 - 0.1)
 
@@ -280,7 +280,7 @@ def test_values_that_are_not_allowed_are_refused(slave, fmi):
         one.refused(lambda row=row: one.set(one.references["input"], row), "delta_angle", "allowed is a finite number")
     one.set([one.names["dt"]], [0.0])
     one.refused(lambda: one.step(0), "dt = 0 s: allowed is a finite number from 1e-06 to 10")
-    # what belongs to a fix is looked at only with a fix
+    # the inputs of a fix are checked only if there is a fix
     one.set(one.references["input"], rows[0].tolist())
     one.set([one.names["gnss_latitude"], one.names["gnss_height"]], [9.0, 1e9])
     one.step(0)

@@ -204,7 +204,7 @@ PLACES = {
         "aarch64-darwin": "arm64",
     },
 }
-NEEDED = {  # what each system brings with it
+NEEDED = {  # the libraries that each system contains
     "so": {"libc.so.6", "libm.so.6"},
     "dylib": {"/usr/lib/libSystem.B.dylib"},
     "dll": {"KERNEL32.dll", "msvcrt.dll"},

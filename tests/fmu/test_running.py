@@ -76,7 +76,7 @@ def test_a_plant_runs_without_inputs_and_its_outputs_feed_an_estimator(tmp_path)
     fed = run(exported("qakf-improved"), read_csv(path))
     np.testing.assert_array_equal(fed.values, in_process("qakf-improved", columns_for("qakf-improved", 400)))
     assert "height" in fed.passed_over
-    assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row stands at the end of the plant's first step
+    assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row is at the end of the plant's first step
 
 
 def test_progress_is_reported():

@@ -128,11 +128,11 @@ def test_the_alignment_error_at_the_end_is_that_of_a_run_within_the_delay():
     q_found = in_process(ID, {name: late(shown, name) for name in INCREMENTS})[
         :, estimators.get(ID).model.outputs.slice("q_nb")
     ]
-    # the estimate of the last step is of the attitude one step before.  Against that, all that differs from the run is the
-    # first sample: of nothing, which an estimator takes for free fall
+    # The last estimate is the attitude one step before.  Compared with that, only the first sample differs from the run: all
+    # zeros, which an estimator reads as free fall.
     apart = angles_apart(q_found[-1], shown["q_nb"][-2])
     assert (abs(apart - expected) < 0.1 * limits).all()
-    # against the attitude of its own time it lags by what the ship turns in a step
+    # compared with the attitude at the same time it lags by the rotation of the ship in one step
     turned = angles_apart(shown["q_nb"][-2], shown["q_nb"][-1])
     np.testing.assert_allclose(angles_apart(q_found[-1], shown["q_nb"][-1]), apart + turned, atol=1e-9)
     assert 0.005 < abs(turned).max() < 0.05
