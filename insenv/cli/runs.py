@@ -51,9 +51,7 @@ def run(
 
 @deferred
 def replay(
-    log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="A flight log (.tlog, .BIN, .ulg), or a .toml file that describes a log.")
-    ],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A flight log, or a .toml file that describes a log.")],
     estimators: Estimators = None,
     start: Annotated[
         Start, typer.Option(help="Start from the log alone, or from the state of the log's reference.")

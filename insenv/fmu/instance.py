@@ -10,8 +10,6 @@ import ctypes
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,53 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, InsenvError, nearest
+from insenv.fmu.reading import KINDS, KINDS_3, Array, Variable, read_description, read_variable
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Function of the number of steps done and the number of steps in all."""
 
 PROGRESS_STEPS = 5_000  # steps between two calls of the progress function
 MOST_MESSAGES = 20  # messages of the FMU kept for an error
-_KINDS = {  # by type in the model description: dtype of its values, suffix of its functions
-    "Real": (np.float64, "Real"),
-    "Integer": (np.int32, "Integer"),
-    "Enumeration": (np.int32, "Integer"),
-    "Boolean": (np.int32, "Boolean"),
-    "Float64": (np.float64, "Float64"),
-    "Float32": (np.float32, "Float32"),
-    "Int8": (np.int8, "Int8"),
-    "UInt8": (np.uint8, "UInt8"),
-    "Int16": (np.int16, "Int16"),
-    "UInt16": (np.uint16, "UInt16"),
-    "Int32": (np.int32, "Int32"),
-    "UInt32": (np.uint32, "UInt32"),
-    "Int64": (np.int64, "Int64"),
-    "UInt64": (np.uint64, "UInt64"),
-}
-_KINDS_3 = {**_KINDS, "Boolean": (np.bool_, "Boolean"), "Enumeration": (np.int64, "Int64")}
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A numeric variable of an FMU; an array of FMI 3 is one variable with several elements.
-
-    elements: their names, ``name`` or ``name[1]``, ``name[2]`` ..., ``name[1,1]`` ... by rows.
-    """
-
-    name: str
-    reference: int
-    kind: str
-    causality: str
-    unit: str
-    description: str
-    elements: tuple[str, ...]
-
-
-def element_names(name: str, shape: Sequence[int]) -> tuple[str, ...]:
-    """``name`` for a scalar, else ``name[i]`` or ``name[i,j]``, counted from 1, the last index fastest."""
-    places = product(*(range(1, n + 1) for n in shape))
-    return tuple(f"{name}[{','.join(map(str, place))}]" for place in places) if len(shape) else (name,)
 
 
 class Instance:
@@ -92,9 +51,9 @@ class Instance:
         self._folder = Path(tempfile.mkdtemp(prefix="insenv-fmu-"))
         self._slave: Any = None
         try:
-            self.description = _description(self.path)
+            self.description = read_description(self.path)
             self.version = int(self.description.fmiVersion[0])
-            self.variables = {v.name: v for v in map(_variable, self.description.modelVariables) if v is not None}
+            self.variables = {v.name: v for v in map(read_variable, self.description.modelVariables) if v is not None}
             self.inputs = [v for v in self.variables.values() if v.causality == "input"]
             self.outputs = [v for v in self.variables.values() if v.causality == "output"]
             try:
@@ -254,7 +213,7 @@ class Instance:
 
     @property
     def _kinds(self) -> Mapping[str, tuple[Any, str]]:
-        return _KINDS if self.version == 2 else _KINDS_3
+        return KINDS if self.version == 2 else KINDS_3
 
     def _dtype(self, group: Sequence[Variable]) -> Any:
         return self._kinds[group[0].kind][0]
@@ -306,32 +265,6 @@ class Instance:
     def _component(self) -> int:
         component = self._slave.component
         return int(getattr(component, "value", component))
-
-
-def _description(path: Path) -> Any:
-    """modelDescription.xml as FMPy reads it.  Raises `InputError`."""
-    from fmpy import read_model_description
-
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    try:
-        description = read_model_description(str(path), validate=False)
-    except Exception as error:  # from zipfile, lxml or FMPy
-        raise InputError(f"{path}: not an FMU: {error}") from None
-    if description.coSimulation is None or description.fmiVersion[0] not in "23":
-        raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is FMI {description.fmiVersion})")
-    return description
-
-
-def _variable(read: Any) -> Variable | None:
-    """A variable that FMPy read; None if it is not numeric."""
-    if read.type not in _KINDS:
-        return None
-    declared = read.declaredType
-    unit = read.unit or (declared.unit if declared is not None else None) or ""
-    shape = tuple(int(dimension.start) for dimension in read.dimensions)
-    names = element_names(read.name, shape)
-    return Variable(read.name, read.valueReference, read.type, read.causality, unit, read.description or "", names)
 
 
 def _names(group: Sequence[Variable]) -> list[str]:

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from insenv.errors import InputError
-from insenv.fmu.instance import Array, Instance, Progress
+from insenv.fmu.instance import Instance, Progress
+from insenv.fmu.reading import Array
 from insenv.fmu.series import Series, chosen, flattened, uniform
 
 MOST_STEPS = 10**9

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from insenv.errors import InputError, InsenvError
-from insenv.fmu.instance import Array, element_names
+from insenv.fmu.reading import Array, element_names
 from insenv.logs.readers import check_finite, read_table
 
 _ELEMENT = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]")

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from insenv.core.tables import Row, Vector
-from insenv.fmu.instance import element_names
+from insenv.fmu.reading import element_names
 from insenv.fmu.subject import Subject
 
 PREFIX = "parameters."

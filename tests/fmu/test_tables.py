@@ -11,7 +11,7 @@ from fmu_tools import thorough
 from insenv import estimators
 from insenv.core.tables import Row
 from insenv.fmu import export
-from insenv.fmu.instance import element_names
+from insenv.fmu.reading import element_names
 from insenv.fmu.subject import subject
 from insenv.scenario import names
 
