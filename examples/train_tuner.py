@@ -1,6 +1,6 @@
 """Train a tuner: PPO of Stable-Baselines3 learns to scale a filter's noises and is compared on held-out seeds.
 
-    pip install 'insenv[rl,plot]'            # torch's CPU wheel is enough
+    pip install -e '.[rl,plot]'              # torch's wheel for processors without a GPU is enough
     python examples/train_tuner.py           # some minutes
     python examples/train_tuner.py --steps 40000 --out tuner
 

@@ -84,8 +84,7 @@ if TYPE_CHECKING:
     from insenv.errors import InputError, InsenvError
     from insenv.estimators import Estimator, Knowledge
     from insenv.extending import register
-    from insenv.fmu import export as export_fmu
-    from insenv.fmu import export_ssp
+    from insenv.fmu import export_fmu, export_ssp
     from insenv.report import Report
     from insenv.runs.replayed import replay
     from insenv.runs.simulated import run

@@ -1,4 +1,4 @@
-"""`python -m insenv` is the command `insenv`."""
+"""Run the command `insenv` by `python -m insenv`."""
 
 from insenv.cli import main
 

@@ -1,6 +1,6 @@
-"""The errors that insenv raises for what a caller can mend, with messages made for reading.
+"""The errors that insenv raises for faults that a caller can correct.
 
-Every message names the thing, the value it had and what is allowed.  At the command line they end the program with one line.
+Every message names the thing, its value and what is allowed.  The command line prints the message and exits.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 
 class InsenvError(Exception):
-    """Base of all errors raised on purpose: the work could not be done (exit status 1 at the command line)."""
+    """Base of the errors of insenv: the work could not be done (exit status 1 at the command line)."""
 
 
 class InputError(InsenvError, ValueError):
@@ -18,7 +18,7 @@ class InputError(InsenvError, ValueError):
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Tail of a message about an unknown `name`: the nearest allowed name, and all of them."""
+    """End of a message about an unknown `name`: the nearest allowed name, and all allowed names."""
     allowed = list(allowed)
     close = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
     guess = f"; did you mean {close[0]!r}?" if close else ""

@@ -6,13 +6,13 @@
 #define STATUS(done) ((done) ? fmi2OK : fmi2Error)
 #define ALWAYS (INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED | FAILED)
 
-/* The instance `it` of a component, in one of `modes`, or leave with an error. */
+/* Define the instance `it` of a component, or return an error unless it is in one of `modes`. */
 #define ENTER(modes, function)              \
   Instance *it = (Instance *)c;             \
   if (it == NULL) return fmi2Error;         \
   if (!allowed(it, modes, function)) return fmi2Error
 
-/* A function that this FMU has no use for. */
+/* Refuse a call of a function that this FMU does not support. */
 #define NONE_SUCH(function, reason)         \
   do {                                      \
     Instance *it = (Instance *)c;           \
@@ -77,7 +77,7 @@ void fmi2FreeInstance(fmi2Component c) { free_instance((Instance *)c); }
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
                                fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
   State *s;
-  (void)toleranceDefined, (void)tolerance; /* nothing is solved to a tolerance here */
+  (void)toleranceDefined, (void)tolerance; /* there is no solver with a tolerance */
   ENTER(INSTANTIATED, "fmi2SetupExperiment");
   s = &it->now;
   if (!enter_initialization(it, "fmi2SetupExperiment", startTime, stopTimeDefined, stopTime)) return fmi2Error;
@@ -138,7 +138,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
   return fmi2OK;
 }
 
-/* Every variable is a Real: of the other types there is none to get or set. */
+/* Every variable is a Real: there are no variables of other types to get or set. */
 #define NO_VARIABLES(type)                                                                                                    \
   fmi2Status fmi2Get##type(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2##type value[]) {                   \
     ENTER(INITIALIZATION | STEPPING | TERMINATED | FAILED, "fmi2Get" #type);                                                  \
@@ -220,7 +220,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
   ENTER(STEPPING | TERMINATED | FAILED, "fmi2GetBooleanStatus");
   if (value == NULL || s != fmi2Terminated)
     NONE_SUCH("fmi2GetBooleanStatus", value ? "allowed is fmi2Terminated" : "value is NULL");
-  *value = fmi2False; /* it never asks to end the simulation */
+  *value = fmi2False; /* the FMU never asks to end the simulation */
   return fmi2OK;
 }
 
@@ -248,7 +248,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
   NONE_SUCH("fmi2GetDirectionalDerivative", "not provided (providesDirectionalDerivative is false)");
 }
 
-/* --- Model Exchange, which this FMU is not for; the functions are there so that whoever looks for them all finds them ----- */
+/* --- Model Exchange is not supported; the functions exist for importers that resolve every function of the standard -------- */
 
 #define MODEL_EXCHANGE(function) NONE_SUCH(function, "for Model Exchange only: this FMU is for Co-Simulation")
 

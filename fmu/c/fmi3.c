@@ -6,13 +6,13 @@
 #define STATUS(done) ((done) ? fmi3OK : fmi3Error)
 #define ALWAYS (INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED | FAILED)
 
-/* The instance `it` of what the importer holds, in one of `modes`, or leave with an error. */
+/* Define the instance `it` of the importer's handle, or return an error unless it is in one of `modes`. */
 #define ENTER(modes, function)              \
   Instance *it = (Instance *)instance;      \
   if (it == NULL) return fmi3Error;         \
   if (!allowed(it, modes, function)) return fmi3Error
 
-/* A function that this FMU has no use for. */
+/* Refuse a call of a function that this FMU does not support. */
 #define NONE_SUCH(function, reason)         \
   do {                                      \
     Instance *it = (Instance *)instance;    \
@@ -46,7 +46,7 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, siz
   return fmi3OK;
 }
 
-/* Tell the importer why there is no instance. */
+/* Log why there is no instance. */
 static fmi3Instance refused(fmi3LogMessageCallback logMessage, fmi3InstanceEnvironment environment, const char *reason) {
   if (logMessage) logMessage(environment, fmi3Error, "logStatusError", reason);
   return NULL;
@@ -98,7 +98,7 @@ void fmi3FreeInstance(fmi3Instance instance) { free_instance((Instance *)instanc
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime) {
-  (void)toleranceDefined, (void)tolerance; /* nothing is solved to a tolerance here */
+  (void)toleranceDefined, (void)tolerance; /* there is no solver with a tolerance */
   ENTER(INSTANTIATED, "fmi3EnterInitializationMode");
   return STATUS(enter_initialization(it, "fmi3EnterInitializationMode", startTime, stopTimeDefined, stopTime));
 }
@@ -169,7 +169,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
   return fmi3OK;
 }
 
-/* Every variable is a Float64: of the other types there is none to get or set. */
+/* Every variable is a Float64: there are no variables of other types to get or set. */
 #define NO_VARIABLES(name, type)                                                                                              \
   fmi3Status fmi3Get##name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
                            type values[], size_t nValues) {                                                                   \
@@ -197,7 +197,7 @@ NO_VARIABLES(UInt64, fmi3UInt64)
 NO_VARIABLES(Boolean, fmi3Boolean)
 NO_VARIABLES(String, fmi3String)
 
-/* A function whose further arguments are of no interest. */
+/* A function whose arguments after the first are not used. */
 #define WITHOUT(function, reason, ...)                                     \
   fmi3Status function(fmi3Instance instance, __VA_ARGS__) { NONE_SUCH(#function, reason); }
 #define NO_TYPE "there are no variables of this type"

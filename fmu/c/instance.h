@@ -1,14 +1,14 @@
-/* An instance of a sampled model: what both versions of FMI share.
+/* An instance of a sampled model: the part that FMI 2.0 and FMI 3.0 share.
  *
- * Everything that a simulation changes lies in one plain struct, `State`: to save it is to copy it, to serialize it is to write
- * its bytes.  All variables lie in its one array `v`, in the order that config.h numbers them:
+ * One plain struct, `State`, holds everything that a simulation changes: saving copies it, serializing writes its bytes.  Its
+ * array `v` holds all variables, in the order of config.h:
  *
  *     time | parameters | inputs | outputs        (FIRST_PARAMETER, FIRST_INPUT, FIRST_OUTPUT, N_VALUE)
  *
- * config.h, written by insenv from the model's tables, defines the sizes, ROWS (the variables: name, place, size, bounds, unit),
- * START (start values), KIND (what each place is) and INPUTS_HELD_BACK (flags that say that an event came with a sample).
- * equations.h holds the generated functions.  Functions here log the reason and return 0 where they refuse; a call that is
- * refused changes nothing.
+ * config.h, which insenv writes from the model's tables, defines the sizes, ROWS (the variables: name, unit, place, size,
+ * bounds), START (start values), KIND (kind of each place) and INPUTS_HELD_BACK (flags of events that belong to one sample).
+ * equations.h holds the generated functions.  A function that refuses a call logs the reason and returns 0; a refused call
+ * changes nothing.
  */
 #include <float.h>
 #include <math.h>
@@ -18,7 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* No fused multiply-add, wherever the sources are compiled again: results are those of insenv to the bit. */
+/* No fused multiply-add in any build of these sources, so that results are bit-identical to those of insenv. */
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #elif defined(_MSC_VER)
@@ -27,7 +27,7 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 
-/* equations.h also brings entry points for runs of many samples, which nobody calls here */
+/* equations.h also defines entry points for runs of many samples, which are not called here */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
@@ -35,10 +35,10 @@
 #include "config.h"
 #include "equations.h"
 
-/* What a place of `v` is. */
+/* Kinds of the places of `v`. */
 enum { NONE, TIME, CONSTANT, PARAMETER, INPUT, OUTPUT };
 
-/* Modes of the instance, each a bit, so that a function can name several in which it may be called. */
+/* Modes of the instance, one bit each, so that a function can name all modes in which it may be called. */
 enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, TERMINATED = 8, FAILED = 16 };
 
 #define SAID 512 /* longest message */
@@ -46,8 +46,8 @@ enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, TERMINATED = 8, FAILE
 typedef struct {
   int32_t mode;
   int32_t stop_defined;
-  int64_t samples;    /* advances made since the start */
-  int64_t stale;      /* outputs are not those of the state */
+  int64_t samples;    /* samples since the start */
+  int64_t stale;      /* the outputs do not belong to the state */
   double start_time;  /* s */
   double stop_time;   /* s */
   double v[N_VALUE];
@@ -64,7 +64,7 @@ struct Instance {
   void (*say)(Instance *, int is_error, const char *message);
 };
 
-/* A state handed out: marked, so that what comes back can be told from garbage. */
+/* A saved state.  Its mark tells it from other memory when the importer passes it back. */
 typedef struct {
   char mark[sizeof TOKEN];
   State state;
@@ -104,7 +104,7 @@ static const char *mode_name(int mode) {
   }
 }
 
-/* Whether a function may be called now. */
+/* Whether a function may be called in the present mode. */
 static int allowed(Instance *it, int modes, const char *function) {
   if (it->now.mode & modes) return 1;
   REFUSE("%s: not allowed in this state (%s)", function, mode_name(it->now.mode));
@@ -124,7 +124,7 @@ static const Row *row_of(size_t place) {
   return &ROWS[low];
 }
 
-/* Say that `value` is not allowed at `place`. */
+/* Log that `value` is not allowed at `place`. */
 static void say_bad_value(Instance *it, const char *function, size_t place, double value) {
   const Row *row = row_of(place);
   char element[24] = "";
@@ -138,7 +138,7 @@ static int out_of_bounds(size_t place, double value) {
   return !is_finite(value) || value < row->lower || value > row->upper;
 }
 
-/* Outputs of the state that the parameters start from, if they changed. */
+/* Compute the start state and its outputs again if parameters have changed. */
 static int refresh(Instance *it) {
   State *s = &it->now;
   double lost = 0;
@@ -178,7 +178,7 @@ static void free_instance(Instance *it) {
   free(it);
 }
 
-/* Whether a variable of kind `kind` may be set in the present mode. */
+/* Whether the variable at `place` may be set in the present mode. */
 static int settable(Instance *it, size_t place, const char *function) {
   int modes = 0;
   if (KIND[place] == PARAMETER) modes = INSTANTIATED | INITIALIZATION;
@@ -188,7 +188,7 @@ static int settable(Instance *it, size_t place, const char *function) {
          modes ? mode_name(it->now.mode) : "");
 }
 
-/* Check `size` values for the places from `place` on. */
+/* Check `size` values for the places that begin at `place`. */
 static int check_values(Instance *it, const char *function, size_t place, size_t size, const double *values) {
   for (size_t i = 0; i < size; ++i) {
     int bad = !is_finite(values[i]) || (KIND[place] == PARAMETER && out_of_bounds(place + i, values[i]));
@@ -222,7 +222,7 @@ static int exit_initialization(Instance *it) {
   return 1;
 }
 
-/* Whether the input at `place` is looked at now: what belongs to a flag is not while the flag is 0. */
+/* Whether the input of this row is used: an input that belongs to a flag is not while the flag is 0. */
 static int is_used(const State *s, const Row *row) {
   for (int flag = row->flag; flag >= 0; flag = row_of((size_t)flag)->flag)
     if (s->v[flag] == 0) return 0;
@@ -242,7 +242,7 @@ static int check_inputs(Instance *it, const char *function) {
   return 1;
 }
 
-/* n samples with the inputs held; what came with one sample only, comes with the last. */
+/* Advance by n samples with the inputs held; the flags in INPUTS_HELD_BACK apply to the last sample only. */
 static void advance_samples(State *s, int64_t n) {
   double *p = parameters(s), *u = inputs(s);
   if (n > 1) {
@@ -255,11 +255,11 @@ static void advance_samples(State *s, int64_t n) {
   s->samples += n;
 }
 
-/* A communication step: a whole number of samples. */
+/* Make a communication step, which must be a whole number of samples. */
 static int do_step(Instance *it, const char *function, double point, double step) {
   State *s = &it->now;
   double count = step / SAMPLE_INTERVAL, whole = floor(count + 0.5), lost = 0;
-  /* a step that is the difference of two times carries their rounding */
+  /* a step that an importer computes as a difference of two times has their rounding error */
   double rounding = 1e-6 * SAMPLE_INTERVAL + 4 * DBL_EPSILON * fabs(point);
 
   if (!is_finite(point) || fabs(point - s->v[0]) > 0.25 * SAMPLE_INTERVAL)
@@ -288,7 +288,7 @@ static int do_step(Instance *it, const char *function, double point, double step
 
 static int is_ours(const Saved *saved) { return saved != NULL && memcmp(saved->mark, TOKEN, sizeof TOKEN) == 0; }
 
-/* Save into *place, a state handed out before or NULL. */
+/* Save into *place, which is NULL or an earlier saved state. */
 static int save(Instance *it, const char *function, void **place) {
   Saved *saved;
   if (place == NULL) REFUSE("%s: nowhere to put the state: the address is NULL", function);

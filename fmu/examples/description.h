@@ -1,6 +1,6 @@
-/* What a host needs of modelDescription.xml: version, token, identifier, and the floating-point inputs and outputs in order.
+/* The parts of modelDescription.xml that a host needs: version, token, identifier, and the floating-point inputs and outputs.
  *
- * Not an XML reader: it walks the tags and their attributes, which is enough for a well-formed file without comments inside
+ * This is not a full XML reader: it reads tags and attributes, which is enough for a well-formed file without comments inside
  * the variables.
  */
 #ifndef INSENV_DESCRIPTION_H
@@ -26,7 +26,7 @@ typedef struct {
   size_t input_count, output_count, input_elements, output_elements;
 } Description;
 
-/* The file's text, ended by a zero byte; NULL if it cannot be read. */
+/* The text of a file, terminated by a zero byte; NULL if it cannot be read. */
 static char *read_file(const char *path) {
   FILE *file = fopen(path, "rb");
   size_t filled = 0, room = 1 << 16, got;
@@ -39,7 +39,7 @@ static char *read_file(const char *path) {
   return text;
 }
 
-/* The next tag at or after *at: its text from behind '<' to '>'; *at goes behind it.  NULL at the end. */
+/* The next tag at or after *at: its text between '<' and '>'; *at moves behind it.  NULL at the end. */
 static const char *next_tag(const char **at, size_t *length) {
   const char *begin = strchr(*at, '<'), *end;
   if (!begin) return NULL;
@@ -56,7 +56,7 @@ static int is_tag(const char *tag, const char *name) {
   return !strncmp(tag, name, n) && strchr(" \t\r\n/>", tag[n]);
 }
 
-/* An attribute's value, cut to NAME - 1 characters; empty if there is none. */
+/* The value of an attribute, truncated to NAME - 1 characters; empty if it is missing. */
 static void attribute(const char *tag, size_t length, const char *name, char value[NAME]) {
   const size_t n = strlen(name);
   char quote = 0;
@@ -80,7 +80,7 @@ static void attribute(const char *tag, size_t length, const char *name, char val
 static Description describe(const char *xml) {
   Description d;
   memset(&d, 0, sizeof d);
-  Variable now, *kept = NULL; /* the variable whose children come; `kept` where it has been put */
+  Variable now, *kept = NULL; /* the variable whose children are read; `kept` points to its entry in the list */
   char value[NAME], causality[NAME] = "";
   const char *at = xml, *tag;
   size_t length;

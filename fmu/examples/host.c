@@ -1,13 +1,13 @@
-/* A host for FMUs of insenv in plain C99: no Python, no library but the C runtime.
+/* A host for FMUs of insenv in C99: no Python, and no library except the C runtime.
  *
  *   cc -std=c99 -O2 host.c -o host -ldl -lm          (Linux, macOS; on Windows: without -ldl)
  *   unzip -d qakf qakf.fmu
  *   ./host qakf input.csv 0.005 output.csv
  *
- * input.csv has a line of names first: "time", then one column for each element of each input that is to be set.  Row k is set
- * before step k, which leads from time t(0) + k step to t(0) + (k + 1) step; output.csv holds the outputs at its end.  An FMU
- * without inputs (a plant) needs the column "time" alone.  A fifth argument N runs N times, with a reset in between, and tells
- * the processor time a step of each run.  Works with FMI 2.0 and 3.0.
+ * The first line of input.csv holds the names: "time", then one column for each element of each input to be set.  Row k is set
+ * before step k, from t(0) + k step to t(0) + (k + 1) step; output.csv holds the outputs at the end of each step.  For an FMU
+ * without inputs (a plant) the column "time" is enough.  A fifth argument N makes N runs with a reset in between; the processor
+ * time per step of each run is printed.  Works with FMI 2.0 and 3.0.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <stdarg.h>
@@ -47,7 +47,7 @@ static const char *const PLATFORMS[] = {"x86_64-linux", "linux64", NULL};
 #endif
 #endif
 
-/* What FMI 2.0 and 3.0 declare, as far as it is used here. */
+/* The declarations of FMI 2.0 and 3.0 that are used here. */
 typedef void *Instance;
 typedef struct {
   void (*logger)(void *, const char *, int, const char *, const char *, ...);
@@ -93,7 +93,7 @@ static void logged3(void *environment, int status, const char *category, const c
   logged2(NULL, NULL, status, category, "%s", message);
 }
 
-/* The binary of one FMU, its functions, one instance. */
+/* The binary of an FMU, its functions and one instance. */
 typedef struct {
   int version;
   void *library;
@@ -118,7 +118,7 @@ static void load(Fmu *fmu, const char *folder, const Description *d) {
   if (!fmu->library) fail("cannot load ", path);
 }
 
-/* Put the address of a function into a pointer to one: C knows no conversion between the two. */
+/* Store the address of a function in the function pointer at `place`: C has no conversion from void * to it. */
 static void resolve(const Fmu *fmu, const char *name, void *place) {
   char full[64];
   snprintf(full, sizeof full, "fmi%d%s", fmu->version, name);
@@ -195,7 +195,7 @@ static Table read_csv(const char *path) {
   Table table = {NULL, NULL, 0, 0};
   char *text = read_file(path), *at = text;
   if (!text) fail("cannot read ", path);
-  for (bool more = true; more;) { /* names, some in quotes because they hold a comma */
+  for (bool more = true; more;) { /* names; those that contain a comma are quoted */
     bool quoted = *at == '"';
     char *begin = at += quoted, *end;
     while (*at && *at != '\n' && (quoted ? *at != '"' : *at != ',')) at++;
@@ -218,10 +218,10 @@ static Table read_csv(const char *path) {
     table.rows = filled / table.columns;
   }
   if (*at) fail("not a number: ", at);
-  return table; /* the names point into `text`, which stays */
+  return table; /* the names point into `text`, which is not freed */
 }
 
-/* For each element of the variables the column of its name, or -1. */
+/* For each element of the variables: the column with its name, or -1. */
 static long *columns_of(const Variable *variables, size_t count, size_t elements, const Table *table) {
   long *found = malloc((elements + 1) * sizeof *found);
   size_t k = 0;

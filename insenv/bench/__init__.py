@@ -1,10 +1,10 @@
-"""`bench`: the project's figures of speed and exactness, each measured here and now, beside its floor.
+"""`bench`: the project's figures of speed and exactness, each measured on this machine beside its floor.
 
-A floor is what the same measurement shows for no work at all (an empty model, an empty interpreter, the spacing of
-doubles): the part of a figure that no better code could save.  Times are medians over repetitions; machines are shared and
-noisy, so compare ratios.
+A floor is the same measurement without any work (an empty model, an empty interpreter, the spacing of doubles): the part of
+a figure that no better code could save.  Times are medians over repetitions.  Shared machines are noisy: compare ratios.
 """
 
-from insenv.bench.figures import Figure, figures, machine
+from insenv.bench.figure import Figure
+from insenv.bench.figures import figures, machine
 
 __all__ = ["Figure", "figures", "machine"]

@@ -1,23 +1,19 @@
-"""Speed of the environments: one through `gymnasium.make`, many in a batch, a paper estimator in the loop; their making.
+"""Speed of the environments: one through `gymnasium.make`, many in a batch, with an estimator in the loop, and their creation.
 
-Floors: an environment with the same spaces that returns a copy of a constant observation; a batch of the empty model.  Peers:
-Gymnasium's own CartPole and Pendulum, and EnvPool's CartPole where it is installed, stepped by the same loops.
+Floors: an environment with the same spaces that returns a copy of a constant observation; a batch of the empty model.  Peers,
+stepped by the same loops: Gymnasium's CartPole and Pendulum, and EnvPool's CartPole if it is installed.
 """
 
 from __future__ import annotations
 
-import statistics
-import time
 import warnings
-from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from insenv.bench.figures import Figure
-from insenv.bench.speed import EMPTY
+from insenv.bench.figure import EMPTY, Figure, median_time
 from insenv.core.batch import make_batch
 from insenv.envs import AlignmentEnv, agents
 
@@ -27,62 +23,51 @@ ROWS = 1024
 SAMPLES = 100
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
 LONG = 86_400.0
-"""s of an episode: none ends while it is measured."""
+"""Length of an episode, s: no episode ends during a measurement."""
 
 
 class Constant(gymnasium.Env[Any, Any]):
-    """Has the spaces of another environment and does nothing."""
+    """An environment with the spaces of another that does nothing."""
 
     def __init__(self, like: Any) -> None:
         self.action_space, self.observation_space = like.action_space, like.observation_space
         self._shown = np.zeros(like.observation_space.shape)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """A copy of the constant."""
+        """A copy of the constant observation."""
         super().reset(seed=seed)
         return self._shown.copy(), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Another."""
+        """A copy of the constant observation."""
         return self._shown.copy(), 0.0, False, False, {}
-
-
-def _seconds(call: Callable[[], Any], count: int) -> float:
-    """Median time of a call, over repetitions of `count` calls."""
-    times = []
-    for _ in range(REPETITIONS):
-        begin = time.perf_counter()
-        for _ in range(count):
-            call()
-        times.append((time.perf_counter() - begin) / count)
-    return statistics.median(times)
 
 
 def _step_time(env: Any, action: Any, count: int) -> float:
     env.reset(seed=1)
-    return _seconds(lambda: env.step(action), count)
+    return median_time(lambda: env.step(action), REPETITIONS, count)
 
 
 def single() -> Figure:
-    """One inertial sample a step, native, flat observation."""
+    """One inertial sample per step, native, flat observation."""
     env = gymnasium.make(ID, samples_per_step=1, duration_s=LONG)
     floor = gymnasium.wrappers.OrderEnforcing(Constant(env))
     value, least, peer = _step_time(env, LEVEL, 4000), _step_time(floor, LEVEL, 4000), _classic("CartPole-v1", 0)
-    note = "gym.make, 1 sample a step; floor: an empty environment"
+    note = "gym.make, 1 sample per step; floor: an empty environment"
     return Figure("env.single", 1 / value, "steps/s", 1 / least, REPETITIONS, note, ("CartPole-v1", 1 / peer))
 
 
 def hundred() -> Figure:
-    """A hundred inertial samples a step."""
+    """A hundred inertial samples per step."""
     env = gymnasium.make(ID, samples_per_step=SAMPLES, duration_s=LONG)
     floor = gymnasium.wrappers.OrderEnforcing(Constant(env))
     value, least = (_step_time(e, LEVEL, 300) * 1e6 for e in (env, floor))
     peer = _classic("Pendulum-v1", np.zeros(1, dtype=np.float32)) * 1e6
-    return Figure("env.hundred", value, "us", least, REPETITIONS, "gym.make, 100 samples a step", ("Pendulum-v1", peer))
+    return Figure("env.hundred", value, "us", least, REPETITIONS, "gym.make, 100 samples per step", ("Pendulum-v1", peer))
 
 
 def _classic(id: str, action: Any) -> float:
-    """Time of a step of a classic environment, its resets with it."""
+    """Time of a step of a classic environment, including its resets."""
     env = gymnasium.make(id)
     env.reset(seed=1)
 
@@ -91,7 +76,7 @@ def _classic(id: str, action: Any) -> float:
         if terminated or truncated:
             env.reset()
 
-    return _seconds(step, 3000)
+    return median_time(step, REPETITIONS, 3000)
 
 
 def _vector(samples: int) -> Any:
@@ -103,14 +88,17 @@ def _vector(samples: int) -> Any:
 def plant() -> Figure:
     """1024 rows on one core, no estimator."""
     venv, actions = _vector(SAMPLES), np.tile(LEVEL, (ROWS, 1))
-    value = ROWS * SAMPLES / _seconds(lambda: venv.step(actions), 1)
+    value = ROWS * SAMPLES / median_time(lambda: venv.step(actions), REPETITIONS)
     empty = make_batch(EMPTY, ROWS)
-    least = ROWS * SAMPLES / _seconds(lambda: empty.run(SAMPLES), 1)
+    least = ROWS * SAMPLES / median_time(lambda: empty.run(SAMPLES), REPETITIONS)
     cart = gymnasium.make_vec("CartPole-v1", ROWS, vectorization_mode="vector_entry_point")
     cart.reset(seed=1)
     push = np.zeros(ROWS, dtype=np.int64)
-    peer = ("CartPole-v1 of Gymnasium, a step a sample", ROWS / _seconds(lambda: cart.step(push), 30))
-    note = f"make_vec, {ROWS} rows, {SAMPLES} samples a step, one core" + _envpool()
+    peer = (
+        "CartPole-v1 of Gymnasium, one step counted as a sample",
+        ROWS / median_time(lambda: cart.step(push), REPETITIONS, 30),
+    )
+    note = f"make_vec, {ROWS} rows, {SAMPLES} samples per step, one core" + _envpool()
     return Figure("vector.plant", value, "samples/s", least, REPETITIONS, note, peer)
 
 
@@ -120,11 +108,11 @@ def _envpool() -> str:
     import envpool
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about its spaces
+        warnings.simplefilter("ignore")  # warnings about its spaces
         pool = envpool.make("CartPole-v1", env_type="gymnasium", num_envs=ROWS, num_threads=1)
     pool.reset()
     push = np.zeros(ROWS, dtype=np.int32)
-    return f"; EnvPool CartPole-v1: {ROWS / _seconds(lambda: pool.step(push), 10):.3g} steps/s"
+    return f"; EnvPool CartPole-v1: {ROWS / median_time(lambda: pool.step(push), REPETITIONS, 10):.3g} steps/s"
 
 
 def q_method() -> Figure:
@@ -137,18 +125,16 @@ def q_method() -> Figure:
     def step() -> None:
         seen[0] = venv.step(agent.act(seen[0]))[0]
 
-    step()
-    value = ROWS * SAMPLES / _seconds(step, 1)
+    value = ROWS * SAMPLES / median_time(step, REPETITIONS)
     least = plant().value
     return Figure(
-        "vector.q-method", value, "samples/s", least, REPETITIONS, f"{ROWS} rows, {SAMPLES} samples a step; floor: no agent"
+        "vector.q-method", value, "samples/s", least, REPETITIONS, f"{ROWS} rows, {SAMPLES} samples per step; floor: no agent"
     )
 
 
 def making() -> Figure:
-    """The making of 1024 rows, their code compiled before."""
-    gymnasium.make_vec(ID, ROWS)
-    value, least = _seconds(lambda: gymnasium.make_vec(ID, ROWS), 1), _seconds(lambda: AlignmentEnv("ship-swaying"), 1)
-    return Figure(
-        "vector.make", value, "s", least, REPETITIONS, f"make_vec of {ROWS} rows, warm; floor: one single environment"
-    )
+    """Creation of 1024 rows whose code is compiled already."""
+    value = median_time(lambda: gymnasium.make_vec(ID, ROWS), REPETITIONS)
+    least = median_time(lambda: AlignmentEnv("ship-swaying"), REPETITIONS)
+    note = f"make_vec of {ROWS} rows, warm; floor: one single environment"
+    return Figure("vector.make", value, "s", least, REPETITIONS, note)

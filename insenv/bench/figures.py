@@ -1,38 +1,21 @@
-"""The list of figures and what a figure is."""
+"""The list of figures."""
 
 from __future__ import annotations
 
 import os
 import platform
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from insenv.bench.figure import Figure
 from insenv.errors import InputError
 
 
-@dataclass(frozen=True)
-class Figure:
-    """One measured figure.
-
-    name; value in unit; floor: the same for no work, in the same unit; n: repetitions (or samples) it rests on; note: what
-    it is. peer: another package measured in the same run, (name, value), where it is installed.
-    """
-
-    name: str
-    value: float
-    unit: str
-    floor: float
-    n: int
-    note: str = ""
-    peer: tuple[str, float] | None = None
-
-
 def figures(only: str | None = None) -> Iterator[Figure]:
-    """Measure the figures whose names start with `only` (all if None), one after the other.
+    """Measure the figures whose names start with `only` (all if None), one after another.
 
-    Raises `InputError` if there is none.
+    Raises `InputError` if there is no such figure.
     """
     known = _measurements()
     chosen = {name: measure for name, measure in known.items() if only is None or name.startswith(only)}
@@ -43,7 +26,7 @@ def figures(only: str | None = None) -> Iterator[Figure]:
 
 
 def machine() -> dict[str, str | int]:
-    """What the figures were measured on."""
+    """The machine that the figures are measured on."""
     from insenv.core.compile import find_compiler
 
     compilers = [compiler.command[0]] if (compiler := find_compiler()) else []
@@ -65,7 +48,8 @@ def _processor() -> str:
 
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
-    from insenv.bench import campaign, envs, fmu, lockstep, mavlink, smoothing, speed, step, truth, update
+    # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
+    from insenv.bench import envs, estimators, fmu, lockstep, mavlink, speed, truth
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -79,13 +63,13 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "truth.drift.ship": lambda: truth.drift("ship"),
         "truth.drift.car": lambda: truth.drift("car"),
         "truth.drift.aircraft": lambda: truth.drift("aircraft"),
-        "smoother.flight": smoothing.flight,
+        "smoother.flight": estimators.flight,
         "env.single": envs.single,
         "env.hundred": envs.hundred,
         "vector.plant": envs.plant,
         "vector.q-method": envs.q_method,
         "vector.make": envs.making,
-        "campaign.q-method": campaign.q_method,
+        "campaign.q-method": estimators.campaign,
         "fmu.c-host": fmu.c_host,
         "fmu.fmpy": fmu.fmpy,
         "fmu.pythonfmu": fmu.pythonfmu,
@@ -97,8 +81,8 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "mavlink.cpu": mavlink.cpu,
         "mavlink.lockstep": lockstep.px4,
         "import.insenv": speed.import_time,
-        **{f"step.{id}": partial(step.step, id) for id in stepped},
-        "step.aqe-sukf.update": update.sukf,
-        "step.lssvm.update": update.lssvm,
-        "step.lssvm.infer": update.lssvm_infer,
+        **{f"step.{id}": partial(estimators.step, id) for id in stepped},
+        "step.aqe-sukf.update": estimators.sukf,
+        "step.lssvm.update": estimators.lssvm,
+        "step.lssvm.infer": estimators.lssvm_infer,
     }

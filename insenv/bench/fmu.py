@@ -1,6 +1,6 @@
-"""FMUs: a step in a C host and from Python beside the bare model function and PythonFMU; the export and its size.
+"""FMUs: time of a step in a C host and from Python beside the bare model and PythonFMU; time of export, and size.
 
-The estimator is `qakf-improved` on the swaying ship: inputs of a simulated run, every output read at every step.
+The estimator is `qakf-improved` on the swaying ship, with the inputs of a simulated run; all outputs are read at every step.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import estimators
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 from insenv.core.codegen import native_source
 from insenv.core.compile import Compiler, compile_library, find_compiler
 from insenv.core.native import load as load_library
@@ -34,11 +34,12 @@ from insenv.core.native import pointer
 from insenv.core.runner import make_runner
 from insenv.errors import InsenvError
 from insenv.files.resources import fmu_folder
-from insenv.fmu.exporter import export
+from insenv.fmu import export_fmu
 from insenv.fmu.instance import Instance
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.series import flattened
 from insenv.fmu.subject import subject
+from insenv.installing import install_extra
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
@@ -50,7 +51,7 @@ REPETITIONS = 9
 
 
 def c_host() -> Figure:
-    """fmu/examples/host.c over the run; the floor is the model's own compiled loop over the same inputs, all outputs read."""
+    """A step of fmu/examples/host.c; the floor is the compiled loop of the model over the same inputs with all outputs."""
     columns, interval = _columns()
     with _folder() as folder:
         fmu, host, table = _exported(folder), _host(folder), folder / "input.csv"
@@ -59,9 +60,9 @@ def c_host() -> Figure:
         _write(table, columns, interval)
         command = [str(host), str(folder / "fmu"), str(table), repr(interval), str(folder / "out.csv"), "6"]
         hosted, bare = [], []
-        for _ in range(REPETITIONS):  # in turn, so that both meet the same machine
-            told = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-            hosted += [float(us) for us in re.findall(r"([\d.]+) us a step", told)[1:]]  # the first meets cold memory
+        for _ in range(REPETITIONS):  # alternately, so that both run under the same load
+            printed = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+            hosted += [float(us) for us in re.findall(r"([\d.]+) us a step", printed)[1:]]  # the first run warms the caches
             bare += _bare(columns)
     value, floor = statistics.median(hosted), statistics.median(bare)
     note = f"{ESTIMATOR}, C host, FMI 2, {value / floor:.2f} x the floor: the bare model in a C loop"
@@ -69,26 +70,26 @@ def c_host() -> Figure:
 
 
 def fmpy() -> Figure:
-    """`insenv.fmu.run` over the run; the floor is three empty calls of a C function by the same means, a step."""
+    """A step of `insenv.fmu.run`; the floor is three empty calls of a C function by the same means."""
     columns, interval = _columns()
     with _folder() as folder:
         value = _step_time(_exported(folder), columns, interval)
-    known = _pythonfmu()
-    peer = None if known is None else (f"PythonFMU {version('pythonfmu')}", known)
+    other = _pythonfmu()
+    peer = None if other is None else (f"PythonFMU {version('pythonfmu')}", other)
     note = f"{ESTIMATOR}, insenv.fmu.run over FMPy, FMI 2; floor: three empty calls"
     return Figure("fmu.fmpy", value, "us", _empty_calls(), REPETITIONS, note, peer)
 
 
 def pythonfmu() -> Figure:
-    """PythonFMU with the same estimator, its native runner called from Python, stepped by `insenv.fmu.run` likewise."""
+    """A step of PythonFMU with the same estimator, whose native runner is called from Python, in the same loop."""
     value = _pythonfmu()
-    missing = "" if value is not None else "; not installed: pip install 'insenv[bench]'"
+    missing = "" if value is not None else f"; not installed: {install_extra('bench')}"
     note = f"{ESTIMATOR} in Python, by the same loop{missing}"
     return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _empty_calls(), REPETITIONS, note)
 
 
 def export_time() -> Figure:
-    """Export for this machine, warm: its library is in the cache.  The floor is the C compiler on an empty file."""
+    """Export for this machine with the library in the cache; the floor is the C compiler on an empty file."""
     compiler = find_compiler()
     if compiler is None:
         raise InsenvError("fmu.export: no C compiler found")
@@ -114,10 +115,10 @@ def export_time() -> Figure:
 
 
 def size() -> Figure:
-    """Bytes of the FMU for all five platforms; the floor is the one for this machine."""
+    """Size of the FMU for all five platforms, MB; the floor is the FMU for this machine."""
     platforms = ("host",) if find_spec("ziglang") is None else ("all",)
     with _folder() as folder:
-        value = export(ESTIMATOR, folder / "all.fmu", platforms=platforms).stat().st_size
+        value = export_fmu(ESTIMATOR, folder / "all.fmu", platforms=platforms).stat().st_size
         floor = _exported(folder).stat().st_size
     what = "five platforms" if platforms == ("all",) else "one platform: ziglang is not installed"
     return Figure("fmu.size", value / 1e6, "MB", floor / 1e6, 1, f"{ESTIMATOR}, {what}; floor: this platform alone")
@@ -130,12 +131,12 @@ def _folder() -> Iterator[Path]:
 
 
 def _exported(folder: Path) -> Path:
-    return export(ESTIMATOR, folder / "host.fmu")
+    return export_fmu(ESTIMATOR, folder / "host.fmu")
 
 
 @lru_cache
 def _columns() -> tuple[dict[str, Array], float]:
-    """What the ship's sensors show, by name, and the sample interval."""
+    """The measurements of the ship's sensors by name, and the sample interval, s."""
     plant = build(load(SCENARIO), duration_s=DURATION_S)
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns = {name: np.array(shown[name]) for name in ("delta_angle", "delta_velocity")}
@@ -143,7 +144,7 @@ def _columns() -> tuple[dict[str, Array], float]:
 
 
 def _bare(columns: dict[str, Array]) -> list[float]:
-    """A sample of the model's compiled loop, us, in a few runs: for any processor of this kind, as the FMU's library is."""
+    """Time of a sample in the compiled loop of the model, us, of several runs; compiled with the flags of the FMU."""
     model, count, compiler = estimators.get(ESTIMATOR).model, len(columns["dt"]), find_compiler()
     if compiler is None:
         raise InsenvError("fmu.c-host: no C compiler found")
@@ -161,7 +162,7 @@ def _bare(columns: dict[str, Array]) -> list[float]:
 
 
 def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
-    """A step of the loop behind `insenv.fmu.run`, processor time, us."""
+    """Processor time of a step in the loop of `insenv.fmu.run`, us."""
     inputs, taken = flattened(columns), []
     for _ in range(REPETITIONS):
         with Instance(fmu) as instance:
@@ -173,7 +174,7 @@ def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
 
 
 def _host(folder: Path) -> Path:
-    """The C host, compiled."""
+    """The compiled C host."""
     compiler = find_compiler()
     if compiler is None:
         raise InsenvError("fmu.c-host: no C compiler found")
@@ -194,7 +195,7 @@ def _write(path: Path, columns: dict[str, Array], interval: float) -> None:
 
 
 def _empty_calls() -> float:
-    """Three calls of a C function that does nothing, through ctypes with four arguments, us."""
+    """Time of three calls through ctypes of a C function that does nothing, with four arguments, us."""
     import ctypes
 
     function = ctypes.CDLL(None).abs if sys.platform != "win32" else ctypes.cdll.msvcrt.abs
@@ -212,7 +213,7 @@ def _empty_calls() -> float:
 
 @lru_cache
 def _pythonfmu() -> float | None:
-    """A step of the same estimator as a PythonFMU, us; None where PythonFMU is not installed."""
+    """Time of a step of the same estimator as a PythonFMU, us; None if PythonFMU is not installed."""
     try:
         version("pythonfmu")
         from pythonfmu.builder import FmuBuilder
@@ -223,7 +224,7 @@ def _pythonfmu() -> float | None:
     os.environ["INSENV_SLAVE"] = json.dumps({"id": ESTIMATOR, "parameters": subject(ESTIMATOR, {}).parameters.tolist()})
     try:
         with _folder() as folder:
-            script = folder / "peer.py"  # its folder goes onto sys.path
+            script = folder / "peer.py"  # the builder puts its folder on sys.path
             script.write_bytes(Path(__file__).with_name("pythonfmu_slave.py").read_bytes())
             fmu = FmuBuilder.build_FMU(script, folder / "peer.fmu")
             return _step_time(fmu, columns, interval)

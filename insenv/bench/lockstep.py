@@ -1,7 +1,7 @@
-"""Lockstep with a stand-in for PX4: how many times faster than real time the pair goes.
+"""Lockstep with a stand-in for PX4: how many times faster than real time vehicle and stand-in run.
 
-The stand-in runs in a process of its own (this module as a program): it answers each HIL_SENSOR at once with outputs of its
-time.  The floor is the same exchange without a vehicle: a constant message, so the two sockets and processes alone.
+The stand-in runs in a separate process (this module as a program).  It answers each HIL_SENSOR at once with actuator outputs of
+the same time.  The floor is the same exchange with a constant message instead of a vehicle: sockets and processes alone.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 
 SCENARIO = "car-city-drive"
 STEPS, ROUNDS = 2000, 3
 
 
 def px4() -> Figure:
-    """Times real time of the simulated car in step with the stand-in."""
+    """Speed of the simulated car in lockstep with the stand-in, in multiples of real time."""
     from insenv.mavlink import Vehicle
     from insenv.mavlink.lockstep import px4_rates
     from insenv.scenario import load
@@ -30,7 +30,7 @@ def px4() -> Figure:
     interval = vehicle.simulation.interval
     values = [_speed(vehicle.step, interval) for _ in range(ROUNDS)]
     floors = [_speed(_constant(interval), interval) for _ in range(ROUNDS)]
-    note = f"{SCENARIO} in step with a stand-in for PX4 over TCP, times real time; floor: no vehicle"
+    note = f"{SCENARIO} in lockstep with a stand-in for PX4 over TCP, multiple of real time; floor: no vehicle"
     return Figure("mavlink.lockstep", statistics.median(values), "x", statistics.median(floors), ROUNDS * STEPS, note)
 
 
@@ -53,7 +53,7 @@ def _speed(step: Callable[[], list[Any]], interval: float) -> float:
         command = [sys.executable, "-m", "insenv.bench.lockstep", str(simulator.link.address.port)]
         with subprocess.Popen(command) as stand_in:
             try:
-                while not simulator.in_step:  # it starts, connects, and answers
+                while not simulator.in_step:  # until the stand-in has started, connected and answered
                     simulator.run(1)
                 begun = time.perf_counter()
                 simulator.run(STEPS)
@@ -64,7 +64,7 @@ def _speed(step: Callable[[], list[Any]], interval: float) -> float:
 
 
 def answer_all(port: int) -> None:
-    """Be the stand-in until the simulator goes."""
+    """Act as the stand-in until the process is terminated."""
     from insenv.mavlink.wire import dialect, open_link
 
     module = dialect()

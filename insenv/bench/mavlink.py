@@ -1,4 +1,4 @@
-"""MAVLink: what a message costs, and how the stream keeps its pace on the wall clock."""
+"""MAVLink: cost of a message, and timing of the stream on the wall clock."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from contextlib import closing
 from functools import lru_cache
 
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 
 SCENARIO = "car-city-drive"
 SIMULATED_S = 30.0
@@ -17,7 +17,7 @@ REPETITIONS = 5
 
 
 def message() -> Figure:
-    """Making, converting, packing and sending of a message, of the default mix; the floor is the sending of as many bytes."""
+    """Cost to make, convert, pack and send a message of the default mix; the floor is sending the same number of bytes."""
     from insenv.mavlink import Vehicle
     from insenv.mavlink.wire import open_link
     from insenv.scenario import load
@@ -44,7 +44,7 @@ def message() -> Figure:
             total += sent
     return Figure(
         "mavlink.message", statistics.median(costs), "us", statistics.median(floors), total,
-        "processor time to make, convert, pack and send one, the simulation's own taken off",
+        "processor time to make, convert, pack and send one message, without the simulation",
     )  # fmt: skip
 
 
@@ -82,7 +82,7 @@ def _streamed() -> tuple[float, float, float, float]:
 
 @lru_cache(maxsize=1)
 def _empty() -> tuple[float, float, float, float]:
-    """The same of a loop that waits for its deadlines and does nothing."""
+    """The same for a loop that only waits for its deadlines."""
     from insenv.mavlink.pacing import Pacer
 
     pacer = Pacer(0.005, 1.0)
@@ -100,12 +100,12 @@ def _figure(name: str, place: int, unit: str, note: str) -> Figure:
 
 def rate() -> Figure:
     """Achieved rate of HIL_SENSOR at 200 Hz, with the default telemetry; the floor is an empty loop with the same deadlines."""
-    return _figure("mavlink.rate", 0, "Hz", "HIL_SENSOR asked for at 200 Hz, with the default telemetry")
+    return _figure("mavlink.rate", 0, "Hz", "HIL_SENSOR, requested at 200 Hz, with the default telemetry")
 
 
 def lateness() -> Figure:
-    """99th percentile of how late a sample is; the median is in the note."""
-    note = f"99 % of samples are no later than this; half of them than {_streamed()[1]:.2g} ms"
+    """99th percentile of the lateness of samples; the note gives the median."""
+    note = f"99 % of samples are no later than this; median {_streamed()[1]:.2g} ms"
     return _figure("mavlink.lateness.p99", 2, "ms", note)
 
 

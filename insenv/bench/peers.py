@@ -1,8 +1,7 @@
-"""Peers: what another package shows for the same work, measured in the same run on the same machine.
+"""Peers: the same work done by another package, measured in the same run on the same machine.
 
-The peer is pyins (https://github.com/nmayorov/pyins, MIT), whose package on PyPI is called `python-ins`
-(``pip install 'insenv[bench]'``).  Each function returns (what was measured, value in the figure's unit), or
-None where pyins is not installed.
+The peer is pyins (https://github.com/nmayorov/pyins, MIT); its package on PyPI is `python-ins` (extra `bench`).  Each function
+returns (what was measured, value in the figure's unit), or None if pyins is not installed.
 """
 
 from __future__ import annotations
@@ -22,16 +21,16 @@ from insenv import attitude
 Array = NDArray[np.float64]
 Peer = tuple[str, float]
 
-SAMPLES = 1000  # 5 s at 200 Hz: its cost a sample grows with the length of a run, so a short one is kind to it
+SAMPLES = 1000  # 5 s at 200 Hz: its cost per sample grows with the length of a run, so a short run favours it
 INTERVAL = 0.005
 REPETITIONS = 3
 
 
 def drift(sample_interval: float, q_nb: Array, latitude: Array, longitude: Array, height: Array) -> Peer | None:
-    """The poses turned to increments by pyins and integrated by pyins: largest axis of the position error, mm.
+    """Position error, largest axis, mm, of poses that pyins converts to increments and integrates again.
 
-    q_nb (n, 4); latitude, longitude (n,) rad; height (n,) m: poses every sample_interval s, the start included.  pyins lays
-    splines through them, and its drift is counted from the same poses: its synthesis against its own mechanization.
+    q_nb (n, 4); latitude, longitude (n,) rad; height (n,) m: poses every sample_interval s, including the start.  pyins fits
+    splines through the poses; its drift is measured from the same poses: its synthesis against its own mechanization.
     """
     pyins = _pyins()
     if pyins is None:
@@ -52,8 +51,8 @@ def drift(sample_interval: float, q_nb: Array, latitude: Array, longitude: Array
 def propagate15(covariance_interval: float) -> Peer | None:
     """One inertial sample of pyins' 15-state feedback filter at rest without fixes, us.
 
-    pyins has no call for one sample: `run_feedback_filter` takes the whole run and gives back trajectory and covariances.
-    covariance_interval: s, its `time_step`, as in `loosely-coupled`.
+    pyins has no call for one sample: `run_feedback_filter` takes the whole run and returns trajectory and covariances.
+    covariance_interval: its `time_step`, s, as in `loosely-coupled`.
     """
     pyins = _pyins()
     if pyins is None:
@@ -64,7 +63,7 @@ def propagate15(covariance_interval: float) -> Peer | None:
     rows = np.tile([INTERVAL, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8 * INTERVAL], (SAMPLES, 1))
     increments = pd.DataFrame(rows, times, ["dt", "theta_x", "theta_y", "theta_z", "dv_x", "dv_y", "dv_z"])
     start = pd.Series([30.0, 114.0] + [0.0] * 7, ["lat", "lon", "alt", "VN", "VE", "VD", "roll", "pitch", "heading"], name=0.0)
-    # the filter must be given a measurement: a fix before the start is never used
+    # the filter requires a measurement; a fix before the start is never used
     early = pd.DataFrame([[30.0, 114.0, 0.0]], [-1.0], ["lat", "lon", "alt"])
 
     def run(count: int) -> float:

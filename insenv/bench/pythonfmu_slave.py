@@ -1,7 +1,7 @@
-"""The peer's FMU: an estimator of insenv as a PythonFMU slave, its native runner called from Python.
+"""The FMU of the peer: an estimator of insenv as a PythonFMU slave that calls its native runner from Python.
 
-Not imported by insenv: `insenv.bench.fmu` hands this file to PythonFMU's builder, which puts it into the FMU, where Python runs
-it anew.  What to run is in the environment variable INSENV_SLAVE: {"id": ..., "parameters": flat vector} as JSON.
+insenv does not import this module: `insenv.bench.fmu` passes the file to the builder of PythonFMU, and the FMU runs it.  The
+environment variable INSENV_SLAVE names the estimator as JSON: {"id": ..., "parameters": flat vector}.
 """
 
 import json
@@ -15,7 +15,7 @@ from insenv.core.runner import make_runner
 
 
 class Estimator(Fmi2Slave):
-    """Inputs and outputs as in the tables, element by element."""
+    """Inputs and outputs of the tables, one variable per element."""
 
     author = "insenv"
     description = "An estimator of insenv, run in Python"
@@ -41,7 +41,7 @@ class Estimator(Fmi2Slave):
                     place += 1
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """One sample."""
+        """Advance by one sample."""
         self.runner._u[:] = self.u
         self.runner._advance()
         self.runner._output()

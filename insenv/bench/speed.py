@@ -1,38 +1,23 @@
-"""Speed: one inertial sample of the 15-state filter, one row after another and in a batch; the import."""
+"""Speed of one inertial sample of the 15-state filter, sample by sample and in a batch; time of the import."""
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 
 import numpy as np
 
 from insenv.bench import peers
-from insenv.bench.figures import Figure
+from insenv.bench.figure import EMPTY, Figure, median_time
 from insenv.core.batch import make_batch
-from insenv.core.model import Model, Step
+from insenv.core.model import Model
 from insenv.core.runner import make_runner
-from insenv.core.tables import Row, Table
 from insenv.estimators import get
 
 REPETITIONS = 15
-SAMPLES = 4000  # calls, or samples in all rows alike, a repetition
+SAMPLES = 4000  # calls in a repetition
 ROWS = 1024
-
-EMPTY = Model(
-    id="empty",
-    title="counts its advances and does nothing else",
-    parameters=Table(),
-    state=Table((Row("count", "Number of advances"),)),
-    inputs=Table(),
-    outputs=Table(),
-    steps={"sample": Step(lambda p, x, u: {"count": x.count + 1})},
-    output=lambda p, x: {},
-)
-"""The floor: what a runner costs by itself."""
+STARTS = 7  # repetitions of the import
 
 
 def single(backend: str, covariance_interval: float) -> Figure:
@@ -41,24 +26,21 @@ def single(backend: str, covariance_interval: float) -> Figure:
     runner = make_runner(model, {"covariance_interval": covariance_interval}, backend)
     runner.advance(_at_rest(model))
     empty = make_runner(EMPTY, None, backend)
-    value, floor = (_median(r._advance, SAMPLES) / SAMPLES * 1e6 for r in (runner, empty))
-    # pyins propagates over batches of samples: at each sample it would be used against its grain
+    value, floor = (median_time(r._advance, REPETITIONS, SAMPLES) * 1e6 for r in (runner, empty))
+    # pyins is designed for steps of several samples: with a covariance at each sample the comparison would be unfair
     peer = peers.propagate15(covariance_interval) if backend == "native" and covariance_interval else None
     note = _covariance_note(covariance_interval)
     return Figure(_name(backend, covariance_interval), value, "us", floor, REPETITIONS, note, peer)
 
 
 def batch(covariance_interval: float) -> Figure:
-    """The same for 1024 rows on one core: time a row and sample."""
+    """The same for 1024 rows on one core: time per row and sample."""
     model = get("loosely-coupled").model
     rows = make_batch(model, ROWS, {"covariance_interval": covariance_interval})
     inputs, empty, samples = _at_rest(model), make_batch(EMPTY, ROWS), 100
 
-    def run() -> None:
-        rows.run(samples, inputs)
-
-    value = _median(run, 1) / (ROWS * samples) * 1e9
-    floor = _median(lambda: empty.run(samples), 1) / (ROWS * samples) * 1e9
+    value = median_time(lambda: rows.run(samples, inputs), REPETITIONS) / (ROWS * samples) * 1e9
+    floor = median_time(lambda: empty.run(samples), REPETITIONS) / (ROWS * samples) * 1e9
     lanes = getattr(rows, "lanes", 1)
     note = f"{ROWS} rows, one core, {lanes} lanes; {_covariance_note(covariance_interval)}"
     return Figure(_name("batch", covariance_interval), value, "ns", floor, REPETITIONS, note)
@@ -68,9 +50,9 @@ def import_time() -> Figure:
     """A new interpreter that imports insenv; the floor is one that imports nothing."""
 
     def started(statement: str) -> float:
-        return _median(lambda: subprocess.run([sys.executable, "-c", statement], check=True), 1, repetitions=7)
+        return median_time(lambda: subprocess.run([sys.executable, "-c", statement], check=True), STARTS)
 
-    return Figure("import.insenv", started("import insenv"), "s", started("pass"), 7, "whole process")
+    return Figure("import.insenv", started("import insenv"), "s", started("pass"), STARTS, "whole process")
 
 
 def _name(prefix: str, covariance_interval: float) -> str:
@@ -83,15 +65,3 @@ def _covariance_note(interval: float) -> str:
 
 def _at_rest(model: Model) -> np.ndarray:
     return model.inputs.pack({"delta_velocity": (0.0, 0.0, -9.8 * 0.005), "dt": 0.005})
-
-
-def _median(call: Callable[[], object], times: int, repetitions: int = REPETITIONS) -> float:
-    """Median time of `times` calls, s."""
-    call()
-    taken = []
-    for _ in range(repetitions):
-        begin = time.perf_counter()
-        for _ in range(times):
-            call()
-        taken.append(time.perf_counter() - begin)
-    return statistics.median(taken)

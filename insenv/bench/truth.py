@@ -1,4 +1,4 @@
-"""Exactness: how far free-inertial navigation drifts in 10 minutes with a perfect inertial unit and a perfect start."""
+"""Exactness: drift of free-inertial navigation in 10 minutes with a perfect inertial unit and a perfect start."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.bench import peers
-from insenv.bench.figures import Figure
+from insenv.bench.figure import Figure
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.plant.feeding import input_rows
@@ -19,7 +19,7 @@ DURATION_S = 600.0
 
 
 def drift(vehicle: str, rate_hz: float = 200.0) -> Figure:
-    """Largest position error of `wander-sins` on the true increments of the vehicle's scenario, over the axes and the time."""
+    """Largest position error of `wander-sins` on the true increments of the vehicle's scenario, over axes and time."""
     plant, start, truth = _simulated(vehicle, rate_hz, disturbed=True)
     largest = _drift_ned(plant, start, truth).max()
     spacing = float(np.spacing(np.pi)) * geodesy.A * 1e3
@@ -30,8 +30,11 @@ def drift(vehicle: str, rate_hz: float = 200.0) -> Figure:
 
 
 def drift_ned(vehicle: str, rate_hz: float, disturbed: bool = True) -> np.ndarray:
-    """Largest error north, east, down (3, mm); `disturbed` False leaves out the engine's vibration, which
-    low rates cannot sample, and the gusts, whose driving noise differs from rate to rate."""
+    """Largest error north, east, down (3,), mm.
+
+    disturbed: False leaves out the engine's vibration, which low rates cannot sample, and the gusts, whose driving noise
+    differs from rate to rate.
+    """
     return _drift_ned(*_simulated(vehicle, rate_hz, disturbed))
 
 
@@ -47,7 +50,7 @@ def _simulated(vehicle: str, rate_hz: float, disturbed: bool) -> tuple[Plant, di
 
 
 def _drift_ned(plant: Plant, start: dict[str, Any], truth: dict[str, Any]) -> np.ndarray:
-    """Largest error north, east, down (3, mm) of `wander-sins` on true increments."""
+    """Largest error north, east, down (3,), mm, of `wander-sins` on true increments."""
     estimator = get("wander-sins").model
     roll, pitch, heading = attitude.numeric.to_euler(start["q_nb"])
     navigator = make_runner(
@@ -80,17 +83,3 @@ def _undisturbed(motion: Any) -> Any:
     if "gust_velocity_sigma_mps" in still:
         still["gust_velocity_sigma_mps"] = (0.0, 0.0, 0.0)
     return motion.model_copy(update={**still, **({"engine": ()} if "engine" in type(motion).model_fields else {})})
-
-
-def table() -> str:
-    """The table of docs/truth.md: drift without disturbances at four rates (python -m insenv.bench.truth prints it)."""
-    rates = (50.0, 100.0, 200.0, 400.0)
-    lines = ["| | " + " | ".join(f"{rate:g} Hz" for rate in rates) + " |", "|---|---|---|---|---|"]
-    for vehicle in SCENARIOS:
-        cells = [f"{drift_ned(vehicle, rate, disturbed=False).max():.2g}" for rate in rates]
-        lines.append(f"| {vehicle} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    print(table())

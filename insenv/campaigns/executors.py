@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from insenv.errors import InputError, InsenvError
+from insenv.installing import install_extra
 
 Workers = Callable[[], AbstractContextManager[Executor]]
 """Makes an executor; called again where one broke because a worker died."""
@@ -59,7 +60,7 @@ def cluster(address: str) -> Workers:
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("a scheduler needs Dask: pip install 'insenv[cluster]'") from None
+        raise InputError(f"a scheduler needs Dask: {install_extra('cluster')}") from None
 
     @contextmanager
     def connected() -> Iterator[Executor]:

@@ -1,6 +1,6 @@
-"""The command `insenv`: parses, calls, prints.  Exit status 0 done, 1 the work failed, 2 the call was wrong, 130 interrupted.
+"""The command `insenv`.  Exit status: 0 done, 1 the work failed, 2 the call was wrong, 130 interrupted.
 
-This package stays empty of imports, so that an interruption or a fault is told in one line however early it comes.
+This module imports nothing of insenv at the top, so that an early interruption or error is reported in one line too.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from types import FrameType
 
 DONE, FAILED, WRONG, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 RETRY_S = 0.01
-"""s after which an interruption that came inside CasADi is tried again."""
+"""Time after which an interruption inside CasADi is tried again, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one command line (the process's own if None) and exit.
+    """Run a command line (that of the process if None) and exit.
 
-    With INSENV_DEBUG=1 in the environment an error shows where it came from.
+    With INSENV_DEBUG=1 in the environment an error ends in a traceback.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if os.environ.get("INSENV_DEBUG", "0") not in ("", "0"):
@@ -30,20 +30,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with kept_interruptions():
             status = _execute(arguments)
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever read our output, as `head` does, has seen enough
+    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
         status = BROKEN_PIPE
     except (KeyboardInterrupt, Exception) as error:
-        status = _tell(error, "--json" in arguments)
+        status = _report(error, "--json" in arguments)
     _drop_unwritten()
     sys.exit(status)
 
 
 @contextmanager
 def kept_interruptions() -> Iterator[None]:
-    """Keep Ctrl-C from being lost while the block runs.
+    """Prevent the loss of Ctrl-C during the block.
 
-    CasADi forgets the exceptions that are raised while it converts its arguments, more than half of all that come while a
-    model is made.  So an interruption waits until its frames are left.
+    CasADi discards exceptions that are raised while it converts its arguments: more than half of the interruptions during
+    the construction of a model.  An interruption therefore waits until no frame of CasADi is active.
     """
     mine = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
     if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
@@ -68,23 +68,23 @@ def kept_interruptions() -> Iterator[None]:
 
 
 def _execute(arguments: list[str]) -> int:
-    """Parse, then work outside the parser, which has its own ideas about errors.  Give the exit status."""
+    """Parse, then work outside the parser, which handles errors in its own way.  Return the exit status."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # a title in Greek on a terminal that has no Greek
+            stream.reconfigure(errors="replace")  # a terminal may lack the characters of a title
     from insenv.cli.app import app
 
     work = app(arguments, prog_name="insenv", standalone_mode=False)
-    if work == INTERRUPTED:  # by Ctrl-C while it parsed: the parser made a status of it
+    if work == INTERRUPTED:  # by Ctrl-C during parsing, which the parser converts to a status
         raise KeyboardInterrupt
-    if not callable(work):  # --help and --version have done theirs
+    if not callable(work):  # --help and --version are done
         return int(work or DONE)
     work()
     return DONE
 
 
-def _tell(error: BaseException, as_json: bool) -> int:
-    """One line on stderr, one JSON document on stdout if asked for; give the exit status."""
+def _report(error: BaseException, as_json: bool) -> int:
+    """Print one line on stderr and, if requested, one JSON document on stdout; return the exit status."""
     from insenv.errors import InputError, InsenvError
 
     kind, status, hint = type(error).__name__, FAILED, ""
@@ -103,7 +103,7 @@ def _tell(error: BaseException, as_json: bool) -> int:
         message = error.strerror or str(error)
         message = f"{error.filename}: {message}" if error.filename else message
     else:
-        message = f"internal error: {kind}: {error} (INSENV_DEBUG=1 shows where; please report it)"
+        message = f"internal error: {kind}: {error} (INSENV_DEBUG=1 shows the traceback; please report it)"
     try:
         print(f"insenv: {message}{hint}", file=sys.stderr, flush=True)
         if as_json:
@@ -116,7 +116,7 @@ def _tell(error: BaseException, as_json: bool) -> int:
 
 
 def _drop_unwritten() -> None:
-    """Send what a closed pipe or a full disk did not take to nowhere, or the interpreter would complain at its exit."""
+    """Discard output that a closed pipe or a full disk has not accepted, which would raise an error at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

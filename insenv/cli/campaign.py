@@ -1,33 +1,42 @@
-"""What `insenv campaign` does: Monte Carlo over seeds and ranges of a scenario's keys."""
+"""The command `insenv campaign`: Monte Carlo over seeds and ranges of a scenario's keys."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Optional
 
+import typer
+
+from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.campaigns.executors import Workers
 
 
+@deferred
 def campaign(
-    scenario: str,
-    estimator_id: str,
-    *,
-    runs: int,
-    seed: int | None,
-    duration_s: float | None,
-    vary: Sequence[str],
-    workers: int | None,
-    scheduler: str | None,
-    out: Path | None,
-    resume: bool,
-    figure: bool,
-    as_json: bool,
+    scenario: Scenario,
+    estimator: Estimator,
+    runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of runs.")],
+    seed: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(
+            metavar="FIRST", help="Seed of the first run, which replaces the scenario's; later runs count up from it."
+        ),
+    ] = None,
+    duration: Duration = None,
+    vary: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="KEY=LOW:HIGH", help="Draw a key of the scenario for each run; may be given more than once."),
+    ] = None,
+    workers: Annotated[Optional[int], typer.Option(metavar="N", help="Use N processes instead of threads.")] = None,  # noqa: UP045
+    scheduler: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:PORT.")] = None,  # noqa: UP045
+    out: Out = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue from the results in the folder of --out.")] = False,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
 ) -> None:
-    """Run; print the tables; write the files."""
+    """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
     from insenv.campaigns import Folder, make_plan, parse_variation, run_campaign
     from insenv.cli.output import print_json, print_line, print_parts, quiet_warnings, working
     from insenv.report import OutputFolder
@@ -35,23 +44,19 @@ def campaign(
     from insenv.scenario import load
 
     if resume and out is None:
-        raise InputError("--resume goes on with a folder: name it with --out DIR")
-    makers = _workers(workers, scheduler)
-    variations = [parse_variation(text) for text in vary]
-    plan = make_plan(load(scenario), estimator_id, runs, first_seed=seed, duration_s=duration_s, variations=variations)
+        raise InputError("--resume continues from a folder: name it with --out DIR")
+    pool = _workers(workers, scheduler)
+    variations = [parse_variation(text) for text in vary or []]
+    plan = make_plan(load(scenario), estimator, runs, first_seed=seed, duration_s=duration, variations=variations)
     folder = None if out is None else OutputFolder(out)
     store = None if folder is None else Folder(folder.path, plan, resume)
     with quiet_warnings(), working(f"{plan.name}, {plan.runs} runs") as progress:
         try:
-            found = run_campaign(plan, store=store, workers=makers, progress=progress)
+            found = run_campaign(plan, store=store, workers=pool, progress=progress)
         except KeyboardInterrupt:
-            kept = (
-                "the blocks that are done are kept, and --resume goes on"
-                if store
-                else "nothing written: --out DIR would keep it"
-            )
+            kept = "finished blocks are kept: --resume continues" if store else "nothing written: --out DIR keeps them"
             raise KeyboardInterrupt(f"interrupted; {kept}") from None
-        written = None if folder is None else write_campaign(found, folder, figure)
+        written = None if folder is None else write_campaign(found, folder, not no_figure)
     paths = [str(path) for path in written.paths] if written else []
     if written and written.note:
         print_line(f"insenv: {written.note}", stderr=True)
@@ -63,7 +68,7 @@ def campaign(
     if written:
         print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}, blocks/")
     else:
-        print_line("--out DIR keeps the figure, every run, and what --resume goes on from")
+        print_line("--out DIR keeps the figure, every run, and the blocks from which --resume continues")
 
 
 def _workers(workers: int | None, scheduler: str | None) -> Workers | None:

@@ -1,4 +1,4 @@
-"""Printing: tables and JSON on stdout, progress and warnings on stderr."""
+"""Output: tables and JSON on stdout, progress and warnings on stderr."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ def _console(stderr: bool = False) -> Console:
 
 
 def print_json(value: Any) -> None:
-    """One JSON document on stdout."""
+    """Print one JSON document on stdout."""
     sys.stdout.write(to_json(value) + "\n")
 
 
 def print_line(text: str = "", stderr: bool = False) -> None:
-    """One line, not wrapped."""
+    """Print one line without wrapping."""
     print(text, file=sys.stderr if stderr else sys.stdout)
 
 
 def print_report(report: Report) -> None:
-    """The report's tables on stdout."""
+    """Print the tables of a report on stdout."""
     print_parts(comparison(report))
 
 
 def print_parts(parts: Iterable[RenderableType]) -> None:
-    """Tables and lines on stdout."""
+    """Print tables and lines on stdout."""
     console = _console()
     for part in parts:
         console.print(part)
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
-    """A table on stdout, in 80 columns; the last column wraps."""
+    """Print a table on stdout, in 80 columns; the last column wraps."""
     from rich import box
     from rich.table import Table
 
@@ -62,7 +62,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
 
 
 class Bar:
-    """A progress bar: call it with what is done and what there is in all."""
+    """A progress bar; call it with the amount done and the total."""
 
     def __init__(self, progress: Progress, description: str) -> None:
         self._progress = progress
@@ -72,13 +72,13 @@ class Bar:
         self._progress.update(self._task, completed=done, total=total)
 
     def describe(self, text: str) -> None:
-        """Say what is going on."""
+        """Change the description."""
         self._progress.update(self._task, description=text)
 
 
 @contextmanager
 def working(description: str) -> Iterator[Bar]:
-    """A bar on stderr while the block runs, gone after it; none where stderr is no terminal."""
+    """Show a progress bar on stderr during the block, if stderr is a terminal."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (
@@ -94,14 +94,14 @@ def working(description: str) -> Iterator[Bar]:
 
 @contextmanager
 def quiet_warnings() -> Iterator[None]:
-    """Tell Python's warnings as one line each on stderr, without file and line, and each only once."""
-    told: set[str] = set()
+    """Print each warning once, as one line on stderr without file and line."""
+    printed: set[str] = set()
 
-    def tell(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-        if str(message) not in told:
-            told.add(str(message))
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if str(message) not in printed:
+            printed.add(str(message))
             print_line(f"insenv: warning: {message}", stderr=True)
 
     with warnings.catch_warnings():
-        warnings.showwarning = tell
+        warnings.showwarning = show
         yield

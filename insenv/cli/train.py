@@ -1,11 +1,14 @@
-"""What `insenv train` does: runs to learn from, cross-validation, the file."""
+"""The command `insenv train`: simulated runs, cross-validation, the trained file."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Optional
 
+import typer
+
+from insenv.cli.options import Duration, Json, deferred
 from insenv.errors import InputError, nearest
 from insenv.files.output import check_output_file
 
@@ -13,17 +16,20 @@ LEARNERS = ("lssvm",)
 MOST_SEEDS = 10_000
 
 
+@deferred
 def train(
-    estimator: str,
-    scenarios: Sequence[str],
-    *,
-    seeds: str,
-    duration_s: float | None,
-    support: int | None,
-    out: Path,
-    as_json: bool,
+    estimator: Annotated[str, typer.Argument(metavar="ESTIMATOR", help="Estimator to train: lssvm.")],
+    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="Scenarios to train on.")],
+    seeds: Annotated[str, typer.Option(metavar="A-B", help="Seeds of the runs, first to last.")] = "9001-9080",
+    duration: Duration = None,
+    support: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Number of support vectors; the default is the largest that the estimator holds."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="File to write.")] = Path("lssvm.json"),
+    as_json: Json = False,
 ) -> None:
-    """Train `estimator` on the scenarios and write the file; print what was learnt."""
+    """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
     from insenv.cli.output import print_json, print_line, print_table, quiet_warnings, working
     from insenv.learning.training import Choice, need_packages
     from insenv.learning.training import train as learn
@@ -36,11 +42,11 @@ def train(
     choice = Choice() if support is None else Choice(support=support)
     with quiet_warnings(), working("simulating") as progress:
 
-        def tell(work: str, done: int, total: int) -> None:
+        def show(work: str, done: int, total: int) -> None:
             progress.describe(work)
             progress(done, total)
 
-        machine = learn(scenarios, chosen, duration_s=duration_s, choice=choice, progress=tell)
+        machine = learn(scenarios, chosen, duration_s=duration, choice=choice, progress=show)
         machine.save(out)
     training = machine.training
     if as_json:
@@ -48,7 +54,7 @@ def train(
         return
     scores, parameters = training["scores"], training["parameters"]
     rows = [
-        ("runs", f"{training['runs_used']}, {training['runs_astray']} left out in which {training['filter']} went astray"),
+        ("runs", f"{training['runs_used']}; {training['runs_astray']} more left out because {training['filter']} diverged"),
         ("samples", str(training["samples"])),
         ("gamma, sigma", f"{parameters['gamma']:g}, {parameters['sigma']:g}, by {scores['folds']}-fold cross-validation"),
         ("support vectors", str(parameters["support"])),
@@ -60,11 +66,11 @@ def train(
     ]
     print_table(("trained", estimator), rows)
     print_line()
-    print_line(f"written to {out}; a scenario takes it by [estimator.lssvm] file = {str(out)!r}")
+    print_line(f"written to {out}; a scenario uses it with [estimator.lssvm] file = {str(out)!r}")
 
 
 def seed_range(text: str) -> range:
-    """Seeds from ``A-B``, or the one of ``A``.  Raises `InputError`."""
+    """Seeds from ``A-B``, or the single seed ``A``.  Raises `InputError`."""
     found = re.fullmatch(r"(\d{1,16})(?:-(\d{1,16}))?", text.strip())
     first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
     if not 0 <= first <= last <= 2**53 or last - first >= MOST_SEEDS:

@@ -23,6 +23,7 @@ from insenv.core.model import Model
 from insenv.core.native import library_path, load, pointer
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
+from insenv.installing import install_extra
 
 BACKENDS = ("native", "interpreter")
 LONG_ROUND = 50
@@ -49,7 +50,7 @@ def resolve_backend(backend: str | None = None) -> str:
     if find_compiler() is not None:
         return "native"
     if chosen == "native":
-        raise InputError("backend 'native' needs a C compiler: cc, gcc or clang on the path, or pip install insenv[native]")
+        raise InputError(f"backend 'native' needs a C compiler: cc, gcc or clang on the path, or {install_extra('native')}")
     _warn_no_compiler()
     return "interpreter"
 
@@ -57,7 +58,7 @@ def resolve_backend(backend: str | None = None) -> str:
 @functools.cache
 def _warn_no_compiler() -> None:
     message = (
-        "no C compiler found: models run on the interpreter (slower, the same numbers); pip install insenv[native] brings one"
+        f"no C compiler found: models run on the interpreter (slower, the same numbers); {install_extra('native')} brings one"
     )
     warnings.warn(message, RuntimeWarning, stacklevel=2)
 

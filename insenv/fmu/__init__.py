@@ -1,11 +1,13 @@
 """FMUs: every estimator and every plant as a self-contained Functional Mock-up Unit for Co-Simulation, FMI 2.0 or 3.0.
 
-    from insenv.fmu import export
-    export("qakf-improved", "qakf.fmu")
+    insenv.export_fmu("qakf-improved", "qakf.fmu")
 
-The FMU's equations are the C that insenv's own native runner is compiled from, its variables the rows of the model's tables.
+The equations of an FMU are the same C code that insenv's native runner is compiled from; its variables are the rows of the
+model's tables.  `run` steps any FMU, of insenv or of another tool, over sampled inputs.
 """
 
-from insenv.fmu.exporter import export
+from insenv.fmu.exporter import export_fmu
+from insenv.fmu.running import run
+from insenv.fmu.ssp import export_ssp
 
-__all__ = ["export"]
+__all__ = ["export_fmu", "export_ssp", "run"]

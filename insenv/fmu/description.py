@@ -1,18 +1,19 @@
-"""modelDescription.xml, buildDescription.xml and terminalsAndIcons.xml of an FMU, from its variables."""
+"""modelDescription.xml, buildDescription.xml and terminalsAndIcons.xml of an FMU."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from numpy.typing import NDArray
 
 import insenv
+from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.fmu import units
-from insenv.fmu.dependencies import start_dependencies
 from insenv.fmu.sources import TOKEN, main_source
 from insenv.fmu.subject import Subject
 from insenv.fmu.units import Quantity
@@ -25,7 +26,7 @@ _CAUSALITY = {
     Kind.INPUT: ("input", "continuous", None),
     Kind.OUTPUT: ("output", "discrete", "calculated"),
 }
-"""Causality, variability and initial.  Inputs are sampled too, but importers are slow on inputs that say so."""
+"""Causality, variability and initial.  Inputs are sampled too, but importers are slow with inputs declared discrete."""
 
 TERMINALS = {
     "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid"),
@@ -34,12 +35,12 @@ TERMINALS = {
     "truth": ("true_", "gyro_bias_true", "accel_bias_true"),
     "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height"),
 }
-"""Variables that belong together, by the beginnings of their names; the first that fits."""
+"""Terminals: prefixes of the names of their variables.  A variable belongs to the first that matches."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """An entry of the model description: a whole row in FMI 3, an element of one in FMI 2."""
+    """An entry of the model description: a row in FMI 3, an element of a row in FMI 2."""
 
     variable: Variable
     name: str
@@ -47,7 +48,7 @@ class Item:
     description: str
     quantity: Quantity | None
     start: Vector | None
-    places: range  # of its elements, in the row
+    places: range  # of its elements within the row
 
 
 def items(variables: Sequence[Variable], fmi: int) -> list[Item]:
@@ -70,15 +71,15 @@ def items(variables: Sequence[Variable], fmi: int) -> list[Item]:
 
 
 def model_description(subject: Subject, variables: Sequence[Variable], fmi: int) -> str:
-    """modelDescription.xml, with `TOKEN` where the token goes."""
+    """modelDescription.xml, with the placeholder `TOKEN` for the token."""
     entries = items(variables, fmi)
     root = ET.Element("fmiModelDescription", _head(subject, fmi))
     _interface(root, subject, fmi)
     _units(root, entries)
     _types(root, entries, fmi)
     _log_categories(root, fmi)
-    step = _number(subject.sample_interval)
-    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime=_number(subject.stop_time), stepSize=step)
+    step = number(subject.sample_interval)
+    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime=number(subject.stop_time), stepSize=step)
     listed = ET.SubElement(root, "ModelVariables")
     for entry in entries:
         _variable(listed, entry, fmi)
@@ -87,7 +88,7 @@ def model_description(subject: Subject, variables: Sequence[Variable], fmi: int)
 
 
 def to_text(root: ET.Element) -> str:
-    """The document, indented."""
+    """The document as indented XML text."""
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
@@ -108,7 +109,7 @@ def _head(subject: Subject, fmi: int) -> dict[str, str]:
 
 
 def _interface(root: ET.Element, subject: Subject, fmi: int) -> None:
-    # a step may be any whole number of samples, but not any length
+    # a step may be any whole number of samples, but not of any length
     same = {
         "modelIdentifier": subject.identifier,
         "needsExecutionTool": "false",
@@ -137,7 +138,7 @@ def _interface(root: ET.Element, subject: Subject, fmi: int) -> None:
         "maxOutputDerivativeOrder": "0",
         "providesIntermediateUpdate": "false",
         "canReturnEarlyAfterIntermediateUpdate": "false",
-        "fixedInternalStepSize": _number(subject.sample_interval),
+        "fixedInternalStepSize": number(subject.sample_interval),
         "hasEventMode": "false",
     }
     ET.SubElement(root, "CoSimulation", {**same, **own})
@@ -152,12 +153,12 @@ def _units(root: ET.Element, entries: Sequence[Item]) -> None:
         if unit.exponents is not None:
             ET.SubElement(element, "BaseUnit", {base: str(power) for base, power in unit.exponents.items()})
         for shown in unit.displays:
-            offset = {"offset": _number(shown.offset)} if shown.offset else {}
-            ET.SubElement(element, "DisplayUnit", {"name": shown.name, "factor": _number(shown.factor), **offset})
+            offset = {"offset": number(shown.offset)} if shown.offset else {}
+            ET.SubElement(element, "DisplayUnit", {"name": shown.name, "factor": number(shown.factor), **offset})
 
 
 def _types(root: ET.Element, entries: Sequence[Item], fmi: int) -> None:
-    """A declared type for each quantity, with the widest bounds of its variables."""
+    """A declared type for each quantity, whose bounds contain those of all its variables."""
     bounds: dict[Quantity, list[tuple[float, float]]] = {}
     for entry in entries:
         if entry.quantity:
@@ -170,7 +171,7 @@ def _types(root: ET.Element, entries: Sequence[Item], fmi: int) -> None:
             "displayUnit": quantity.display,
             "min": _bound(min(lower for lower, _ in bounds[quantity])),
             "max": _bound(max(upper for _, upper in bounds[quantity])),
-            "nominal": _number(quantity.nominal),
+            "nominal": number(quantity.nominal),
         }
         values = {name: value for name, value in values.items() if value}
         if fmi == 2:
@@ -182,7 +183,7 @@ def _types(root: ET.Element, entries: Sequence[Item], fmi: int) -> None:
 def _log_categories(root: ET.Element, fmi: int) -> None:
     listed = ET.SubElement(root, "LogCategories")
     categories = {
-        "logStatusError": "Why a call was refused; always logged",
+        "logStatusError": "Reasons for which calls were refused; always logged",
         "logEvents": "Changes of state: instantiated, initialization mode, step mode, terminated, reset",
     }
     if fmi == 2:
@@ -201,7 +202,7 @@ def _variable(listed: ET.Element, entry: Item, fmi: int) -> None:
     values = {} if entry.quantity is None else {"declaredType": entry.quantity.name}
     values |= {name: bound for name, bound in (("min", _bound(row.lower)), ("max", _bound(row.upper))) if bound}
     if entry.start is not None:
-        values["start"] = " ".join(_number(value) for value in entry.start)
+        values["start"] = " ".join(number(value) for value in entry.start)
     if fmi == 2:
         ET.SubElement(ET.SubElement(listed, "ScalarVariable", names), "Real", values)
         return
@@ -211,12 +212,14 @@ def _variable(listed: ET.Element, entry: Item, fmi: int) -> None:
 
 
 def _structure(root: ET.Element, subject: Subject, variables: Sequence[Variable], entries: Sequence[Item], fmi: int) -> None:
-    """Outputs depend on no input at the same communication point: what is set acts in the step that follows.  At the start
-    they depend on parameters, exactly as the equations say.
+    """The model structure.
+
+    Outputs do not depend on inputs at the same communication point, because an input acts in the step that follows.  Initial
+    outputs depend on the parameters that occur in their equations.
     """
     structure = ET.SubElement(root, "ModelStructure")
     needs = start_dependencies(subject.model)
-    # what a dependency is called: the number of the entry, from 1, in FMI 2; the value reference in FMI 3
+    # a dependency is the number of the entry, from 1, in FMI 2, and the value reference in FMI 3
     known: dict[tuple[str, int], int] = {}
     for position, entry in enumerate(entries, 1):
         if entry.variable.kind is Kind.PARAMETER:
@@ -243,20 +246,38 @@ def _structure(root: ET.Element, subject: Subject, variables: Sequence[Variable]
                 ET.SubElement(structure, what, valueReference=str(entry.reference), dependencies=text)
 
 
+def start_dependencies(model: Model) -> NDArray[np.bool_]:
+    """(outputs.size, parameters.size): whether an output of the start state depends on a parameter.
+
+    Taken from the sparsity of the equations.  An output that depends on random numbers depends on the seed.
+    """
+    import casadi as ca
+
+    p = ca.SX.sym("p", model.parameters.size)
+    r = ca.SX.sym("r", model.start_uniforms)
+    y = model.kernels["output"].function(p, model.kernels["start"].function(p, r))
+    found = np.zeros((model.outputs.size, model.parameters.size), dtype=bool)
+    if found.size:
+        rows, columns = ca.jacobian_sparsity(y, p).get_triplet()
+        found[rows, columns] = True
+    if model.start_uniforms:
+        rows, _ = ca.jacobian_sparsity(y, r).get_triplet()
+        found[rows, model.parameters.slice("seed").start] = True
+    return found
+
+
 def build_description(subject: Subject, fmi: int) -> str:
-    """sources/buildDescription.xml: how the sources are compiled (its format is FMI 3's, which FMI 2 importers read too)."""
+    """sources/buildDescription.xml: how the sources are compiled, in the format of FMI 3, which FMI 2 importers read too."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = ET.SubElement(
-        root, "BuildConfiguration", modelIdentifier=subject.identifier, description="C99 and libm, nothing else"
-    )
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=subject.identifier, description="C99 and libm")
     files = ET.SubElement(configuration, "SourceFileSet", language="C99")
     ET.SubElement(files, "SourceFile", name=main_source(fmi))
-    ET.SubElement(configuration, "Library", name="m", external="true", description="The C library's mathematics")
+    ET.SubElement(configuration, "Library", name="m", external="true", description="Mathematics of the C library")
     return to_text(root)
 
 
 def terminals(variables: Sequence[Variable]) -> str:
-    """terminalsAndIcons.xml of FMI 3: the variables that one sensor, bus or solution makes up; the icon's place."""
+    """terminalsAndIcons.xml of FMI 3: the variables of each sensor, bus or solution, and the place of the icon."""
     root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = ET.SubElement(root, "GraphicalRepresentation")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
@@ -279,39 +300,10 @@ def terminals(variables: Sequence[Variable]) -> str:
     return to_text(root)
 
 
-def references(files: Mapping[str, str]) -> str:
-    """fmi-ls-manifest.xml of the layered standard for reference signals: the files and their roles."""
-    space = "http://fmi-standard.org/fmi-ls-manifest"
-    ET.register_namespace("fmi-ls", space)
-    root = ET.Element(
-        "fmiReferences",
-        {
-            f"{{{space}}}fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-            f"{{{space}}}fmi-ls-version": "1.0.0-rc.1",
-            f"{{{space}}}fmi-ls-description": "Layered Standard providing information on related files included in an FMU.",
-        },
-    )
-    for source, role in files.items():
-        kind = "text/csv" if source.endswith(".csv") else "text/xml"
-        ET.SubElement(root, "Related", type=kind, source=source, role=role)
-    return to_text(root)
-
-
-def experiments(stop_time: float, step: float, has_inputs: bool) -> str:
-    """experiments.xml beside it: the inputs and what comes of them."""
-    root = ET.Element("Experiments")
-    name, text = "reference", "Outputs of the model in insenv; those of the FMU are the same to the bit"
-    times = {"startTime": "0", "stopTime": _number(stop_time), "stepSize": _number(step)}
-    experiment = ET.SubElement(root, "Experiment", {"name": name, "description": text, **times})
-    if has_inputs:
-        ET.SubElement(experiment, "Stimuli", source="in.csv")
-    ET.SubElement(experiment, "References", source="ref.csv")
-    return to_text(root)
-
-
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """The shortest decimal that reads back to the same double."""
     return repr(float(value))
 
 
 def _bound(value: float) -> str:
-    return _number(value) if math.isfinite(value) else ""
+    return number(value) if math.isfinite(value) else ""

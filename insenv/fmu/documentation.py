@@ -1,4 +1,4 @@
-"""documentation/index.html of an FMU: what it is, how it steps, and every variable, from the tables."""
+"""documentation/index.html of an FMU: title, rules of stepping, and every variable."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ code { font-size: 95%; }
 
 
 def page(subject: Subject, variables: Sequence[Variable], fmi: int, libraries: Mapping[str, bytes]) -> str:
-    """The page, as one HTML document without anything from outside."""
+    """The page as one self-contained HTML document."""
     parts = [
         f"<h1>{escape(subject.id)}</h1>",
         f"<p>{escape(subject.title[:1].upper() + subject.title[1:])}.</p>",
-        f"<p>FMI {fmi}.0 for Co-Simulation, made by insenv {insenv.__version__}. The equations are C generated from the model "
-        "that insenv itself runs; the results are the same to the bit. Nothing is needed but the C library.</p>",
+        f"<p>FMI {fmi}.0 for Co-Simulation, exported by insenv {insenv.__version__}. The equations are C code generated from "
+        "the same model that insenv runs; the results are bit-identical. The C library is the only requirement.</p>",
         "<h2>Steps</h2>",
-        f"<p>The sample interval is {subject.sample_interval!r} s, fixed at the export. A communication step is a whole number "
-        "of samples; any other is refused with a message that says why, and nothing changes. Inputs are held over a step: "
-        "with several samples in a step each sample gets the same inputs.</p>",
+        f"<p>The sample interval is {subject.sample_interval!r} s, fixed at export. A communication step must be a whole "
+        "number of samples; any other step is refused with a message and the state does not change. Inputs are held over a "
+        "step; in a step of several samples every sample gets the same inputs.</p>",
         *_further(subject, variables),
-        "<p>A value that is not finite, and a parameter out of its bounds, is refused when it is set; an input out of its "
-        "bounds when the step is made, unless a flag says that it is not used (<code>gnss_...</code> while "
-        "<code>gnss_valid</code> is 0). The state can be saved, restored and serialized; all of it is kept, so that a "
-        "continued run equals one without the break, to the bit.</p>",
+        "<p>A value that is not finite and a parameter outside its bounds are refused when they are set. An input outside its "
+        "bounds is refused by the step, unless a flag says that it is not used (<code>gnss_...</code> while "
+        "<code>gnss_valid</code> is 0). The whole state can be saved, restored and serialized: a run that is continued from a "
+        "saved state is bit-identical to an uninterrupted run.</p>",
         f"<p>{escape(subject.values_from)}</p>",
         "<p>Frames: n is north, east, down at the vehicle; b is forward, right, down, the axes of the inertial unit; e is "
-        "fixed to the Earth (WGS-84); w is wander azimuth. Quaternions are Hamilton's, scalar first: <code>q_nb</code> takes "
-        "components in b to components in n.</p>",
+        "Earth-fixed (WGS-84); w is wander azimuth. Quaternions are Hamilton quaternions, scalar first: <code>q_nb</code> "
+        "transforms components in b to components in n.</p>",
     ]
     for kind, heading in _HEADINGS.items():
         rows = [v for v in variables if v.kind is kind]
@@ -54,8 +54,8 @@ def page(subject: Subject, variables: Sequence[Variable], fmi: int, libraries: M
     names = ", ".join(f"<code>{escape(name)}</code>" for name in sorted(libraries))
     parts += [
         "<h2>Files</h2>",
-        f"<p>Binaries: {names}. The sources are in <code>sources/</code>, C99 without a dependency; <code>fmpy compile</code> "
-        "builds them for the machine that it runs on. Inputs and the outputs that belong to them are in "
+        f"<p>Binaries: {names}. The sources are in <code>sources/</code>, C99 without dependencies; <code>fmpy compile</code> "
+        "builds them for the machine that it runs on. Reference inputs and outputs are in "
         "<code>extra/org.fmi-standard.fmi-ls-ref/</code>. Licences are in <code>documentation/licenses/</code>.</p>",
     ]
     body = "\n".join(parts)
@@ -64,22 +64,23 @@ def page(subject: Subject, variables: Sequence[Variable], fmi: int, libraries: M
 
 
 def _further(subject: Subject, variables: Sequence[Variable]) -> list[str]:
-    """What is particular to a plant, or to the inputs that it has."""
+    """Paragraphs that hold for a plant, or for an estimator with these inputs."""
     if subject.kind == "plant":
         return [
-            "<p>Each sample moves the vehicle and gives what its inertial unit measured over it, the fix that came with it, if "
-            "any, and the truth at its end. After a step of several samples the outputs are those of the last. Every random "
-            "number is a function of <code>parameters.seed</code> and the number of the sample: the same on every machine.</p>"
+            "<p>Each sample moves the vehicle; its outputs are the measurements of the inertial unit over the sample, the GNSS "
+            "fix at its end, if any, and the truth at its end. After a step of several samples the outputs are those of the "
+            "last. Every random number is a function of <code>parameters.seed</code> and the number of the sample, and the "
+            "same on every machine.</p>"
         ]
     inputs = {v.row.name for v in variables if v.kind is Kind.INPUT}
     events = ", ".join(f"<code>{name}</code>" for name in EVENTS if name in inputs)
     texts = [
-        "<p><code>delta_angle</code> and <code>delta_velocity</code> are the increments over one sample, the one that begins "
-        "at the communication point: row k of a log is set at the time at which the sample begins. <code>dt</code> is the "
-        "sample's interval as it was measured; left alone it is the sample interval.</p>"
+        "<p><code>delta_angle</code> and <code>delta_velocity</code> are the increments over the sample that begins at the "
+        "communication point: row k of a log is set at the time at which its sample begins. <code>dt</code> is the measured "
+        "length of the sample; its start value is the sample interval.</p>"
     ]
     if events:
-        texts.append(f"<p>In a step of several samples {events} is taken with the last of them.</p>")
+        texts.append(f"<p>In a step of several samples {events} applies to the last sample.</p>")
     return texts
 
 

@@ -1,4 +1,4 @@
-"""`export`: an estimator or a plant as an FMU."""
+"""Export an estimator or a plant as an FMU: a zip archive with the same bytes for the same content."""
 
 from __future__ import annotations
 
@@ -6,55 +6,59 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from zipfile import ZipFile
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from insenv.errors import InputError
+from insenv.estimators import Estimator
+from insenv.files.output import atomic, check_output_file
 from insenv.files.resources import fmu_folder
 from insenv.fmu import description
-from insenv.fmu.archive import check_output, write_archive
 from insenv.fmu.documentation import page
 from insenv.fmu.platforms import FLAGS, build, chosen
-from insenv.fmu.reference import EVERY, STEPS, csv, signals
+from insenv.fmu.reference import reference_files
 from insenv.fmu.sources import TOKEN, amalgamated, main_source, sources, token
 from insenv.fmu.subject import Subject, subject
-from insenv.fmu.variables import Kind, Variable, variables
+from insenv.fmu.variables import Variable, variables
+from insenv.scenario import ScenarioLike
 
-_REFERENCE = "extra/org.fmi-standard.fmi-ls-ref/"
+_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date that a zip can hold
 
 
-def export(
-    model_id_or_scenario: str,
+def export_fmu(
+    what: Estimator | ScenarioLike,
     output: str | Path,
     *,
     fmi: int = 2,
     platforms: Sequence[str] = ("host",),
     settings: Mapping[str, object] | None = None,
 ) -> Path:
-    """Write the FMU of an estimator, by its id, or of a scenario's plant, by its name or the path of its .toml file.
+    """Write the FMU of an estimator or of a scenario's plant.
 
-    fmi: 2 (scalars) or 3 (arrays).  platforms: "host" (the C compiler found), "all", or names of
-    `insenv.fmu.platforms.PLATFORMS` (ziglang).  settings: start values of parameters by row name, SI, or for an estimator by
-    name and data-sheet unit as in a scenario (``arw_deg_sqrt_h``); for an estimator also ``sample_interval``, s.
+    what: the id of an estimator or an `Estimator`; or a scenario: its name, the path of its .toml file, a `Scenario` or its
+    values.  fmi: 2 (scalars) or 3 (arrays).  platforms: "host" (this machine's C compiler), "all", or names of
+    `insenv.fmu.platforms.PLATFORMS` (built with ziglang).  settings: start values of parameters by row name, in SI units, or,
+    for an estimator, by name and data-sheet unit as in a scenario (``arw_deg_sqrt_h``); for an estimator also
+    ``sample_interval``, s.
 
-    Returns the path.  Raises `InputError` for an unknown id, platform or setting, a value that is not allowed or a file that
-    cannot be written; `InsenvError` where there is no compiler or it fails.
+    Returns the path.  Raises `InputError` for an unknown id, platform or setting, for a value that is not allowed and for a
+    file that cannot be written; `InsenvError` if there is no compiler or it fails.
     """
     output = Path(output)
     if fmi not in (2, 3):
         raise InputError(f"fmi = {fmi!r}: allowed is 2 or 3")
     check_output(output, ".fmu")
     targets = chosen([platforms] if isinstance(platforms, str) else platforms)
-    what = subject(model_id_or_scenario, settings or {})
-    listed = variables(what)
-    xml = description.model_description(what, listed, fmi)
-    code = sources(what, listed, fmi)
+    exported = subject(what, settings or {})
+    listed = variables(exported)
+    xml = description.model_description(exported, listed, fmi)
+    code = sources(exported, listed, fmi)
     guid = token(xml, code, FLAGS)
     code = {name: text.replace(TOKEN, guid) for name, text in code.items()}
-    libraries = build(amalgamated(code, main_source(fmi)), what.identifier, targets, fmi)
+    libraries = build(amalgamated(code, main_source(fmi)), exported.identifier, targets, fmi)
     files = {
-        **_documents(what, listed, fmi, libraries),
+        **_documents(exported, listed, fmi, libraries),
         "modelDescription.xml": xml.replace(TOKEN, guid).encode(),
-        "sources/buildDescription.xml": description.build_description(what, fmi).encode(),
+        "sources/buildDescription.xml": description.build_description(exported, fmi).encode(),
         **{f"sources/{name}": text.encode() for name, text in code.items()},
         **libraries,
     }
@@ -63,8 +67,8 @@ def export(
 
 
 def _documents(subject: Subject, listed: Sequence[Variable], fmi: int, libraries: Mapping[str, bytes]) -> dict[str, bytes]:
-    """What stands beside description, sources and libraries: documentation, licences, icon, reference signals."""
-    folder, step = fmu_folder(), subject.sample_interval
+    """The files beside description, sources and libraries: documentation, licences, icon, reference signals."""
+    folder = fmu_folder()
     icon = (folder / "icons" / f"{subject.kind}.png").read_bytes()
     files = {"documentation/index.html": page(subject, listed, fmi, libraries).encode()}
     for licence in sorted((folder / "licenses").iterdir()):
@@ -74,23 +78,29 @@ def _documents(subject: Subject, listed: Sequence[Variable], fmi: int, libraries
     else:
         files["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals(listed).encode()
         files["terminalsAndIcons/icon.png"] = icon
+    return files | reference_files(subject, listed, fmi)
 
-    inputs, outputs = signals(subject)
-    roles = {"experiments.xml": "experiment"}
-    if subject.model.inputs.size:
-        roles["in.csv"] = "testcase"
-        files[_REFERENCE + "in.csv"] = csv([k * step for k in range(STEPS)], listed, Kind.INPUT, inputs, fmi).encode()
-    roles["ref.csv"] = "result"
-    times = [k * step for k in range(0, STEPS + 1, EVERY)]
-    files[_REFERENCE + "ref.csv"] = csv(times, listed, Kind.OUTPUT, outputs, fmi).encode()
-    text = description.experiments(STEPS * step, step, bool(subject.model.inputs.size))
-    files[_REFERENCE + "experiments.xml"] = text.encode()
-    files[_REFERENCE + "fmi-ls-manifest.xml"] = description.references(roles).encode()
-    return files
+
+def check_output(path: Path, ending: str) -> None:
+    """Raise `InputError` if a file cannot be written there, before the long work."""
+    if path.suffix != ending:
+        raise InputError(f"output {str(path)!r}: allowed is a name that ends in {ending}")
+    check_output_file(path)
+
+
+def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
+    """Write the zip of `files` by name, sorted, with a fixed date; it is renamed to `path` when complete."""
+    with atomic(path) as stream, ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(files, key=lambda n: (n != "modelDescription.xml", n)):
+            entry = ZipInfo(name, _DATE)
+            entry.compress_type = ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, files[name])
 
 
 def summary(path: str | Path) -> dict[str, Any]:
-    """What an FMU written by `export` holds: model, fmi, token, sample_interval_s, variables by causality, binaries, bytes."""
+    """Contents of an FMU written by `export`: model, fmi, token, sample_interval_s, variables by causality, binaries, bytes."""
     path = Path(path)
     with ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))

@@ -1,7 +1,7 @@
-"""An FMU loaded through FMPy and stepped on arrays: three calls into its binary a step, and no conversion between them.
+"""An FMU that FMPy loads, stepped over arrays: three calls into its binary per step, and no conversion between them.
 
-FMPy does what takes care: the description, the archive, the binary for this platform, the instance and its logger.  The loop
-passes addresses into arrays made once, so that a long sampled input costs little more than the FMU itself.
+FMPy reads the description, unpacks the archive, and creates the instance with its logger.  The loop passes addresses within
+preallocated arrays, so that a long sampled input costs little more than the FMU itself.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ import ctypes
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,66 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, InsenvError, nearest
+from insenv.fmu.reading import KINDS, KINDS_3, Array, Variable, read_description, read_variable
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
-"""Told after each stretch: steps done, steps in all."""
+"""Function of the number of steps done and the number of steps in all."""
 
-STRETCH = 5_000  # steps between two calls of the progress function
-LOUDEST = 20  # messages of the FMU kept for an error
-_KINDS = {  # type in the model description: dtype of its values, last part of the names of its functions
-    "Real": (np.float64, "Real"),
-    "Integer": (np.int32, "Integer"),
-    "Enumeration": (np.int32, "Integer"),
-    "Boolean": (np.int32, "Boolean"),
-    "Float64": (np.float64, "Float64"),
-    "Float32": (np.float32, "Float32"),
-    "Int8": (np.int8, "Int8"),
-    "UInt8": (np.uint8, "UInt8"),
-    "Int16": (np.int16, "Int16"),
-    "UInt16": (np.uint16, "UInt16"),
-    "Int32": (np.int32, "Int32"),
-    "UInt32": (np.uint32, "UInt32"),
-    "Int64": (np.int64, "Int64"),
-    "UInt64": (np.uint64, "UInt64"),
-}
-_KINDS_3 = {**_KINDS, "Boolean": (np.bool_, "Boolean"), "Enumeration": (np.int64, "Int64")}
+PROGRESS_STEPS = 5_000  # steps between two calls of the progress function
+MOST_MESSAGES = 20  # messages of the FMU kept for an error
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
-@dataclass(frozen=True)
-class Variable:
-    """A numeric variable of an FMU; an array of FMI 3 is one variable of several elements.
-
-    elements: their names, ``name`` or ``name[1]``, ``name[2]`` ..., ``name[1,1]`` ... by rows.
-    """
-
-    name: str
-    reference: int
-    kind: str
-    causality: str
-    unit: str
-    description: str
-    elements: tuple[str, ...]
-
-
-def element_names(name: str, shape: Sequence[int]) -> tuple[str, ...]:
-    """``name`` for a scalar, else ``name[i]`` or ``name[i,j]``, from 1, the last index fastest."""
-    places = product(*(range(1, n + 1) for n in shape))
-    return tuple(f"{name}[{','.join(map(str, place))}]" for place in places) if len(shape) else (name,)
-
-
 class Instance:
-    """One instance of a Co-Simulation FMU (FMI 2 or 3), initialized; a context manager that frees it.
+    """An initialized instance of a Co-Simulation FMU (FMI 2 or 3); a context manager that frees it.
 
-    version: 2 or 3.  inputs, outputs: its variables.  step: the step that it asks for, s, or None.  messages: what it logged.
+    version: 2 or 3.  inputs, outputs: its variables.  messages: its log.
     """
 
     def __init__(
         self, path: str | Path, parameters: Mapping[str, float] | None = None, *, start_time: float = 0.0, name: str = "insenv"
     ) -> None:
-        """Unpack, load, set parameters, initialize.  Raises `InputError` for a file that is no such FMU or a parameter that is
-        unknown or refused, `InsenvError` if it cannot be loaded here."""
+        """Unpack, load, set parameters, initialize.
+
+        Raises `InputError` for a file that is not such an FMU and for a parameter that is unknown or refused, `InsenvError` if
+        the FMU cannot be loaded on this machine.
+        """
         import fmpy
         from fmpy.fmi2 import FMU2Slave
         from fmpy.fmi3 import FMU3Slave
@@ -89,14 +51,14 @@ class Instance:
         self._folder = Path(tempfile.mkdtemp(prefix="insenv-fmu-"))
         self._slave: Any = None
         try:
-            self.description = _description(self.path)
+            self.description = read_description(self.path)
             self.version = int(self.description.fmiVersion[0])
-            self.variables = {v.name: v for v in map(_variable, self.description.modelVariables) if v is not None}
+            self.variables = {v.name: v for v in map(read_variable, self.description.modelVariables) if v is not None}
             self.inputs = [v for v in self.variables.values() if v.causality == "input"]
             self.outputs = [v for v in self.variables.values() if v.causality == "output"]
             try:
                 fmpy.extract(str(self.path), str(self._folder))
-            except Exception as error:  # a damaged member, or one that would land outside the folder
+            except Exception as error:  # a damaged member, or a path outside the folder
                 kind = InsenvError if isinstance(error, OSError) else InputError
                 raise kind(f"{self.path}: cannot be unpacked: {error}") from None
             kind = FMU2Slave if self.version == 2 else FMU3Slave
@@ -116,7 +78,7 @@ class Instance:
 
     @property
     def step(self) -> float | None:
-        """The communication step that the FMU asks for, s, or None."""
+        """The communication step that the FMU declares, s, or None."""
         fixed = getattr(self.description.coSimulation, "fixedInternalStepSize", None)
         default = self.description.defaultExperiment
         chosen = fixed or (default.stepSize if default is not None else None)
@@ -124,17 +86,17 @@ class Instance:
 
     @property
     def stop_time(self) -> float | None:
-        """The stop time that the FMU suggests, s, or None."""
+        """The stop time of the FMU's default experiment, s, or None."""
         default = self.description.defaultExperiment
         return None if default is None or default.stopTime is None else float(default.stopTime)
 
     def run(
         self, inputs: Mapping[str, Array], steps: int, *, start_time: float, step: float, every: int, progress: Progress | None
     ) -> Array:
-        """Steps of `step` seconds; the outputs after each `every` steps, (steps // every, elements of all outputs).
+        """Make `steps` steps of `step` seconds; return the outputs after every `every` steps, (steps // every, elements).
 
-        inputs: (steps,) by element name, of an array all: value k is set before step k, from start_time + k step on.  Inputs
-        not named keep what they have.  Raises `InsenvError` with the FMU's own words when a call fails.
+        inputs: (steps,) by element name, with all elements of an array.  Value k is set before step k, which begins at
+        start_time + k step.  Other inputs keep their values.  Raises `InsenvError` with the FMU's messages if a call fails.
         """
         setters = [self._calls("Set", group, _packed(group, inputs, steps)) for group in self._groups(self.inputs, inputs)]
         recorded = steps // every
@@ -152,7 +114,7 @@ class Instance:
                 for call, address, stride, _ in getters:
                     if (status := call(address + k // every * stride)) > 1:
                         raise self._failure("reading the outputs", k, start_time + k * step, status)
-            if progress is not None and (k + 1) % STRETCH == 0:
+            if progress is not None and (k + 1) % PROGRESS_STEPS == 0:
                 progress(k + 1, steps)
         if progress is not None:
             progress(steps, steps)
@@ -195,7 +157,7 @@ class Instance:
                 slave.exitInitializationMode()
         except InsenvError:
             raise
-        except Exception as error:  # FMPy's own kinds differ between its versions
+        except Exception as error:  # the exceptions of FMPy differ between its versions
             raise InputError(f"{self.path}: cannot be initialized: {self._said() or error}") from None
 
     def _set_parameters(self, parameters: Mapping[str, float]) -> None:
@@ -212,7 +174,7 @@ class Instance:
                 raise InputError(f"{self.path}: parameter {name} = {value:g} refused: {self._said() or _LABELS[status]}")
 
     def _callbacks(self) -> Any:
-        """FMI 2's, with a logger that keeps the messages (their C format filled in where FMPy's helper runs)."""
+        """The callbacks of FMI 2, with a logger that keeps the messages, formatted if FMPy has its helper for this."""
         from fmpy import calloc, fmi2, free
 
         callbacks = fmi2.fmi2CallbackFunctions()
@@ -229,7 +191,7 @@ class Instance:
         return callbacks
 
     def _log(self, status: int, category: bytes | None, text: bytes | None) -> None:
-        if status and text and len(self.messages) < LOUDEST:
+        if status and text and len(self.messages) < MOST_MESSAGES:
             self.messages.append(text.decode("utf-8", "replace"))
 
     def _said(self) -> str:
@@ -242,7 +204,7 @@ class Instance:
         )
 
     def _groups(self, variables: Sequence[Variable], given: Mapping[str, Array] | None = None) -> list[list[Variable]]:
-        """Variables of one set of functions each; of `given` only those it names."""
+        """Variables grouped by the functions that set or get them; with `given` only those that it names."""
         groups: dict[str, list[Variable]] = {}
         for variable in variables:
             if given is None or any(name in given for name in variable.elements):
@@ -251,15 +213,15 @@ class Instance:
 
     @property
     def _kinds(self) -> Mapping[str, tuple[Any, str]]:
-        return _KINDS if self.version == 2 else _KINDS_3
+        return KINDS if self.version == 2 else KINDS_3
 
     def _dtype(self, group: Sequence[Variable]) -> Any:
         return self._kinds[group[0].kind][0]
 
     def _calls(self, verb: str, group: Sequence[Variable], values: NDArray[Any]) -> Any:
-        """A function of the address of one row of `values`; the first row's address; bytes a row; where rows change.
+        """A function of the address of a row of `values`; the address of the first row; bytes per row; rows that change.
 
-        values: (rows, elements of the group); it must outlive the calls.
+        values: (rows, elements of the group).  The function keeps a reference to it.
         """
         values = values.astype(self._dtype(group), copy=False)
         function = self._slave.dll[f"fmi{self.version}{verb}{self._kinds[group[0].kind][1]}"]
@@ -280,7 +242,7 @@ class Instance:
                 return int(function(component, references, count, address, elements))
 
         changes = None
-        if verb == "Set" and self._dtype(group) is not np.float64:  # flags seldom change
+        if verb == "Set" and self._dtype(group) is not np.float64:  # flags change rarely
             changes = [True, *np.any(values[1:] != values[:-1], axis=1).tolist()]
         return call, values.ctypes.data, values.strides[0], changes
 
@@ -305,36 +267,10 @@ class Instance:
         return int(getattr(component, "value", component))
 
 
-def _description(path: Path) -> Any:
-    """FMPy's reading of modelDescription.xml.  Raises `InputError`."""
-    from fmpy import read_model_description
-
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    try:
-        description = read_model_description(str(path), validate=False)
-    except Exception as error:  # zipfile's, lxml's and FMPy's own
-        raise InputError(f"{path}: not an FMU: {error}") from None
-    if description.coSimulation is None or description.fmiVersion[0] not in "23":
-        raise InputError(f"{path}: allowed is Co-Simulation of FMI 2 or 3 (this is FMI {description.fmiVersion})")
-    return description
-
-
-def _variable(read: Any) -> Variable | None:
-    """Of FMPy's; None for what is no number."""
-    if read.type not in _KINDS:
-        return None
-    declared = read.declaredType
-    unit = read.unit or (declared.unit if declared is not None else None) or ""
-    shape = tuple(int(dimension.start) for dimension in read.dimensions)
-    names = element_names(read.name, shape)
-    return Variable(read.name, read.valueReference, read.type, read.causality, unit, read.description or "", names)
-
-
 def _names(group: Sequence[Variable]) -> list[str]:
     return [name for variable in group for name in variable.elements]
 
 
 def _packed(group: Sequence[Variable], inputs: Mapping[str, Array], steps: int) -> Array:
-    """Columns of a group side by side, (steps, elements)."""
+    """The columns of a group as one array, (steps, elements)."""
     return np.ascontiguousarray(np.array([np.broadcast_to(inputs[name], (steps,)) for name in _names(group)]).T)

@@ -1,4 +1,4 @@
-"""The binaries of an FMU: for this machine by the C compiler found, for the five platforms by the ziglang wheel."""
+"""The binaries of an FMU: for this machine with its C compiler, for the five platforms with the ziglang package."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 
 from insenv.core.compile import Compiler, cache_folder, compile_library, find_compiler
 from insenv.errors import InputError, InsenvError, nearest
+from insenv.installing import install_extra
 
 FLAGS = (
     "-std=gnu99",
@@ -26,12 +27,12 @@ FLAGS = (
     "-shared",
     "-w",
 )
-"""Exactly rounded and in the order written: the results of insenv's own runners to the bit."""
+"""No contraction or reordering of floating-point operations: results are bit-identical to those of insenv's runners."""
 
 
 @dataclass(frozen=True)
 class Platform:
-    """name: the folder in FMI 3.  short: the folder in FMI 2.  target: what ziglang calls it.  ending: of a library's name."""
+    """name: folder in FMI 3.  short: folder in FMI 2.  target: ziglang's name.  ending: suffix of a library's name."""
 
     name: str
     short: str
@@ -50,7 +51,7 @@ PLATFORMS = {
         Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib"),
     )
 }
-"""Those that an FMU can be made for, by name."""
+"""The platforms of FMUs, by name."""
 _ALIASES = {
     "linux64": ("x86_64-linux",),
     "win64": ("x86_64-windows",),
@@ -61,17 +62,17 @@ _MACHINES = {"amd64": "x86_64", "arm64": "aarch64"}
 
 
 def host() -> Platform:
-    """This machine's platform.  Raises `InsenvError` where FMUs are not made for it."""
+    """This machine's platform.  Raises `InsenvError` if FMUs cannot be built for it."""
     machine = platform.machine().lower()
     system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux" if sys.platform.startswith("linux") else "")
     name = f"{_MACHINES.get(machine, machine)}-{system}"
     if name not in PLATFORMS:
-        raise InsenvError(f"FMUs are not made for this machine, {name}: name other platforms ({', '.join(PLATFORMS)})")
+        raise InsenvError(f"FMUs cannot be built for this machine, {name}: name other platforms ({', '.join(PLATFORMS)})")
     return PLATFORMS[name]
 
 
 def chosen(names: Sequence[str]) -> list[str]:
-    """The platforms named, "host" kept as it is, each once.  Raises `InputError` for an unknown one or for none."""
+    """The named platforms without repetition, "host" unresolved.  Raises `InputError` for an unknown name or for none."""
     found: list[str] = []
     for name in names:
         if name != "host" and name not in PLATFORMS and name not in _ALIASES:
@@ -88,7 +89,7 @@ def chosen(names: Sequence[str]) -> list[str]:
 
 
 def build(source: str, identifier: str, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
-    """The libraries of one C text by their path in the FMU.  Raises `InsenvError` if the compiler fails."""
+    """Libraries compiled from one C text, by their path in the FMU.  Raises `InsenvError` if the compiler fails."""
     made: dict[str, bytes] = {}
     for name in platforms:
         where = host() if name == "host" else PLATFORMS[name]
@@ -104,23 +105,23 @@ def _laid_out(made: dict[str, bytes], identifier: str, fmi: int) -> dict[str, by
         files[f"binaries/{where.name if fmi == 3 else where.short}/{identifier}{where.ending}"] = library
     if fmi == 2:
         macs = [made[name] for name in ("x86_64-darwin", "aarch64-darwin") if name in made]
-        if macs:  # importers on either Mac look in darwin64
+        if macs:  # importers on both kinds of Mac look in darwin64
             files[f"binaries/darwin64/{identifier}.dylib"] = universal(macs) if len(macs) == 2 else macs[0]
         if "aarch64-linux" in made and "x86_64-linux" not in made:
-            # FMI 2.0 has no name for it: importers on such a machine look in linux64 (FMPy) or in aarch64-linux
+            # FMI 2.0 has no name for this platform: importers look in linux64 (FMPy) or aarch64-linux
             files[f"binaries/linux64/{identifier}.so"] = made["aarch64-linux"]
     return files
 
 
 def universal(libraries: Sequence[bytes]) -> bytes:
-    """One Mach-O file of several architectures: a header (Apple, mach-o/fat.h) before them, each on a page of its own."""
-    page = 14  # 16 kB, as Apple silicon wants
+    """One Mach-O file for several architectures: a header (Apple, mach-o/fat.h), then each library on its own page."""
+    page = 14  # 2^14 B, the page size of Apple silicon
     header = struct.pack(">II", 0xCAFEBABE, len(libraries))
     body, offset = b"", 1 << page
     for library in libraries:
         magic, cpu, subtype = struct.unpack("<III", library[:12])
         if magic != 0xFEEDFACF:
-            raise InsenvError("the library made for macOS is no 64-bit Mach-O file")
+            raise InsenvError("the library built for macOS is not a 64-bit Mach-O file")
         header += struct.pack(">IIIII", cpu, subtype, offset, len(library), page)
         padded = library + bytes(-len(library) % (1 << page))
         body += padded
@@ -131,20 +132,20 @@ def universal(libraries: Sequence[bytes]) -> bytes:
 def _host_compiler(identifier: str) -> Compiler:
     found = find_compiler()
     if found is None:
-        raise InsenvError("no C compiler found: cc, gcc or clang on the path, or pip install 'insenv[fmu]'")
-    # else the library would name the folder that it was built in
+        raise InsenvError(f"no C compiler found: allowed is cc, gcc or clang on the path, or ziglang: {install_extra('fmu')}")
+    # without an install name the library would contain the path of its build folder
     own = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
     return Compiler(found.command, (*FLAGS, *host().further, *own))
 
 
 def _need_zig() -> None:
     if importlib.util.find_spec("ziglang") is None:
-        raise InsenvError("building for named platforms needs ziglang: pip install 'insenv[fmu]' (or --platform host)")
+        raise InsenvError(f"building for named platforms needs ziglang: {install_extra('fmu')} (or --platform host)")
 
 
 def _cross_compiler(where: Platform, identifier: str) -> Compiler:
     _need_zig()
-    # zig builds the C runtime of a target once and keeps it
+    # zig builds the C runtime of a target once and keeps it in its cache
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(cache_folder()) / "zig"))
     own = ("-install_name", f"@rpath/{identifier}.dylib") if where.ending == ".dylib" else ()
     command = (sys.executable, "-m", "ziglang", "cc")

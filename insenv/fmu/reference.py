@@ -1,25 +1,47 @@
-"""Reference signals inside an FMU: inputs, and what the model makes of them in insenv (the interpreter, no compiler)."""
+"""Reference signals inside an FMU: inputs, the outputs of insenv's interpreter for them, and the files that hold both.
+
+The folder is that of the FMI layered standard for reference files (FMI-LS-REF 1.0.0-rc.1).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.runner import make_runner
+from insenv.fmu.description import number, to_text
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable
 from insenv.plant.feeding import bridge_lost, input_rows
 
 Array = NDArray[np.float64]
-STEPS = 300  # more than a second of every scenario, so that a fix comes
+FOLDER = "extra/org.fmi-standard.fmi-ls-ref/"
+STEPS = 300  # more than one second in every scenario, so that a fix arrives
 EVERY = 10  # samples between two rows of the outputs
 
 
+def reference_files(subject: Subject, variables: Sequence[Variable], fmi: int) -> dict[str, bytes]:
+    """The files by their path in the FMU: inputs, outputs, experiments.xml and the manifest."""
+    step, has_inputs = subject.sample_interval, bool(subject.model.inputs.size)
+    inputs, outputs = signals(subject)
+    texts, roles = {}, {"experiments.xml": "experiment"}
+    if has_inputs:
+        roles["in.csv"] = "testcase"
+        texts["in.csv"] = csv([k * step for k in range(STEPS)], variables, Kind.INPUT, inputs, fmi)
+    roles["ref.csv"] = "result"
+    texts["ref.csv"] = csv([k * step for k in range(0, STEPS + 1, EVERY)], variables, Kind.OUTPUT, outputs, fmi)
+    texts["experiments.xml"] = _experiments(STEPS * step, step, has_inputs)
+    texts["fmi-ls-manifest.xml"] = _manifest(roles)
+    return {FOLDER + name: text.encode() for name, text in texts.items()}
+
+
 def signals(subject: Subject) -> tuple[Array, Array]:
-    """Inputs (STEPS, inputs.size), row k held over the k-th sample, and outputs (1 + STEPS / EVERY, outputs.size), from the
-    start on.
+    """Inputs (STEPS, inputs.size), row k held over the k-th sample, and outputs (1 + STEPS / EVERY, outputs.size).
+
+    The first row of the outputs belongs to the start.
     """
     model = subject.model
     if subject.kind == "plant":
@@ -37,8 +59,9 @@ def signals(subject: Subject) -> tuple[Array, Array]:
 
 
 def csv(times: Sequence[float], variables: Sequence[Variable], kind: Kind, values: Array, fmi: int) -> str:
-    """A table as FMPy and the rules of FMI cross-checks have it: a column an element in FMI 2, an array's elements in one
-    column, parted by blanks, in FMI 3.
+    """A table in the format of FMPy and of the FMI cross-checks.
+
+    FMI 2: one column per element.  FMI 3: one column per array, with its elements separated by blanks.
     """
     shown = [v for v in variables if v.kind is kind]
     first = min((v.place for v in variables if v.kind is kind or (kind is Kind.OUTPUT and v.kind is Kind.NONE)), default=0)
@@ -51,3 +74,33 @@ def csv(times: Sequence[float], variables: Sequence[Variable], kind: Kind, value
             cells += numbers if fmi == 2 else [" ".join(numbers)]
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
+
+
+def _manifest(files: Mapping[str, str]) -> str:
+    """fmi-ls-manifest.xml: the files and their roles."""
+    space = "http://fmi-standard.org/fmi-ls-manifest"
+    ElementTree.register_namespace("fmi-ls", space)
+    root = ElementTree.Element(
+        "fmiReferences",
+        {
+            f"{{{space}}}fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
+            f"{{{space}}}fmi-ls-version": "1.0.0-rc.1",
+            f"{{{space}}}fmi-ls-description": "Layered Standard providing information on related files included in an FMU.",
+        },
+    )
+    for source, role in files.items():
+        kind = "text/csv" if source.endswith(".csv") else "text/xml"
+        ElementTree.SubElement(root, "Related", type=kind, source=source, role=role)
+    return to_text(root)
+
+
+def _experiments(stop_time: float, step: float, has_inputs: bool) -> str:
+    """experiments.xml: the inputs and the outputs that belong to them."""
+    root = ElementTree.Element("Experiments")
+    name, text = "reference", "Outputs of the model in insenv; the outputs of the FMU are bit-identical"
+    times = {"startTime": "0", "stopTime": number(stop_time), "stepSize": number(step)}
+    experiment = ElementTree.SubElement(root, "Experiment", {"name": name, "description": text, **times})
+    if has_inputs:
+        ElementTree.SubElement(experiment, "Stimuli", source="in.csv")
+    ElementTree.SubElement(experiment, "References", source="ref.csv")
+    return to_text(root)

@@ -1,7 +1,7 @@
 """Sampled inputs and outputs of an FMU as CSV: a column ``time``, s, and one for each element of each variable.
 
-An array's elements stand in columns ``name[1]``, ``name[2]``, ... (``"name[1,1]"`` of a matrix), the same for FMI 2 and 3,
-or in one column of that name with blanks between the elements, as FMPy writes them for FMI 3.
+The elements of an array have the columns ``name[1]``, ``name[2]``, ... (of a matrix ``"name[1,1]"``, ...), the same for FMI 2
+and 3.  One column of the array's name with blanks between the elements, as FMPy writes them for FMI 3, can be read too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from insenv.errors import InputError, InsenvError
 from insenv.files.output import atomic
-from insenv.fmu.instance import Array, element_names
+from insenv.fmu.reading import Array, element_names
 from insenv.logs.readers import check_finite, read_table
 
 _ELEMENT = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]")
@@ -38,7 +38,7 @@ class Series:
         return dict(zip(self.names, self.values.T, strict=True))
 
     def named(self) -> dict[str, Array]:
-        """By variable name, arrays put together again: (rows,), (rows, n) or (rows, r, c)."""
+        """Arrays by variable name: (rows,), (rows, n) or (rows, r, c)."""
         found: dict[str, list[tuple[tuple[int, ...], Array]]] = {}
         for name, column in self.columns().items():
             match = _ELEMENT.fullmatch(name)
@@ -51,7 +51,7 @@ class Series:
 
 
 def flattened(inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """(rows,) by element name, from arrays by variable or element name: (rows,), (rows, n) or (rows, r, c)."""
+    """Columns (rows,) by element name, from arrays by variable or element name: (rows,), (rows, n) or (rows, r, c)."""
     flat: dict[str, Array] = {}
     for name, value in inputs.items():
         array = np.asarray(value, dtype=np.float64)
@@ -62,8 +62,11 @@ def flattened(inputs: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def read_csv(path: str | Path) -> Series:
-    """Read a CSV file.  Raises `InputError` that names file, line and column: unreadable, no ``time``, text, a value missing or
-    not finite."""
+    """Read a CSV file.
+
+    Raises `InputError`, with file, line and column, if it cannot be read, if ``time`` is missing, or if a value is missing,
+    not a number or not finite.
+    """
     path = Path(path)
     try:
         raw = path.read_bytes()
@@ -80,8 +83,8 @@ def read_csv(path: str | Path) -> Series:
         body = re.sub(rb"[ \t]*,[ \t]*", b",", body).replace(b" ", b",")
     repeated = {name for name in names if names.count(name) > 1}
     if repeated:
-        raise InputError(f"{path}: columns that stand there twice: {', '.join(sorted(repeated))}")
-    # quoted names may hold commas, which the table reader does not read: plain ones stand in for them
+        raise InputError(f"{path}: repeated columns: {', '.join(sorted(repeated))}")
+    # the table reader does not accept the commas of quoted names: it gets placeholders
     plain = [f"column{place + 1}" for place in range(len(names))]
     try:
         table = read_table(str(path), ",".join(plain).encode() + b"\n" + body, plain, delimiter=",", header_rows=1)
@@ -95,7 +98,7 @@ def read_csv(path: str | Path) -> Series:
 
 
 def write_csv(path: str | Path, series: Series) -> None:
-    """Write a CSV file, every number so that it reads back to the bit; under a temporary name, then renamed.
+    """Write a CSV file under a temporary name, then rename it; every number reads back to the same double.
 
     Raises `InsenvError` if it cannot be written.
     """
@@ -111,14 +114,14 @@ def write_csv(path: str | Path, series: Series) -> None:
 
 
 def uniform(time: Array, step: float, label: str) -> None:
-    """Check that the times stand `step` apart, within a tenth each and a thousandth on average.  Raises `InputError`."""
+    """Raise `InputError` unless the times are `step` apart: each within a tenth, and on average within a thousandth."""
     gaps = np.diff(time)
     if not len(gaps):
         return
     mean = float(gaps.mean())
     wrong = np.flatnonzero(np.abs(gaps - step) > 0.1 * step)
     if abs(mean - step) > 1e-3 * step and abs(float(np.median(gaps)) - step) > 1e-3 * step:
-        raise InputError(f"{label}: rows stand {np.median(gaps):.6g} s apart, steps are {step:g} s: give the step with --step")
+        raise InputError(f"{label}: rows are {np.median(gaps):.6g} s apart, steps are {step:g} s: set the step with --step")
     if wrong.size:
         k = int(wrong[0])
         raise InputError(
@@ -128,14 +131,14 @@ def uniform(time: Array, step: float, label: str) -> None:
 
 
 def chosen(names: Sequence[str], given: Mapping[str, Array]) -> tuple[dict[str, Array], list[str], list[str]]:
-    """The columns that are inputs; the names of columns that are not; the inputs that have no column.
+    """Columns that are inputs, names of the other columns, and inputs without a column.
 
-    Raises `InputError` for an array of which some elements have columns and others have none.
+    Raises `InputError` for an array of which only some elements have columns.
     """
     used = {name: given[name] for name in names if name in given}
     held = [name for name in names if name not in used]
-    begun = {name.rpartition("[")[0] for name in used} - {""}
+    partial = {name.rpartition("[")[0] for name in used} - {""}
     for name in held:
-        if name.rpartition("[")[0] in begun:
-            raise InputError(f"input {name} has no column, other elements of it have: give all or none")
+        if name.rpartition("[")[0] in partial:
+            raise InputError(f"input {name} has no column, but other elements of this array have one: give all or none")
     return used, [name for name in given if name not in used], held

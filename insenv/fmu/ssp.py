@@ -1,11 +1,11 @@
-"""A scenario's plant and an estimator on what its sensors show, as one SSP file (System Structure and Parameterization 1.0).
+"""Export a scenario's plant and an estimator, connected, as one SSP file (System Structure and Parameterization 1.0).
 
 The archive holds two FMUs (FMI 2, Co-Simulation) and SystemStructure.ssd, which connects each input of the estimator to the
-plant's output of the same name.  The estimator starts from the scenario's start knowledge and tuning, as in
+plant's output of the same name.  The estimator starts from the scenario's initial conditions and tuning, as in
 `insenv.runs.simulated`.
 
-A master steps both components from t to t + h and then hands the plant's outputs on, so that the estimator works one step h on
-the samples of the step before: its estimate at t + h is the attitude at t.
+A master steps both components from t to t + h and then passes the plant's outputs on.  Each step of the estimator therefore
+uses the samples of the step before: its estimate at t + h is the attitude at t.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from insenv import estimators
 from insenv.errors import InputError
-from insenv.fmu.archive import check_output, write_archive
-from insenv.fmu.exporter import export
-from insenv.scenario import build, load
+from insenv.estimators import Estimator, get
+from insenv.fmu.exporter import check_output, export_fmu, write_archive
+from insenv.scenario import ScenarioLike, build, load
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -30,27 +29,33 @@ _LIKE = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeratio
 
 
 def export_ssp(
-    scenario: str, estimator_id: str, output: str | Path, *, seed: int | None = None, platforms: Sequence[str] = ("host",)
+    scenario: ScenarioLike,
+    estimator: str | Estimator,
+    output: str | Path,
+    *,
+    seed: int | None = None,
+    platforms: Sequence[str] = ("host",),
 ) -> dict[str, Any]:
-    """Write the SSP file of a scenario's plant and an estimator; what a master needs to know: step_s, stop_time_s, connections.
+    """Write the SSP file of a scenario's plant and an estimator; return step_s, stop_time_s and the number of connections.
 
-    scenario: a name or a .toml file.  seed: instead of the scenario's.  platforms: as in `insenv.fmu.export`.  Raises
-    `InputError` for what is unknown or does not go together and for a file that cannot be written.
+    scenario: a name, a path, a Scenario or its values.  estimator: an id or an Estimator.  seed: replaces the scenario's.
+    platforms: as in `insenv.export_fmu`.  Raises `InputError` for an unknown name, for an estimator that the scenario does
+    not suit and for a file that cannot be written.
     """
     from fmpy import read_model_description
 
-    output, estimator = Path(output), estimators.get(estimator_id)
+    output, estimator = Path(output), get(estimator)
     check_output(output, ".ssp")
     loaded = load(scenario)
     plant = build(loaded, seed=seed)
     if plant.parameters.get("imu_drop_probability", 0.0) > 0.0:
-        raise InputError(f"scenario {loaded.name!r} loses inertial samples: the FMU of an estimator has no input that says so")
+        raise InputError(f"scenario {loaded.name!r} loses inertial samples: an estimator's FMU has no input for a lost sample")
     started = plant.parameters_of(estimator)
     started["sample_interval"] = plant.sample_interval
     with tempfile.TemporaryDirectory(prefix="insenv-ssp-") as name:
         parts = {PLANT: Path(name) / "plant.fmu", ESTIMATOR: Path(name) / "estimator.fmu"}
-        export(scenario, parts[PLANT], fmi=2, platforms=platforms, settings={"seed": float(plant.seed)})
-        export(estimator.id, parts[ESTIMATOR], fmi=2, platforms=platforms, settings=started)
+        export_fmu(loaded, parts[PLANT], fmi=2, platforms=platforms, settings={"seed": float(plant.seed)})
+        export_fmu(estimator, parts[ESTIMATOR], fmi=2, platforms=platforms, settings=started)
         read = {role: read_model_description(str(part)) for role, part in parts.items()}
         ssd = structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s)
         files = {"SystemStructure.ssd": ssd}
@@ -61,9 +66,9 @@ def export_ssp(
 
 
 def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes:
-    """SystemStructure.ssd of two components, from FMPy's reading of their model descriptions.
+    """SystemStructure.ssd of two components; plant, estimator: their model descriptions as FMPy reads them.
 
-    Raises `InputError` if no output of the plant has the name of an input of the estimator, or units differ.
+    Raises `InputError` if no output of the plant has the name of an input of the estimator, or if their units differ.
     """
     ElementTree.register_namespace("ssd", SSD)
     ElementTree.register_namespace("ssc", SSC)
@@ -82,7 +87,7 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
         root, f"{{{SSD}}}System", name="loop", description=f"{plant.modelName}; {estimator.modelName}"
     )
     elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
-    # an input that nothing is connected to has no connector: masters set what has one
+    # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
     own = [v for v in estimator.modelVariables if v.causality == "output"]
     _component(elements, ESTIMATOR, estimator, [*joined, *own], left=400.0)
@@ -123,7 +128,7 @@ def _component(elements: ElementTree.Element, name: str, description: Any, varia
 
 
 def _units(root: ElementTree.Element, variables: Sequence[Any], definitions: Sequence[Any]) -> None:
-    """The units in use, each as its component defines it."""
+    """The units in use, as the components define them."""
     defined = {unit.name: unit for unit in definitions}
     used = [name for name in dict.fromkeys(map(_unit, variables)) if name]
     if not used:

@@ -1,7 +1,7 @@
-"""What an FMU is made of: a model, the values of its parameters, its sample interval and what is said about it.
+"""The subject of an FMU: a model, the values of its parameters, its sample interval and its texts.
 
-An estimator's parameters are those that it has in a shipped scenario (`SCENARIOS`), by its kind, so that its FMU and a
-run can be compared; a plant's are its scenario's.  Settings lie on top.
+The parameters of an estimator are those that it has in a packaged scenario (`SCENARIOS`) of its kind, so that its FMU and a
+run can be compared.  The parameters of a plant are those of its scenario.  Settings replace single values.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
 from insenv.estimators import Estimator, registered
-from insenv.scenario import Plant, Scenario, build, load, names, tuning
+from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names, tuning
 
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
-"""The scenario that an estimator's start values come from, by its kind."""
+"""Scenario from which the start values of an estimator come, by its kind."""
 EVENTS = ("gnss_valid", "smoothed")
-"""Inputs that say that something came with one sample: in a step of several samples it comes with the last."""
+"""Flags of an event that belongs to one sample; in a step of several samples it belongs to the last."""
 _FASTEST, _SLOWEST = 1e4, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is exported.
+    """An estimator or a plant to export.
 
-    id: as asked for.  kind: "estimator" or "plant".  model: its equations.  parameters: flat, SI.
-    sample_interval: s.  stop_time: of the default experiment, s.  plant: whose samples the reference signals are.
-    values_from: one sentence: where the start values come from.
+    id: its id or the scenario's name.  kind: "estimator" or "plant".  model: its equations.  parameters: flat, SI.
+    sample_interval: s.  stop_time: of the default experiment, s.  plant: source of the samples of the reference signals.
+    values_from: a sentence that says where the start values come from.
     """
 
     id: str
@@ -43,31 +43,36 @@ class Subject:
     stop_time: float
     plant: Plant
     values_from: str
+    smooths: str = ""
 
     @property
     def identifier(self) -> str:
-        """A name that C allows."""
+        """The id as a C identifier."""
         name = re.sub(r"\W", "_", self.id)
         return name if name[0].isalpha() else f"model_{name}"
 
     @property
     def title(self) -> str:
-        """One line that says what it is."""
+        """A title in one line."""
         if self.kind == "plant":
             return f"{self.model.title}: {self.plant.scenario.title}"
-        smoothed = registered()[self.id].smooths
+        smoothed = self.smooths
         forward = f" (here the forward pass: the estimates of {smoothed}, and what the backward pass needs)" if smoothed else ""
         return self.model.title + forward
 
 
-def subject(model_id_or_scenario: str, settings: Mapping[str, object]) -> Subject:
-    """The estimator or the plant of that name.  Raises `InputError` for an unknown one and for wrong settings."""
-    if model_id_or_scenario in registered():
-        return _estimator(registered()[model_id_or_scenario], settings)
-    if not model_id_or_scenario.endswith(".toml") and model_id_or_scenario not in names():
-        known = [*registered(), *names()]
-        raise InputError(f"no estimator or scenario {model_id_or_scenario!r}{nearest(model_id_or_scenario, known)}")
-    return _plant(load(model_id_or_scenario), settings)
+def subject(what: Estimator | ScenarioLike, settings: Mapping[str, object]) -> Subject:
+    """The estimator or the plant of a scenario that `what` names, or is.
+
+    Raises `InputError` for an unknown name and for wrong settings.
+    """
+    if isinstance(what, Estimator):
+        return _estimator(what, settings)
+    if isinstance(what, str) and what in registered():
+        return _estimator(registered()[what], settings)
+    if isinstance(what, str) and not what.endswith(".toml") and what not in names():
+        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registered(), *names()])}")
+    return _plant(load(what), settings)
 
 
 def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
@@ -89,18 +94,19 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
         plant=plant,
         values_from=f"The start values of the parameters are those that {estimator.id} has in the scenario {name}"
         + (f", with {', '.join(settings)} as set at the export." if settings else "."),
+        smooths=estimator.smooths,
     )
 
 
 def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:
-    """Rows, SI, from settings by a row's name or by name and data-sheet unit.  Raises `InputError`."""
+    """Rows, in SI units, from settings by row name or by name and data-sheet unit.  Raises `InputError`."""
     table = estimator.model.parameters
     rows = {name: value for name, value in settings.items() if name in table}
     for name, value in settings.items():
         if name in table:
             continue
         try:
-            converted = tuning(estimator.id, {name: value})
+            converted = tuning(estimator, {name: value})
         except InputError as error:
             if "unknown key" not in str(error):
                 raise
@@ -142,7 +148,7 @@ def _at_rate(scenario: Scenario, rate_hz: float) -> Scenario:
     changed = scenario.model_copy(update={"rate_hz": rate_hz})
     try:
         build(changed)
-    except InputError:  # its fixes or its motion do not go with this rate: the reference signals keep the scenario's own
+    except InputError:  # its fixes or motion do not allow this rate: the reference signals keep the scenario's
         return scenario
     return changed
 

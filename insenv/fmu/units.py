@@ -1,6 +1,6 @@
-"""Units of an FMU's variables: base exponents with the radian, display units, declared types.
+"""Units of an FMU's variables: base exponents (radian included), display units, declared types.
 
-FMI writes a unit as whole powers of the base units; one with a half power (rad/s^0.5) or of several quantities has a name only.
+FMI writes a unit as integer powers of the base units.  A unit with a half power (rad/s^0.5) has a name only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _MICRO_G = 1e-6 * STANDARD_GRAVITY
 
 @dataclass(frozen=True)
 class DisplayUnit:
-    """A unit that people read: ``shown = factor * SI + offset``."""
+    """A display unit: ``shown = factor * SI + offset``."""
 
     name: str
     factor: float
@@ -24,8 +24,9 @@ class DisplayUnit:
 
 @dataclass(frozen=True)
 class Unit:
-    """name: as the tables write it.  exponents: of base units by FMI's names, None where they are no whole numbers.
-    displays: the units it may be shown in.
+    """A unit of the tables.
+
+    name: as in FMUs.  exponents: of the base units, by FMI's names; None if not all are integers.  displays: display units.
     """
 
     name: str
@@ -35,7 +36,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A declared type without its bounds: name of the type, physical quantity, unit, the unit shown, a usual size."""
+    """A declared type without its bounds: type name, physical quantity, unit, display unit, nominal value."""
 
     name: str
     quantity: str
@@ -70,7 +71,7 @@ UNITS = {
         Unit("m/s^2/sqrt(s)", None, (DisplayUnit("ug/sqrt(h)", HOUR**0.5 / _MICRO_G),)),
     )
 }
-"""Every unit of the tables, by the name that an FMU gives it."""
+"""Every unit of the tables, by its name in FMUs."""
 
 _SAME = {"rad/sqrt(s)": "rad/s^0.5", "m/s/sqrt(s)": "m/s^1.5"}
 _SMALL = ("bias", "sigma", "drift", "instability")
@@ -95,14 +96,14 @@ _FLAG = Quantity("Flag", "Dimensionless", "1")
 
 
 def parts(row: Row) -> tuple[str, ...]:
-    """The units of equal parts of a row: one, or several of a row such as an innovation in m, then in m/s; none if mixed."""
+    """The units of the equal parts of a row: one, several (an innovation in m, then m/s), or none if the row is mixed."""
     if row.unit == "SI":
         return ()
     return tuple(_SAME.get(unit, unit) for unit in row.unit.split(", "))
 
 
 def quantity(row: Row, unit: str) -> Quantity:
-    """The declared type of a row's elements in `unit`; the errors of sensors are shown in the units of data sheets."""
+    """The declared type of a row's elements in `unit`; sensor errors are displayed in data-sheet units."""
     if unit == "1" and not row.shape and (row.lower, row.upper) == (0, 1):
         return _FLAG
     if any(word in row.name for word in _SMALL):

@@ -1,18 +1,18 @@
-"""The variables of an FMU: the rows of the model's tables in one order, which is also that of the C side's one array."""
+"""The variables of an FMU: the rows of the model's tables, in the order of the array of variables in C."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
 from insenv.core.tables import Row, Vector
+from insenv.fmu.reading import element_names
 from insenv.fmu.subject import Subject
 
 PREFIX = "parameters."
-"""Parameters are named apart: one such as `velocity_sigma` may be an output too."""
+"""Prefix of parameters, because an output may have the same name (`velocity_sigma`)."""
 _AXES = {
     "n": ("north", "east", "down"),
     "b": ("forward", "right", "down"),
@@ -29,14 +29,14 @@ _FRAMES = {
 
 
 class Kind(IntEnum):
-    """What a variable is: the C side's numbers (fmu/c/instance.h)."""
+    """Kinds of variables, with the numbers of fmu/c/instance.h."""
 
     NONE, TIME, CONSTANT, PARAMETER, INPUT, OUTPUT = range(6)
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A row as a variable.  name: in the FMU.  number: among the rows.  place: of its first element.  start: flat, or None."""
+    """A row as a variable.  name: in the FMU.  number: of the row.  place: of its first element.  start: flat, or None."""
 
     row: Row
     name: str
@@ -47,21 +47,18 @@ class Variable:
 
     @property
     def elements(self) -> list[str]:
-        """The names of its elements, by rows, counted from 1 as FMI does; its own name if it is a scalar."""
-        if not self.row.shape:
-            return [self.name]
-        places = itertools.product(*(range(1, n + 1) for n in self.row.shape))
-        return [f"{self.name}[{','.join(map(str, place))}]" for place in places]
+        """The names of its elements, by rows and counted from 1 as in FMI; its own name if it is a scalar."""
+        return list(element_names(self.name, self.row.shape))
 
     @property
     def description(self) -> str:
-        """The meaning and the frame."""
+        """Meaning and frame."""
         frame = _FRAMES.get(self.row.frame, self.row.frame)
         components = "scalar first" if self._is_quaternion else frame
         return self.row.meaning + (f" ({components})" if components and self.row.shape else "")
 
     def element_description(self, element: int) -> str:
-        """The same of one element, with its axis."""
+        """Meaning and axis of one element."""
         axes = ("w", "x", "y", "z") if self._is_quaternion else _AXES.get(self.row.frame.split(" ")[0], ())
         if not self.row.shape:
             return self.row.meaning
@@ -75,7 +72,7 @@ class Variable:
 
 
 def variables(subject: Subject) -> list[Variable]:
-    """All rows in order: time, the sample interval, parameters, inputs, outputs; those of kind NONE are not shown."""
+    """All rows in order: time, sample interval, parameters, inputs, outputs; rows of kind NONE are not variables of the FMU."""
     model = subject.model
     found: list[tuple[Row, str, Kind, Vector | None]] = [(Row("time", "Time", "s"), "time", Kind.TIME, None)]
     if "sample_interval" not in model.parameters:
@@ -91,7 +88,7 @@ def variables(subject: Subject) -> list[Variable]:
         held = np.array([subject.sample_interval]) if row.name == "dt" else row.flat_start()
         found.append((row, row.name, Kind.INPUT, held))
     for row in model.outputs:
-        kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # the importer's own time says it
+        kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # FMI has its own variable for the time
         found.append((row, row.name, kind, None))
 
     result, place = [], 0

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from insenv.errors import InputError, InsenvError
 from insenv.estimators.lssvm import SUPPORT
 from insenv.estimators.lssvm_file import TrainedMachine
+from insenv.installing import install_extra
 from insenv.scenario import Scenario, load
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def need_packages() -> None:
 
     missing = [name for module, name in (("sklearn", "scikit-learn"), ("pywt", "PyWavelets")) if find_spec(module) is None]
     if missing:
-        raise InsenvError(f"training needs {' and '.join(missing)}: pip install 'insenv[ml]' gives them")
+        raise InsenvError(f"training needs {' and '.join(missing)}: {install_extra('ml')}")
 
 
 def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable[[int, int], None] | None) -> tuple[Any, Array]:

@@ -10,12 +10,11 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from insenv.errors import InputError
+from insenv.installing import install_package
 
 PACKAGE = "package:"
 MAX_BYTES = 4 * 1024**3
 """Largest unpacked file accepted [bytes]."""
-
-_EXTRAS = {"onavdata": "insenv[test]"}
 
 
 def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
@@ -51,11 +50,8 @@ def _from_package(file: str) -> bytes:
     try:
         root = importlib.resources.files(name)
     except ModuleNotFoundError:
-        wanted = _EXTRAS.get(name, name)
-        raise InputError(
-            f"{file}: the Python package {name!r} is not installed; install it with: pip install '{wanted}'"
-        ) from None
-    except Exception as error:  # the import of a package can raise any exception
+        raise InputError(f"{file}: the Python package {name!r} is not installed: {install_package(name)}") from None
+    except Exception as error:  # a package whose own import fails: any exception can come out of it
         raise InputError(f"{file}: the Python package {name!r} cannot be imported: {error}") from None
     node = root.joinpath(*parts)
     try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
-from insenv.report.files import NO_MATPLOTLIB, FilesWritten, OutputFolder
+from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
 from insenv.report.scales import set_scale
 from insenv.report.tables import _table, label, number
@@ -119,7 +119,7 @@ def campaign_frame(found: Summary) -> DataFrame:
 
 def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg."""
-    note = NO_MATPLOTLIB if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
     names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
     paths = tuple(folder.path / name for name in names)

@@ -21,6 +21,7 @@ from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Result
 from insenv.files.output import staged
+from insenv.installing import install_extra
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable, save
 
@@ -29,10 +30,14 @@ if TYPE_CHECKING:
 
 FORMAT = "insenv-results"
 VERSION = 1
-NO_MATPLOTLIB = "no figure: matplotlib is not installed; pip install 'insenv[plot]' gives it"
 NOTHING_TO_DRAW = "no figure: there is neither a reference to compare with nor a track"
 _TRUTH = ("time", "q_nb", "velocity_n", "latitude", "longitude", "height")
 _UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
+
+
+def no_matplotlib() -> str:
+    """The note of results without a figure."""
+    return f"no figure: matplotlib is not installed: {install_extra('plot')}"
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,7 @@ def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> Fi
     name = file_name(report.scenario)
     note = ""
     if figure:
-        note = NOTHING_TO_DRAW if not drawable(report) else NO_MATPLOTLIB if not find_spec("matplotlib") else ""
+        note = NOTHING_TO_DRAW if not drawable(report) else no_matplotlib() if not find_spec("matplotlib") else ""
     drawn = figure and not note
     names = [f"{name}.npz", f"{name}.json", *((f"{name}.png", f"{name}.svg") if drawn else ())]
     paths = tuple(folder.path / n for n in names)

@@ -9,7 +9,7 @@ import numpy as np
 
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError, nearest
-from insenv.estimators import registry
+from insenv.estimators import Estimator, get
 from insenv.files.toml import shown
 from insenv.sensors import units
 
@@ -38,19 +38,19 @@ FILE = "file"
 _TOLD = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
 
 
-def tuning(estimator_id: str, table: Mapping[str, Any]) -> dict[str, Any]:
+def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, Any]:
     """Parameter rows, SI, of the estimator from `table`, such as ``{"arw_deg_sqrt_h": 0.3, "innovation_gate": 5}``.
 
     A key is the row's name (or `_SHORT`) and the unit of its value, or `file`, where the estimator takes one.  Raises
     `InputError` for an unknown estimator or key, a value that is no number or list of the row's shape, one out of its
     bounds, or a file that cannot be read.
     """
-    estimator = registry.get(estimator_id)
+    estimator = get(estimator)
     parameters = estimator.model.parameters
     known = _keys(parameters)
     rows: dict[str, Any] = {}
     for key, value in table.items():
-        where = f"estimator.{estimator_id!r}.{key}"
+        where = f"estimator.{estimator.id!r}.{key}"
         if key == FILE and estimator.read_file is not None:
             rows |= _from_file(where, estimator.read_file, value)
             continue

@@ -1,4 +1,4 @@
-"""Benchmarks: the names are there and each figure has its floor; no time is asserted."""
+"""Benchmarks: names, and a floor beside each figure; no test asserts a time."""
 
 import pytest
 

@@ -305,7 +305,7 @@ def test_ctrl_c_says_what_is_kept(monkeypatch, tmp_path):
     monkeypatch.setattr("insenv.campaigns.run_campaign", interrupted)
     arguments = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1")
     assert call(*arguments)[0] == 130 and "nothing written" in call(*arguments)[2]
-    assert "--resume goes on" in call(*arguments, "--out", tmp_path)[2]
+    assert "--resume continues" in call(*arguments, "--out", tmp_path)[2]
 
 
 def test_the_noise_limit_follows_what_is_varied():

@@ -1,4 +1,4 @@
-"""The command line: what it prints and writes, its exit statuses, work that fails or is interrupted."""
+"""The command line: output, files, exit statuses, failed and interrupted work."""
 
 import os
 import re
@@ -18,17 +18,17 @@ from insenv.cli import kept_interruptions, main
 from insenv.evaluation.errors import ATTITUDE
 from insenv.runs.simulated import run
 
-# as installed, but deaf to a parent that ignores Ctrl-C, as background jobs of a shell do
+# as installed, but with Ctrl-C enabled even if the parent ignores it, as shells do for background jobs
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
 
 
 def start(*arguments, program=PROGRAM, **options):
-    """A process of its own."""
+    """Start the command line in a process of its own."""
     command = [sys.executable, "-c", program, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
 
-# --- what it does ------------------------------------------------------------------------------------
+# --- commands ----------------------------------------------------------------------------------------
 
 
 def test_list():
@@ -114,7 +114,7 @@ def test_replay(tmp_path):
     assert found["seed"] is None and found["results"][0]["rms"] == {}
 
 
-def test_unwritable_folder_is_told_before_the_work(tmp_path, monkeypatch):
+def test_unwritable_folder_is_reported_before_the_work(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr("insenv.runs.simulated.run", lambda *_, **__: pytest.fail("the work was begun"))
     refused(call(*SHORT, "--out", tmp_path / "file" / "out"), "file/out", "is not a folder")
@@ -151,7 +151,7 @@ def test_faults_become_one_line(monkeypatch, fault, status, word):
     assert strict(call(*SHORT, "--json")[1])["error"]["message"] in err
 
 
-def test_debug_shows_where(monkeypatch):
+def test_debug_shows_the_traceback(monkeypatch):
     def fail(*_, **__):
         raise ZeroDivisionError
 
@@ -202,7 +202,7 @@ def test_ctrl_c_in_a_long_run_leaves_nothing(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_ctrl_c_that_casadi_would_forget_is_raised_behind_it():
+def test_ctrl_c_that_casadi_would_discard_is_raised_after_it():
     scope = {}
     exec(compile("def converted(act):\n try: act()\n except BaseException: pass", "casadi/casadi.py", "exec"), scope)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -215,11 +215,11 @@ def test_ctrl_c_that_casadi_would_forget_is_raised_behind_it():
         signal.signal(signal.SIGINT, before)
 
 
-def test_ctrl_c_while_the_call_is_parsed_is_told_too(monkeypatch):
+def test_ctrl_c_while_the_call_is_parsed_is_reported(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("insenv.cli.app.partial", interrupted)
+    monkeypatch.setattr("insenv.cli.options.partial", interrupted)
     assert call("list") == (130, "", "insenv: interrupted, nothing written\n")
 
 
@@ -231,7 +231,7 @@ def test_full_disk_on_stdout():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
-def test_a_reader_that_leaves_is_no_fault():
+def test_a_closed_pipe_is_not_an_error():
     process = start("schema")
     process.stdout.close()
     assert (process.stderr.read(), process.wait(30)) == ("", 141)

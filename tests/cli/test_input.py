@@ -6,7 +6,7 @@ from command_line import ROOT, call, log_file, refused
 
 @pytest.fixture
 def scenario_file(tmp_path):
-    """Write ship-swaying with one text replaced; give the path."""
+    """Write ship-swaying with one text replaced; return the path."""
 
     def write(old="", new=""):
         text = (ROOT / "scenarios" / "ship-swaying.toml").read_text("utf-8")
@@ -66,7 +66,7 @@ def test_wrong_scenarios(scenario_file, old, new, words):
 
 
 def row(text, number, new):
-    """The text with line `number` (0: the header) changed by the function `new`."""
+    """Change line `number` of a text (0: the header) with the function `new`."""
     lines = text.splitlines(keepends=True)
     return "".join([*lines[:number], new(lines[number]), *lines[number + 1 :]])
 

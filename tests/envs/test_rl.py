@@ -9,8 +9,8 @@ import pytest
 from places import ROOT
 
 if not os.environ.get("INSENV_TEST_RL"):
-    pytest.skip("training takes minutes: make test-rl runs it", allow_module_level=True)
-pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed: pip install insenv[rl]")
+    pytest.skip("it trains for minutes: make test-rl runs it", allow_module_level=True)
+pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed: pip install -e '.[rl]'")
 
 
 def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):

@@ -1,4 +1,4 @@
-"""What an exported FMU does in an importer: FMPy's low-level instances, simulate_fmu and compile."""
+"""Behaviour of exported FMUs in an importer: FMPy's low-level instances, simulate_fmu and compile."""
 
 import contextlib
 import io
@@ -26,7 +26,7 @@ IDS = ("qakf-improved", "loosely-coupled", "ship-swaying")
 
 
 class Slave:
-    """An instance of either version, its values in the tables' flat order, its messages kept."""
+    """An instance of either version, with values in the flat order of the tables and a list of its messages."""
 
     def __init__(self, id, fmi, folder=None, start=True, stop_time=None):
         self.what, self.fmi, self.said = subject(id, {}), fmi, []
@@ -49,7 +49,7 @@ class Slave:
         if fmi == 2:
             callbacks = fmi2.fmi2CallbackFunctions()
             callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda e, name, *message: self.said.append(message))
-            addLoggerProxy(byref(callbacks))  # puts the values into the message
+            addLoggerProxy(byref(callbacks))  # formats the message
             self.fmu = fmi2.FMU2Slave(**shared)
             self.fmu.instantiate(callbacks=callbacks)
         else:
@@ -82,7 +82,7 @@ class Slave:
         return self.what.sample_interval
 
     def run(self, rows, first=0, n=1):
-        """Steps of n samples, a row of inputs each; the outputs after each."""
+        """Make steps of n samples with a row of inputs each; return the outputs after each."""
         found = np.empty((len(rows), self.sizes["output"]))
         for k, row in enumerate(rows):
             if row.size:
@@ -92,7 +92,7 @@ class Slave:
         return found
 
     def refused(self, call, *words):
-        """The call ends with an error status, and one message that has all words."""
+        """Check that the call ends with an error status and one message that contains all words."""
         self.said.clear()
         with pytest.raises(FMICallException) as raised:
             call()
@@ -113,7 +113,7 @@ class Slave:
 
 @pytest.fixture
 def slave():
-    """Makes instances, freed at the end."""
+    """Create instances that are freed at the end."""
     with contextlib.ExitStack() as stack:
 
         def make(*arguments, **named):
@@ -125,7 +125,7 @@ def slave():
 
 
 def rows_for(id, count):
-    """Inputs of the reference signals, again and again."""
+    """Inputs of the reference signals, repeated."""
     from insenv.fmu.reference import signals
 
     what = subject(id, {})
@@ -142,7 +142,7 @@ def expected(id, rows, shown):
 
 @pytest.mark.parametrize("fmi", (2, 3))
 @pytest.mark.parametrize("id", IDS)
-def test_outputs_are_those_of_the_model_to_the_bit(slave, id, fmi):
+def test_outputs_are_bit_identical_to_those_of_the_model(slave, id, fmi):
     count = 60_000 if (id, fmi) in (("qakf-improved", 2), ("ship-swaying", 3)) else 2_000
     rows, one = rows_for(id, count), slave(id, fmi)
     start = make_runner(one.what.model, one.what.parameters).output()[one.shown]
@@ -154,7 +154,7 @@ def test_outputs_are_those_of_the_model_to_the_bit(slave, id, fmi):
 def test_simulate_fmu_gives_the_same_and_the_reference_signals(id, fmi):
     folder = unzipped(id, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref"
     inputs = fmpy.read_csv(str(folder / "in.csv"))
-    if fmi == 3:  # FMPy takes inputs of one shape only; dt is left at its start value, the sample interval
+    if fmi == 3:  # FMPy accepts inputs of one shape only; dt keeps its start value, the sample interval
         assert (inputs["dt"] == 0.005).all()
         inputs = inputs[["time", "delta_angle", "delta_velocity"]]
     found = fmpy.simulate_fmu(str(exported(id, fmi)), input=inputs, output_interval=0.005, stop_time=1.5, validate=False)
@@ -163,10 +163,10 @@ def test_simulate_fmu_gives_the_same_and_the_reference_signals(id, fmi):
     for name in reference.dtype.names[1:]:
         np.testing.assert_array_equal(found[name][::10], reference[name], err_msg=name)
     np.testing.assert_allclose(found["time"][::10], reference["time"], rtol=1e-12)
-    assert id != "loosely-coupled" or inputs["gnss_valid"].sum() == 1  # a fix came
+    assert id != "loosely-coupled" or inputs["gnss_valid"].sum() == 1  # a fix arrived
 
 
-def test_simulate_fmu_is_told_why_an_interval_cannot_be():
+def test_simulate_fmu_gets_the_reason_for_a_refused_interval():
     path = str(exported("qakf-improved", 2))
     said = []
     with pytest.raises(FMICallException):
@@ -180,7 +180,7 @@ def test_a_step_of_several_samples_holds_the_inputs(slave, fmi):
     held = np.repeat(rows[::10], 10, axis=0)
     flag = one.what.model.inputs.slice("gnss_valid").start
     coming = rows[::10].copy()
-    coming[5, flag] = 1.0  # a fix in the sixth step is taken with the last sample of it
+    coming[5, flag] = 1.0  # a fix in the sixth step applies to the last sample of the step
     held[:, flag] = 0.0
     held[59, flag] = 1.0
     rows_of_steps = coming
@@ -189,7 +189,7 @@ def test_a_step_of_several_samples_holds_the_inputs(slave, fmi):
 
 @pytest.mark.parametrize("fmi", (2, 3))
 @pytest.mark.parametrize("id", IDS)
-def test_a_restored_state_continues_to_the_bit(slave, id, fmi):
+def test_a_run_from_a_restored_state_is_bit_identical(slave, id, fmi):
     rows, one = rows_for(id, 400), slave(id, fmi)
     one.run(rows[:250])
     state = one.state()
@@ -249,14 +249,14 @@ def test_two_instances_interleaved_and_a_reset(slave, fmi):
 
 
 @pytest.mark.parametrize("fmi", (2, 3))
-def test_steps_that_are_no_whole_number_of_samples_are_refused(slave, fmi):
+def test_steps_that_are_not_a_whole_number_of_samples_are_refused(slave, fmi):
     rows, one = rows_for("qakf-improved", 20), slave("qakf-improved", fmi, stop_time=0.2)
     for step in (0.0, -0.005, 0.0049, 0.0075, float("nan"), float("inf"), 1e300):
         one.refused(lambda step=step: one.fmu.doStep(0.0, step), "communication step is", "sample interval")
     for point in (0.005, -1.0, float("nan")):
         one.refused(lambda point=point: one.fmu.doStep(point, 0.005), "communication point is", "the instance stands at 0 s")
     one.refused(lambda: one.fmu.doStep(0.0, 0.205), "passes the stop time, 0.2 s")
-    # nothing was changed by what was refused; times that carry rounding are taken
+    # the refused calls have changed nothing; times with rounding errors are accepted
     np.testing.assert_array_equal(one.run(rows), expected("qakf-improved", rows, one.shown))
     one.fmu.doStep(0.1 + 1e-13, 0.1 + 0.005 - 0.1)
 
@@ -280,7 +280,7 @@ def test_values_that_are_not_allowed_are_refused(slave, fmi):
         one.refused(lambda row=row: one.set(one.references["input"], row), "delta_angle", "allowed is a finite number")
     one.set([one.names["dt"]], [0.0])
     one.refused(lambda: one.step(0), "dt = 0 s: allowed is a finite number from 1e-06 to 10")
-    # what belongs to a fix is looked at only with a fix
+    # the inputs of a fix are checked only if there is a fix
     one.set(one.references["input"], rows[0].tolist())
     one.set([one.names["gnss_latitude"], one.names["gnss_height"]], [9.0, 1e9])
     one.step(0)
@@ -290,7 +290,7 @@ def test_values_that_are_not_allowed_are_refused(slave, fmi):
     one.refused(lambda: one.step(1), "not allowed in this state (terminated)")
 
 
-def test_an_instance_that_diverged_says_so_and_is_reset(slave):
+def test_an_instance_that_diverges_reports_it_and_can_be_reset(slave):
     rows, one = rows_for("wander-sins", 20), slave("wander-sins", 2)
     row = rows[0].copy()
     row[:6] = 1e3, 1e3, 1e3, 1e5, 1e5, 1e5
@@ -316,7 +316,7 @@ def test_parameters_set_before_the_start_are_those_of_the_model(slave):
     np.testing.assert_array_equal(one.run(np.zeros((50, 0))), wanted)
 
 
-def test_debug_logging_tells_the_states(slave):
+def test_debug_logging_reports_the_states(slave):
     one = slave("qakf-improved", 3)
     assert one.said == []
     one.fmu.setDebugLogging(True, ["logEvents"])

@@ -1,4 +1,4 @@
-"""The figures of FMUs are measured, each with its floor; no time is asserted."""
+"""The figures of FMUs are measured beside their floors; no test asserts a time."""
 
 import math
 from importlib.util import find_spec
@@ -20,7 +20,7 @@ def short(monkeypatch):
 
 
 @pytest.mark.parametrize("measure", [fmu.c_host, fmu.fmpy, fmu.pythonfmu, fmu.export_time])
-def test_a_figure_stands_beside_its_floor(measure):
+def test_a_figure_has_a_floor(measure):
     found = measure()
     assert found.name.startswith("fmu.")
     assert found.floor > 0

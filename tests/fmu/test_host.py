@@ -1,4 +1,4 @@
-"""FMUs without Python: a C host, wrong calls under sanitizers, other processors and systems, what the binaries export."""
+"""FMUs without Python: a C host, wrong calls under sanitizers, other platforms, exported functions of the binaries."""
 
 import os
 import shlex
@@ -36,7 +36,7 @@ SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno
 
 
 def input_csv(columns: dict[str, np.ndarray] | None, count: int, name: str) -> Path:
-    """Inputs at times k INTERVAL; the time alone if there are none."""
+    """Inputs at times k INTERVAL; only the time if there are none."""
     flat = flattened(columns or {})
     values = np.array(list(flat.values())).T if flat else np.zeros((count, 0))
     write_csv(scratch() / name, Series(INTERVAL * np.arange(count), tuple(flat), values))
@@ -44,7 +44,7 @@ def input_csv(columns: dict[str, np.ndarray] | None, count: int, name: str) -> P
 
 
 def hosted(folder: Path, table: Path, *, runner: tuple[str, ...] = (), host: Path | None = None, runs: int = 1) -> Series:
-    """What the C host writes."""
+    """The output of the C host."""
     output = table.with_suffix(f".{folder.name}.out.csv")
     command = [*runner, str(host or host_binary()), str(folder), str(table), repr(INTERVAL), str(output), str(runs)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
@@ -54,7 +54,7 @@ def hosted(folder: Path, table: Path, *, runner: tuple[str, ...] = (), host: Pat
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("id", ["qakf-improved", "loosely-coupled"])
-def test_the_host_gives_the_result_of_the_model_to_the_bit(id, fmi):
+def test_the_result_of_the_host_is_bit_identical_to_the_model(id, fmi):
     columns = columns_for(id, SAMPLES)
     found = hosted(unzipped(id, fmi), input_csv(columns, SAMPLES, f"{id}.csv"))
     np.testing.assert_array_equal(found.values, in_process(id, columns))
@@ -74,7 +74,7 @@ def test_a_run_after_a_reset_is_the_same():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the line is for Linux and macOS")
-def test_the_line_on_the_page_compiles_the_host(tmp_path):
+def test_the_documented_command_compiles_the_host(tmp_path):
     page = ROOT / "docs" / "fmu.md"
     (line,) = [line for line in page.read_text("utf-8").splitlines() if line.startswith("$ cc ")]
     words = shlex.split(line.removeprefix("$ ").replace("fmu/examples/", f"{fmu_folder()}/examples/"))
@@ -84,7 +84,7 @@ def test_the_line_on_the_page_compiles_the_host(tmp_path):
     np.testing.assert_array_equal(found.values, in_process("qakf-improved", columns))
 
 
-def test_the_host_tells_what_the_fmu_refuses():
+def test_the_host_prints_the_reason_for_a_refused_call():
     columns = columns_for("qakf-improved", 10)
     table = input_csv(columns, 10, "refused.csv")
     command = [str(host_binary()), str(unzipped("qakf-improved")), str(table), "0.0075", str(scratch() / "none.csv")]
@@ -95,7 +95,7 @@ def test_the_host_tells_what_the_fmu_refuses():
 
 
 def sanitized(folder: Path, fmi: int) -> Path:
-    """misuse.c and the FMU's sources, compiled with the sanitizers; skips where there are none."""
+    """misuse.c and the sources of the FMU, compiled with the sanitizers; skips if there are none."""
     compiler, probe = c_compiler(), scratch() / "probe.c"
     probe.write_text("int main(void) { return 0; }\n")
     tried = subprocess.run(
@@ -114,7 +114,7 @@ def sanitized(folder: Path, fmi: int) -> Path:
 
 
 def check_misuse(id: str, fmi: int) -> None:
-    """Every wrong call is refused with a reason and changes nothing; no sanitizer has anything to say."""
+    """Check that every wrong call is refused with a reason and changes nothing, and that no sanitizer reports an error."""
     folder = unzipped(id, fmi)
     interval = build(load(id)).sample_interval if id in names() else INTERVAL
     command = [str(sanitized(folder, fmi)), str(folder / "modelDescription.xml"), repr(interval)]
@@ -148,9 +148,9 @@ def test_every_estimator_in_the_host_over_60000_steps(id, fmi):
 
 
 def zig_host(target: str, name: str, *libraries: str) -> Path:
-    """The host for another system, by zig's compiler."""
+    """The host for another platform, compiled by zig."""
     if find_spec("ziglang") is None:
-        pytest.skip("ziglang is not installed: pip install 'insenv[fmu]'")
+        pytest.skip("ziglang is not installed: pip install -e '.[fmu]'")
     binary = scratch() / name
     source = fmu_folder() / "examples" / "host.c"
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-std=c99", "-O2", str(source), "-o", str(binary)]
@@ -161,7 +161,7 @@ def zig_host(target: str, name: str, *libraries: str) -> Path:
 @thorough
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("id", ["qakf-improved", "loosely-coupled"])
-def test_aarch64_linux_gives_the_same_to_the_bit(id, fmi):
+def test_aarch64_linux_is_bit_identical(id, fmi):
     qemu, root = shutil.which("qemu-aarch64"), Path("/usr/aarch64-linux-gnu")
     if qemu is None or not (root / "lib" / "ld-linux-aarch64.so.1").exists():
         pytest.skip("qemu-aarch64 and a C library for it are not here (Debian: qemu-user, libc6-arm64-cross)")
@@ -174,7 +174,7 @@ def test_aarch64_linux_gives_the_same_to_the_bit(id, fmi):
 @thorough
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("id", ["qakf-improved", "loosely-coupled"])
-def test_windows_under_wine_gives_the_same_to_the_bit(id, fmi, monkeypatch):
+def test_windows_under_wine_is_bit_identical(id, fmi, monkeypatch):
     places = ("wine64", "wine", "/usr/lib/wine/wine64")
     wine = next(filter(None, map(shutil.which, places)), None)
     if wine is None:
@@ -188,7 +188,7 @@ def test_windows_under_wine_gives_the_same_to_the_bit(id, fmi, monkeypatch):
 
 
 def standard_functions(fmi: int) -> set[str]:
-    """Names of the functions that the standard's header declares."""
+    """Names of the functions that the header of the standard declares."""
     header = (fmu_folder() / "headers" / f"fmi{fmi}Functions.h").read_text()
     declared = {line.split()[-1].rstrip(";") for line in header.splitlines() if line.lstrip().startswith(f"FMI{fmi}_Export ")}
     return declared
@@ -204,7 +204,7 @@ PLACES = {
         "aarch64-darwin": "arm64",
     },
 }
-NEEDED = {  # what each system brings with it
+NEEDED = {  # the libraries that each system contains
     "so": {"libc.so.6", "libm.so.6"},
     "dylib": {"/usr/lib/libSystem.B.dylib"},
     "dll": {"KERNEL32.dll", "msvcrt.dll"},
@@ -212,7 +212,7 @@ NEEDED = {  # what each system brings with it
 
 
 def check_binary(path: Path, processors: set[str], fmi: int) -> None:
-    """For which processors it is, that every function of the standard and no other symbol comes out, and what it needs."""
+    """Check processor, exported symbols (all functions of the standard and nothing else) and required libraries."""
     parts = binaries.read(path)
     assert {part.processor for part in parts} == processors
     for part in parts:
@@ -232,7 +232,7 @@ def test_the_binary_here_exports_the_standard_and_nothing_else(fmi):
 
 
 @thorough
-@pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed: pip install 'insenv[fmu]'")
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed: pip install -e '.[fmu]'")
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_binaries_of_all_platforms_are_what_their_folders_say(fmi):
     folder = unzipped("qakf-improved", fmi, ("all",)) / "binaries"

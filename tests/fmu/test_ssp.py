@@ -1,5 +1,7 @@
-"""The SSP file of a plant and an estimator: it validates, FMPy's master runs it, and the estimate is that of `insenv run` but
-for the delay of one step that a master brings."""
+"""The SSP file of a plant and an estimator: it validates, and FMPy's master runs it.
+
+The estimate is that of `insenv run` except for the master's delay of one step.
+"""
 
 import zipfile
 
@@ -22,7 +24,7 @@ INCREMENTS = ("delta_angle", "delta_velocity")
 
 @pytest.fixture(scope="module")
 def loop():
-    """The file, made by the command."""
+    """The file that the command writes."""
     path = scratch() / "loop.ssp"
     status, out, err = call("fmu", "ssp", SCENARIO, "-e", ID, "-o", path, "--json")
     assert status == 0, err
@@ -32,7 +34,7 @@ def loop():
 
 @pytest.fixture(scope="module")
 def simulated(loop):
-    """What FMPy's master records: one step more than samples, for its delay."""
+    """The record of FMPy's master: one step more than samples, because of its delay."""
     from fmpy.ssp.simulation import simulate_ssp
 
     found = simulate_ssp(str(loop), stop_time=(SAMPLES + 0.5) * INTERVAL, step_size=INTERVAL)
@@ -103,20 +105,20 @@ def test_the_master_runs_the_same_numbers_one_step_late(simulated):
 
 
 def angles_apart(found, true):
-    """Roll, pitch and heading of `found` less those of `true`, deg."""
+    """Roll, pitch and heading of `found` minus those of `true`, deg."""
     apart = np.degrees(np.array(attitude.numeric.to_euler(found)) - np.array(attitude.numeric.to_euler(true)))
     return (apart + 180.0) % 360.0 - 180.0
 
 
 def run_to_the_end():
-    """The final errors of `insenv run` and their limits, deg; the samples in it."""
+    """The final errors of `insenv run` and their limits, deg; the number of samples."""
     (result,) = (report := run(load(SCENARIO), [ID])).results
     errors, limits = (np.array([values[name] for name in ATTITUDE]) for values in (result.errors, result.limit))
     return errors[:, -1], limits, report.imu_samples
 
 
 def late(shown, name):
-    """What the estimator is given: nothing has been handed on at its first step, its connectors are 0."""
+    """The inputs of the estimator: all zero at its first step, before the master has passed values on."""
     return np.concatenate([np.zeros((1, 3)), shown[name][:-1]])
 
 
@@ -126,11 +128,11 @@ def test_the_alignment_error_at_the_end_is_that_of_a_run_within_the_delay():
     q_found = in_process(ID, {name: late(shown, name) for name in INCREMENTS})[
         :, estimators.get(ID).model.outputs.slice("q_nb")
     ]
-    # the estimate of the last step is of the attitude one step before.  Against that, all that differs from the run is the
-    # first sample: of nothing, which an estimator takes for free fall
+    # The last estimate is the attitude one step before.  Compared with that, only the first sample differs from the run: all
+    # zeros, which an estimator reads as free fall.
     apart = angles_apart(q_found[-1], shown["q_nb"][-2])
     assert (abs(apart - expected) < 0.1 * limits).all()
-    # against the attitude of its own time it lags by what the ship turns in a step
+    # compared with the attitude at the same time it lags by the rotation of the ship in one step
     turned = angles_apart(shown["q_nb"][-2], shown["q_nb"][-1])
     np.testing.assert_allclose(angles_apart(q_found[-1], shown["q_nb"][-1]), apart + turned, atol=1e-9)
     assert 0.005 < abs(turned).max() < 0.05
@@ -156,7 +158,7 @@ def test_a_plant_that_loses_samples_is_refused(tmp_path):
         export_ssp(str(tmp_path / "lossy.toml"), ID, tmp_path / "x.ssp")
 
 
-def test_what_does_not_go_together_is_named(tmp_path):
+def test_a_combination_that_is_not_allowed_is_named(tmp_path):
     refused(call("fmu", "ssp", "car-city-drive", "-e", ID, "-o", tmp_path / "x.ssp"), ID, "car-city-drive", "moves")
     refused(call("fmu", "ssp", SCENARIO, "-e", "qakf-improve", "-o", tmp_path / "x.ssp"), "qakf-improved")
     refused(call("fmu", "ssp", "ship-swayin", "-e", ID, "-o", tmp_path / "x.ssp"), SCENARIO)

@@ -10,18 +10,18 @@ from fmu_tools import thorough
 
 from insenv import estimators
 from insenv.core.tables import Row
-from insenv.fmu import export
-from insenv.fmu.instance import element_names
+from insenv.fmu import export_fmu
+from insenv.fmu.reading import element_names
 from insenv.fmu.subject import subject
 from insenv.scenario import names
 
-EXTRA = {"time", "sample_interval"}  # the importer's clock, and what the FMU is compiled for
+EXTRA = {"time", "sample_interval"}  # not rows of the tables
 SPELLED = {"rad/sqrt(s)": "rad/s^0.5", "m/s/sqrt(s)": "m/s^1.5"}  # one unit, one name in an FMU
-NO_UNIT = {"1", "SI"}  # a number; a matrix whose elements have different units
+NO_UNIT = {"1", "SI"}  # dimensionless, and a matrix whose elements have different units
 
 
 def expected(id):
-    """By variable name: the row, its causality and its start values (None for outputs), from the tables."""
+    """By variable name: row, causality and start values (None for outputs), from the tables."""
     what = subject(id, {})
     found = {}
     for table, causality, prefix in (
@@ -52,7 +52,7 @@ def check(variable, types, row: Row):
     mixed = [part.strip() for part in row.unit.split(",")]
     if row.unit in NO_UNIT:
         assert unit in (None, "1")
-    elif len(mixed) > 1:  # of elements with different units each has its own; an array of them has none
+    elif len(mixed) > 1:  # elements with different units: each has its unit, their array has none
         assert unit is None if variable.find("Dimension") is not None else unit in mixed
     else:
         assert unit == SPELLED.get(row.unit, row.unit)
@@ -68,8 +68,8 @@ ALL = [pytest.param(id, marks=() if id in QUICK else thorough) for id in (*estim
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("id", ALL)
 def test_every_variable_is_a_row(monkeypatch, tmp_path, id, fmi):
-    monkeypatch.setattr("insenv.fmu.exporter.build", lambda *arguments: {})  # no binary: the description is looked at
-    with ZipFile(export(id, tmp_path / "x.fmu", fmi=fmi)) as archive:
+    monkeypatch.setattr("insenv.fmu.exporter.build", lambda *arguments: {})  # no binary is needed
+    with ZipFile(export_fmu(id, tmp_path / "x.fmu", fmi=fmi)) as archive:
         root = ET.fromstring(archive.read("modelDescription.xml"))
     listed = {v.get("name"): v for v in root.find("ModelVariables") if v.get("name") not in EXTRA}
     definitions = root.find("TypeDefinitions")

@@ -1,4 +1,4 @@
-"""What the tests of FMUs share: exported FMUs, inputs of a simulated run, and what the model gives for them in process."""
+"""Shared by the tests of FMUs: exported FMUs, inputs of a simulated run, and the outputs of the model in process."""
 
 import functools
 import os
@@ -15,12 +15,12 @@ import pytest
 from insenv import estimators
 from insenv.core.runner import make_runner
 from insenv.files.resources import fmu_folder
-from insenv.fmu import export
+from insenv.fmu import export_fmu
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
 INTERVAL = 0.005
-"""s, that of the scenarios used here."""
+"""Sample interval of the scenarios used here, s."""
 
 thorough = pytest.mark.skipif(
     not os.environ.get("INSENV_TEST_FMU"), reason="takes minutes: `make test-fmu` runs it (INSENV_TEST_FMU=1)"
@@ -30,7 +30,7 @@ SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
 
 @functools.cache
 def scratch() -> Path:
-    """A folder for this process, gone at its end."""
+    """A folder for this process, removed at its end."""
     folder = tempfile.TemporaryDirectory(prefix="insenv-fmu-tests-")
     scratch.kept = folder
     return Path(folder.name).resolve()
@@ -39,7 +39,7 @@ def scratch() -> Path:
 @functools.cache
 def exported(id: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",)) -> Path:
     """The FMU of an estimator or a scenario, exported once."""
-    return export(id, scratch() / f"{id}-{fmi}-{'-'.join(platforms)}.fmu", fmi=fmi, platforms=platforms)
+    return export_fmu(id, scratch() / f"{id}-{fmi}-{'-'.join(platforms)}.fmu", fmi=fmi, platforms=platforms)
 
 
 @functools.cache
@@ -53,7 +53,7 @@ def unzipped(id: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",)) -> P
 
 @functools.cache
 def plant_outputs(scenario: str, samples: int) -> dict[str, np.ndarray]:
-    """What a scenario's plant shows, by name."""
+    """The outputs of a scenario's plant, by name."""
     plant = build(load(scenario))
     assert plant.sample_interval == INTERVAL
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(samples))
@@ -61,15 +61,17 @@ def plant_outputs(scenario: str, samples: int) -> dict[str, np.ndarray]:
 
 
 def columns_for(id: str, samples: int) -> dict[str, np.ndarray]:
-    """Inputs of an estimator's FMU by name: what the sensors of a scenario of its kind show."""
+    """Inputs of an estimator's FMU by name: the sensor outputs of a scenario of its kind."""
     estimator = estimators.get(id)
     shown = plant_outputs(SCENARIOS[estimator.kind], samples)
     return {name: shown[name] for name in estimator.model.inputs.names if name in shown}
 
 
 def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None = None) -> np.ndarray:
-    """The estimator's outputs after each sample, (samples, outputs), by insenv's own runner: it starts as `insenv run` lets it
-    start in the scenario of its kind, as its FMU does."""
+    """The estimator's outputs after each sample, (samples, outputs), from insenv's runner.
+
+    It starts as in `insenv run` of the scenario of its kind, and as its FMU does.
+    """
     estimator, count = estimators.get(id), len(next(iter(columns.values())))
     plant = build(load(SCENARIOS[estimator.kind]))
     rows = estimator.parameters(plant.knowledge)
@@ -87,7 +89,7 @@ def c_compiler() -> str:
 
 @functools.cache
 def host_binary() -> Path:
-    """fmu/examples/host.c, compiled as its page says."""
+    """fmu/examples/host.c, compiled as documented."""
     binary = scratch() / "host"
     libraries = [] if sys.platform == "win32" else ["-ldl", "-lm"]
     source = fmu_folder() / "examples" / "host.c"

@@ -444,7 +444,7 @@ def test_files_that_cannot_be_read(folder: Folder) -> None:
     folder.write("x.csv.gz", gzip.compress(b"1,2,3\n" * 99)[:-9])
     assert "cannot be unpacked" in folder.error()
     folder.change('"x.csv.gz"', '"package:no_such_package/a.csv"')
-    assert "pip install 'no_such_package'" in folder.error()
+    assert "'no_such_package' is not installed: pip install no_such_package" in folder.error()
     folder.change("no_such_package/a.csv", "insenv/../a.csv")
     assert "must be package:NAME/path" in folder.error()
     folder.change("insenv/../a.csv", "insenv/a.csv")
@@ -593,7 +593,7 @@ def test_the_plain_example() -> None:
 
 needs_onavdata = pytest.mark.skipif(
     importlib.util.find_spec("onavdata") is None,
-    reason="onavdata is not installed (pip install 'insenv[test]')",
+    reason="onavdata is not installed (pip install onavdata==0.2.5)",
 )
 
 

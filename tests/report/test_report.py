@@ -11,6 +11,7 @@ from rich.console import Console
 
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, Result, Track
+from insenv.installing import install_extra
 from insenv.report import OutputFolder, Report, comparison, document, to_json, write_files
 from insenv.report.figures import draw, save
 from insenv.report.files import collect, file_name
@@ -196,7 +197,7 @@ def test_file_names(scenario, name):
 def test_without_matplotlib_the_rest_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr("insenv.report.files.find_spec", lambda name: None)
     written = write_files(report(), OutputFolder(tmp_path))
-    assert "pip install 'insenv[plot]'" in written.note
+    assert install_extra("plot") in written.note
     assert {p.suffix for p in tmp_path.iterdir()} == {".npz", ".json"}
 
 

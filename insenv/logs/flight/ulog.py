@@ -14,6 +14,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.errors import InputError
+from insenv.installing import install_package
 from insenv.logs.flight.series import (
     FIX_3D,
     UNIX_US,
@@ -52,7 +53,7 @@ def read_ulog(label: str, data: bytes) -> Flight:
     try:
         from pyulog import ULog
     except ModuleNotFoundError:
-        raise InputError(f"{label}: pyulog is not installed; install it with: pip install pyulog") from None
+        raise InputError(f"{label}: pyulog is not installed: {install_package('pyulog')}") from None
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it skips
             log = ULog(_Advancing(data), _TOPICS)

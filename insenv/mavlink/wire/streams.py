@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from insenv.errors import InputError
+from insenv.installing import install_extra
 from insenv.mavlink.wire.address import endpoint, resolve
 from insenv.mavlink.wire.link import Link
 from insenv.mavlink.wire.peers import Peer, StreamPeer
@@ -242,7 +243,7 @@ class SerialLink(_StreamLink):
         try:
             import serial
         except ModuleNotFoundError:
-            message = f"address {address}: pyserial is not installed; install it with: pip install 'insenv[serial]'"
+            message = f"address {address}: pyserial is not installed: {install_extra('serial')}"
             raise InputError(message) from None
         try:
             line = serial.Serial(address.host, address.port, timeout=0, write_timeout=0, exclusive=True)

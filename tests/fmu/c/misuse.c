@@ -1,5 +1,5 @@
-/* Calls an FMU of insenv in every wrong way and compares what the right calls give: compiled together with the FMU's sources and
- * the sanitizers (see test_fmu_host.py).  FMI is 2 or 3.  Each wrong call must give an error and a log message, and change
+/* Make every wrong call to an FMU of insenv and check that correct calls still give the same results.  Compiled together with
+ * the sources of the FMU and the sanitizers (see test_host.py).  FMI is 2 or 3.  Each wrong call must give an error and a log message, and change
  * nothing.  Prints one line for each check that failed; exit status 0 if none did.
  *
  *     misuse modelDescription.xml STEP
@@ -97,7 +97,7 @@ static void expect(int holds, const char *what) {
   if (!holds) failures++, printf("FAILED: %s (last message: %s)\n", what, last_message);
 }
 
-/* A call that must be refused, with a reason given. */
+/* A call that must be refused with a reason. */
 #define REFUSED(call, what)                                         \
   do {                                                              \
     const int before = messages;                                    \
@@ -106,7 +106,7 @@ static void expect(int holds, const char *what) {
     expect(messages > before, what ": must give a reason");         \
   } while (0)
 
-/* A call without an instance: an error, and nobody to tell. */
+/* A call without an instance: an error without a message. */
 #define NO_INSTANCE(call, what) expect((int)(call) >= 2, what " without an instance: must be an error")
 
 static void good(int status, const char *what) { expect(status == 0, what); }
@@ -119,7 +119,7 @@ static Instance started(const char *name) {
   return c;
 }
 
-/* Increments that turn and shake a little, for the inputs of these names; the others keep their start values. */
+/* Set increments of a small rotation and vibration; the other inputs keep their start values. */
 static void feed(Instance c, int k) {
   for (size_t i = 0; i < d.input_count; i++) {
     const bool angle = !strncmp(d.inputs[i].name, "delta_angle", 11), velocity = !strncmp(d.inputs[i].name, "delta_velocity", 14);
@@ -135,7 +135,7 @@ static void feed(Instance c, int k) {
   }
 }
 
-/* Steps from..to with the outputs after each, into `out`. */
+/* Make the steps from..to; store the outputs after each in `out`. */
 static void advance(Instance c, int from, int to, double *out) {
   for (int k = from; k < to; k++) {
     feed(c, k);
@@ -281,7 +281,7 @@ static void wrong_states(Instance c) {
   memcpy(broken, bytes, size);
   REFUSED(read_state(c, broken, size + 1, &other), "deserialize what is too long");
   uint32_t random = 12345;
-  for (int trial = 0; trial < 200; trial++) { /* every part of it, now and then the first and last byte */
+  for (int trial = 0; trial < 200; trial++) { /* all parts, and at times the first and last byte */
     memcpy(broken, bytes, size);
     random = random * 1664525u + 1013904223u;
     broken[trial == 0 ? 0 : trial == 1 ? size - 1 : random % size] ^= (char)(1 + (random >> 28));
@@ -316,7 +316,7 @@ int main(int argc, char **argv) {
   without_instance();
   wrong_order();
 
-  /* the right run; then with every wrong call in between, beside a second instance, rolled back, and after a reset */
+  /* a run without wrong calls; then with all wrong calls in between, beside a second instance, restored, and after a reset */
   Instance a = started("a"), b = started("b");
   advance(a, 0, STEPS, results);
   for (int k = 0; k < HALF; k++) {

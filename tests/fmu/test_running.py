@@ -1,4 +1,4 @@
-"""`python -m insenv.fmu.run` and the function behind it: results to the bit, CSV, errors that say what to do."""
+"""`insenv.fmu.run` and `insenv fmu run`: bit-identical results, CSV, messages of errors."""
 
 import json
 import os
@@ -8,11 +8,12 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from command_line import call
 from fmu_tools import INTERVAL, columns_for, exported, in_process
 
 from insenv import estimators
 from insenv.errors import InputError, InsenvError
-from insenv.fmu.run import main, run
+from insenv.fmu import run
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 SAMPLES = 3000
@@ -34,7 +35,7 @@ def log(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("id", "fmi"), PAIRS)
-def test_the_outputs_are_those_of_the_model_to_the_bit(id, fmi):
+def test_the_outputs_are_bit_identical_to_those_of_the_model(id, fmi):
     columns = columns_for(id, SAMPLES)
     found = run(exported(id, fmi), columns)
     np.testing.assert_array_equal(found.values, in_process(id, columns))
@@ -75,16 +76,16 @@ def test_a_plant_runs_without_inputs_and_its_outputs_feed_an_estimator(tmp_path)
     fed = run(exported("qakf-improved"), read_csv(path))
     np.testing.assert_array_equal(fed.values, in_process("qakf-improved", columns_for("qakf-improved", 400)))
     assert "height" in fed.passed_over
-    assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row stands at the end of the plant's first step
+    assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row is at the end of the plant's first step
 
 
-def test_progress_is_told():
-    told = []
-    run(exported("qakf-improved"), columns_for("qakf-improved", SAMPLES), progress=lambda *done: told.append(done))
-    assert told[-1] == (SAMPLES, SAMPLES)
+def test_progress_is_reported():
+    calls = []
+    run(exported("qakf-improved"), columns_for("qakf-improved", SAMPLES), progress=lambda *done: calls.append(done))
+    assert calls[-1] == (SAMPLES, SAMPLES)
 
 
-def test_csv_reads_back_to_the_bit(tmp_path):
+def test_csv_reads_back_bit_identical(tmp_path):
     columns = {"a": np.array([0.1, 1e-300, -1 / 3]), "m": np.arange(12.0).reshape(3, 2, 2) / 7}
     write_csv(tmp_path / "x.csv", series_of(columns))
     back = read_csv(tmp_path / "x.csv")
@@ -110,7 +111,7 @@ def test_csv_of_fmpy_with_blanks_inside_arrays(tmp_path):
         ("time,a\n0,1\n1,\n", r"line 3, column 'a': the value is missing"),
         ("time,a\n0,nan\n", r"line 2, column 'a': value is nan"),
         ("time,a\n0,1\n1\n", r"line 3 has 1 fields, expected 2"),
-        ("time,a,a\n0,1,2\n", "columns that stand there twice: a"),
+        ("time,a,a\n0,1,2\n", "repeated columns: a"),
         ('time,"a[1,1]"\n0,z\n', r"line 2, column 'a\[1,1\]'"),
     ],
 )
@@ -120,10 +121,10 @@ def test_a_bad_csv_is_named(tmp_path, text, said):
         read_csv(tmp_path / "bad.csv")
 
 
-def test_rows_must_stand_a_step_apart():
+def test_rows_must_be_a_step_apart():
     good = series_of(columns_for("qakf-improved", 100))
     for time, said in (
-        (good.time * 2, "rows stand 0.01 s apart"),
+        (good.time * 2, "rows are 0.01 s apart"),
         (np.where(np.arange(100) > 50, good.time + 0.1, good.time), "time = 0.355 s in row 52 follows 0.25 s"),
         (np.where(np.arange(100) == 50, 0.0, good.time), "follows"),
     ):
@@ -147,7 +148,7 @@ def test_wrong_inputs_are_named():
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_what_the_fmu_refuses_is_told_in_its_own_words(fmi):
+def test_the_messages_of_the_fmu_are_part_of_the_error(fmi):
     fmu, columns = exported("qakf-improved", fmi), columns_for("qakf-improved", 100)
     with pytest.raises(InputError, match=r"parameter latitude = 7 refused: .*latitude = 7 rad"):
         run(fmu, columns, parameters={"latitude": 7.0})
@@ -159,14 +160,14 @@ def test_what_the_fmu_refuses_is_told_in_its_own_words(fmi):
         run(fmu, broken)
 
 
-def test_what_is_no_fmu_is_told(tmp_path):
+def test_a_file_that_is_not_an_fmu_is_reported(tmp_path):
     (tmp_path / "x.fmu").write_text("no archive")
     for path, said in ((tmp_path / "none.fmu", "no such file"), (tmp_path / "x.fmu", "not an FMU")):
         with pytest.raises(InputError, match=said):
             run(path, {"a": np.zeros(3)})
 
 
-def test_a_damaged_fmu_is_told(tmp_path):
+def test_a_damaged_fmu_is_reported(tmp_path):
     with ZipFile(exported("qakf-improved")) as archive:
         binary = next(entry for entry in archive.infolist() if entry.filename.startswith("binaries/"))
     raw = bytearray(exported("qakf-improved").read_bytes())
@@ -177,16 +178,16 @@ def test_a_damaged_fmu_is_told(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
-def test_a_reader_that_leaves_is_no_fault():
-    command = [sys.executable, "-m", "insenv.fmu.run", str(exported("ship-swaying")), "--stop", "1"]
+def test_a_closed_pipe_is_not_an_error():
+    command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported("ship-swaying")), "--stop", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert (process.stderr.read(), process.wait(60)) == ("", 141)
 
 
-def test_the_command_writes_what_the_function_gives(log, tmp_path):
+def test_the_command_writes_the_result_of_the_function(log, tmp_path):
     output = tmp_path / "out.csv"
-    command = [sys.executable, "-m", "insenv.fmu.run", str(exported("qakf-improved")), "--input", str(log), "--json"]
+    command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported("qakf-improved")), "--input", str(log), "--json"]
     done = subprocess.run([*command, "--output", str(output)], capture_output=True, text=True, check=True)
     document = json.loads(done.stdout)
     assert document["steps"] == 400
@@ -196,9 +197,9 @@ def test_the_command_writes_what_the_function_gives(log, tmp_path):
     np.testing.assert_array_equal(list(document["outputs"].values()), given.values[-1])
 
 
-def test_the_command_prints_the_last_outputs(log, capsys):
-    assert main([str(exported("qakf-improved")), "--input", str(log), "--set", "latitude=0.7"]) == 0
-    shown = capsys.readouterr().out
+def test_the_command_prints_the_last_outputs(log):
+    status, shown, _ = call("fmu", "run", exported("qakf-improved"), "--input", log, "--set", "latitude=0.7")
+    assert status == 0
     assert "400 steps of 0.005 s" in shown
     assert "attitude_sigma[3]" in shown
 
@@ -207,8 +208,10 @@ def test_the_command_prints_the_last_outputs(log, capsys):
     ("options", "status", "said"),
     [
         (["--input", "missing.csv"], 2, "missing.csv: No such file"),
-        (["--input", "LOG", "--set", "latitude=north"], 2, "--set latitude=north"),
-        (["--input", "LOG", "--step", "0.0075"], 2, "rows stand 0.005 s apart"),
+        (["--input", "LOG", "--set", "latitude=north"], 2, "--set 'latitude=north': 'north' is not a number"),
+        (["--input", "LOG", "--set", "latitude=nan"], 2, "--set latitude: allowed is one finite number"),
+        (["--input", "LOG", "--set", "latitude=1,2"], 2, "--set latitude: allowed is one finite number"),
+        (["--input", "LOG", "--step", "0.0075"], 2, "rows are 0.005 s apart"),
         (["--input", "LOG", "--output", "no/such/folder/x.csv"], 2, "no/such/folder/x.csv"),
         (["--input", "LOG", "--output", "."], 2, "'.': it is a folder"),
         (["--stop", "nan"], 2, "stop time nan s"),
@@ -217,8 +220,9 @@ def test_the_command_prints_the_last_outputs(log, capsys):
         (["--input", "LOG", "--every", "401"], 2, "every = 401: allowed is 1 to 400"),
     ],
 )
-def test_the_command_tells_what_is_wrong(log, capsys, options, status, said):
-    assert main([str(exported("qakf-improved")), "--json", *(str(log) if o == "LOG" else o for o in options)]) == status
-    told = capsys.readouterr()
-    assert said in told.err
-    assert said in json.loads(told.out)["error"]["message"]
+def test_the_command_reports_what_is_wrong(log, options, status, said):
+    options = [log if option == "LOG" else option for option in options]
+    code, out, err = call("fmu", "run", exported("qakf-improved"), "--json", *options)
+    assert code == status
+    assert said in err
+    assert said in json.loads(out)["error"]["message"]

@@ -1,0 +1,111 @@
+"""Speed of estimators in whole runs: a sample along a run, one update, a smoothed flight, a campaign."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from insenv.bench.figure import EMPTY, Figure, empty_loop, median_time
+from insenv.campaigns import make_plan, run_campaign
+from insenv.campaigns.executors import cores
+from insenv.core.batch import make_batch
+from insenv.core.runner import make_runner
+from insenv.estimators import get
+from insenv.plant.feeding import input_rows
+from insenv.reproduce import update_time
+from insenv.runs.simulated import CHUNK, recording_interval, run
+from insenv.runs.smoothed import Smoother
+from insenv.scenario import build, load
+
+REPETITIONS = 5
+DURATION_S = 120.0
+SCENARIOS = {
+    ("alignment", False): "car-parked",
+    ("alignment", True): "large-misalignment",
+    ("navigation", False): "car-city-drive",
+    ("navigation", True): "car-city-drive",
+}
+"""By kind of estimator, and whether it takes fixes."""
+BLOCKS_PER_CORE = 2
+CAMPAIGNS = 3  # repetitions
+
+
+def step(id: str) -> Figure:
+    """One inertial sample of an estimator on the scenario of its kind, in the native loop, outputs at the recorded times."""
+    estimator = get(id)
+    name = SCENARIOS[estimator.kind, estimator.aided]
+    reports = [run(load(name), [id], duration_s=DURATION_S) for _ in range(REPETITIONS)]
+    samples = reports[0].imu_samples
+    value = statistics.median(report.results[0].us_per_sample for report in reports)
+    return Figure(f"step.{id}", value, "us", empty_loop(samples, REPETITIONS), REPETITIONS, f"{name}, {samples} samples")
+
+
+def sukf() -> Figure:
+    """Time update and fix of `aqe-sukf`."""
+    return _update("step.aqe-sukf.update", "aqe-sukf", update_time.SUKF, "time update and fix")
+
+
+def lssvm() -> Figure:
+    """Everything that `lssvm` does with a fix: differences, inputs and answer of its machine."""
+    return _update("step.lssvm.update", "lssvm", update_time.LSSVM, "differences, inputs and answer")
+
+
+def lssvm_infer() -> Figure:
+    """The answer of the machine of `lssvm`, fed back."""
+    return _update("step.lssvm.infer", "lssvm", update_time.INFER, "answer of the machine, fed back")
+
+
+def _update(name: str, id: str, steps: tuple[str, ...], note: str) -> Figure:
+    value = update_time.microseconds(id, steps)
+    floor = empty_loop(update_time.UPDATES, update_time.REPETITIONS)
+    return Figure(name, value, "us", floor, update_time.REPETITIONS, f"{note}; {update_time.UPDATES} times")
+
+
+def flight() -> Figure:
+    """`aircraft-survey`, 7200 s at 200 Hz, through the smoother, forward and backward; the floor is the filter alone."""
+    plant = build(load("aircraft-survey"))
+    parameters = get("smoother").parameters(plant.knowledge)
+    every = recording_interval(plant.samples)
+    simulator = make_runner(plant.model, plant.parameters)
+    smoother, alone = Smoother(parameters), make_runner(get("loosely-coupled").model, parameters)
+    taken, floor = 0.0, 0.0
+    chunk = CHUNK // every * every
+    for start in range(0, plant.samples, chunk):
+        count = min(chunk, plant.samples - start)
+        columns = plant.model.outputs.unpack(simulator.run(count))
+        columns["dt"] = np.full(count, plant.sample_interval)
+        begin = time.perf_counter()
+        smoother.take(columns, np.arange(1, count + 1) % every == 0)
+        middle = time.perf_counter()
+        alone.run(count, input_rows(alone.model, columns, count), every)
+        taken, floor = taken + middle - begin, floor + time.perf_counter() - middle
+    begin = time.perf_counter()
+    smoother.smoothed()
+    taken += time.perf_counter() - begin
+    note = f"2 h at 200 Hz, covariance every 0.05 s, one fix per second; record of {smoother.record.size / 1e6:.0f} MB"
+    return Figure("smoother.flight", taken, "s", floor, 1, note)
+
+
+def campaign() -> Figure:
+    """`ship-swaying` with `q-method`, 600 s at 200 Hz, on all cores, from planning to the summary.
+
+    It has the shape of a campaign of 10,000 runs, with fewer runs.  The floor is an empty model for as many rows and samples;
+    the note gives the speed of the plant alone.
+    """
+    scenario, threads = load("ship-swaying"), cores()
+    plan = make_plan(scenario, "q-method", 1, duration_s=600.0)
+    runs = BLOCKS_PER_CORE * threads * (plan.block_samples // plan.samples // 8 * 8)
+    samples = runs * plan.samples
+    plant = make_batch(plan.plant.model, runs, plan.plant.parameters, threads=threads)
+    empty = make_batch(EMPTY, runs, threads=threads)
+    works: tuple[Callable[[], object], ...] = (
+        lambda: run_campaign(make_plan(scenario, "q-method", runs, duration_s=600.0)),
+        lambda: plant.run(plan.samples),
+        lambda: empty.run(plan.samples),
+    )
+    value, alone, floor = (samples / median_time(work, CAMPAIGNS) for work in works)
+    note = f"{runs} runs of 600 s at 200 Hz, {threads} cores; plant alone {alone:.3g}"
+    return Figure("campaign.q-method", value, "samples/s", floor, CAMPAIGNS, note)

@@ -1,0 +1,64 @@
+"""A figure; the empty model whose cost is the floor of many figures; median times."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from insenv.core.model import Model, Step
+from insenv.core.runner import make_runner
+from insenv.core.tables import Row, Table
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure.
+
+    name.  value: in `unit`.  floor: the same measurement without any work, in `unit`.  n: number of repetitions or samples.
+    note: what was measured.  peer: name and value of another package measured in the same run, if it is installed.
+    """
+
+    name: str
+    value: float
+    unit: str
+    floor: float
+    n: int
+    note: str = ""
+    peer: tuple[str, float] | None = None
+
+
+EMPTY = Model(
+    id="empty",
+    title="counts its advances and does nothing else",
+    parameters=Table(),
+    state=Table((Row("count", "Number of advances"),)),
+    inputs=Table(),
+    outputs=Table(),
+    steps={"sample": Step(lambda p, x, u: {"count": x.count + 1})},
+    output=lambda p, x: {},
+)
+"""A model without work: its cost is that of the runner alone."""
+
+
+def empty_loop(samples: int, repetitions: int) -> float:
+    """Median processor time of a sample in the native loop of the empty model, us."""
+    runner, taken = make_runner(EMPTY), []
+    for _ in range(repetitions):
+        begin = time.process_time()
+        runner.run(samples, every=0)
+        taken.append(time.process_time() - begin)
+    return statistics.median(taken) / samples * 1e6
+
+
+def median_time(call: Callable[[], object], repetitions: int, count: int = 1) -> float:
+    """Median wall-clock time of a call, s, over repetitions of `count` calls, after one call to warm up."""
+    call()
+    taken = []
+    for _ in range(repetitions):
+        begin = time.perf_counter()
+        for _ in range(count):
+            call()
+        taken.append((time.perf_counter() - begin) / count)
+    return statistics.median(taken)

@@ -1,0 +1,47 @@
+"""Options that several commands share, and how a command defers its work until the parser is done."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+Work = Callable[[], None]
+
+HELP = {"help_option_names": ["-h", "--help"]}
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
+Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.")]
+Estimator = Annotated[str, typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")]
+# Optional: older versions of typer do not accept unions
+Estimators = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once."),
+]
+Seed = Annotated[Optional[int], typer.Option(metavar="N", help="Replaces the scenario's seed.")]  # noqa: UP045
+Duration = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option(metavar="S", help="Simulated seconds of a run; replaces the scenario's duration."),
+]
+Out = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option("--out", "-o", metavar="DIR", help="Write the results (.npz, .json) and the figure (.png, .svg) there."),
+]
+NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure.")]
+
+
+def deferred(command: Callable[..., None]) -> Callable[..., Work]:
+    """The command with the same parameters that returns its work instead of doing it.
+
+    `insenv.cli.main` does the work after the parser has returned, because the parser handles errors in its own way.
+    """
+
+    @functools.wraps(command)
+    def parsed(*arguments: object, **options: object) -> Work:
+        return partial(command, *arguments, **options)
+
+    return parsed

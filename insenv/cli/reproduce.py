@@ -1,0 +1,53 @@
+"""The command `insenv reproduce`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Optional
+
+import typer
+
+from insenv.cli.options import Json, Out, deferred
+
+
+@deferred
+def reproduce(
+    paper: Annotated[Optional[str], typer.Argument(metavar="[PAPER]", help="One paper; all papers if omitted.")] = None,  # noqa: UP045
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Repeat the tests of the papers; print published value, own value and theoretical limit."""
+    from insenv.cli.output import print_json, print_line, print_table, quiet_warnings, working
+    from insenv.report import OutputFolder
+    from insenv.report.tables import number
+    from insenv.reproduce import PAPERS, chosen, figure
+    from insenv.reproduce import reproduce as measure
+
+    papers = chosen(paper)
+    folder = None if out is None else OutputFolder(out)
+    found, written = {}, []
+    with quiet_warnings(), working(f"measuring {papers[0]}") as progress:
+        for name, quantities in measure(paper):
+            found[name] = quantities
+            progress.describe(f"measured {name}")
+        if folder is not None:
+            folder.path.mkdir(parents=True, exist_ok=True)
+            for name in papers:
+                written += figure(name, folder.path)
+    if as_json:
+        print_json([quantity.as_json() for quantities in found.values() for quantity in quantities])
+        return
+    for name, quantities in found.items():
+        print_line(f"{name}: {PAPERS[name]}")
+        print_table(
+            ("published", "ours", "limit", "ours/limit", "seeds", "unit", "quantity"),
+            [
+                (number(q.published), number(q.ours), number(q.limit), number(q.ratio), str(q.seeds), q.unit, q.quantity)
+                for q in quantities
+            ],
+            right=(0, 1, 2, 3, 4),
+        )
+        for note in dict.fromkeys(q.note for q in quantities if q.note):
+            print_line(f"note: {note}")
+        print_line()
+    if written:
+        print_line(f"written: {', '.join(str(path) for path in written)}")

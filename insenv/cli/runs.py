@@ -1,0 +1,105 @@
+"""The commands `insenv run` and `insenv replay`: a simulated or recorded run through estimators, and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from insenv.cli.options import Duration, Estimators, Json, NoFigure, Out, Scenario, Seed, deferred
+from insenv.errors import InputError
+
+if TYPE_CHECKING:
+    from insenv.report import OutputFolder, Report
+
+
+class Start(str, Enum):
+    """How a replay starts."""
+
+    coarse = "coarse"
+    reference = "reference"
+
+
+@deferred
+def run(
+    scenario: Scenario,
+    estimators: Estimators = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
+    from insenv.cli.output import quiet_warnings, working
+    from insenv.report import OutputFolder
+    from insenv.runs.simulated import run as simulate
+    from insenv.scenario import load
+
+    chosen = _known(estimators or [])
+    folder = None if out is None else OutputFolder(out)
+    loaded = load(scenario)
+    with quiet_warnings(), working(loaded.name) as progress:
+        report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, progress=progress)
+        finish = _written(report, folder, not no_figure, as_json)
+    finish()
+
+
+@deferred
+def replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A flight log, or a .toml file that describes a log.")],
+    estimators: Estimators = None,
+    start: Annotated[
+        Start, typer.Option(help="Start from the log alone, or from the state of the log's reference.")
+    ] = Start.coarse,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Run estimators on a recorded log; print their errors against its reference."""
+    from insenv.cli.output import quiet_warnings, working
+    from insenv.report import OutputFolder
+    from insenv.runs.replayed import replay as follow
+
+    if not estimators:
+        raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
+    chosen = _known(estimators)
+    folder = None if out is None else OutputFolder(out)
+    with quiet_warnings(), working(log.name) as progress:
+        report = follow(log, chosen, start=start.value, progress=progress)
+        finish = _written(report, folder, not no_figure, as_json)
+    finish()
+
+
+def _known(estimator_ids: Sequence[str]) -> list[str]:
+    """The ids without repetition.  Raises `InputError` for an unknown id."""
+    from insenv import estimators
+
+    return list(dict.fromkeys(estimators.get(id).id for id in estimator_ids))
+
+
+def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json: bool) -> Callable[[], None]:
+    """Write the files; return the function that prints the report."""
+    from insenv.cli.output import print_json, print_line, print_report
+    from insenv.report import document, write_files
+
+    written = None if folder is None else write_files(report, folder, figure)
+    paths = [str(path) for path in written.paths] if written else []
+
+    def finish() -> None:
+        if written and written.note:
+            print_line(f"insenv: {written.note}", stderr=True)
+        if as_json:
+            print_json(document(report, paths))
+            return
+        print_report(report)
+        print_line()
+        if written:
+            print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
+        else:
+            print_line("--out DIR writes the figure and every array of the run")
+
+    return finish

@@ -1,0 +1,76 @@
+"""The command `insenv stream`: its options; stream.py and lockstep.py do the work."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from insenv.cli.options import Json, Scenario, Seed, deferred
+from insenv.errors import InputError
+
+
+class Lockstep(str, Enum):
+    """The autopilot interface that `insenv stream --lockstep` serves."""
+
+    px4 = "px4"
+    ardupilot_json = "ardupilot-json"
+
+
+@deferred
+def stream(
+    scenario: Scenario,
+    to: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(
+            metavar="ADDRESS",
+            help="udpout:HOST:PORT, udpin:..., tcpin:..., tcpout:... or serial:DEVICE:BAUD; without HOST only this machine.",
+        ),
+    ] = None,
+    estimator: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; the default is the scenario's first."),
+    ] = None,
+    seed: Seed = None,
+    speed: Annotated[float, typer.Option(metavar="X", help="Simulated seconds per second; 0: as fast as possible.")] = 1.0,
+    duration: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(metavar="S", help="Simulated seconds; without it until Ctrl-C, with --speed 0 the scenario's duration."),
+    ] = None,
+    tlog: Annotated[Optional[Path], typer.Option(metavar="FILE", help="Write a telemetry log.")] = None,  # noqa: UP045
+    rate: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(metavar="MESSAGE=HZ", help="Rate of a message, 0 to send none; may be given more than once."),
+    ] = None,
+    signing_key_file: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(metavar="FILE", help="Sign messages with the key in this file, and accept only messages signed with it."),
+    ] = None,
+    lockstep: Annotated[
+        Optional[Lockstep],  # noqa: UP045
+        typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
+    from insenv.cli import lockstep as in_step
+    from insenv.cli import stream as live
+
+    if lockstep is not None:
+        if signing_key_file is not None or speed != 1.0:
+            raise InputError(
+                "--lockstep allows no --signing-key-file and no --speed: autopilots do not sign, and they set the pace"
+            )
+        in_step.lockstep(
+            scenario, estimator, kind=lockstep.value, to=to, seed=seed, duration_s=duration, tlog=tlog, rates=rate or [],
+            as_json=as_json,
+        )  # fmt: skip
+        return
+    if to is None:
+        raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
+    live.stream(
+        scenario, estimator, to=to, seed=seed, speed=speed, duration_s=duration, tlog=tlog, rates=rate or [],
+        signing_key_file=signing_key_file, as_json=as_json,
+    )  # fmt: skip

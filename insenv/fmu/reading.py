@@ -1,0 +1,82 @@
+"""The model description of an FMU as FMPy reads it: its numeric variables and the names of their elements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.errors import InputError
+
+Array = NDArray[np.float64]
+
+KINDS = {  # by type in the model description: dtype of its values, suffix of its functions
+    "Real": (np.float64, "Real"),
+    "Integer": (np.int32, "Integer"),
+    "Enumeration": (np.int32, "Integer"),
+    "Boolean": (np.int32, "Boolean"),
+    "Float64": (np.float64, "Float64"),
+    "Float32": (np.float32, "Float32"),
+    "Int8": (np.int8, "Int8"),
+    "UInt8": (np.uint8, "UInt8"),
+    "Int16": (np.int16, "Int16"),
+    "UInt16": (np.uint16, "UInt16"),
+    "Int32": (np.int32, "Int32"),
+    "UInt32": (np.uint32, "UInt32"),
+    "Int64": (np.int64, "Int64"),
+    "UInt64": (np.uint64, "UInt64"),
+}
+KINDS_3 = {**KINDS, "Boolean": (np.bool_, "Boolean"), "Enumeration": (np.int64, "Int64")}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A numeric variable of an FMU; an array of FMI 3 is one variable with several elements.
+
+    elements: their names, ``name`` or ``name[1]``, ``name[2]`` ..., ``name[1,1]`` ... by rows.
+    """
+
+    name: str
+    reference: int
+    kind: str
+    causality: str
+    unit: str
+    description: str
+    elements: tuple[str, ...]
+
+
+def element_names(name: str, shape: Sequence[int]) -> tuple[str, ...]:
+    """``name`` for a scalar, else ``name[i]`` or ``name[i,j]``, counted from 1, the last index fastest."""
+    places = product(*(range(1, n + 1) for n in shape))
+    return tuple(f"{name}[{','.join(map(str, place))}]" for place in places) if len(shape) else (name,)
+
+
+def read_description(path: Path) -> Any:
+    """modelDescription.xml as FMPy reads it.  Raises `InputError`."""
+    from fmpy import read_model_description
+
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    try:
+        description = read_model_description(str(path), validate=False)
+    except Exception as error:  # from zipfile, lxml or FMPy
+        raise InputError(f"{path}: not an FMU: {error}") from None
+    if description.coSimulation is None or description.fmiVersion[0] not in "23":
+        raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is FMI {description.fmiVersion})")
+    return description
+
+
+def read_variable(read: Any) -> Variable | None:
+    """A variable that FMPy read; None if it is not numeric."""
+    if read.type not in KINDS:
+        return None
+    declared = read.declaredType
+    unit = read.unit or (declared.unit if declared is not None else None) or ""
+    shape = tuple(int(dimension.start) for dimension in read.dimensions)
+    names = element_names(read.name, shape)
+    return Variable(read.name, read.valueReference, read.type, read.causality, unit, read.description or "", names)

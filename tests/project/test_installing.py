@@ -1,0 +1,53 @@
+"""The commands that messages advise for optional packages."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from insenv import installing
+from insenv.installing import install_extra, install_package
+
+REQUIREMENTS = [
+    "numpy>=2.0",
+    'tomli>=2; python_version < "3.11"',
+    "matplotlib>=3.8; extra == 'plot'",
+    "scikit-learn; extra == 'ml'",
+    'PyWavelets ; extra == "ml"',
+    "onavdata==0.2.5; (platform_machine in 'x86_64') and extra == 'test'",
+]
+
+
+@pytest.fixture
+def wheel(tmp_path, monkeypatch):
+    """A folder as that of a wheel, with a stray pyproject.toml of another package."""
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n')
+    monkeypatch.setattr(installing, "requires", lambda name: REQUIREMENTS)
+    return tmp_path
+
+
+def test_from_a_checkout_the_extra_of_its_folder(tmp_path, monkeypatch):
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "insenv"\n')
+    assert install_extra("plot", tmp_path) == f"pip install -e '{tmp_path}[plot]'"
+    monkeypatch.chdir(tmp_path)
+    assert install_extra("plot", Path.cwd()) == "pip install -e '.[plot]'"
+
+
+def test_from_a_wheel_the_packages_of_the_extra(wheel):
+    assert install_extra("plot", wheel) == "pip install 'matplotlib>=3.8'"
+    assert install_extra("ml", wheel) == "pip install scikit-learn PyWavelets"
+
+
+def test_a_package_in_the_version_asked_for(wheel):
+    assert install_package("onavdata") == "pip install onavdata==0.2.5"
+    assert install_package("pywavelets") == "pip install PyWavelets"
+    assert install_package("no_such_package") == "pip install no_such_package"
+
+
+def test_every_extra_that_is_advised_is_declared():
+    root = Path(installing.__file__).parents[1]
+    declared = (root / "pyproject.toml").read_text("utf-8")
+    code = "".join(path.read_text("utf-8") for path in (root / "insenv").rglob("*.py"))
+    advised = set(re.findall(r"install_extra\(['\"](\w+)", code))
+    assert {"plot", "native", "fmu"} <= advised
+    assert all(re.search(rf"^{extra} = \[", declared, re.MULTILINE) for extra in advised)
