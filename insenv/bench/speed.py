@@ -17,6 +17,7 @@ from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.estimators import get
+from insenv.geodesy import NOMINAL_GRAVITY
 
 REPETITIONS = 15
 SAMPLES = 4000  # calls, or samples in all rows alike, a repetition
@@ -82,7 +83,7 @@ def _covariance_note(interval: float) -> str:
 
 
 def _at_rest(model: Model) -> np.ndarray:
-    return model.inputs.pack({"delta_velocity": (0.0, 0.0, -9.8 * 0.005), "dt": 0.005})
+    return model.inputs.pack({"delta_velocity": (0.0, 0.0, -NOMINAL_GRAVITY * 0.005), "dt": 0.005})
 
 
 def _median(call: Callable[[], object], times: int, repetitions: int = REPETITIONS) -> float:

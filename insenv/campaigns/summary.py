@@ -42,7 +42,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Consistency:
+class NeesCourse:
     """NEES along the recorded times: mean over the runs (records,), states compared, bounds of that mean at 95 %."""
 
     mean: Array
@@ -63,7 +63,7 @@ class Summary:
     plan: Plan
     time: Array
     courses: dict[str, Course]
-    nees: Consistency | None
+    nees: NeesCourse | None
     from_s: float
     seeds: Array
     values: Array
@@ -148,7 +148,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
         plan=plan,
         time=time,
         courses=courses,
-        nees=_consistency(measured, columns),
+        nees=_nees(measured, columns),
         from_s=from_s,
         seeds=seeds,
         values=np.concatenate(columns("values")),
@@ -226,7 +226,7 @@ def _two_digits(values: Array) -> Array:
     return np.where(values > 0.0, np.exp(np.round(np.log(safe), 2)), 0.0)
 
 
-def _consistency(measured: Measured, columns: Columns) -> Consistency | None:
+def _nees(measured: Measured, columns: Columns) -> NeesCourse | None:
     if not measured.degrees:
         return None
     from scipy.stats import chi2
@@ -236,4 +236,4 @@ def _consistency(measured: Measured, columns: Columns) -> Consistency | None:
     count = max(len(whole), 1)
     low, high = chi2.ppf(BOUNDS, measured.degrees * count) / count
     mean = np.mean(whole, axis=0) if len(whole) else np.full(nees.shape[1], np.nan)
-    return Consistency(mean, measured.degrees, float(low), float(high))
+    return NeesCourse(mean, measured.degrees, float(low), float(high))

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.compile import batch_library_path, load, pointer
 from insenv.core.model import Model
-from insenv.core.native import batch_library_path, load, pointer
 from insenv.core.runner import InterpreterRunner, check_inputs, resolve_backend, round_size, watched_spans
 from insenv.core.tables import Vector
 from insenv.errors import InputError

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core import noise
-from insenv.core.compile import find_compiler
+from insenv.core.compile import find_compiler, library_path, load, pointer
 from insenv.core.model import Model
-from insenv.core.native import library_path, load, pointer
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
 

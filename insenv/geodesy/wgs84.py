@@ -26,6 +26,12 @@ SOMIGLIANA = B * GAMMA_POLE / (A * GAMMA_EQUATOR) - 1.0
 """k of Somigliana's formula."""
 M = OMEGA_IE * OMEGA_IE * A * A * B / GM
 """m = omega^2 a^2 b / GM, about the ratio of centrifugal to gravitational acceleration at the equator."""
+STANDARD_GRAVITY = 9.80665
+"""The unit g of data sheets, m/s^2, wherever the sensor is; exact by definition (3rd CGPM, 1901)."""
+NOMINAL_GRAVITY = 9.8
+"""Gravity to two digits, m/s^2: for error models, in which 0.3 % does not matter."""
+MEAN_RADIUS = 6371e3
+"""Mean radius of the Earth, m: for error models and distances of a few kilometres."""
 
 
 def radii(sin_latitude: Scalar) -> tuple[Scalar, Scalar]:

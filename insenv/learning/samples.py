@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.estimators.lssvm import FEATURES, SUPPORT
-from insenv.learning.wavelet import denoised
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario
 
@@ -25,6 +24,7 @@ FILTER = "aqe-sukf"
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
 TIMES = 24
 """Samples taken of each run, spread evenly over the time in which the heading shows, at a random phase."""
+WAVELET, LEVELS, DROPPED = "db4", 5, 3
 ASTRAY_DEG = 5.0
 SETTLED_DEG = 1.0
 """The filter teaches from the time on from which it stays so near to its last value."""
@@ -150,3 +150,22 @@ def smooth_misalignment(q_sins: Array, q_filter: Array) -> Array:
 def sine_vector(q: Array) -> Array:
     """Axis times the sine of the angle of rotations (n, 4): the vector part of (R - R^T) / 2 (n, 3)."""
     return 2 * q[:, :1] * q[:, 1:]
+
+
+def denoised(signal: Array) -> Array:
+    """The signal (n, ...) along its first axis without what looks like noise; fewer levels where it is too short."""
+    import pywt
+
+    signal = np.asarray(signal, dtype=np.float64)
+    levels = min(LEVELS, pywt.dwt_max_level(len(signal), pywt.Wavelet(WAVELET).dec_len))
+    if levels < 1:
+        return signal.copy()
+    parts = pywt.wavedec(signal, WAVELET, mode="smooth", level=levels, axis=0)
+    noise = np.median(np.abs(parts[-1]), axis=0) / 0.6745
+    threshold = noise * np.sqrt(2 * np.log(len(signal)))
+    for place in range(1, len(parts)):
+        if place > levels - DROPPED:
+            parts[place] = np.zeros_like(parts[place])
+        else:
+            parts[place] = np.sign(parts[place]) * np.maximum(np.abs(parts[place]) - threshold, 0.0)
+    return pywt.waverec(parts, WAVELET, mode="smooth", axis=0)[: len(signal)]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from insenv.errors import InputError, nearest
-from insenv.reproduce.quantity import Quantity
 
 PAPERS = {
     "ecef": "ECEF fine alignment, 12-state Kalman filter",
@@ -19,6 +20,35 @@ PAPERS = {
 """Papers by short name, and their titles; each is a module of this package with `quantities` and `figure`."""
 
 Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A row of a paper's table.
+
+    paper: short name ("ecef", "navigation", "swaying", "quaternion", "large-misalignment").  quantity: what, under which
+    conditions. unit; published: the paper's number, None if it gives none; ours: measured here; limit: what theory leaves,
+    None if there is none; seeds: over how many (1 where nothing is random).  note: what must be known to read it.
+    """
+
+    paper: str
+    quantity: str
+    unit: str
+    published: float | None
+    ours: float
+    limit: float | None
+    seeds: int
+    note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """Ours over the limit (magnitudes)."""
+        return abs(self.ours / self.limit) if self.limit else None
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        names = ("paper", "quantity", "unit", "published", "ours", "limit", "seeds")
+        return {name: getattr(self, name) for name in names}
 
 
 def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.evaluation import limits
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 

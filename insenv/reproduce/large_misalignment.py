@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation import limits
-from insenv.reproduce import update_time
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity, update_time
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 

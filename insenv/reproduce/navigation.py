@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import POSITION, Result
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
 from insenv.scenario import Scenario, load

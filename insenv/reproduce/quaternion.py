@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation import limits
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 

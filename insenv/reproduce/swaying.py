@@ -19,7 +19,7 @@ from insenv import attitude
 from insenv.estimators import inertial_fir
 from insenv.estimators.parts.fir import BLOCK_S
 from insenv.evaluation import limits
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 

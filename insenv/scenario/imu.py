@@ -11,6 +11,7 @@ from pydantic import create_model, field_validator
 from insenv.errors import InputError
 from insenv.estimators.registry import SensorNotes
 from insenv.files.toml import Number, Section, key
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.scenario.values import LeverArm, PerAxis, Rotation, one_of, within
 from insenv.sensors import IMU_GRADES, IMU_PARAMETERS, imu_grade, units
 from insenv.sensors.grades import CONVERSIONS, ImuGrade
@@ -109,7 +110,7 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
     process of that sigma is driven as strongly as the in-run part, the bias random walk and, over an hour, the
     parts that depend on the motion; a bias that does not change has `CONSTANT`.
     """
-    gravity = units.STANDARD_GRAVITY
+    gravity = STANDARD_GRAVITY
     notes: dict[str, float] = {}
     for triad, white, floor in (("gyro", "angle_random_walk", 1e-9), ("accel", "velocity_random_walk", 1e-7)):
         largest = {name: float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in _NOTED}

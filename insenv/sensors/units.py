@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2; exact by definition (3rd CGPM, 1901)."""
+from insenv.geodesy import STANDARD_GRAVITY
+
 HOUR = 3600.0
 """s."""
 DEGREE = math.pi / 180.0

@@ -17,6 +17,7 @@ import casadi as ca
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.nodes import PLACES
@@ -25,8 +26,6 @@ from insenv.vehicles.script import Script
 from insenv.vehicles.tracker import Tracker, along_all, derivative_all
 from insenv.vehicles.truth import SineCosine, Vehicle
 
-STANDARD_GRAVITY = 9.80665
-"""g of the coordinated turn, m/s^2."""
 SLOW = 5.0
 """Speed (m/s) below which the turn rate falls with the speed, to zero at rest."""
 

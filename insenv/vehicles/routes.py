@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, nearest
-from insenv.vehicles.aircraft import BANK, SLOW, STANDARD_GRAVITY
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.vehicles.aircraft import BANK, SLOW
 from insenv.vehicles.aircraft import PARAMETERS as AIRCRAFT_PARAMETERS
 from insenv.vehicles.aircraft import SCRIPT as AIRCRAFT_SCRIPT
 from insenv.vehicles.car import SCRIPT as CAR_SCRIPT

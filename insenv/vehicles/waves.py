@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ def response(
     theta = w_e t - k (x cos + y sin).
     """
     w = np.asarray(frequency, dtype=np.float64)
-    k = w**2 / GRAVITY
+    k = w**2 / STANDARD_GRAVITY
     cos_b, sin_b = np.cos(relative_direction), np.sin(relative_direction)
-    alpha = np.abs(1.0 - w * speed / GRAVITY * cos_b)
+    alpha = np.abs(1.0 - w * speed / STANDARD_GRAVITY * cos_b)
     x = np.abs(k * cos_b) * hull.length
     # averages of the wave and of its slope over the length, 1 in long waves; series where they would be 0/0
     y = np.where(x < 1e-3, 1e-3, x) / 2.0
@@ -144,7 +144,7 @@ def irregular_sea(
     forward, right = motions.pop("surge"), motions.pop("sway")
     motions["north"] = forward * np.cos(heading) - right * np.sin(heading)
     motions["east"] = forward * np.sin(heading) + right * np.cos(heading)
-    encounter = frequency * (1.0 - frequency * speed / GRAVITY * np.cos(relative))
+    encounter = frequency * (1.0 - frequency * speed / STANDARD_GRAVITY * np.cos(relative))
     parameters = {"wave_angular_frequency": np.abs(encounter)}
     for motion, complex_response in motions.items():
         # waves overtaken by the ship pass it backwards in time

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from campaigns import same, slow_ship, small_plan
 
-from insenv.campaigns import Folder, cluster, make_plan, processes, run_campaign, threads
+from insenv.campaigns import Folder, cluster, make_plan, processes, run_campaign, running, threads
 from insenv.campaigns import block as block_module
-from insenv.campaigns import campaign as campaign_module
 from insenv.campaigns.block import run_block
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
@@ -162,7 +161,7 @@ def test_processes_that_die_are_replaced_and_at_last_given_up(monkeypatch):
     assert same(run_campaign(plan, workers=lambda: next(makers)()), run_campaign(plan))
     with pytest.raises(InsenvError, match="died 4 times"):
         run_campaign(plan, workers=Breaking)
-    assert len(calls) == 2 + campaign_module.ATTEMPTS
+    assert len(calls) == 2 + running.ATTEMPTS
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -174,7 +173,7 @@ def test_processes_do_not_hear_ctrl_c():
 
 def test_a_worker_of_another_version_is_refused():
     with pytest.raises(InsenvError, match="same on all"):
-        campaign_module._block(small_plan(8), 0, "the digest of another version")
+        running._block(small_plan(8), 0, "the digest of another version")
 
 
 # --- the folder ---------------------------------------------------------------------------------------
@@ -216,7 +215,7 @@ def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
         if done:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(campaign_module, "run_block", slow)
+    monkeypatch.setattr(running, "run_block", slow)
     with pytest.raises(KeyboardInterrupt):
         run_campaign(plan, workers=threads(1), progress=interrupt)
     assert begun == [0, 1]  # the second one was under way
@@ -266,7 +265,7 @@ def test_a_block_that_fails_ends_the_campaign_and_keeps_the_others(tmp_path, mon
             raise InputError("no such wave")
         return original(plan, number)
 
-    monkeypatch.setattr(campaign_module, "run_block", failing)
+    monkeypatch.setattr(running, "run_block", failing)
     with pytest.raises(InputError, match="no such wave"):
         run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1))
     assert len(list((tmp_path / "blocks").iterdir())) >= 2

@@ -11,9 +11,8 @@ from command_line import call
 from navigation import FUNCTIONS, error_state, random_state, with_error
 
 from insenv import geodesy
-from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign
+from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import block as block_module
-from insenv.campaigns import campaign as campaign_module
 from insenv.campaigns.block import run_block
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
@@ -140,7 +139,7 @@ def test_diverged_runs_are_named_and_left_out(monkeypatch):
             arrays["mean_square"][6, :, 2] *= 1e6
         return arrays
 
-    monkeypatch.setattr(campaign_module, "run_block", spoilt)
+    monkeypatch.setattr(running, "run_block", spoilt)
     found = run_campaign(plan)
     assert found.diverged == (3 + 8 + 2, 3 + 8 + 4) and found.far == (3 + 8 + 6,)
     kept = ~np.isin(found.seeds, found.diverged)

@@ -21,9 +21,8 @@ from insenv.estimators import lssvm, lssvm_file  # noqa: E402
 from insenv.estimators.lssvm import kernel  # noqa: E402
 from insenv.learning import training  # noqa: E402
 from insenv.learning.regressor import LSSVMRegressor, pivots, rbf  # noqa: E402
-from insenv.learning.samples import EMPTY, sine_vector, smooth_misalignment  # noqa: E402
+from insenv.learning.samples import EMPTY, denoised, sine_vector, smooth_misalignment  # noqa: E402
 from insenv.learning.training import Choice, digest, train  # noqa: E402
-from insenv.learning.wavelet import denoised  # noqa: E402
 from insenv.runs.ensemble import ensemble  # noqa: E402
 from insenv.scenario import load  # noqa: E402
 

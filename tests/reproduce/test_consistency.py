@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from insenv.reproduce import consistency
-from insenv.reproduce.consistency import WANDER_TOLD, WANDER_UNTOLD, WHITE_FIXES, Case, Consistency, bounds, measure
+from consistency import WANDER_TOLD, WANDER_UNTOLD, WHITE_FIXES, Case, CaseResult, bounds, measure
 
 
 def test_bounds_are_those_of_the_normal_distribution_for_many():
@@ -21,8 +20,8 @@ def test_the_share_inside_is_95_percent_of_a_chi_square_sample_and_little_for_si
     rng = np.random.default_rng(3)
     sample = rng.chisquare(9, (50, 2000))
     case = Case("sample", "none", lambda: None, 0.0)
-    assert Consistency(case, np.arange(2000), sample, 9).inside == pytest.approx(0.95, abs=0.02)
-    assert Consistency(case, np.arange(2000), sample * 1.25**2, 9).inside < 0.01
+    assert CaseResult(case, np.arange(2000), sample, 9).inside == pytest.approx(0.95, abs=0.02)
+    assert CaseResult(case, np.arange(2000), sample * 1.25**2, 9).inside < 0.01
 
 
 def test_loosely_coupled_is_consistent():

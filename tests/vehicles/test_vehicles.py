@@ -12,6 +12,7 @@ from scipy.integrate import quad
 
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles import (
     Hull,
     Vehicle,
@@ -25,7 +26,6 @@ from insenv.vehicles import (
     ship_course,
     survey_pattern,
 )
-from insenv.vehicles.aircraft import STANDARD_GRAVITY
 from insenv.vehicles.car import SCRIPT as CAR_SCRIPT
 from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.script import N_SEGMENTS

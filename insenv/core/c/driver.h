@@ -1,8 +1,8 @@
-/* The driver: noise, schedule and sampling loop of a model, for one row (real = double) or a block of LANES rows.
+/* The driver: noise, steps and sampling loop of a model, for one row (real = double) or a block of LANES rows.
  *
  * Written once for both; `generated code` above has defined
  *   N_PARAMETER, N_STATE, N_INPUT, N_OUTPUT, N_UNIFORMS (the largest number that a function takes), SEED_PLACE (in p), STEP_PLACE (in x),
- *   and START_UNIFORMS.  The line SCHEDULE below is where the generator puts the model's schedule as functions:
+ *   and START_UNIFORMS.  The generator replaces the line STEPS below by two functions:
  *   `advance(p, x, u)`, the steps in order, each if its condition is not zero, and `run_step(k, p, x, u)`, one of them.
  */
 #include <string.h>
@@ -59,7 +59,7 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
   else                                                                                 \
     for (int i = (start); i < (stop); ++i) x[i] = blend(mask, changed[i - (start) + (from)], x[i]);
 
-SCHEDULE
+STEPS
 
 /* Inputs and outputs are seen from outside as rows, not as blocks: the last block may have fewer than LANES of them. */
 

@@ -18,8 +18,9 @@ import numpy as np
 
 from insenv import attitude
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.flight.series import INFORMS_NOT, FixSeries, Flight, ImuSeries, SolutionSeries
-from insenv.logs.units import STANDARD_GRAVITY, Array
+from insenv.logs.units import Array
 
 V1, V2, SIGNED = 0xFE, 0xFD, 0x01
 STAMP = 8

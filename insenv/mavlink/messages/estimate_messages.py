@@ -12,7 +12,8 @@ from math import degrees, hypot, isfinite, nan, pi, sqrt
 
 import numpy as np
 
-from insenv.mavlink.messages.fields import CENTI_DEG, DEG_E7, STANDARD_GRAVITY, Message
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.mavlink.messages.fields import CENTI_DEG, DEG_E7, Message
 from insenv.mavlink.messages.view import View
 
 _MAV_FRAME_LOCAL_NED, _MAV_FRAME_BODY_FRD, _MAV_ESTIMATOR_TYPE_GPS_INS, _MAV_ESTIMATOR_TYPE_AUTOPILOT = 1, 12, 5, 8

@@ -13,7 +13,7 @@ from insenv.campaigns.model import measured_model
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
-from insenv.core.native import batch_library_path
+from insenv.core.compile import batch_library_path
 from insenv.core.runner import resolve_backend
 from insenv.errors import InsenvError
 

@@ -54,7 +54,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Consistency:
+class CaseResult:
     """What a case came to.
 
     time (records,) s, from the case's `from_s` on.  nees (runs, records).  degrees: of freedom.  runs: how many.
@@ -90,7 +90,7 @@ def bounds(degrees: int, runs: int, level: float = LEVEL) -> tuple[float, float]
     return float(low), float(high)
 
 
-def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> Consistency:
+def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> CaseResult:
     """Run the case over seeds."""
     plan = make_plan(case.scenario(), case.estimator, runs, first_seed=first_seed, duration_s=case.duration_s)
     blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
@@ -102,7 +102,7 @@ def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> Consi
         error, sigma = (np.concatenate([block[name] for block in blocks])[..., :3] for name in ("error", "sigma"))
         nees = np.sum((error / sigma) ** 2, axis=-1)
     late = plan.times >= case.from_s
-    return Consistency(case, plan.times[late], nees[:, late], degrees)
+    return CaseResult(case, plan.times[late], nees[:, late], degrees)
 
 
 def changed(
@@ -157,13 +157,13 @@ CASES: tuple[Case, ...] = (
 """What `make consistency` measures."""
 
 
-def measured(runs: int = RUNS) -> Iterator[Consistency]:
+def measured(runs: int = RUNS) -> Iterator[CaseResult]:
     """All cases, one after the other."""
     for case in CASES:
         yield measure(case, runs)
 
 
-def row(found: Consistency) -> str:
+def row(found: CaseResult) -> str:
     """A line of the table, Markdown."""
     low, high = found.bounds
     return (
