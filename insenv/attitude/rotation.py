@@ -177,19 +177,6 @@ def split_half_angles(sum_x: ca.SX, sum_y: ca.SX, difference_x: ca.SX, differenc
     return wrap_angle(half_sum + half_difference), wrap_angle(half_sum - half_difference)
 
 
-def euler_rates_to_body_rate(roll: Scalar, pitch: Scalar, roll_rate: Scalar, pitch_rate: Scalar, heading_rate: Scalar) -> ca.SX:
-    """omega_nb^b (3x1, rad/s) of Euler angles (rad) and their rates (rad/s).
-
-    The sum of the heading rate about D, the pitch rate about E' and the roll rate about N'' = b's x axis.
-    """
-    (sr, cr), (sp, cp) = sin_cos(roll), sin_cos(pitch)
-    return ca.vertcat(
-        roll_rate - sp * heading_rate,
-        cr * pitch_rate + sr * cp * heading_rate,
-        cr * cp * heading_rate - sr * pitch_rate,
-    )
-
-
 def error_rotation_vector(q_estimate: ca.SX, q_true: ca.SX) -> ca.SX:
     """Rotation vector (3x1, rad, in n) of q_estimate * conj(q_true): it turns the truth into the estimate."""
     return to_rotation_vector(multiply(q_estimate, conjugate(q_true)))

@@ -21,9 +21,9 @@ Arrays = dict[str, NDArray[np.float64]]
 def run_block(plan: Plan, number: int) -> Arrays:
     """Simulate and estimate the runs of block `number`; give their summaries, run by run.
 
-    seed (runs,); values (runs, variations); of the model's outputs (`measured_model`) each (runs, records, ...), and `told`
-    (runs, 4): latitude (rad), height (m), white noise of gyros and accelerometers as the estimator knows them; `wander`
-    (runs, 3), m: standard deviation of the fixes' slow error.
+    seed (runs,); values (runs, variations); of the model's outputs (`measured_model`) each (runs, records, ...), and
+    `told` (runs, 4): latitude (rad), height (m), white noise of gyros and accelerometers as the estimator knows them;
+    `wander` (runs, 3), m: standard deviation of the fixes' slow error.
     """
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]

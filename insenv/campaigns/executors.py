@@ -38,7 +38,8 @@ def processes(count: int) -> Workers:
 
 
 class _Processes(ProcessPoolExecutor):
-    """Processes that do not hear Ctrl-C, which a terminal sends to all of them: whoever asked for the work calls it off."""
+    """Processes that do not hear Ctrl-C, which a terminal sends to all of them: whoever asked for the work calls it
+    off."""
 
     def submit(self, *call: Any, **options: Any) -> Future[Any]:
         """Processes start here, and inherit what is blocked; a signal that comes meanwhile is raised at the end."""

@@ -1,9 +1,9 @@
-"""What a campaign runs: plant, sensors, estimator and the statistics of its errors as one model, which only summaries leave.
+"""What a campaign runs: plant, sensors, estimator and the statistics of its errors as one model, which only summaries
+leave.
 
-Errors are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records them, and their squares
-summed; the
-outputs are read every `evaluations` of those.  They are arithmetic of the model like all else, hence the same to the bit on
-every machine.
+Errors are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records them, and their
+squares summed; the outputs are read every `evaluations` of those.  They are arithmetic of the model like all else,
+hence the same to the bit on every machine.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ _GROUPS = (
 class Measured:
     """The model of a campaign and what its outputs are.
 
-    channels: the errors' names, of `insenv.evaluation.errors.CHANNELS`.  stated: those whose standard deviation the estimator
-    states.
+    channels: the errors' names, of `insenv.evaluation.errors.CHANNELS`.  stated: those whose standard deviation the
+    estimator states.
     predicted: those whose standard deviation the covariance of the free-inertial filter predicts, or none.
     degrees: of freedom of the NEES; 0: there is none.  senses: whether the sensors' errors are summed (for alignments).
     """
@@ -58,9 +58,9 @@ class Measured:
 def measured_model(plant: Model, estimator: Estimator) -> Measured:
     """The campaign's model for a plant and an estimator; the same object for the same pair.
 
-    Outputs: `error` (channels) now and `mean_square` (channels) since the record before; `sigma` and `predicted` by those
-    channels; `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers (m/s^2) in n since the start,
-    noise left out; `heading` (rad), the true one.  Parameters added: `evaluation_samples`, `evaluations`.
+    Outputs: `error` (channels) now and `mean_square` (channels) since the record before; `sigma` and `predicted` by
+    those channels; `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers (m/s^2) in n since the
+    start, noise left out; `heading` (rad), the true one.  Parameters added: `evaluation_samples`, `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
     predicts = estimator.kind == "navigation" and not estimator.aided

@@ -73,7 +73,8 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What must be said of the estimator in this scenario (`insenv.evaluation.applicability`), of the first run's."""
+        """What must be said of the estimator in this scenario (`insenv.evaluation.applicability`), of the first
+        run's."""
         estimator = estimators.get(self.estimator)
         own = {**estimator.prepare(self.plant.knowledge), **self.plant.estimator_tuning.get(estimator.id, {})}
         table = estimator.model.parameters

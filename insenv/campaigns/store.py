@@ -1,8 +1,9 @@
 """Where finished blocks stand: in memory, or in a folder that an interrupted campaign goes on from.
 
-A folder holds `manifest.json`, the plan with its digest, and `blocks/NNNNNN.npz`, the summaries of the runs of each block.
-A file is written under a temporary name and renamed: what has its final name is complete.  A block that is damaged all the
-same counts as not done.
+A folder holds `manifest.json`, the plan with its digest, and `blocks/NNNNNN.npz`, the summaries of the runs of each
+block.
+A file is written under a temporary name and renamed: what has its final name is complete.  A block that is damaged all
+the same counts as not done.
 """
 
 from __future__ import annotations

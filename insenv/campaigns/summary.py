@@ -30,8 +30,8 @@ BOUNDS = (0.025, 0.975)
 class Course:
     """One channel along the recorded times (records,): over the runs whose errors are finite numbers there.
 
-    mean of the errors; rms, of all evaluations since the record before; percentiles (5, records) of the errors; limit, rms
-    over the runs, or None; stated: rms of the standard deviations that the estimator states, or None.
+    mean of the errors; rms, of all evaluations since the record before; percentiles (5, records) of the errors; limit,
+    rms over the runs, or None; stated: rms of the standard deviations that the estimator states, or None.
     """
 
     mean: Array
@@ -79,7 +79,8 @@ class Summary:
         return tuple(self.courses)
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean", "percentiles" of the errors at the end, "rms" and "limit" over the runs from `from_s` on."""
+        """By channel: "mean", "percentiles" of the errors at the end, "rms" and "limit" over the runs from `from_s`
+        on."""
         kept = ~np.isin(self.seeds, self.diverged)
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
@@ -126,7 +127,8 @@ class Summary:
 
 
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
-    """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which block."""
+    """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which
+    block."""
     time = plan.times
     alignment = estimators.get(plan.estimator).kind == "alignment"
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
@@ -194,7 +196,8 @@ def _rms(values: Array) -> Array:
 
 
 def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
-    """Limit of every run (runs, records, channels): as `insenv.runs.simulated` has it at the end, at each recorded time."""
+    """Limit of every run (runs, records, channels): as `insenv.runs.simulated` has it at the end, at each recorded
+    time."""
     if measured.senses:
         return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("told", "sensor_error_n", "heading")))
     if measured.predicted:

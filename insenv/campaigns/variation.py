@@ -1,4 +1,5 @@
-"""Ranges of scenario keys that are drawn anew for each run, by their dotted names: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
+"""Ranges of scenario keys that are drawn anew for each run, by their dotted names:
+``imu.gyro_bias_deg_h=-0.01:0.01``."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ def parse_variation(text: str) -> Variation:
 
 
 def varied(data: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    """A copy of a scenario's values with those of `values`, by dotted key, put in.  Raises `InputError` for an unknown key."""
+    """A copy of a scenario's values with those of `values`, by dotted key, put in.  Raises `InputError` for an unknown
+    key."""
     changed = copy.deepcopy(dict(data))
     for key, value in values.items():
         *path, last = key.split(".")

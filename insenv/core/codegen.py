@@ -1,6 +1,6 @@
-"""C source of a model: the instructions of its functions, and the hand-written driver.
+"""C source of a model: the instructions of its functions and the hand-written driver.
 
-The same text of the functions serves one row and a block of rows; `real` is ``double`` or a vector of lanes.
+The same function text serves one row and a block of rows: the type `real` is ``double`` or a vector of lanes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _EXPRESSIONS = {
     "IF_ELSE_ZERO": "select0({}, {})",
     "ASSIGN": "{}",
 }
-"""Operations that IEEE 754 rounds in one way, and no others."""
+"""The operations that IEEE 754 rounds in exactly one way; no others are allowed."""
 
 
 def native_source(model: Model) -> str:
@@ -41,21 +41,21 @@ def native_source(model: Model) -> str:
 
 
 def embedded_source(model: Model) -> str:
-    """C source of the model for one row, to be included by other C code: nothing in it is seen from outside."""
+    """C source of the model for one row, to be included by other C code: all its names are static."""
     return _source(model, "scalar.h", "#define EXPORT static inline")
 
 
 def batch_source(model: Model, lanes: int | None = None) -> str:
-    """C source of the model for blocks of `lanes` rows (None: what the processor's vector registers hold)."""
+    """C source of the model for blocks of `lanes` rows (None: as many as a vector register holds)."""
     define = f"#define LANES {lanes}\n" if lanes else ""
     return _source(model, "lanes.h", define + '#define EXPORT __attribute__((visibility("default")))')
 
 
 def functions_source(model: Model) -> str:
-    """The model's functions alone, over the type ``real``.
+    """C source of the model's functions alone, over the type ``real``.
 
-    ``start(p, r, y)``, ``output(p, x, y)`` and each conditional step ``NAME(p, x, u, r, y)`` write their results to y, a step
-    without a condition, ``NAME(p, x, u, r)``, to their places in x.
+    ``start(p, r, y)``, ``output(p, x, y)`` and each conditional step ``NAME(p, x, u, r, y)`` write their results to y.
+     A step without a condition, ``NAME(p, x, u, r)``, writes its results directly into x.
     """
     texts = []
     for name, kernel in model.kernels.items():
@@ -85,7 +85,7 @@ def _function_text(name: str, kernel: Kernel, arguments: str, in_place: bool) ->
     result, places, after = "y", list(range(kernel.function.size1_out(0))), {}
     if in_place:
         result, places = "x", [i for span in kernel.spans for i in range(span.start, span.stop)]
-        # what stands in the state is read before it is written over
+        # a state element is read before it is overwritten
         read = {step.place: k for k, step in enumerate(steps) if step.name == "INPUT"}
         for k, step in enumerate(steps):
             if step.name == "OUTPUT" and (place := (arguments.index("x"), places[step.place[1]])) in read:
@@ -129,7 +129,8 @@ def _constants(model: Model) -> str:
 
 
 def _steps(model: Model) -> str:
-    """`advance` and `run_step` of the driver, as straight code: what is known of the steps is known to the compiler."""
+    """The driver's functions `advance` and `run_step`, written out step by step so that the compiler can inline the
+    steps."""
     lays, advances, cases = [], [], []
     for k, (name, step) in enumerate(model.steps.items()):
         if step.when is None:
@@ -159,7 +160,7 @@ def _steps(model: Model) -> str:
 
 
 def _lay(name: str, kernel: Kernel) -> list[str]:
-    """The function that puts a conditional step's results into the state."""
+    """The function that copies a conditional step's results into the state."""
     lines, done = [], 0
     for span in kernel.spans:
         lines.append(f"  LAY({span.start}, {span.stop}, {done})")

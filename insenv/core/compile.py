@@ -1,9 +1,9 @@
 """Compiled models: the C compiler and its flags, the cache of shared libraries, and loading one.
 
-A cache entry is a folder named by the hash of everything that determines the library (source, flags, compiler, machine).  It
-holds the library and the library's own hash.  It is built under a temporary name and renamed, so that two processes can compile
-at the same time and no process sees a partly written entry.  An entry that is damaged, or that another user could have written,
-is not loaded but rebuilt.
+A cache entry is a folder named by the hash of everything that determines the library (source, flags, compiler,
+machine).  It holds the library and the library's own hash.  It is built under a temporary name and renamed, so that two
+processes can compile at the same time and no process sees a partly written entry.  An entry that is damaged, or that
+another user could have written, is not loaded but rebuilt.
 """
 
 from __future__ import annotations
@@ -64,7 +64,8 @@ class Compiler:
 
 
 def find_compiler() -> Compiler | None:
-    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel; None if there is none."""
+    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel; None if there is
+    none."""
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         words = tuple(name.split())
         if words and shutil.which(words[0]):
@@ -137,7 +138,8 @@ def _is_intact(entry: Path) -> bool:
 
 
 def _is_private(path: Path) -> bool:
-    """Whether the path belongs to this user and nobody else may write to it (always true where files have no owners)."""
+    """Whether the path belongs to this user and nobody else may write to it (always true where files have no
+    owners)."""
     if not hasattr(os, "getuid"):
         return True
     status = path.lstat()

@@ -1,11 +1,11 @@
 """The instructions of a CasADi function of scalars, and the order in which they are written as C.
 
-CasADi's order finishes one expression before it begins the next: few values are alive at a time, but each instruction waits for
-the one before it, and a processor looks only about fifty instructions ahead.  `ordering` therefore simulates a simple processor
-that issues `RATE` instructions per cycle and knows the latency of each.  Whenever the next instruction in CasADi's order would
-have to wait, the first one that is ready is written before it, provided it is among the next `WINDOW` that remain: the limit
-keeps the number of live values, and so the register pressure, low.  The order changes no result.  It makes a plant and the
-estimators 10 to 30 % faster, batches more than single rows.
+CasADi's order finishes one expression before it begins the next: few values are alive at a time, but each instruction
+waits for the one before it, and a processor looks only about fifty instructions ahead.  `ordering` therefore simulates
+a simple processor that issues `RATE` instructions per cycle and knows the latency of each.  Whenever the next
+instruction in CasADi's order would have to wait, the first one that is ready is written before it, provided it is among
+the next `WINDOW` that remain: the limit keeps the number of live values, and so the register pressure, low.  The order
+changes no result.  It makes a plant and the estimators 10 to 30 % faster, batches more than single rows.
 """
 
 from __future__ import annotations

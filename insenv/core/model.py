@@ -1,15 +1,16 @@
 """Model: a sampled system written once, as pure step functions over four tables.
 
-A model knows nothing of how it is run.  Its step functions are plain Python over CasADi symbols; `Model.kernels` turns them
-into `casadi.Function`s of one common signature, and every runner (interpreter, native, batch, FMU) uses those and nothing else.
-A step's kernel computes only the rows that the step changes: what a state merely carries costs nothing.
+A model knows nothing of how it is run.  Its step functions are plain Python over CasADi symbols; `Model.kernels` turns
+them into `casadi.Function`s of one common signature, and every runner (interpreter, native, batch, FMU) uses those and
+nothing else. A step's kernel computes only the rows that the step changes: what a state merely carries costs nothing.
 
-One *advance* of a model runs the steps of its schedule in order.  A step without a condition always runs.  A step with one
-(``when="gnss_valid"``) runs only when that input, or state row as the earlier steps left it, is not zero: rare events cost
-nothing when they do not happen, and in a batch they are masked row by row.
+One *advance* of a model runs the steps of its schedule in order.  A step without a condition always runs.  A step with
+one (``when="gnss_valid"``) runs only when that input, or state row as the earlier steps left it, is not zero: rare
+events cost nothing when they do not happen, and in a batch they are masked row by row.
 
-Randomness: a step that declares ``uniforms=n`` is handed n uniforms in (0, 1), a pure function of the parameter ``seed``, the
-state row ``step`` and the step's place in the schedule (see `insenv.core.noise`).  Nothing else is random anywhere.
+Randomness: a step that declares ``uniforms=n`` is handed n uniforms in (0, 1), a pure function of the parameter
+``seed``, the state row ``step`` and the step's place in the schedule (see `insenv.core.noise`).  Nothing else is random
+anywhere.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class Model:
     parameters, state, inputs, outputs: the four tables.
     steps: the schedule, by name and in order.
     output: ``(p, x) -> {output row: value}`` for every output row.
-    start: ``(p) -> {state row: value}``, or ``(p, r)`` if `start_uniforms` > 0: the state at the start where it is not the
-        table's start value.
+    start: ``(p) -> {state row: value}``, or ``(p, r)`` if `start_uniforms` > 0: the state at the start where it is not
+        the table's start value.
     """
 
     id: str
@@ -86,8 +87,8 @@ class Model:
     def kernels(self) -> dict[str, Kernel]:
         """The compiled core by name: "start", each step, "output".
 
-        All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty where no
-        random numbers are taken.
+        All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty
+        where no random numbers are taken.
         """
         import casadi as ca
 
@@ -113,7 +114,8 @@ class Model:
 
     @cached_property
     def functions(self) -> dict[str, Any]:
-        """`casadi.Function`s by name that give whole vectors, for analysis: as `kernels`, each step ``(p, x, u, r) -> x``."""
+        """`casadi.Function`s by name that give whole vectors, for analysis: as `kernels`, each step ``(p, x, u, r) ->
+        x``."""
         import casadi as ca
 
         functions = {}

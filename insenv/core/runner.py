@@ -1,8 +1,8 @@
 """Running one instance of a model: by CasADi's interpreter, or natively through generated C.
 
-Both runners have one interface and give the same numbers to the bit.  The state is float64 throughout; parameters, inputs and
-state may be read and written between calls, and ``runner.x.copy()`` is a complete snapshot
-(``runner.x[:] = snapshot`` restores it).
+Both runners have one interface and give the same numbers to the bit.  The state is float64 throughout; parameters,
+inputs and state may be read and written between calls, and ``runner.x.copy()`` is a complete snapshot (``runner.x[:] =
+snapshot`` restores it).
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ class Runner:
     def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
         """A call to make again and again, and the buffer (n * watched elements + outputs.size,) that it fills.
 
-        The call runs `step` whatever its condition, advances n times with the inputs as they stand, and leaves in the buffer
-        the state rows `watched` after each advance, then the outputs.
+        The call runs `step` whatever its condition, advances n times with the inputs as they stand, and leaves in the
+        buffer the state rows `watched` after each advance, then the outputs.
         """
         raise NotImplementedError
 
@@ -224,7 +224,8 @@ class InterpreterRunner(Runner):
         return float(self.p[self.model.parameters.slice("seed")][0]) if self.model.is_random else 0.0
 
     def _draw(self, name: str, r: Vector) -> None:
-        """Fill in the step's uniforms; they are computed for many steps ahead, being a function of seed and step's number."""
+        """Fill in the step's uniforms; they are computed for many steps ahead, being a function of seed and step's
+        number."""
         now, seed = int(self.x[self.model.state.slice("step")][0]), self._seed
         known, first, block = self._noise.get(name, (seed, 0, np.zeros((0, 0))))
         if known != seed or not first <= now < first + len(block):

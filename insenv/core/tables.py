@@ -1,9 +1,11 @@
 """Tables: the named, dimensioned rows that a model's parameters, state, inputs and outputs are made of.
 
-A table is the only description of a vector of numbers in insenv.  The same rows name the symbols of the equations, lay out the
-flat float64 vector of the generated code, check a user's values, label a result file and become the variables of an FMU.
+A table is the only description of a vector of numbers in insenv.  The same rows name the symbols of the equations, lay
+out the flat float64 vector of the generated code, check a user's values, label a result file and become the variables
+of an FMU.
 
-Layout: the rows stand one after the other in the order given; a matrix row is stored row by row (C order), as NumPy reads it.
+Layout: the rows stand one after the other in the order given; a matrix row is stored row by row (C order), as NumPy
+reads it.
 """
 
 from __future__ import annotations
@@ -153,7 +155,8 @@ class Table:
         return SimpleNamespace(**names)
 
     def assemble(self, values: Mapping[str, Any]) -> Any:
-        """Flat CasADi vector from expressions by name.  Raises `ValueError` for an unknown or missing row or a wrong shape."""
+        """Flat CasADi vector from expressions by name.  Raises `ValueError` for an unknown or missing row or a wrong
+        shape."""
         import casadi as ca
 
         if set(values) != set(self.names):

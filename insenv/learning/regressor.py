@@ -7,9 +7,10 @@ Training minimises 1/2 |w|^2 + gamma/2 sum of v_k e_k^2 with y_k = w phi(x_k) + 
 (the LS-SVM paper prints it without the zero and without the term of gamma: a slip; its c is gamma/2).  v are the sample
 weights; Suykens et al., Least Squares Support Vector Machines (2002), sections 3.4 and 6.
 
-`support`: with fewer support vectors than samples (fixed size) w is sought among combinations of the support vectors' phi
-alone, for the same sum over all samples.  With as many as samples the two are one problem.  The support vectors are the
-pivots of the kernel matrix's Cholesky factorisation: greedily those which the ones before represent worst, no chance in it.
+`support`: with fewer support vectors than samples (fixed size) w is sought among combinations of the support vectors'
+phi alone, for the same sum over all samples.  With as many as samples the two are one problem.  The support vectors are
+the pivots of the kernel matrix's Cholesky factorisation: greedily those which the ones before represent worst, no
+chance in it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ BLOCK = 4096  # rows of a kernel matrix made at once when predicting
 class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     """Least-squares support vector regression, one or many outputs.
 
-    gamma: weight of the errors, > 0.  sigma: width of the kernel, > 0.  support: number of support vectors, None: all samples.
+    gamma: weight of the errors, > 0.  sigma: width of the kernel, > 0.  support: number of support vectors, None: all
+        samples.
 
     After `fit`: support_ (S, n_features), dual_coef_ (S, n_outputs) and intercept_ (n_outputs).
     """

@@ -1,8 +1,8 @@
 """Samples to learn from: what `lssvm` sees beside what `aqe-sukf` finds, on the same simulated measurements.
 
 The SINS runs free from the attitude that it is told.  The loop in which the machine will work meets every size of
-misalignment, from the start's to nothing, so the start errors are drawn with the scenario's sigmas times one of `SHARES`;
-the filter is told the whole sigmas all the same, as the machine will know no more.
+misalignment, from the start's to nothing, so the start errors are drawn with the scenario's sigmas times one of
+`SHARES`; the filter is told the whole sigmas all the same, as the machine will know no more.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ EMPTY = {
 
 @dataclass(frozen=True)
 class Samples:
-    """inputs (n, 6) and outputs (n, 3, rad) of the machine; angle (n,): of the misalignment, rad; run (n,): number of the run
-    each is from; runs: their number; astray: runs left out because the filter itself ended more than `ASTRAY_DEG` off the
-    truth.
+    """inputs (n, 6) and outputs (n, 3, rad) of the machine; angle (n,): of the misalignment, rad; run (n,): number of
+    the run each is from; runs: their number; astray: runs left out because the filter itself ended more than
+    `ASTRAY_DEG` off the truth.
     """
 
     inputs: Array
@@ -137,8 +137,8 @@ def _samples(run: Ensemble, row: int, seed: int) -> tuple[Array, Array]:
 
 
 def smooth_misalignment(q_sins: Array, q_filter: Array) -> Array:
-    """Misalignment of the SINS by the filter (n, 4): quaternion of SINS times inverse filter, de-noised as rotation vectors
-    from its last value.
+    """Misalignment of the SINS by the filter (n, 4): quaternion of SINS times inverse filter, de-noised as rotation
+    vectors from its last value.
     """
     numeric = attitude.numeric
     raw = numeric.multiply(q_sins, numeric.conjugate(q_filter))

@@ -1,8 +1,8 @@
 """Training of `lssvm`: samples, cross-validation over the kernel's width and the weight of errors, the machine.
 
-Errors count relative to the misalignment: a tenth of a degree is nothing in 60 degrees, which the loop goes through in a
-second, and all near zero, where it ends.  So a sample's weight is 1 / (angle^2 + FLOOR^2), in learning and in the score alike.
-Folds part runs, never the samples of one run.
+Errors count relative to the misalignment: a tenth of a degree is nothing in 60 degrees, which the loop goes through in
+a second, and all near zero, where it ends.  So a sample's weight is 1 / (angle^2 + FLOOR^2), in learning and in the
+score alike. Folds part runs, never the samples of one run.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def train(
 ) -> TrainedMachine:
     """A machine trained on runs of `aqe-sukf`: every scenario (name, path or loaded) with every seed.
 
-    Raises `InputError` for scenarios that cannot be learnt from or too few seeds, `InsenvError` if scikit-learn or PyWavelets
-    is not installed.
+    Raises `InputError` for scenarios that cannot be learnt from or too few seeds, `InsenvError` if scikit-learn or
+    PyWavelets is not installed.
     """
     need_packages()
     from insenv.learning.samples import FILTER, SHARES, collect

@@ -26,9 +26,10 @@ Progress = Callable[[str], None]
 class Quantity:
     """A row of a paper's table.
 
-    paper: short name ("ecef", "navigation", "swaying", "quaternion", "large-misalignment").  quantity: what, under which
-    conditions. unit; published: the paper's number, None if it gives none; ours: measured here; limit: what theory leaves,
-    None if there is none; seeds: over how many (1 where nothing is random).  note: what must be known to read it.
+    paper: short name ("ecef", "navigation", "swaying", "quaternion", "large-misalignment").  quantity: what, under
+    which conditions. unit; published: the paper's number, None if it gives none; ours: measured here; limit: what
+    theory leaves, None if there is none; seeds: over how many (1 where nothing is random).  note: what must be known to
+    read it.
     """
 
     paper: str
@@ -52,7 +53,8 @@ class Quantity:
 
 
 def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
-    """(paper, its quantities), one paper after the other; all of them if None.  Raises `InputError` for an unknown one."""
+    """(paper, its quantities), one paper after the other; all of them if None.  Raises `InputError` for an unknown
+    one."""
     for name in chosen(paper):
         yield name, _module(name).quantities()
 

@@ -1,9 +1,10 @@
 """The ECEF fine-alignment paper: table 1 without noise, figures 1 and 2 with noise.
 
-What the paper does not state is chosen here: its white noise (`ARW`, `VRW`: a laser-gyro unit of its biases' class), its
-filter's start covariance and noise.  Table 1 is run with two priors: `WIDE`, whose pull on the answer is below the paper's last
-digit, and that of the data sheet and the errors told, which moves pitch by 1e-4 deg: with known sigmas the down gyro's drift is
-shared between that gyro and an east tilt, which is right on average over units and not for this one.
+What the paper does not state is chosen here: its white noise (`ARW`, `VRW`: a laser-gyro unit of its biases' class),
+its filter's start covariance and noise.  Table 1 is run with two priors: `WIDE`, whose pull on the answer is below the
+paper's last digit, and that of the data sheet and the errors told, which moves pitch by 1e-4 deg: with known sigmas the
+down gyro's drift is shared between that gyro and an east tilt, which is right on average over units and not for this
+one.
 """
 
 from __future__ import annotations

@@ -1,11 +1,15 @@
-"""The LS-SVM large misalignment paper: additive quaternion error, extended and simplified unscented Kalman filter, LS-SVM.
+"""The LS-SVM large misalignment paper: additive quaternion error, extended and simplified unscented Kalman filter,
+LS-SVM.
 
-Published (section 5, figures 2-4): 0.05 deg/h and 50 ug, 600 s, filter 1 s; levelling the same for all; steady heading error
-about 0.1 deg with LS-SVM and SUKF and 0.2 deg with EKF, LS-SVM taking less time than SUKF.  The paper tells neither the start
-errors nor the motion nor the GNSS receiver: `large-misalignment` and `large-misalignment-extreme` say what is taken for them.
+Published (section 5, figures 2-4): 0.05 deg/h and 50 ug, 600 s, filter 1 s; levelling the same for all; steady heading
+error about 0.1 deg with LS-SVM and SUKF and 0.2 deg with EKF, LS-SVM taking less time than SUKF.  The paper tells
+neither the start
+errors nor the motion nor the GNSS receiver: `large-misalignment` and `large-misalignment-extreme` say what is taken for
+    them.
 
-An equivalent east drift of 0.05 deg/h leaves 0.22 deg of heading to a method that does not estimate it.  Both filters do,
-knowing its size, and so may come below.  What the method itself adds is told by the same noise from a start within 2 deg,
+An equivalent east drift of 0.05 deg/h leaves 0.22 deg of heading to a method that does not estimate it.  Both filters
+do, knowing its size, and so may come below.  What the method itself adds is told by the same noise from a start within
+2 deg,
 where every linearisation is good: the difference of the two runs is the method's.
 """
 

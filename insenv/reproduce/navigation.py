@@ -1,12 +1,11 @@
 """The airborne-navigation paper: free inertial for ten minutes, and four outages of a minute smoothed.
 
-The paper flies a unit of 0.1 deg/h and 1e-3 g, aided by GPS of centimetre grade until the outage, so what drifts is what the
-filter could not take off.  It does not say what of its two figures is constant.  Two readings are shown:
+The paper flies a unit of 0.1 deg/h and 1e-3 g, aided by GPS of centimetre grade until the outage, so what drifts is
+what the filter could not take off.  It does not say what of its two figures is constant.  Two readings are shown:
 
-turn-on  the figures are constant biases (1 sigma), as `aircraft-survey` has them: the filter finds nearly all of them, and
-         the drift left is a hundred times smaller than the paper's.
-in-run   the figures are the standard deviation of biases that wander with a correlation time of an hour: the filter follows
-         them as well as theory lets it.
+turn-on  the figures are constant biases (1 sigma), as `aircraft-survey` has them: the filter finds nearly all of them,
+         and the drift left is a hundred times smaller than the paper's. in-run   the figures are the standard deviation
+         of biases that wander with a correlation time of an hour: the filter follows them as well as theory lets it.
 
 The flight is insenv's own (the paper gives no track), the outage begins 60 s into the first survey line.
 """
@@ -50,8 +49,9 @@ READINGS: dict[str, dict[str, float]] = {"in-run": IN_RUN, "turn-on": {}}
 class Drift:
     """Free inertial after aided flight.
 
-    distance (seeds, 11) m: position error after each minute.  sigma (11,) m: what the filter's covariance expects, root of the
-    trace.  gyro_deg_h, accel_ug: root mean square over seeds and axes of the biases left at the outage's beginning.
+    distance (seeds, 11) m: position error after each minute.  sigma (11,) m: what the filter's covariance expects, root
+    of the trace.  gyro_deg_h, accel_ug: root mean square over seeds and axes of the biases left at the outage's
+    beginning.
     """
 
     distance: Array
@@ -173,7 +173,8 @@ def _outages(reading: str) -> list[Quantity]:
 
 
 def figure(path_stem: str | Path) -> list[Path]:
-    """Like the paper's Figures 4 and 6: distance error over ten minutes, and the smoothed errors with their four outages."""
+    """Like the paper's Figures 4 and 6: distance error over ten minutes, and the smoothed errors with their four
+    outages."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -2,9 +2,11 @@
 
 Published (section 3.2, figure 4): heading error over 150-200 s of one run with 200 ug of accelerometer noise, mean and
 standard deviation in time: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3: qakf
-converges far slower, and slower with more noise.  Ours are means over the seeds of each run's |mean| and standard deviation
-in time: the published means, of one run each, lie below what white noise leaves on average (the limit).  The paper's plain
-vectors are used (`PLAIN`: no low-pass, all times weighed alike); what insenv's default windows give is shown beside them.
+converges far slower, and slower with more noise.  Ours are means over the seeds of each run's |mean| and standard
+deviation
+in time: the published means, of one run each, lie below what white noise leaves on average (the limit).  The paper's
+plain vectors are used (`PLAIN`: no low-pass, all times weighed alike); what insenv's default windows give is shown
+beside them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The swaying-base paper: inertial-frame alignment behind FIR filters beside gyrocompassing, boat and vehicle.
 
-Published (section 3, figure 5): unit of 0.008 deg/h and 5e-5 g; 4 min in all (3 min of filter, 1 min of levelling) against
-about 10 min, heading 0.03 deg (1 sigma) with both, also from -150 deg.  The paper tells neither place, nor motion, nor white
+Published (section 3, figure 5): unit of 0.008 deg/h and 5e-5 g; 4 min in all (3 min of filter, 1 min of levelling)
+against about 10 min, heading 0.03 deg (1 sigma) with both, also from -150 deg.  The paper tells neither place, nor
+motion, nor white
 noise: the scenarios `ship-moored-paper` and `car-parked-paper` say what is taken for them.
 """
 
@@ -148,7 +149,8 @@ def _at(found: Ensemble, time: float) -> int:
 
 
 def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
-    """What each unit's biases leave about n (seeds, 3), and the deviations (3) that white noise over `time` leaves: degrees."""
+    """What each unit's biases leave about n (seeds, 3), and the deviations (3) that white noise over `time` leaves:
+    degrees."""
     known = found.plants[0].knowledge
     C_nb = attitude.numeric.to_dcm(found.truth["q_nb"][:, : _at(found, time) + 1])
     gyro, accel = (

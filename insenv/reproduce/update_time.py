@@ -24,7 +24,8 @@ INFER = ("infer",)
 
 
 def microseconds(id: str, steps: tuple[str, ...]) -> float:
-    """Median over repetitions of the time of the steps named, from the state and with the fix that a run has reached."""
+    """Median over repetitions of the time of the steps named, from the state and with the fix that a run has
+    reached."""
     estimator, plant = get(id), build(load(SCENARIO), duration_s=WARM_UP_S)
     columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples)))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)

@@ -125,7 +125,8 @@ def _sensed(p: Values, x: Values, triad: Triad, bias: Any) -> Any:
 
 
 def systematic_error(p: Values, x: Values) -> tuple[Any, Any]:
-    """Error of the last sample's delta angle (3, rad, b) and delta velocity (3, m/s, b), but for what noise and counts add."""
+    """Error of the last sample's delta angle (3, rad, b) and delta velocity (3, m/s, b), but for what noise and counts
+    add."""
     angle, velocity = (x.C_bs @ _sensed(p, x, triad, _of(x, triad, "bias_s")) for triad in (GYRO, ACCEL))
     return angle - x.true_delta_angle, velocity - x.true_delta_velocity
 

@@ -57,13 +57,6 @@ def deg_sqrt_h_to_rad_sqrt_s(value: Any) -> Any:
     return np.multiply(value, DEGREE / math.sqrt(HOUR))
 
 
-def deg_h_sqrt_hz_to_rad_sqrt_s(value: Any) -> Any:
-    """(deg/h)/sqrt(Hz) to rad/sqrt(s) (angle random walk as a rate density; 60 of these are one
-    deg/sqrt(h)).
-    """
-    return np.multiply(value, DEGREE / HOUR)
-
-
 def deg_h_sqrt_h_to_rad_s_sqrt_s(value: Any) -> Any:
     """(deg/h)/sqrt(h) to (rad/s)/sqrt(s) (rate random walk)."""
     return np.multiply(value, DEGREE / HOUR / math.sqrt(HOUR))
@@ -131,20 +124,6 @@ def density_from_sample_std(sample_std: Any, sample_interval: float) -> Any:
     rad/s per sample to rad/sqrt(s) = (rad/s)/sqrt(Hz), m/s^2 per sample to (m/s)/sqrt(s).
     """
     return np.multiply(sample_std, math.sqrt(sample_interval))
-
-
-def sample_std_from_density(density: Any, sample_interval: float) -> Any:
-    """Standard deviation of the rate of one sample, from the white noise density: over
-    sqrt(sample_interval).
-    """
-    return np.divide(density, math.sqrt(sample_interval))
-
-
-def increment_std_from_density(density: Any, sample_interval: float) -> Any:
-    """Standard deviation of one increment (rad, m/s) from its white noise density: times
-    sqrt(sample_interval).
-    """
-    return np.multiply(density, math.sqrt(sample_interval))
 
 
 def one_sigma_from_cep(cep: float) -> float:

@@ -1,8 +1,8 @@
 """Where within a sample the truth is evaluated: the four Gauss-Lobatto nodes, of which the first is the sample's start.
 
-They integrate polynomials of degree 5 exactly, as three Gauss-Legendre nodes do; but a sample's end is the next one's start, so
-that three evaluations serve both the integrals and what is true at the end.  The error over a sample h of a motion of angular
-frequency w is (w h)^6 / 1512000 of it.  Abramowitz and Stegun 1964, eq. 25.4.32 and table 25.6.
+They integrate polynomials of degree 5 exactly, as three Gauss-Legendre nodes do; but a sample's end is the next one's
+start, so that three evaluations serve both the integrals and what is true at the end.  The error over a sample h of a
+motion of angular frequency w is (w h)^6 / 1512000 of it.  Abramowitz and Stegun 1964, eq. 25.4.32 and table 25.6.
 """
 
 from __future__ import annotations

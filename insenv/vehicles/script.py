@@ -69,7 +69,8 @@ class Script:
         return Table((*rows, Row("command_valid", "Whether the commands are to be taken (1) or not (0)")))
 
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
-        """The first segment in force, or where there is none the commands `otherwise` (by name; else their start values)."""
+        """The first segment in force, or where there is none the commands `otherwise` (by name; else their start
+        values)."""
         duration = p.segments[0, 0]
         given = duration > 0.0
         state = {

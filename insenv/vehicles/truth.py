@@ -126,7 +126,8 @@ def truth_part(vehicle: Vehicle) -> Part:
 
 
 def truth_instant(vehicle: Vehicle) -> Callable[[Values, Values], tuple[Any, Any]]:
-    """(p, x) -> omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2) at the end of the last sample, for
+    """(p, x) -> omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2) at the end of the last sample,
+    for
     what is measured now and then: a sample does not need them.
     """
     kinematics = _kinematics(vehicle)
@@ -162,7 +163,7 @@ def _kinematics(vehicle: Vehicle) -> Kinematics:
     rates = ca.jtimes(angles, x_flat, flow)
     along = ca.vertcat(x_flat, s, c), ca.vertcat(flow, c * rates, -s * rates)
     velocity = vehicle.velocity_n(p, x, [(s[i], c[i]) for i in range(angles.numel())])
-    # omega_nb^b from Euler rates, as attitude.euler_rates_to_body_rate
+    # omega_nb^b: the heading rate about D, the pitch rate about E' and the roll rate about N'' = b's x axis
     roll_rate, pitch_rate, heading_rate = rates[0], rates[1], rates[2]
     omega = ca.vertcat(
         roll_rate - s[1] * heading_rate,
@@ -258,9 +259,9 @@ def _integrated(p: Values, x: Values, motions: Sequence[_Motion]) -> dict[str, A
     """Rows of TRUTH_STATE but the attitude, at the end of the sample that starts at x.
 
     The part omega_dot x l that a lever arm l adds to the specific force has a closed integral, the change of omega x l.
-    The Earth's curvature and rotation and the gravity's latitude are, at the inner nodes, those of the sample's middle: over a
-    sample they change by 1e-7 of themselves, linearly, and what a linear change leaves is third order. The end, which is the
-    next sample's start, has its own. Gravity's change with height, the largest, is followed at each node.
+    The Earth's curvature and rotation and the gravity's latitude are, at the inner nodes, those of the sample's middle:
+    over a sample they change by 1e-7 of themselves, linearly, and what a linear change leaves is third order. The end,
+    which is the next sample's start, has its own. Gravity's change with height, the largest, is followed at each node.
     """
     h = p.sample_interval
     end = motions[-1]
@@ -309,7 +310,8 @@ def _doubled(pair: SineCosine) -> SineCosine:
 
 
 def _trigonometry(angles: Sequence[Sequence[Any]]) -> tuple[list[SineCosine], list[list[SineCosine]]]:
-    """Half the angles' sines and cosines at the end, and the angles' own at `nodes.PLACES`: one full evaluation, at the end.
+    """Half the angles' sines and cosines at the end, and the angles' own at `nodes.PLACES`: one full evaluation, at the
+    end.
 
     angles: at `nodes.PLACES`.
     """

@@ -28,7 +28,8 @@ COMMANDED = "commanded_index"
 
 
 def on_turntable(vehicle: Vehicle) -> Vehicle:
-    """`vehicle`, which must stay in place, with the turntable's angle added to its heading.  Its parameters are the same."""
+    """`vehicle`, which must stay in place, with the turntable's angle added to its heading.  Its parameters are the
+    same."""
     base_hold = vehicle.hold
 
     def along(p: Values, x: Values) -> list[dict[str, Any]]:

@@ -124,14 +124,6 @@ def test_euler_straight_up_and_down(pitch):
     np.testing.assert_allclose(np.sin((got_heading - rest) / 2), 0.0, atol=2e-15)
 
 
-def test_euler_rates():
-    """Against differences of the attitude: C_nb' = C_nb skew(omega)."""
-    euler, rates, step = np.array([0.4, -0.7, 2.1]), np.array([0.3, -0.2, 0.5]), 1e-4
-    before, after = (numeric.from_euler(*(euler + sign * step * rates)) for sign in (-1, 1))
-    omega = numeric.to_rotation_vector(numeric.multiply(numeric.conjugate(before), after)) / (2 * step)
-    np.testing.assert_allclose(numeric.euler_rates_to_body_rate(*euler[:2], *rates), omega, atol=1e-8)
-
-
 @settings(deadline=None)  # the first call traces
 @given(vector, st.integers(0, len(QUATERNIONS) - 1))
 def test_error_rotation_vector(phi, i):

@@ -4,10 +4,10 @@ import shutil
 
 import numpy as np
 import pytest
+from exactness import inexact_operations
 
 from insenv.core import runner as runner_module
 from insenv.core.batch import make_batch
-from insenv.core.elementary import inexact_operations
 from insenv.core.runner import make_runner, resolve_backend
 from insenv.errors import InputError
 from insenv.estimators import registered

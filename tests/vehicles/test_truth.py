@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from exactness import inexact_operations
 from lone_vehicle import DEG, history, plant
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from insenv.core.elementary import inexact_operations
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.vehicles import Vehicle, aircraft, car, regular_sway, ship, truth_instant
