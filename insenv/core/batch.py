@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from insenv.core.compile import batch_library_path, load, pointer
 from insenv.core.model import Model
-from insenv.core.runner import InterpreterRunner, check_inputs, resolve_backend, round_size, watched_spans
+from insenv.core.runner import InterpreterRunner, check_inputs, cycle_size, resolve_backend, watched_spans
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 
@@ -78,7 +78,7 @@ class Batch:
         """Set the parameters p (k, parameters.size) of some rows and keep their states."""
         raise NotImplementedError
 
-    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
         """Run `step` in every row regardless of its condition, then advance n times with constant inputs.
 
         Returns (rows, n * watched elements + outputs.size): the state rows `watched` after each advance, then the
@@ -164,15 +164,15 @@ class NativeBatch(Batch):
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
         self._p[rows // self.lanes, :, rows % self.lanes] = p
 
-    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
         u, number = np.ascontiguousarray(self._held(n, inputs)[:, 0]), list(self.model.steps).index(step)
-        spans, size = watched_spans(self.model, watched), round_size(self.model, watched, n)
+        spans, size = watched_spans(self.model, watched), cycle_size(self.model, watched, n)
         y = np.empty((self.rows, size))
 
         def work(block: int, first: int, last: int) -> None:
             p, x, given, shown = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
             width, which = u.shape[1], spans.ctypes.data
-            self._library.insenv_round(last - first, number, p, x, given, width, which, len(spans), n, shown, size)
+            self._library.insenv_cycle(last - first, number, p, x, given, width, which, len(spans), n, shown, size)
 
         self._shared(work)
         return y
@@ -236,10 +236,10 @@ class InterpreterBatch(Batch):
         for row, values in zip(rows, p, strict=True):
             self._runners[row].p[:] = values
 
-    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        found = np.empty((self.rows, round_size(self.model, watched, n)))
+    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+        found = np.empty((self.rows, cycle_size(self.model, watched, n)))
         for runner, u, y in zip(self._runners, self._held(n, inputs), found, strict=True):
-            call, buffer = runner.round(step, watched, n)
+            call, buffer = runner.cycle(step, watched, n)
             runner._set_inputs(u[0])
             call()
             y[:] = buffer

@@ -191,8 +191,8 @@ def load(path: str) -> ctypes.CDLL:
     library.insenv_run.argtypes = [whole, address, address, address, whole, whole, address, whole, whole, whole]
     library.insenv_start.argtypes = [whole, address, address]
     library.insenv_output.argtypes = [whole, address, address, address]
-    library.insenv_round.argtypes = [whole, whole, address, address, address, whole, address, whole, whole, address, whole]
-    for name in ("insenv_run", "insenv_start", "insenv_output", "insenv_round"):
+    library.insenv_cycle.argtypes = [whole, whole, address, address, address, whole, address, whole, whole, address, whole]
+    for name in ("insenv_run", "insenv_start", "insenv_output", "insenv_cycle"):
         getattr(library, name).restype = None
     return library
 

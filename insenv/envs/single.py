@@ -77,7 +77,7 @@ class InertialEnv(Remade, gymnasium.Env[Array, Array]):
         self.action_space, self.observation_space = setup.spaces()
         task = setup.task
         self._runner = make_runner(task.model, None, backend)
-        self._call, self._buffer = self._runner.round(task.judge, task.watched.names, setup.samples)
+        self._call, self._buffer = self._runner.cycle(task.judge, task.watched.names, setup.samples)
         outputs, before = task.model.outputs, len(self._buffer) - task.model.outputs.size
         places = {name: slice(s.start + before, s.stop + before) for name in outputs.names for s in [outputs.slice(name)]}
         self._observed = places["reward"].start
