@@ -1,4 +1,4 @@
-"""Campaigns: Monte Carlo over seeds, and over ranges of a scenario's keys, with whole runs inside the batch core.
+"""Campaigns: Monte Carlo over seeds and over ranges of a scenario's keys; whole runs stay inside the batch core.
 
 plan = make_plan(load("ship-swaying"), "q-method", 100)
 found = run_campaign(plan)

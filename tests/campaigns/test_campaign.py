@@ -172,7 +172,7 @@ def test_processes_do_not_hear_ctrl_c():
 
 
 def test_a_worker_of_another_version_is_refused():
-    with pytest.raises(InsenvError, match="same on all"):
+    with pytest.raises(InsenvError, match="same version on all"):
         running._block(small_plan(8), 0, "the digest of another version")
 
 
@@ -247,7 +247,7 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path):
     with pytest.raises(InputError, match="differs in estimator"):
         Folder(tmp_path, make_plan(slow_ship(), "q-method", 16, first_seed=3, duration_s=2.0), resume=True)
     (tmp_path / "manifest.json").write_text("{}")
-    with pytest.raises(InputError, match="no manifest"):
+    with pytest.raises(InputError, match="not the manifest"):
         Folder(tmp_path, plan, resume=True)
     (tmp_path / "manifest.json").unlink()
     with pytest.raises(InputError, match=r"no manifest\.json"):

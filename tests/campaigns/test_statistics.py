@@ -69,14 +69,14 @@ def test_a_varied_run_is_the_scenario_with_that_value():
         ("imu.gyro_bias_deg_h=2:1", "lower first"),
         ("imu.gyro_bias_deg_h=0:inf", "finite"),
         ("imu.gyro_bais_deg_h=0:1", "did you mean 'gyro_bias_deg_h'"),
-        ("start.latitude_deg.0=0:1", "below the number"),
+        ("start.latitude_deg.0=0:1", "a number has no key"),
         ("gnss.latency_s=0:1", r"no \[gnss\]"),
         ("start.latitude_deg=0:100", "latitude_deg = 100"),
-        ("seed=0:100", "in common"),
+        ("seed=0:100", "share it"),
         ("title=0:1", "value is a number"),
         ("vehicle=0:1", "value is a number"),
         ("vehicle.sway.roll=0:1", "value is a number"),
-        ("vehicle.sway.roll.3.amplitude_deg=0:1", "no place in a list of 1"),
+        ("vehicle.sway.roll.3.amplitude_deg=0:1", "not an element of a list of 1"),
         ("estimator.q-method.arw=0:1", "unknown key"),
     ],
 )
@@ -311,7 +311,7 @@ def test_the_noise_limit_follows_what_is_varied():
 def test_lost_samples_are_noted():
     plan = make_plan(slow_ship(drop_probability=0.1), "analytic", 8, first_seed=1, duration_s=2.0)
     found = run_campaign(plan)
-    assert "last that arrived" in " ".join(found.as_json()["notes"]) and found.diverged == ()
+    assert "last one received" in " ".join(found.as_json()["notes"]) and found.diverged == ()
     assert small_plan(8).notes == ()
 
 
