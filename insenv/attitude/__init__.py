@@ -1,4 +1,4 @@
-"""Attitude over CasADi symbols; ``attitude.numeric`` holds the same functions over NumPy arrays."""
+"""Attitude functions of CasADi symbols; ``attitude.numeric`` holds the same functions of NumPy arrays."""
 
 from insenv.attitude import numeric
 from insenv.attitude.rotation import (

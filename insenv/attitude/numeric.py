@@ -1,4 +1,4 @@
-"""The functions of ``insenv.attitude`` over NumPy arrays, broadcasting over leading axes."""
+"""The functions of ``insenv.attitude`` for NumPy arrays, broadcasting over leading axes."""
 
 from insenv.attitude import rotation
 from insenv.core.numeric import vectorized

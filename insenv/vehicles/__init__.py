@@ -1,4 +1,4 @@
-"""Vehicles: laws of motion, and the truth made of them."""
+"""Vehicles: laws of motion, and the truth computed from them."""
 
 from insenv.vehicles.aircraft import aircraft
 from insenv.vehicles.car import car

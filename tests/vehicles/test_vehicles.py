@@ -205,7 +205,7 @@ def test_parked_car_sways_in_the_wind_as_told_and_the_same_for_the_same_seed() -
 @pytest.mark.parametrize(
     ("legs", "said"),
     [
-        ([{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90: a car that stands cannot turn"),
+        ([{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90: a stationary car cannot turn"),
         ([{"accelerate_to_mps": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs either"),
         ([{"drive_s": 5, "wait_s": 5}], "exactly one of"),
         ([{"drive": 5}], "did you mean 'drive_s'"),
