@@ -1,8 +1,7 @@
-"""Data-sheet units to SI: the one place where deg/h, ug/sqrt(Hz) and their kin meet radians and metres.
+"""Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two ways of writing white noise.
 
-NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g``
-the standard gravity of data sheets (9.80665 m/s^2, whatever the local gravity), ``ppm`` a millionth.  Also
-the two ways of writing white noise.
+NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
+gravity of data sheets (9.80665 m/s^2, independent of the local gravity), ``ppm`` a millionth.
 """
 
 from __future__ import annotations
@@ -127,12 +126,11 @@ def density_from_sample_std(sample_std: Any, sample_interval: float) -> Any:
 
 
 def one_sigma_from_cep(cep: float) -> float:
-    """Standard deviation per horizontal axis from the circular error probable, which half of the fixes
-    keep.
-    """
+    """Standard deviation per horizontal axis from the circular error probable, which half of the fixes do not
+    exceed."""
     return cep / math.sqrt(2.0 * math.log(2.0))
 
 
 def one_sigma_from_r50(r50: float) -> float:
-    """Standard deviation of one axis from the bound that half of its errors keep."""
+    """Standard deviation of one axis from the bound that half of its errors do not exceed."""
     return r50 / 0.6744897501960817
