@@ -1,8 +1,8 @@
-"""`reproduce`: each paper's published numbers beside ours and beside the theoretical limit."""
+"""`reproduce`: the published numbers of each paper, those of insenv, and the theoretical limit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -17,19 +17,20 @@ PAPERS = {
     "quaternion": "quaternion adaptive Kalman alignment",
     "large-misalignment": "large misalignment: additive quaternion error, EKF and simplified UKF",
 }
-"""Papers by short name, and their titles; each is a module of this package with `quantities` and `figure`."""
-
-Progress = Callable[[str], None]
+"""Titles of the papers by short name; each paper is a module of this package with `quantities` and `figure`."""
 
 
 @dataclass(frozen=True)
 class Quantity:
     """A row of a paper's table.
 
-    paper: short name ("ecef", "navigation", "swaying", "quaternion", "large-misalignment").  quantity: what, under
-    which conditions. unit; published: the paper's number, None if it gives none; ours: measured here; limit: what
-    theory leaves, None if there is none; seeds: over how many (1 where nothing is random).  note: what must be known to
-    read it.
+    paper: short name of the paper.
+    quantity, unit: the quantity and its conditions; its unit.
+    published: the number in the paper, None if it gives none.
+    ours: the number measured here.
+    limit: the theoretical limit, None if there is none.
+    seeds: number of seeds (1 where nothing is random).
+    note: explanation for the reader.
     """
 
     paper: str
@@ -53,19 +54,18 @@ class Quantity:
 
 
 def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
-    """(paper, its quantities), one paper after the other; all of them if None.  Raises `InputError` for an unknown
-    one."""
+    """Yield (paper, its quantities) for one paper, or for all if None.  Raises `InputError` for an unknown paper."""
     for name in chosen(paper):
         yield name, _module(name).quantities()
 
 
 def figure(paper: str, folder: Path) -> list[Path]:
-    """Draw the paper's figure into `folder`; the paths written."""
+    """Draw the figure of a paper into `folder`; returns the paths of the files."""
     return _module(paper).figure(folder / f"reproduce-{paper}")
 
 
 def chosen(paper: str | None) -> list[str]:
-    """The papers meant.  Raises `InputError` for an unknown one."""
+    """The chosen paper, or all if None.  Raises `InputError` for an unknown paper."""
     if paper is not None and paper not in PAPERS:
         raise InputError(f"no paper {paper!r}{nearest(paper, PAPERS)}")
     return [paper] if paper else list(PAPERS)

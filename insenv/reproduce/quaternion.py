@@ -1,17 +1,16 @@
 """The quaternion adaptive-Kalman paper: q-method, qakf and qakf-improved on a three-axis turntable.
 
-Published (section 3.2, figure 4): heading error over 150-200 s of one run with 200 ug of accelerometer noise, mean and
-standard deviation in time: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3: qakf
-converges far slower, and slower with more noise.  Ours are means over the seeds of each run's |mean| and standard
-deviation
-in time: the published means, of one run each, lie below what white noise leaves on average (the limit).  The paper's
-plain vectors are used (`PLAIN`: no low-pass, all times weighed alike); what insenv's default windows give is shown
-beside them.
+Published (section 3.2, figure 4): mean and standard deviation in time of the heading error over 150-200 s of one run
+with 200 ug of
+accelerometer noise: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3: qakf converges
+far more slowly, and more slowly with more noise.  The numbers of insenv are means over the seeds of each run's |mean|
+and standard deviation in time.  The published means, of one run each, lie below the average error due to white noise
+(the limit).  The plain vectors of the paper are used (`PLAIN`: no low-pass filter, equal weights at all times); results
+with the default windows of insenv are listed too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -31,7 +30,7 @@ PLAIN = {"smoothing_time": 0.0, "memory_time": 1e9}
 PUBLISHED = {(200, IMPROVED): (0.0030, 0.0032), (200, Q): (0.0050, 0.0056)}
 SEEDS, TEST_SEEDS = 104, 32
 BEGIN, REACHED = 150.0, 0.1  # s, deg
-LARGE_SWAY = {  # test 3: centres and frequencies as told, amplitudes twice those of the simulation (the paper's are lost)
+LARGE_SWAY = {  # test 3: centres and frequencies of the paper, amplitudes twice those of its simulation (its table is lost)
     "roll": [{"amplitude_deg": 12.0, "frequency_hz": 0.2}],
     "pitch": [{"amplitude_deg": 16.0, "frequency_hz": 0.15}],
     "yaw": [{"amplitude_deg": 10.0, "frequency_hz": 0.125, "phase_deg": 180.0}],
@@ -39,12 +38,10 @@ LARGE_SWAY = {  # test 3: centres and frequencies as told, amplitudes twice thos
 UNIT = {"gyro_bias_sigma_deg_h": 0.006, "gyro_arw_deg_sqrt_h": 0.001, "accel_bias_sigma_ug": 50.0, "accel_vrw_ug_sqrt_hz": 20.0}
 
 
-def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
-    """The paper's figures beside ours: about a minute on two cores."""
-    told = progress or (lambda text: None)
+def quantities() -> list[Quantity]:
+    """The figures of the paper and of insenv; takes about a minute on two cores."""
     found = []
     for noise in GRADES:
-        told(f"turntable, {noise} ug")
         run = _turntable(noise)
         for id in IDS:
             means, scatter = PUBLISHED.get((noise, id), (None, None))
@@ -57,7 +54,6 @@ def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
             found.append(_row(f"{label}, standard deviation in time", "deg", scatter, float(late.std(axis=1).mean()), None))
             found.append(_row(f"{label}, rms of all", "deg", None, float(np.sqrt(np.mean(late**2))), limit, "limit: at 200 s"))
             found.append(_row(f"{id}, {noise} ug, time to {REACHED} deg", "s", None, _time_below(run, id), None))
-    told("turntable, 200 ug, insenv's windows")
     run = _turntable(200, plain=False)
     for id in (Q, IMPROVED):
         late = _heading(run, id)[:, run.time >= BEGIN]
@@ -65,12 +61,11 @@ def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
         found.append(
             _row(f"{label}, rms of all", "deg", None, float(np.sqrt(np.mean(late**2))), _limit(run), "limit: at 200 s", 32)
         )
-    told("turntable test 3")
     return found + _test3()
 
 
 def _test3() -> list[Quantity]:
-    run, note = _large(), "amplitudes, random walk and white noise are insenv's choice: the paper's tables are lost"
+    run, note = _large(), "amplitudes, random walk and white noise are chosen by insenv: the tables of the paper are lost"
     limit, heading = _limit(run), _heading(run, IMPROVED)
     late = heading[:, run.time >= BEGIN]
     at_80 = float(np.sqrt(np.mean(heading[:, np.argmin(np.abs(run.time - 80.0))] ** 2)))
@@ -82,7 +77,8 @@ def _test3() -> list[Quantity]:
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like the paper's figures 2 and 3: qakf with four noises, and the three methods with 200 ug; PNG and SVG."""
+    """Like figures 2 and 3 of the paper: qakf with four noise levels, and the three methods with 200 ug; PNG and
+    SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -148,14 +144,14 @@ def _rms(run: Ensemble, id: str) -> Array:
 
 
 def _time_below(run: Ensemble, id: str) -> float:
-    """Time after which the rms over the seeds stays below `REACHED`; nan if it does not."""
+    """Time from which the rms over the seeds stays below `REACHED`; nan if there is none."""
     above = np.flatnonzero(_rms(run, id) > REACHED)
     last = int(above[-1]) + 1 if above.size else 0
     return float(run.time[last]) if last < run.time.size else float("nan")
 
 
 def _limit(run: Ensemble) -> float:
-    """Heading (deg, rms over the seeds) that biases and the Cramer-Rao bound of white noise leave at the end."""
+    """Heading error at the end (deg, rms over the seeds) due to biases and white noise (Cramer-Rao bound)."""
     from insenv import attitude
 
     known = run.plants[0].knowledge
