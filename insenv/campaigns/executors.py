@@ -42,7 +42,8 @@ class _Processes(ProcessPoolExecutor):
 
     def submit(self, *call: Any, **options: Any) -> Future[Any]:
         """Start processes with SIGINT blocked, which they inherit; a signal that arrives meanwhile is raised
-        afterwards."""
+        afterwards.
+        """
         if not hasattr(signal, "pthread_sigmask"):
             return super().submit(*call, **options)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -30,8 +30,8 @@ def run_campaign(
     """Run the blocks of a plan that `store` (None: memory) does not hold yet on `workers` (None: threads); summarise
     all.
 
-    The result is bit-identical for any workers, with or without interruptions.
-    Raises `InsenvError` if workers die repeatedly; finished blocks stay in the store.
+    The result is bit-identical for any workers, with or without interruptions. Raises `InsenvError` if workers die
+    repeatedly; finished blocks stay in the store.
     """
     store = Memory() if store is None else store
     measured = measured_model(plan.plant.model, estimators.get(plan.estimator))

@@ -60,8 +60,10 @@ class Summary:
 
     time (records,) s; courses by channel; nees or None; from_s: time from which the statistics of a whole run are
     taken.
-    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no limit).
-    diverged: seeds of runs with a number that is not finite.  far: seeds of runs whose rms is `FAR` times the median.
+    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no
+    limit).
+    diverged: seeds of runs with a number that is not finite.
+    far: seeds of runs whose rms is `FAR` times the median.
     """
 
     plan: Plan
@@ -84,7 +86,8 @@ class Summary:
 
     def figures(self) -> dict[str, dict[str, Any]]:
         """By channel: "mean", "percentiles" of the errors at the end, "rms" and "limit" over the runs from `from_s`
-        on."""
+        on.
+        """
         kept = ~np.isin(self.seeds, self.diverged)
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
@@ -132,7 +135,8 @@ class Summary:
 
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
     """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which
-    block."""
+    block.
+    """
     time = plan.times
     alignment = estimators.get(plan.estimator).kind == "alignment"
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
@@ -201,7 +205,8 @@ def _rms(values: Array) -> Array:
 
 def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
     """Limit of every run (runs, records, channels): as `insenv.runs.simulated` has it at the end, at each recorded
-    time."""
+    time.
+    """
     if measured.senses:
         return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("known", "sensor_error_n", "heading")))
     if measured.predicted:
@@ -217,7 +222,8 @@ def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
 
 def _alignment_limits(time: Array, known: Array, sensor_error_n: Array, heading: Array) -> Array:
     """Errors that the mean sensor errors up to each time and white noise leave; roll and pitch at the current
-    heading."""
+    heading.
+    """
     latitude, height = known[:, None, 0], known[:, None, 1]
     bias = limits.bias_tilts(sensor_error_n[..., :3], sensor_error_n[..., 3:], latitude, height)
     # the bound is smooth in its arguments: compute it once for runs that agree to about 1 % (for latitude, in its secant)

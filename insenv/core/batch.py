@@ -71,7 +71,8 @@ class Batch:
 
     def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
         """Set the parameters p (k, parameters.size) of some rows and restart them; returns their states (k,
-        state.size)."""
+        state.size).
+        """
         raise NotImplementedError
 
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
@@ -179,7 +180,8 @@ class NativeBatch(Batch):
 
     def _shared(self, work: Callable[[int, int, int], None]) -> None:
         """Call `work(block, first, last)` for half-open ranges of rows that begin with a block, one range per
-        thread."""
+        thread.
+        """
         blocks = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int)
         edges = np.minimum(blocks * self.lanes, self.rows).tolist()
         if len(edges) == 2:

@@ -65,7 +65,8 @@ class Compiler:
 
 def find_compiler() -> Compiler | None:
     """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel; None if there is
-    none."""
+    none.
+    """
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         words = tuple(name.split())
         if words and shutil.which(words[0]):
@@ -139,7 +140,8 @@ def _is_intact(entry: Path) -> bool:
 
 def _is_private(path: Path) -> bool:
     """Whether the path belongs to this user and nobody else may write to it (always true where files have no
-    owners)."""
+    owners).
+    """
     if not hasattr(os, "getuid"):
         return True
     status = path.lstat()

@@ -2,15 +2,13 @@
 
 IEEE 754 rounds these operations in exactly one way, so results are bit-identical in CasADi's interpreter, in generated
 C, over vectors of lanes and on other machines; the sine of a C library is not. The functions also vectorize, because
-they have no
-branches: ``select`` evaluates both sides and keeps one. The side that is not kept must therefore stay finite too, in
-value and derivative, or symbolic differentiation would produce 0 * inf.
+they have no branches: ``select`` evaluates both sides and keeps one. The side that is not kept must therefore stay
+finite too, in value and derivative, or symbolic differentiation would produce 0 * inf.
 
 Arguments are SX of any shape (elementwise) or plain floats. Angles are in radians. The kernels are Taylor series
-carried to
-rounding rather than minimax fits: the derivative of a Taylor series is again a Taylor series, so that vehicle truth may
-differentiate them. Constants are literals or correctly rounded quotients, never results of ``math.log`` and the like,
-which differ between machines.
+carried to rounding rather than minimax fits: the derivative of a Taylor series is again a Taylor series, so that
+vehicle truth may differentiate them. Constants are literals or correctly rounded quotients, never results of
+``math.log`` and the like, which differ between machines.
 """
 
 from __future__ import annotations

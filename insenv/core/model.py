@@ -2,8 +2,7 @@
 
 A model does not depend on how it is run.  Its step functions are plain Python over CasADi symbols; `Model.kernels`
 turns them into `casadi.Function`s of one common signature, and every runner (interpreter, native, batch, FMU) uses only
-those.
-The kernel of a step computes only the rows that the step changes: rows that stay constant cost nothing.
+those. The kernel of a step computes only the rows that the step changes: rows that stay constant cost nothing.
 
 One *advance* of a model runs its steps in order.  A step without a condition always runs.  A step with a condition
 (``when="gnss_valid"``) runs only if that input, or that state row as left by the earlier steps, is not zero.  Rare
@@ -117,7 +116,8 @@ class Model:
     @cached_property
     def functions(self) -> dict[str, Any]:
         """`casadi.Function`s by name for analysis: as `kernels`, but each step ``(p, x, u, r) -> x`` returns the whole
-        state."""
+        state.
+        """
         import casadi as ca
 
         functions = {}

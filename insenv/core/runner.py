@@ -226,7 +226,8 @@ class InterpreterRunner(Runner):
 
     def _draw(self, name: str, r: Vector) -> None:
         """Write a step's uniforms to r; they are functions of seed and step number, and computed for many steps
-        ahead."""
+        ahead.
+        """
         now, seed = int(self.x[self.model.state.slice("step")][0]), self._seed
         known, first, block = self._noise.get(name, (seed, 0, np.zeros((0, 0))))
         if known != seed or not first <= now < first + len(block):
@@ -302,7 +303,8 @@ def cycle_size(model: Model, watched: Sequence[str], n: int) -> int:
 
 def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
     """`inputs` as float64 of `shape` or of its last axis alone; raises `InputError` for another shape or a non-finite
-    value."""
+    value.
+    """
     array = np.asarray(inputs, dtype=np.float64)
     if array.shape not in (shape, shape[-1:]):
         raise InputError(f"inputs of shape {array.shape}: allowed is {shape} or {shape[-1:]}")

@@ -72,16 +72,17 @@ def geodetic_from_q_ew(q_ew: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 def transport_rate_w(velocity_w: ca.SX, q_ew: ca.SX, height: Scalar) -> ca.SX:
     """omega_ew^w (3x1, rad/s), its down component zero, at velocity_w (3x1, m/s). Valid at the poles.
 
-    The horizontal curvature is 1/(R_N + h) in every direction plus 1/(R_M + h) - 1/(R_N + h) along north.
-    That difference is e^2 cos^2(latitude) R_M / ((1 - e^2)(R_M + h)(R_N + h)), and cos(latitude) times
-    the w components of north are elements of C_ew, so that neither the wander angle nor the latitude is needed.
+    The horizontal curvature is 1/(R_N + h) in every direction plus 1/(R_M + h) - 1/(R_N + h) along north. That
+    difference is e^2 cos^2(latitude) R_M / ((1 - e^2)(R_M + h)(R_N + h)), and cos(latitude) times the w components of
+    north are elements of C_ew, so that neither the wander angle nor the latitude is needed.
     """
     return transport_rate_about_axis(velocity_w, to_dcm(q_ew)[2, :].T, height)
 
 
 def transport_rate_about_axis(velocity_w: ca.SX, axis_w: ca.SX, height: Scalar) -> ca.SX:
     """`transport_rate_w` from the direction of the Earth's axis in w (3x1, unit), the only property of the position
-    that it needs."""
+    that it needs.
+    """
     north_x, north_y, sin_latitude = axis_w[0], axis_w[1], -axis_w[2]
     R_M, R_N = radii(sin_latitude)
     per_metre = 1.0 / (R_N + height)

@@ -64,8 +64,7 @@ def normal_gravity_paper(sin_latitude: Scalar, height: Scalar) -> Scalar:
     (m).
 
     The digits are those printed. The coefficient 0.00527094 seems to be the 0.00527904 of the series of 1980 with two
-    digits
-    exchanged: the result is 8e-5 m/s^2 below normal_gravity at the poles and agrees with it at the equator.
+    digits exchanged: the result is 8e-5 m/s^2 below normal_gravity at the poles and agrees with it at the equator.
     """
     square = sin_latitude * sin_latitude
     return 9.7803267714 * (1.0 + 0.00527094 * square + 0.0000232718 * square * square) - 0.3086e-5 * height

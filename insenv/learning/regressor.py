@@ -9,9 +9,8 @@ sample weights; Suykens et al., Least Squares Support Vector Machines (2002), se
 
 `support`: with fewer support vectors than samples (fixed size), w is restricted to combinations of the phi of the
 support vectors, and the same sum over all samples is minimised.  With as many support vectors as samples the two
-problems are identical.  The support
-vectors are the pivots of the Cholesky factorisation of the kernel matrix: a deterministic greedy choice of the samples
-that the previous ones represent worst.
+problems are identical.  The support vectors are the pivots of the Cholesky factorisation of the kernel matrix: a
+deterministic greedy choice of the samples that the previous ones represent worst.
 """
 
 from __future__ import annotations

@@ -3,14 +3,13 @@ LS-SVM.
 
 Published (section 5, figures 2-4): 0.05 deg/h and 50 ug, 600 s, filter interval 1 s; equal levelling for all; steady
 heading error of about 0.1 deg with LS-SVM and SUKF and 0.2 deg with EKF; LS-SVM faster than SUKF.  The paper states
-neither the initial errors nor
-the motion nor the GNSS receiver: the scenarios `large-misalignment` and `large-misalignment-extreme` define them.
+neither the initial errors nor the motion nor the GNSS receiver: the scenarios `large-misalignment` and
+`large-misalignment-extreme` define them.
 
 An equivalent east drift of 0.05 deg/h causes a heading error of 0.22 deg in a method that does not estimate it.  Both
 filters do estimate it, knowing its size, and can be more accurate.  The error of the method itself is measured by
-repeating the run, with the
-same noise, from initial errors within 2 deg, where every linearisation is accurate: the difference of the two runs is
-due to the method.
+repeating the run, with the same noise, from initial errors within 2 deg, where every linearisation is accurate: the
+difference of the two runs is due to the method.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 """The quaternion adaptive-Kalman paper: q-method, qakf and qakf-improved on a three-axis turntable.
 
 Published (section 3.2, figure 4): mean and standard deviation in time of the heading error over 150-200 s of one run
-with 200 ug of
-accelerometer noise: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3: qakf converges
-far more slowly, and more slowly with more noise.  The numbers of insenv are means over the seeds of each run's |mean|
-and standard deviation in time.  The published means, of one run each, lie below the average error due to white noise
-(the limit).  The plain vectors of the paper are used (`PLAIN`: no low-pass filter, equal weights at all times); results
-with the default windows of insenv are listed too.
+with 200 ug of accelerometer noise: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3:
+qakf converges far more slowly, and more slowly with more noise.  The numbers of insenv are means over the seeds of each
+run's |mean| and standard deviation in time.  The published means, of one run each, lie below the average error due to
+white noise (the limit).  The plain vectors of the paper are used (`PLAIN`: no low-pass filter, equal weights at all
+times); results with the default windows of insenv are listed too.
 """
 
 from __future__ import annotations
@@ -78,7 +77,8 @@ def _test3() -> list[Quantity]:
 
 def figure(path_stem: Path) -> list[Path]:
     """Like figures 2 and 3 of the paper: qakf with four noise levels, and the three methods with 200 ug; PNG and
-    SVG."""
+    SVG.
+    """
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

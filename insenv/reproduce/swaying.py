@@ -68,7 +68,8 @@ def quantities() -> list[Quantity]:
 
 def figure(path_stem: Path) -> list[Path]:
     """Like figure 5 of the paper: gyrocompassing, inertial-frame alignment from -150 deg, its levelling; PNG and
-    SVG."""
+    SVG.
+    """
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -145,7 +146,8 @@ def _at(found: Ensemble, time: float) -> int:
 
 def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
     """Errors about n due to each unit's biases (seeds, 3), and standard deviations (3) due to white noise, in
-    degrees."""
+    degrees.
+    """
     known = found.plants[0].knowledge
     C_nb = attitude.numeric.to_dcm(found.truth["q_nb"][:, : _at(found, time) + 1])
     gyro, accel = (

@@ -124,7 +124,8 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
 @dataclass(frozen=True)
 class GnssGrade:
     """Grade of a receiver: standard deviations north, east, down of white noise and of the correlated position
-    error."""
+    error.
+    """
 
     name: str
     title: str

@@ -72,11 +72,10 @@ def aircraft(engine_components: int = 1) -> Vehicle:
     engine_components: number of angular frequencies of the engine's vibration in roll, pitch (rad) and down
     (m).
 
-    Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and
-    ``engine_<roll|pitch|down>_amplitude``, ``_phase``, turbulence (``gust_time_constant``,
-    ``gust_<roll|pitch|yaw>_sigma`` rad, ``gust_<north|east|down>_sigma`` m/s), script (``segments``,
-    ``segments_repeat``). `insenv.vehicles.routes.flight_plan` builds the script
-    from physical quantities.
+    Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and ``engine_<roll|pitch|down>_amplitude``,
+    ``_phase``, turbulence (``gust_time_constant``, ``gust_<roll|pitch|yaw>_sigma`` rad,
+    ``gust_<north|east|down>_sigma`` m/s), script (``segments``, ``segments_repeat``).
+    `insenv.vehicles.routes.flight_plan` builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
     track = (

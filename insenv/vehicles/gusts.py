@@ -2,8 +2,7 @@
 
 Each sample draws a new value of a Gauss-Markov process, and a tracker follows it, so that the motion is continuously
 differentiable. The factor of the process over a sample is (1 - a)/(1 + a), a = h / (2 T), instead of exp(-h / T), with
-the noise
-scaled accordingly: the variance is exact at every rate, the correlation time is correct to second order.
+the noise scaled accordingly: the variance is exact at every rate, the correlation time is correct to second order.
 """
 
 from __future__ import annotations

@@ -153,8 +153,8 @@ def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
     """For a turn by an angle (rad) at a bank (rad) and speed (m/s): the time (s) for which to command the bank, and
     then to level.
 
-    Simulates roll-in and roll-out with the aircraft's own tracker and its default parameters.
-    Raises `InputError` if the bank is too large for the aircraft or for so short a turn.
+    Simulates roll-in and roll-out with the aircraft's own tracker and its default parameters. Raises `InputError` if
+    the bank is too large for the aircraft or for so short a turn.
     """
     table = AIRCRAFT_PARAMETERS
     bandwidth, limit = float(table["bank_bandwidth"].start), float(table["bank_rate_limit"].start)

@@ -69,7 +69,8 @@ class Script:
 
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
         """The first segment, or if there is none the commands `otherwise` (by name, defaulting to their start
-        values)."""
+        values).
+        """
         duration = p.segments[0, 0]
         given = duration > 0.0
         state = {

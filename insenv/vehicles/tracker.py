@@ -1,8 +1,7 @@
 """Trackers: the motion follows a command as a second-order, critically damped system.
 
 A tracker is (s, s', s''). s'' is set at the start of a sample and constant over it. Within a sample s is therefore an
-exact
-parabola, and over all samples s has a continuous derivative: velocity and attitude rate never jump.
+exact parabola, and over all samples s has a continuous derivative: velocity and attitude rate never jump.
 """
 
 from __future__ import annotations
@@ -48,8 +47,8 @@ class Tracker:
 
         Both poles of the controlled double integrator lie at z = 1 / (1 + bandwidth h): real, so that a target is never
         overshot, and inside the unit circle for every h. The error is first converted to a desired rate, and the limit
-        applies to that rate, so
-        that limiting causes no overshoot either: a speed with non-negative targets never becomes negative.
+        applies to that rate, so that limiting causes no overshoot either: a speed with non-negative targets never
+        becomes negative.
         """
         value, rate, second = self.names
         scale = 1.0 / (1.0 + bandwidth * h)

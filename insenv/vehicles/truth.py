@@ -90,8 +90,7 @@ def truth_part(vehicle: Vehicle) -> Part:
     """The part of a plant that moves `vehicle` and computes the true increments.
 
     Steps: the conditional steps of the vehicle, then ``sample``, which advances by the parameter ``sample_interval``
-    (declared elsewhere).
-    Parameters and state: those of the vehicle, TRUTH_PARAMETERS and TRUTH_STATE.
+    (declared elsewhere). Parameters and state: those of the vehicle, TRUTH_PARAMETERS and TRUTH_STATE.
     """
     kinematics = _kinematics(vehicle)
 
@@ -258,11 +257,10 @@ def _integrated(p: Values, x: Values, motions: Sequence[_Motion]) -> dict[str, A
     """Rows of TRUTH_STATE, except the attitude, at the end of the sample that starts at x.
 
     The term omega_dot x l that a lever arm l adds to the specific force has a closed integral, the change of omega x l.
-    At the inner
-    nodes, curvature and rotation of the Earth and the latitude of gravity are those of the middle of the sample: over a
-    sample they change linearly by a relative 1e-7, and the error of this approximation is of third order. The end,
-    which is the start of the next sample, uses its own values. The largest effect, the change of gravity with height,
-    is evaluated at each node.
+    At the inner nodes, curvature and rotation of the Earth and the latitude of gravity are those of the middle of the
+    sample: over a sample they change linearly by a relative 1e-7, and the error of this approximation is of third
+    order. The end, which is the start of the next sample, uses its own values. The largest effect, the change of
+    gravity with height, is evaluated at each node.
     """
     h = p.sample_interval
     end = motions[-1]

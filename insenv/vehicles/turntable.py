@@ -29,7 +29,8 @@ COMMANDED = "commanded_index"
 
 def on_turntable(vehicle: Vehicle) -> Vehicle:
     """`vehicle`, which must be stationary, with the angle of the turntable added to its heading; its parameters are
-    unchanged."""
+    unchanged.
+    """
     base_hold = vehicle.hold
 
     def along(p: Values, x: Values) -> list[dict[str, Any]]:

@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Hull:
     """Properties that determine the response of a ship: length, beam, draught (m), roll period (s), damping (of
-    critical)."""
+    critical).
+    """
 
     length: float = 100.0
     beam: float = 16.0
@@ -88,8 +89,8 @@ def response(
 
     frequency: rad/s; relative_direction: direction of wave travel, clockwise from the bow (rad; 0 following sea, pi
         head sea);
-    speed: m/s. Motions: surge, sway, down (m/m), roll, pitch, yaw (rad/m). Elevation a cos(theta),
-    theta = w_e t - k (x cos + y sin).
+    speed: m/s. Motions: surge, sway, down (m/m), roll, pitch, yaw (rad/m). Elevation a cos(theta), theta = w_e t - k (x
+    cos + y sin).
     """
     w = np.asarray(frequency, dtype=np.float64)
     k = w**2 / STANDARD_GRAVITY
