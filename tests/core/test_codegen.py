@@ -36,7 +36,7 @@ def test_a_chain_is_broken_up_and_a_rule_kept() -> None:
     steps = instructions(ca.Function("f", [x], [ca.vertcat(first, second)]))
     order = [k for k in ordering(steps, {}) if not steps[k].is_leaf]
     names = [steps[k].name for k in order][:20]
-    assert min(names.count("SQ"), names.count("SQRT")) > 2  # neither waits for the other's end
+    assert min(names.count("SQ"), names.count("SQRT")) > 2  # the two chains are interleaved
     outputs = [k for k, step in enumerate(steps) if step.name == "OUTPUT"]
     late = next(k for k, step in enumerate(steps) if step.name == "SQ")
     ruled = ordering(steps, {late: [outputs[1]]})

@@ -1,4 +1,4 @@
-"""Elementary functions against NumPy's extended precision, and the operations that they are made of."""
+"""Elementary functions against NumPy's extended precision, and the operations that they use."""
 
 import inspect
 
