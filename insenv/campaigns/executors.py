@@ -1,6 +1,4 @@
-"""The workers of a campaign: threads of this process, a pool of processes or a Dask cluster, each as a
-`concurrent.futures.Executor`.
-"""
+"""The workers of a campaign, as executors: threads of this process, a pool of processes or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -41,9 +39,7 @@ class _Processes(ProcessPoolExecutor):
     """Processes that ignore Ctrl-C, which a terminal sends to all of them: the main process cancels the work."""
 
     def submit(self, *call: Any, **options: Any) -> Future[Any]:
-        """Start processes with SIGINT blocked, which they inherit; a signal that arrives meanwhile is raised
-        afterwards.
-        """
+        """Start processes with SIGINT blocked, which they inherit; a signal that arrives meanwhile is raised later."""
         if not hasattr(signal, "pthread_sigmask"):
             return super().submit(*call, **options)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

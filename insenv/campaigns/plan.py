@@ -76,9 +76,7 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the use of the estimator in this scenario (`insenv.evaluation.applicability`), from the first
-        run.
-        """
+        """Notes on the estimator in the scenario of the first run (`insenv.evaluation.applicability`)."""
         estimator = estimators.get(self.estimator)
         own = {**estimator.prepare(self.plant.knowledge), **self.plant.estimator_tuning.get(estimator.id, {})}
         table = estimator.model.parameters

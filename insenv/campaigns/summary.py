@@ -85,9 +85,7 @@ class Summary:
         return tuple(self.courses)
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean", "percentiles" of the errors at the end, "rms" and "limit" over the runs from `from_s`
-        on.
-        """
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on."""
         kept = ~np.isin(self.seeds, self.diverged)
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
@@ -134,9 +132,7 @@ class Summary:
 
 
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
-    """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which
-    block.
-    """
+    """Summarise all blocks; sums follow the order of the runs, so that they do not depend on the workers."""
     time = plan.times
     alignment = estimators.get(plan.estimator).kind == "alignment"
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
@@ -204,9 +200,7 @@ def _rms(values: Array) -> Array:
 
 
 def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
-    """Limit of every run (runs, records, channels): as `insenv.runs.simulated` has it at the end, at each recorded
-    time.
-    """
+    """Limit of every run (runs, records, channels): that of `insenv.runs.simulated`, at each recorded time."""
     if measured.senses:
         return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("known", "sensor_error_n", "heading")))
     if measured.predicted:
@@ -221,9 +215,7 @@ def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
 
 
 def _alignment_limits(time: Array, known: Array, sensor_error_n: Array, heading: Array) -> Array:
-    """Errors that the mean sensor errors up to each time and white noise leave; roll and pitch at the current
-    heading.
-    """
+    """Errors due to the mean sensor errors up to each time and to white noise; roll and pitch by current heading."""
     latitude, height = known[:, None, 0], known[:, None, 1]
     bias = limits.bias_tilts(sensor_error_n[..., :3], sensor_error_n[..., 3:], latitude, height)
     # the bound is smooth in its arguments: compute it once for runs that agree to about 1 % (for latitude, in its secant)

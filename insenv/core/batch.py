@@ -70,9 +70,7 @@ class Batch:
         raise NotImplementedError
 
     def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
-        """Set the parameters p (k, parameters.size) of some rows and restart them; returns their states (k,
-        state.size).
-        """
+        """Set the parameters p (k, parameters.size) of some rows and restart them; their states (k, state.size)."""
         raise NotImplementedError
 
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
@@ -179,9 +177,7 @@ class NativeBatch(Batch):
         return y
 
     def _shared(self, work: Callable[[int, int, int], None]) -> None:
-        """Call `work(block, first, last)` for half-open ranges of rows that begin with a block, one range per
-        thread.
-        """
+        """Call `work(block, first, last)` for half-open ranges of rows that begin with a block, one per thread."""
         blocks = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int)
         edges = np.minimum(blocks * self.lanes, self.rows).tolist()
         if len(edges) == 2:

@@ -129,9 +129,7 @@ def _constants(model: Model) -> str:
 
 
 def _steps(model: Model) -> str:
-    """The driver's functions `advance` and `run_step`, written out step by step so that the compiler can inline the
-    steps.
-    """
+    """The driver's functions `advance` and `run_step`, written out step by step so that the compiler can inline."""
     lays, advances, cases = [], [], []
     for k, (name, step) in enumerate(model.steps.items()):
         if step.when is None:

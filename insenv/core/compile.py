@@ -64,9 +64,7 @@ class Compiler:
 
 
 def find_compiler() -> Compiler | None:
-    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel; None if there is
-    none.
-    """
+    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel, or None."""
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         words = tuple(name.split())
         if words and shutil.which(words[0]):
@@ -139,9 +137,7 @@ def _is_intact(entry: Path) -> bool:
 
 
 def _is_private(path: Path) -> bool:
-    """Whether the path belongs to this user and nobody else may write to it (always true where files have no
-    owners).
-    """
+    """Whether the path is owned and writable by this user only (always true where files have no owners)."""
     if not hasattr(os, "getuid"):
         return True
     status = path.lstat()

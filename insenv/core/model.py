@@ -115,9 +115,7 @@ class Model:
 
     @cached_property
     def functions(self) -> dict[str, Any]:
-        """`casadi.Function`s by name for analysis: as `kernels`, but each step ``(p, x, u, r) -> x`` returns the whole
-        state.
-        """
+        """Functions by name for analysis: as in `kernels`, but a step ``(p, x, u, r) -> x`` gives the whole state."""
         import casadi as ca
 
         functions = {}

@@ -25,9 +25,7 @@ _SHIFT = np.uint64(32)
 
 
 def philox(key: tuple[ArrayLike, ArrayLike], counter: tuple[ArrayLike, ...]) -> list[NDArray[np.uint64]]:
-    """The four 32-bit words (held in uint64) of Philox 4x32-10 for a key of two and a counter of four words,
-    broadcast.
-    """
+    """The four 32-bit words (in uint64) of Philox 4x32-10 for a key of two and a counter of four words, broadcast."""
     words = [np.asarray(w, dtype=np.uint64) for w in (*key, *counter)]
     key0, key1, a, b, c, d = np.broadcast_arrays(*words)
     for _ in range(10):

@@ -225,9 +225,7 @@ class InterpreterRunner(Runner):
         return float(self.p[self.model.parameters.slice("seed")][0]) if self.model.is_random else 0.0
 
     def _draw(self, name: str, r: Vector) -> None:
-        """Write a step's uniforms to r; they are functions of seed and step number, and computed for many steps
-        ahead.
-        """
+        """Write a step's uniforms to r; being functions of seed and step number, they are computed many steps ahead."""
         now, seed = int(self.x[self.model.state.slice("step")][0]), self._seed
         known, first, block = self._noise.get(name, (seed, 0, np.zeros((0, 0))))
         if known != seed or not first <= now < first + len(block):
@@ -302,9 +300,7 @@ def cycle_size(model: Model, watched: Sequence[str], n: int) -> int:
 
 
 def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
-    """`inputs` as float64 of `shape` or of its last axis alone; raises `InputError` for another shape or a non-finite
-    value.
-    """
+    """`inputs` as float64 of `shape` or of its last axis; raises `InputError` for other shapes or non-finite values."""
     array = np.asarray(inputs, dtype=np.float64)
     if array.shape not in (shape, shape[-1:]):
         raise InputError(f"inputs of shape {array.shape}: allowed is {shape} or {shape[-1:]}")

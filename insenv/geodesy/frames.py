@@ -80,9 +80,7 @@ def transport_rate_w(velocity_w: ca.SX, q_ew: ca.SX, height: Scalar) -> ca.SX:
 
 
 def transport_rate_about_axis(velocity_w: ca.SX, axis_w: ca.SX, height: Scalar) -> ca.SX:
-    """`transport_rate_w` from the direction of the Earth's axis in w (3x1, unit), the only property of the position
-    that it needs.
-    """
+    """`transport_rate_w` from the Earth's axis in w (3x1, unit), all that it needs of the position."""
     north_x, north_y, sin_latitude = axis_w[0], axis_w[1], -axis_w[2]
     R_M, R_N = radii(sin_latitude)
     per_metre = 1.0 / (R_N + height)

@@ -34,9 +34,7 @@ FLOOR = 0.005
 SMALL = 0.02
 """rad; misalignments up to this size determine the stated scatter of the machine, that of the settled loop."""
 DIGITS = 12
-"""Digits kept of a trained machine's numbers, so that they do not depend on the last bits of a computer's linear
-algebra.
-"""
+"""Digits kept of the trained numbers, so that they do not depend on the last bits of the linear algebra."""
 Progress = Callable[[str, int, int], None]
 
 

@@ -8,6 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from insenv.errors import InputError, nearest
 
 PAPERS = {
@@ -64,6 +66,11 @@ def figure(paper: str, folder: Path) -> list[Path]:
     return _module(paper).figure(folder / f"reproduce-{paper}")
 
 
+def rms(values: Any) -> float:
+    """Root mean square of all elements of an array."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def chosen(paper: str | None) -> list[str]:
     """The chosen paper, or all if None.  Raises `InputError` for an unknown paper."""
     if paper is not None and paper not in PAPERS:
@@ -75,4 +82,4 @@ def _module(paper: str):  # type: ignore[no-untyped-def]
     return import_module(f"insenv.reproduce.{paper.replace('-', '_')}")
 
 
-__all__ = ["PAPERS", "Quantity", "chosen", "figure", "reproduce"]
+__all__ = ["PAPERS", "Quantity", "chosen", "figure", "reproduce", "rms"]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation import limits
-from insenv.reproduce import Quantity, update_time
+from insenv.reproduce import Quantity, rms, update_time
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 
@@ -57,18 +57,18 @@ def quantities() -> list[Quantity]:
             heading = errors[..., 2]
             where = f"{id} from {start}"
             note = f"limit: equivalent east drift not estimated; steady bound for biases of known size: {bound:.3f} deg"
-            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], _rms(heading), limit, note))
-            last = _rms(run.attitude_errors_deg(id)[:, -1, 2])
+            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], rms(heading), limit, note))
+            last = rms(run.attitude_errors_deg(id)[:, -1, 2])
             found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, limit, note))
             note = "systematic, the same for every seed: due to the bias"
             found.append(_row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), limit, note))
             note = "between seeds: due to white noise and the method"
             found.append(_row(f"{where}, standard deviation between seeds", "deg", None, _spread(heading), None, note))
-            method = _rms(heading - _steady(_run("large-misalignment", near=True), id)[..., 2])
+            method = rms(heading - _steady(_run("large-misalignment", near=True), id)[..., 2])
             note = "RMS difference from the same run with initial errors of (0.5, 0.5, 2) deg"
             found.append(_row(f"{where}, heading, contribution of the method", "deg", None, method, None, note))
             note = "limit: accelerometer bias"
-            level = _rms(errors[..., :2])
+            level = rms(errors[..., :2])
             found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, level, _level_limit(run), note))
             seconds = _settled(run, id)
             if np.isfinite(seconds):
@@ -150,7 +150,7 @@ def _bias_tilts(run: Ensemble) -> Array:
 
 
 def _heading_limit(run: Ensemble) -> float:
-    return _rms(_bias_tilts(run)[:, 2])
+    return rms(_bias_tilts(run)[:, 2])
 
 
 def _bound() -> float:
@@ -160,19 +160,15 @@ def _bound() -> float:
     bound.
     """
     run = _run("large-misalignment", near=True)
-    return _rms(np.degrees(run.outputs[SUKF]["attitude_sigma"][:, run.time >= STEADY, 2]))
+    return rms(np.degrees(run.outputs[SUKF]["attitude_sigma"][:, run.time >= STEADY, 2]))
 
 
 def _level_limit(run: Ensemble) -> float:
-    return _rms(_bias_tilts(run)[:, :2])
+    return rms(_bias_tilts(run)[:, :2])
 
 
 def _spread(heading: Array) -> float:
     return float(np.sqrt(np.mean(np.var(heading, axis=0, ddof=1))))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _settled(run: Ensemble, id: str) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import POSITION, Result
-from insenv.reproduce import Quantity
+from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
 from insenv.scenario import Scenario, load
@@ -84,7 +84,7 @@ def drift(reading: str) -> Drift:
 def _left(found: Ensemble, name: str, record: int) -> float:
     """Root mean square error of a bias estimate."""
     error = found.outputs["loosely-coupled"][name][:, record] - found.truth[f"{name}_true"][:, record]
-    return float(np.sqrt(np.mean(error**2)))
+    return rms(error)
 
 
 def smoothed(reading: str, seed: int) -> tuple[Result, tuple[tuple[float, float], ...]]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation import limits
-from insenv.reproduce import Quantity
+from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 
@@ -51,15 +51,13 @@ def quantities() -> list[Quantity]:
                 _row(f"{label}, |mean|", "deg", means, float(np.abs(late.mean(axis=1)).mean()), limit, "limit: rms at 200 s")
             )
             found.append(_row(f"{label}, standard deviation in time", "deg", scatter, float(late.std(axis=1).mean()), None))
-            found.append(_row(f"{label}, rms of all", "deg", None, float(np.sqrt(np.mean(late**2))), limit, "limit: at 200 s"))
+            found.append(_row(f"{label}, rms of all", "deg", None, rms(late), limit, "limit: at 200 s"))
             found.append(_row(f"{id}, {noise} ug, time to {REACHED} deg", "s", None, _time_below(run, id), None))
     run = _turntable(200, plain=False)
     for id in (Q, IMPROVED):
         late = _heading(run, id)[:, run.time >= BEGIN]
         label = f"{id} with insenv's windows, 200 ug, heading over 150-200 s"
-        found.append(
-            _row(f"{label}, rms of all", "deg", None, float(np.sqrt(np.mean(late**2))), _limit(run), "limit: at 200 s", 32)
-        )
+        found.append(_row(f"{label}, rms of all", "deg", None, rms(late), _limit(run), "limit: at 200 s", 32))
     return found + _test3()
 
 
@@ -67,7 +65,7 @@ def _test3() -> list[Quantity]:
     run, note = _large(), "amplitudes, random walk and white noise are chosen by insenv: the tables of the paper are lost"
     limit, heading = _limit(run), _heading(run, IMPROVED)
     late = heading[:, run.time >= BEGIN]
-    at_80 = float(np.sqrt(np.mean(heading[:, np.argmin(np.abs(run.time - 80.0))] ** 2)))
+    at_80 = rms(heading[:, np.argmin(np.abs(run.time - 80.0))])
     return [
         _row("test 3, qakf-improved, heading at 80 s, rms", "deg", 0.2366, at_80, None, note, TEST_SEEDS),
         _row("test 3, |mean| over 150-200 s", "deg", 0.0198, float(np.abs(late.mean(axis=1)).mean()), limit, note, TEST_SEEDS),
@@ -76,9 +74,7 @@ def _test3() -> list[Quantity]:
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like figures 2 and 3 of the paper: qakf with four noise levels, and the three methods with 200 ug; PNG and
-    SVG.
-    """
+    """Like figures 2 and 3 of the paper: qakf with four noise levels; all methods with 200 ug.  PNG and SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -91,11 +87,11 @@ def figure(path_stem: Path) -> list[Path]:
         top, middle, bottom = page.subplots(3, 1)
         for colour, noise in zip(COLOURS, GRADES, strict=False):
             run = _turntable(noise)
-            top.plot(run.time, _rms(run, PLAIN_FILTER), color=colour, lw=1.2, label=f"{noise} ug")
+            top.plot(run.time, _heading_rms(run, PLAIN_FILTER), color=colour, lw=1.2, label=f"{noise} ug")
         top.set_title(f"qakf: rms of heading error over {SEEDS} seeds, by accelerometer noise", loc="left")
         run = _turntable(200)
         for colour, id in zip(COLOURS, IDS, strict=False):
-            middle.plot(run.time, _rms(run, id), color=colour, lw=1.2, label=id)
+            middle.plot(run.time, _heading_rms(run, id), color=colour, lw=1.2, label=id)
         middle.axhline(_limit(run), color=LIMIT, lw=1.0, ls="--", label="limit at 200 s")
         middle.set_title("all three, 200 ug", loc="left")
         for axes in (top, middle):
@@ -139,13 +135,13 @@ def _heading(run: Ensemble, id: str) -> Array:
     return run.attitude_errors_deg(id)[:, :, 2]
 
 
-def _rms(run: Ensemble, id: str) -> Array:
+def _heading_rms(run: Ensemble, id: str) -> Array:
     return np.sqrt(np.mean(_heading(run, id) ** 2, axis=0))
 
 
 def _time_below(run: Ensemble, id: str) -> float:
     """Time from which the rms over the seeds stays below `REACHED`; nan if there is none."""
-    above = np.flatnonzero(_rms(run, id) > REACHED)
+    above = np.flatnonzero(_heading_rms(run, id) > REACHED)
     last = int(above[-1]) + 1 if above.size else 0
     return float(run.time[last]) if last < run.time.size else float("nan")
 

@@ -18,7 +18,7 @@ from insenv import attitude
 from insenv.estimators import inertial_fir
 from insenv.estimators.parts.fir import BLOCK_S
 from insenv.evaluation import limits
-from insenv.reproduce import Quantity
+from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 
@@ -67,9 +67,7 @@ def quantities() -> list[Quantity]:
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like figure 5 of the paper: gyrocompassing, inertial-frame alignment from -150 deg, its levelling; PNG and
-    SVG.
-    """
+    """Like figure 5 of the paper: gyrocompass; inertial-frame alignment from -150 deg; its levelling.  PNG and SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -145,9 +143,7 @@ def _at(found: Ensemble, time: float) -> int:
 
 
 def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
-    """Errors about n due to each unit's biases (seeds, 3), and standard deviations (3) due to white noise, in
-    degrees.
-    """
+    """Errors (deg) about n due to each unit's biases (seeds, 3), and standard deviations (3) due to white noise."""
     known = found.plants[0].knowledge
     C_nb = attitude.numeric.to_dcm(found.truth["q_nb"][:, : _at(found, time) + 1])
     gyro, accel = (
@@ -159,30 +155,26 @@ def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
     return np.degrees(bias), np.degrees(limits.noise_tilts(*walks, known.latitude, known.height, time))
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def _heading(found: Ensemble, id: str, time: float, white: bool = True) -> tuple[float, float]:
     """RMS heading error over the seeds at a time, and its limit."""
     bias, noise = _limits(found, time)
-    ours = _rms(found.attitude_errors_deg(id)[:, _at(found, time), 2])
-    return ours, float(np.hypot(_rms(bias[:, 2]), noise[2] if white else 0.0))
+    ours = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2])
+    return ours, float(np.hypot(rms(bias[:, 2]), noise[2] if white else 0.0))
 
 
 def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
     bias, noise = _limits(found, time)
-    ours = _rms(found.attitude_errors_deg(id)[:, _at(found, time), :2])
-    return ours, float(np.hypot(_rms(bias[:, :2]), noise[0]))
+    ours = rms(found.attitude_errors_deg(id)[:, _at(found, time), :2])
+    return ours, float(np.hypot(rms(bias[:, :2]), noise[0]))
 
 
 def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
     bias, noise = _limits(found, time)
-    return _rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias[:, 2]), float(noise[2])
+    return rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias[:, 2]), float(noise[2])
 
 
 def _time_below(found: Ensemble, bound: float) -> float:
     """The first time at which the RMS heading error of gyrocompassing over the seeds does not exceed `bound`."""
-    rms = np.sqrt(np.mean(found.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
-    below = np.flatnonzero(rms <= bound)
+    error = np.sqrt(np.mean(found.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
+    below = np.flatnonzero(error <= bound)
     return float(found.time[below[0]]) if below.size else float("nan")

@@ -123,9 +123,7 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
 
 @dataclass(frozen=True)
 class GnssGrade:
-    """Grade of a receiver: standard deviations north, east, down of white noise and of the correlated position
-    error.
-    """
+    """Grade of a receiver: standard deviations north, east, down of white noise and correlated position error."""
 
     name: str
     title: str

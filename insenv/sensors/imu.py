@@ -61,9 +61,7 @@ def _of(values: Values, triad: Triad, row: str) -> Any:
 
 
 def _start(p: Values, r: Any) -> dict[str, Any]:
-    """Draw the constants of a run: turn-on biases, stationary Gauss-Markov values, scale factors, misalignments,
-    mounting.
-    """
+    """Draw what is constant in a run: turn-on bias, Gauss-Markov start, scale factor, misalignment, mounting."""
     n = normals(r)
     C_bs = to_dcm(normalize(p.q_bs))
     C_error = to_dcm(from_rotation_vector(p.mounting_error + p.mounting_error_sigma * n[30:33]))
@@ -123,9 +121,7 @@ def _sensed(p: Values, x: Values, triad: Triad, bias: Any) -> Any:
 
 
 def systematic_error(p: Values, x: Values) -> tuple[Any, Any]:
-    """Error of the last delta angle (3, rad, b) and delta velocity (3, m/s, b), without white noise and
-    quantization.
-    """
+    """Error of the last delta angle (3, rad, b) and delta velocity (3, m/s, b), without noise and quantization."""
     angle, velocity = (x.C_bs @ _sensed(p, x, triad, _of(x, triad, "bias_s")) for triad in (GYRO, ACCEL))
     return angle - x.true_delta_angle, velocity - x.true_delta_velocity
 

@@ -126,9 +126,7 @@ def density_from_sample_std(sample_std: Any, sample_interval: float) -> Any:
 
 
 def one_sigma_from_cep(cep: float) -> float:
-    """Standard deviation per horizontal axis from the circular error probable, which half of the fixes do not
-    exceed.
-    """
+    """Standard deviation per horizontal axis from the circular error probable, the median of the error."""
     return cep / math.sqrt(2.0 * math.log(2.0))
 
 

@@ -68,9 +68,7 @@ class Script:
         return Table((*rows, Row("command_valid", "Whether the commands apply (1) or not (0)")))
 
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
-        """The first segment, or if there is none the commands `otherwise` (by name, defaulting to their start
-        values).
-        """
+        """The first segment, or if there is none the commands `otherwise` (by name; default: their start values)."""
         duration = p.segments[0, 0]
         given = duration > 0.0
         state = {

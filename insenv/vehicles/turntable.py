@@ -28,9 +28,7 @@ COMMANDED = "commanded_index"
 
 
 def on_turntable(vehicle: Vehicle) -> Vehicle:
-    """`vehicle`, which must be stationary, with the angle of the turntable added to its heading; its parameters are
-    unchanged.
-    """
+    """`vehicle`, which must be stationary, with the angle of the turntable added to its heading; same parameters."""
     base_hold = vehicle.hold
 
     def along(p: Values, x: Values) -> list[dict[str, Any]]:

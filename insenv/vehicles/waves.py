@@ -24,9 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Hull:
-    """Properties that determine the response of a ship: length, beam, draught (m), roll period (s), damping (of
-    critical).
-    """
+    """Hull properties: length, beam, draught (m), natural roll period (s), roll damping (of critical)."""
 
     length: float = 100.0
     beam: float = 16.0
