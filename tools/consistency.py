@@ -158,7 +158,7 @@ CASES: tuple[Case, ...] = (
     Case("large-misalignment-extreme", "aqe-sukf", _named("large-misalignment-extreme"), 60.0),
     Case("large-misalignment", "aqe-ekf", _named("large-misalignment"), 60.0),
 )
-"""What `make consistency` measures."""
+"""The cases that `make consistency` measures."""
 
 
 def measured(runs: int = RUNS) -> Iterator[CaseResult]:
