@@ -55,7 +55,7 @@ format: $(TEST) ## put the source in order (ruff)
 	$(BIN)/ruff format .
 
 consistency: $(TEST) ## NEES of every filter over 56 seeds, some minutes (docs/consistency.md)
-	$(BIN)/python -m insenv.reproduce.consistency
+	$(BIN)/python tools/consistency.py
 
 bench: $(BENCH) ## the benchmarks, each beside its floor and, where it installs, a peer
 	$(BIN)/insenv bench

@@ -1,10 +1,9 @@
-"""Attitude over CasADi symbols; ``attitude.numeric`` holds the same functions over NumPy arrays."""
+"""Attitude functions of CasADi symbols; ``attitude.numeric`` holds the same functions of NumPy arrays."""
 
 from insenv.attitude import numeric
 from insenv.attitude.rotation import (
     conjugate,
     error_rotation_vector,
-    euler_rates_to_body_rate,
     from_dcm,
     from_euler,
     from_rotation_vector,
@@ -24,7 +23,6 @@ from insenv.attitude.rotation import (
 __all__ = [
     "conjugate",
     "error_rotation_vector",
-    "euler_rates_to_body_rate",
     "from_dcm",
     "from_euler",
     "from_rotation_vector",

@@ -1,4 +1,4 @@
-"""The functions of ``insenv.attitude`` over NumPy arrays, broadcasting over leading axes."""
+"""The functions of ``insenv.attitude`` for NumPy arrays, broadcasting over leading axes."""
 
 from insenv.attitude import rotation
 from insenv.core.numeric import vectorized
@@ -16,5 +16,4 @@ from_small_rotation_vector = vectorized(rotation.from_small_rotation_vector, 3)
 to_rotation_vector = vectorized(rotation.to_rotation_vector, 4)
 from_euler = vectorized(rotation.from_euler, (), (), ())
 to_euler = vectorized(rotation.to_euler, 4)
-euler_rates_to_body_rate = vectorized(rotation.euler_rates_to_body_rate, (), (), (), (), ())
 error_rotation_vector = vectorized(rotation.error_rotation_vector, 4, 4)

@@ -1,8 +1,8 @@
 """Rotations as Hamilton quaternions, scalar first, over CasADi symbols.
 
-``q_nb`` (4x1) and ``C_nb`` (3x3) take b components to n components: v_n = C_nb v_b. Quaternions are taken to
-be of unit length except by ``normalize`` and ``from_dcm``. Angles in radians, Euler angles in the order
-heading, pitch, roll about D, E', N'' (3-2-1) from n = NED to b = FRD.
+``q_nb`` (4x1) and ``C_nb`` (3x3) transform b components to n components: v_n = C_nb v_b. Quaternions are assumed to
+have unit length, except by ``normalize`` and ``from_dcm``. Angles are in radians; Euler angles are heading, pitch, roll
+about D, E', N'' (3-2-1) from n = NED to b = FRD.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from insenv.core.elementary import (
     wrap_angle,
 )
 
-_SMALL_SQUARE = 0.25  # rad^2: the series of cos_half and sinc_half are good to rounding up to here
-_DEGENERATE = 1e-28  # squared radius of a point that only rounding keeps from vanishing
+_SMALL_SQUARE = 0.25  # rad^2: up to here the series of cos_half and sinc_half are accurate to rounding
+_DEGENERATE = 1e-28  # below this squared radius a point is the origin but for rounding
 
 
 def skew(v: ca.SX) -> ca.SX:
@@ -41,12 +41,12 @@ def conjugate(q: ca.SX) -> ca.SX:
 
 
 def normalize(q: ca.SX) -> ca.SX:
-    """q at unit length (4x1)."""
+    """q scaled to unit length (4x1)."""
     return q / ca.sqrt(ca.sumsqr(q))
 
 
 def renormalize(q: ca.SX) -> ca.SX:
-    """q of norm 1 + e at norm 1 - 3/2 e^2 (4x1): one Newton step, for recursions, where e is rounding."""
+    """q of norm 1 + e scaled to norm 1 - 3/2 e^2 (4x1): one Newton step, for recursions in which e is rounding."""
     return q * (1.5 - 0.5 * ca.sumsqr(q))
 
 
@@ -63,10 +63,10 @@ def to_dcm(q: ca.SX) -> ca.SX:
 
 
 def from_dcm(C: ca.SX) -> ca.SX:
-    """q_nb (4x1, unit, w >= 0) of C_nb (3x3), good at every attitude.
+    """q_nb (4x1, unit, w >= 0) of C_nb (3x3), accurate at every attitude.
 
-    Each row of 4 q q^T is q but for a factor; the one with the greatest diagonal element has a factor of at
-    least 1. Shepperd 1978, "Quaternion from rotation matrix", J. Guidance and Control 1(3).
+    Each row of 4 q q^T is a multiple of q; the row with the greatest diagonal element has a factor of at least 1.
+    Shepperd 1978, "Quaternion from rotation matrix", J. Guidance and Control 1(3).
     """
     wx, wy, wz = C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]
     xy, xz, yz = C[0, 1] + C[1, 0], C[0, 2] + C[2, 0], C[1, 2] + C[2, 1]
@@ -86,7 +86,7 @@ def from_dcm(C: ca.SX) -> ca.SX:
 
 
 def _positive(q: ca.SX) -> ca.SX:
-    """q or -q, the same rotation, with a scalar part that is not negative."""
+    """q or -q, which are the same rotation, with a non-negative scalar part."""
     return (1.0 - 2.0 * (q[0] < 0.0)) * q
 
 
@@ -104,8 +104,8 @@ def rotate_inverse(q: ca.SX, v: ca.SX) -> ca.SX:
 def from_rotation_vector(phi: ca.SX) -> ca.SX:
     """Quaternion (4x1) of a rotation vector (3x1, rad) of any length; exact and differentiable at 0.
 
-    cos(|phi|/2), sin(|phi|/2) phi/|phi|: Groves 2013, sec. 2.2.4. Below 0.5 rad by series in |phi|^2, which
-    has no square root.
+    cos(|phi|/2), sin(|phi|/2) phi/|phi|: Groves 2013, sec. 2.2.4. Below 0.5 rad a series in |phi|^2 is used, which
+    needs no square root.
     """
     square = ca.sumsqr(phi)
     small = square < _SMALL_SQUARE
@@ -119,7 +119,7 @@ def from_rotation_vector(phi: ca.SX) -> ca.SX:
 
 
 def from_small_rotation_vector(phi: ca.SX) -> ca.SX:
-    """Quaternion (4x1) of a rotation vector up to 0.5 rad: polynomials in |phi|^2 only, good to rounding."""
+    """Quaternion (4x1) of a rotation vector up to 0.5 rad: polynomials in |phi|^2, accurate to rounding."""
     square = ca.sumsqr(phi)
     return ca.vertcat(cos_half(square), sinc_half(square) * phi)
 
@@ -128,7 +128,7 @@ def to_rotation_vector(q: ca.SX) -> ca.SX:
     """Shortest rotation vector (3x1, rad) of q; exact and differentiable at 0, of either sign at pi."""
     q = _positive(q)
     w, square = q[0], ca.sumsqr(q[1:])
-    small = square < 0.05 * w * w  # tan^2 of half the angle, inside the series' reach
+    small = square < 0.05 * w * w  # tan^2 of half the angle, within the range of the series
     length = ca.sqrt(select(small, 1.0, square))
     w_near, square_near = select(small, w, 1.0), select(small, square, 0.0)
     near = atan_series(square_near / (w_near * w_near)) / w_near
@@ -149,14 +149,14 @@ def from_euler(roll: Scalar, pitch: Scalar, heading: Scalar) -> ca.SX:
 def to_euler(q: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Roll in (-pi, pi], pitch in [-pi/2, pi/2], heading in (-pi, pi] (rad).
 
-    Straight up or down the roll is 0 and the heading takes the rest.
+    At a pitch of +-90 deg, roll is 0 and heading takes the whole rotation.
 
-    Half the sum and half the difference of roll and heading are the arguments of two points of squared radius
-    1 - sin(pitch) and 1 + sin(pitch): Bernardes and Viollet 2022, "Quaternion to Euler angles conversion",
-    PLoS ONE 17(11). The product of the radii is cos(pitch). So pitch keeps its full accuracy near +-90 deg,
-    where asin would have half the digits, there is no argument over 1, and only one of the two points
-    vanishes. Roll and heading of an attitude not within 1.4e-14 rad of vertical are the true ones, ill
-    conditioned as they are; they always give q back to rounding.
+    Half the sum and half the difference of roll and heading are the arguments of two points of squared radius 1 -
+    sin(pitch) and 1 + sin(pitch): Bernardes and Viollet 2022, "Quaternion to Euler angles conversion", PLoS ONE 17(11).
+    The product of the radii is cos(pitch). Pitch therefore keeps full accuracy near +-90 deg, where asin would lose
+    half the digits and could receive an argument above 1, and at most one of the two points vanishes. Roll and heading
+    are the true ones unless the attitude is within 1.4e-14 rad of vertical, though ill-conditioned near it; they always
+    reproduce q to rounding.
     """
     w, x, y, z = ca.vertsplit(q)
     sum_x, sum_y, difference_x, difference_y = w - y, x + z, w + y, x - z
@@ -175,19 +175,6 @@ def split_half_angles(sum_x: ca.SX, sum_y: ca.SX, difference_x: ca.SX, differenc
         select(no_difference, -half_sum, half_difference),
     )
     return wrap_angle(half_sum + half_difference), wrap_angle(half_sum - half_difference)
-
-
-def euler_rates_to_body_rate(roll: Scalar, pitch: Scalar, roll_rate: Scalar, pitch_rate: Scalar, heading_rate: Scalar) -> ca.SX:
-    """omega_nb^b (3x1, rad/s) of Euler angles (rad) and their rates (rad/s).
-
-    The sum of the heading rate about D, the pitch rate about E' and the roll rate about N'' = b's x axis.
-    """
-    (sr, cr), (sp, cp) = sin_cos(roll), sin_cos(pitch)
-    return ca.vertcat(
-        roll_rate - sp * heading_rate,
-        cr * pitch_rate + sr * cp * heading_rate,
-        cr * cp * heading_rate - sr * pitch_rate,
-    )
 
 
 def error_rotation_vector(q_estimate: ca.SX, q_true: ca.SX) -> ca.SX:

@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from insenv import estimators
 from insenv.bench.figure import Figure
 from insenv.core.codegen import native_source
-from insenv.core.compile import Compiler, compile_library, find_compiler
-from insenv.core.native import load as load_library
-from insenv.core.native import pointer
+from insenv.core.compile import Compiler, compile_library, find_compiler, pointer
+from insenv.core.compile import load as load_library
 from insenv.core.runner import make_runner
 from insenv.errors import InsenvError
 from insenv.files.resources import fmu_folder

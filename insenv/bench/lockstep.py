@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from insenv.bench.figure import Figure
+from insenv.geodesy import NOMINAL_GRAVITY
 
 SCENARIO = "car-city-drive"
 STEPS, ROUNDS = 2000, 3
@@ -37,7 +38,7 @@ def px4() -> Figure:
 def _constant(interval: float) -> Callable[[], list[Any]]:
     from insenv.mavlink.wire import dialect
 
-    message = dialect().MAVLink_hil_sensor_message(0, 0, 0, -9.8, 0, 0, 0, 0.2, 0, 0.4, 1013, 0, 0, 20, 0x1FFF)
+    message = dialect().MAVLink_hil_sensor_message(0, 0, 0, -NOMINAL_GRAVITY, 0, 0, 0, 0.2, 0, 0.4, 1013, 0, 0, 20, 0x1FFF)
 
     def step() -> list[Any]:
         message.time_usec += round(interval * 1e6)

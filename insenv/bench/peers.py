@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.geodesy import NOMINAL_GRAVITY
 
 Array = NDArray[np.float64]
 Peer = tuple[str, float]
@@ -60,7 +61,7 @@ def propagate15(covariance_interval: float) -> Peer | None:
     import pandas as pd
 
     times = INTERVAL * np.arange(1, SAMPLES + 1)
-    rows = np.tile([INTERVAL, 0.0, 0.0, 0.0, 0.0, 0.0, -9.8 * INTERVAL], (SAMPLES, 1))
+    rows = np.tile([INTERVAL, 0.0, 0.0, 0.0, 0.0, 0.0, -NOMINAL_GRAVITY * INTERVAL], (SAMPLES, 1))
     increments = pd.DataFrame(rows, times, ["dt", "theta_x", "theta_y", "theta_z", "dv_x", "dv_y", "dv_z"])
     start = pd.Series([30.0, 114.0] + [0.0] * 7, ["lat", "lon", "alt", "VN", "VE", "VD", "roll", "pitch", "heading"], name=0.0)
     # the filter requires a measurement; a fix before the start is never used

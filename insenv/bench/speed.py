@@ -13,6 +13,7 @@ from insenv.core.batch import make_batch
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.estimators import get
+from insenv.geodesy import NOMINAL_GRAVITY
 
 REPETITIONS = 15
 SAMPLES = 4000  # calls in a repetition
@@ -64,4 +65,4 @@ def _covariance_note(interval: float) -> str:
 
 
 def _at_rest(model: Model) -> np.ndarray:
-    return model.inputs.pack({"delta_velocity": (0.0, 0.0, -9.8 * 0.005), "dt": 0.005})
+    return model.inputs.pack({"delta_velocity": (0.0, 0.0, -NOMINAL_GRAVITY * 0.005), "dt": 0.005})

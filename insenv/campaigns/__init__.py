@@ -1,12 +1,12 @@
-"""Campaigns: Monte Carlo over seeds, and over ranges of a scenario's keys, with whole runs inside the batch core.
+"""Campaigns: Monte Carlo over seeds and over ranges of a scenario's keys; whole runs stay inside the batch core.
 
 plan = make_plan(load("ship-swaying"), "q-method", 100)
 found = run_campaign(plan)
 """
 
-from insenv.campaigns.campaign import run_campaign
 from insenv.campaigns.executors import cluster, processes, threads
 from insenv.campaigns.plan import Plan, make_plan
+from insenv.campaigns.running import run_campaign
 from insenv.campaigns.store import Folder
 from insenv.campaigns.summary import PERCENTILES, Summary
 from insenv.campaigns.variation import Variation, parse_variation

@@ -1,4 +1,4 @@
-"""One block of a campaign: some tens of runs in the batch core.  A pure function of the plan, on whatever machine."""
+"""Run one block of a campaign, some tens of runs, in the batch core: a pure function of the plan on any machine."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ Arrays = dict[str, NDArray[np.float64]]
 
 
 def run_block(plan: Plan, number: int) -> Arrays:
-    """Simulate and estimate the runs of block `number`; give their summaries, run by run.
+    """Simulate and estimate the runs of block `number` and return their summaries, run by run.
 
-    seed (runs,); values (runs, variations); of the model's outputs (`measured_model`) each (runs, records, ...), and `told`
-    (runs, 4): latitude (rad), height (m), white noise of gyros and accelerometers as the estimator knows them; `wander`
-    (runs, 3), m: standard deviation of the fixes' slow error.
+    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `known`
+    (runs, 4): latitude (rad), height (m) and the white noise of gyros and accelerometers that the estimator knows;
+    `wander` (runs, 3), m: standard deviation of the correlated error of the fixes. Raises `InputError` if the parts of
+    the plant differ between runs.
     """
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]
@@ -35,7 +36,7 @@ def run_block(plan: Plan, number: int) -> Arrays:
     return {
         "seed": np.array(seeds, dtype=np.float64),
         "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
-        "told": np.array([
+        "known": np.array([
             (k.latitude, k.height, k.sensors.angle_random_walk, k.sensors.velocity_random_walk) for k in known
         ]),
         "wander": np.array(wander),
@@ -49,12 +50,12 @@ def _plants(plan: Plan, seeds: list[int]) -> list[Plant]:
     plants = [plan.plant_of(seed) for seed in seeds]
     for plant in plants:
         if plant.model is not plan.plant.model:
-            raise InputError(f"vary: in the run of seed {plant.seed} the parts of the plant are others than in the first")
+            raise InputError(f"vary: in the run of seed {plant.seed} the parts of the plant differ from those of the first run")
     return plants
 
 
 def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator, measured: Measured) -> NDArray[np.float64]:
-    """Parameters of the campaign's model, a row a run."""
+    """Parameters of the campaign's model, one row per run."""
     model = plants[0].model
     place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
     own = estimator.model.parameters

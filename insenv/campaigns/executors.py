@@ -1,6 +1,4 @@
-"""Who does the blocks: threads of this process, a pool of processes or a Dask cluster, all of them
-`concurrent.futures.Executor`s.
-"""
+"""The workers of a campaign, as executors: threads of this process, a pool of processes or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -17,32 +15,32 @@ from insenv.errors import InputError, InsenvError
 from insenv.installing import install_extra
 
 Workers = Callable[[], AbstractContextManager[Executor]]
-"""Makes an executor; called again where one broke because a worker died."""
+"""Makes an executor; called again after one broke because a worker died."""
 
 MAX_WORKERS = 4096
 CONNECT_S = 20.0
 _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://(\[[^]]+\]|[^][:/\s]+):\d{1,5}")
 RETRIES = 5
-"""Times that a cluster does a block again whose worker died."""
+"""How often a cluster repeats a block whose worker died."""
 
 
 def threads(count: int | None = None) -> Workers:
-    """Threads of this process, one a core if not said: the core works without the interpreter's lock."""
+    """Threads of this process, by default one per core: compiled models release the interpreter's lock."""
     number = _checked(count) if count is not None else cores()
     return lambda: ThreadPoolExecutor(number, thread_name_prefix="insenv-campaign")
 
 
 def processes(count: int) -> Workers:
-    """`count` processes of this machine, started afresh (they inherit no state)."""
+    """`count` newly started processes of this machine, which inherit no state."""
     number = _checked(count)
     return lambda: _Processes(number, mp_context=multiprocessing.get_context("spawn"))
 
 
 class _Processes(ProcessPoolExecutor):
-    """Processes that do not hear Ctrl-C, which a terminal sends to all of them: whoever asked for the work calls it off."""
+    """Processes that ignore Ctrl-C, which a terminal sends to all of them: the main process cancels the work."""
 
     def submit(self, *call: Any, **options: Any) -> Future[Any]:
-        """Processes start here, and inherit what is blocked; a signal that comes meanwhile is raised at the end."""
+        """Start processes with SIGINT blocked, which they inherit; a signal that arrives meanwhile is raised later."""
         if not hasattr(signal, "pthread_sigmask"):
             return super().submit(*call, **options)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -53,10 +51,12 @@ class _Processes(ProcessPoolExecutor):
 
 
 def cluster(address: str) -> Workers:
-    """The workers of the Dask scheduler at `address` (``tcp://host:8786``).  Raises `InputError` for another form of
-    address, or if Dask is not installed."""
+    """The workers of the Dask scheduler at `address` (``tcp://host:8786``).
+
+    Raises `InputError` for another form of address, or if Dask is not installed.
+    """
     if not _ADDRESS.fullmatch(address):
-        raise InputError(f"scheduler {address!r}: allowed is tcp://HOST:PORT (or tls:// and what else Dask listens at)")
+        raise InputError(f"scheduler {address!r}: allowed is tcp://HOST:PORT (or tls:// and the other protocols of Dask)")
     try:
         from distributed import Client
     except ImportError:

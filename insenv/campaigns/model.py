@@ -1,9 +1,9 @@
-"""What a campaign runs: plant, sensors, estimator and the statistics of its errors as one model, which only summaries leave.
+"""The model of a campaign: plant, sensors, estimator and error statistics in one model, of which only summaries are
+read.
 
-Errors are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records them, and their squares
-summed; the
-outputs are read every `evaluations` of those.  They are arithmetic of the model like all else, hence the same to the bit on
-every machine.
+Errors are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records them, and their
+squares are summed; the outputs are read after every `evaluations` evaluations.  The statistics are part of the model's
+arithmetic, and therefore bit-identical on every machine.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ _GROUPS = (
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The model of a campaign and what its outputs are.
+    """The model of a campaign and the meaning of its outputs.
 
-    channels: the errors' names, of `insenv.evaluation.errors.CHANNELS`.  stated: those whose standard deviation the estimator
-    states.
-    predicted: those whose standard deviation the covariance of the free-inertial filter predicts, or none.
-    degrees: of freedom of the NEES; 0: there is none.  senses: whether the sensors' errors are summed (for alignments).
+    channels: names of the errors, of `insenv.evaluation.errors.CHANNELS`.
+    stated: channels whose standard deviation the estimator states.
+    predicted: channels whose standard deviation the covariance of the free-inertial filter predicts.
+    degrees: degrees of freedom of the NEES; 0: there is none.
+    senses: whether the errors of the sensors are summed (for alignments).
     """
 
     model: Model
@@ -58,9 +59,10 @@ class Measured:
 def measured_model(plant: Model, estimator: Estimator) -> Measured:
     """The campaign's model for a plant and an estimator; the same object for the same pair.
 
-    Outputs: `error` (channels) now and `mean_square` (channels) since the record before; `sigma` and `predicted` by those
-    channels; `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers (m/s^2) in n since the start,
-    noise left out; `heading` (rad), the true one.  Parameters added: `evaluation_samples`, `evaluations`.
+    Outputs: `error` (channels), current; `mean_square` (channels), since the previous record; `sigma` (stated channels)
+    and `predicted` (predicted channels); `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers
+    (m/s^2) in n since the start, without noise; `heading` (rad), true.  Added parameters: `evaluation_samples`,
+    `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
     predicts = estimator.navigates and not estimator.aided
@@ -91,14 +93,14 @@ def measured_model(plant: Model, estimator: Estimator) -> Measured:
 
 @lru_cache(maxsize=1)
 def predictor() -> Estimator:
-    """The 15-state filter that nothing aids: its covariance is the limit of free-inertial navigation."""
+    """The unaided 15-state filter, whose covariance is the limit of free-inertial navigation."""
     filter15 = estimators.get("loosely-coupled")
     steps = {name: filter15.model.steps[name] for name in ("sample", "covariance")}
     return replace(filter15, model=replace(filter15.model, id="unaided", steps=steps))
 
 
 class _Statistics:
-    """Rows and functions of the statistics behind a loop."""
+    """Rows and functions of the statistics appended to a loop."""
 
     def __init__(self, loop: Model, estimator: Estimator, predicts: bool) -> None:
         self.loop, self.estimator = loop, estimator
@@ -111,9 +113,9 @@ class _Statistics:
         count = len(self.channels)
         rows = [
             Row("evaluation_count", "Samples since the last evaluation"),
-            Row("evaluation_due", "1 on the sample after which errors are evaluated"),
+            Row("evaluation_due", "1 on a sample after which errors are evaluated"),
             Row("evaluated", "Evaluations since the last record"),
-            Row("squared_error", "Their sum of squared errors", "deg^2, m^2, m^2/s^2", (count,)),
+            Row("squared_error", "Sum of the squared errors of these evaluations", "deg^2, m^2, m^2/s^2", (count,)),
         ]
         shown = [
             Row("error", "Estimate minus truth", "deg, m, m/s", (count,)),
@@ -123,16 +125,16 @@ class _Statistics:
         if self.stated:
             shown.append(Row("sigma", "Standard deviation that the estimator states", "deg, m, m/s", (len(self.stated),)))
         if self.predicted:
-            shown.append(Row("predicted", "Standard deviation predicted", "deg, m, m/s", (len(self.predicted),)))
+            shown.append(Row("predicted", "Predicted standard deviation", "deg, m, m/s", (len(self.predicted),)))
         if self.degrees:
             shown.append(Row("nees", "Normalised estimation error squared"))
         if self.senses:
-            rows.append(Row("excess_n", "Sum of the sensors' errors, noise left out", "rad, m/s", (6,), "n"))
-            shown.append(Row("sensor_error_n", "Mean error of the sensors, noise left out", "rad/s, m/s^2", (6,), "n"))
+            rows.append(Row("excess_n", "Sum of the sensors' errors without noise", "rad, m/s", (6,), "n"))
+            shown.append(Row("sensor_error_n", "Mean error of the sensors without noise", "rad/s, m/s^2", (6,), "n"))
         self.state, self.outputs = Table(tuple(rows)), Table(tuple(shown))
 
     def sample(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        """Every sample: count, and sum the sensors' errors in n."""
+        """On every sample: count it, and sum the sensors' errors in n."""
         count = x.evaluation_count + 1
         due = count >= p.evaluation_samples
         rows: dict[str, Any] = {"evaluation_count": count - due * count, "evaluation_due": due}
@@ -142,15 +144,15 @@ class _Statistics:
         return rows
 
     def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        """Squares summed; the first evaluation after a record begins anew."""
+        """Add the squared errors; the first evaluation after a record restarts the sum."""
         error = self._error(x, self._named(self.estimator.model, PREFIX, p, x))
-        goes_on = x.evaluated < p.evaluations
-        # a sum that is no number would stay one for ever
-        squared = select(goes_on, x.squared_error, 0.0)
-        return {"evaluated": goes_on * x.evaluated + 1, "squared_error": squared + error * error}
+        continues = x.evaluated < p.evaluations
+        # selected rather than multiplied by 0: a NaN must not survive the restart
+        squared = select(continues, x.squared_error, 0.0)
+        return {"evaluated": continues * x.evaluated + 1, "squared_error": squared + error * error}
 
     def output(self, p: Values, x: Values) -> dict[str, Any]:
-        """At a record."""
+        """The outputs at a record."""
         found = self._named(self.estimator.model, PREFIX, p, x)
         rows: dict[str, Any] = {
             "error": self._error(x, found),
@@ -176,13 +178,13 @@ class _Statistics:
         return nees(self.estimator, x, SimpleNamespace(**model.output(p, x)), truth)[1]
 
     def _named(self, model: Model, prefix: str, p: Values, x: Values) -> Values:
-        """The outputs of one of the loop's estimators, by its own names."""
+        """The outputs of one of the loop's estimators, under its own names."""
         tables = ((p, model.parameters), (x, model.state))
         own = [SimpleNamespace(**{r.name: getattr(values, prefix + r.name) for r in table}) for values, table in tables]
         return SimpleNamespace(**model.output(*own))
 
     def _error(self, x: Values, found: Values) -> Any:
-        """Errors by channel; the formulas of `insenv.evaluation.errors.errors`."""
+        """Errors by channel, with the formulas of `insenv.evaluation.errors.errors`."""
         parts = []
         if "roll_deg" in self.channels:
             angles = zip(attitude.to_euler(found.q_nb), attitude.to_euler(x.q_nb), strict=True)
@@ -196,7 +198,7 @@ class _Statistics:
 
 
 def _sigma(channels: tuple[str, ...], found: Values) -> Any:
-    """Standard deviations by channel; the formulas of `insenv.evaluation.errors.stated_sigma`."""
+    """Standard deviations by channel, with the formulas of `insenv.evaluation.errors.stated_sigma`."""
     parts = []
     for names, _, row in _GROUPS:
         if names[0] not in channels:

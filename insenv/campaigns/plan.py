@@ -1,4 +1,4 @@
-"""The plan of a campaign: everything that its numbers depend on, and how its runs are parted into blocks."""
+"""The plan of a campaign: everything on which its results depend, and how its runs are partitioned into blocks."""
 
 from __future__ import annotations
 
@@ -20,19 +20,22 @@ from insenv.runs.simulated import recording_interval
 from insenv.scenario import Plant, Scenario, build, parse
 
 RECORDS = 120
-"""At most so many recorded times, about."""
+"""Approximate upper bound of the number of recorded times."""
 BLOCK_SAMPLES = 10_000_000
-"""Inertial samples in a block, about: some seconds of one core, so that handing it out costs nothing beside it."""
+"""Approximate number of inertial samples in a block: some seconds of one core, so that distributing it costs little."""
 LARGEST_BLOCK, LANES = 1024, 8
 MAX_RUNS = 10_000_000
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign: run i is the scenario with seed `first_seed` + i, and what is varied drawn from that seed.
+    """A campaign: run i is the scenario with seed `first_seed` + i, and with varied keys drawn from that seed.
 
-    scenario: its values by key, as of a TOML file.  name: the scenario's.  estimator: id.  duration_s: of every run.
-    block_samples: inertial samples in a block, about.
+    scenario: values of the scenario by key, as in a TOML file.
+    name: name of the scenario.
+    estimator: id of the estimator.
+    duration_s: duration of every run.
+    block_samples: approximate number of inertial samples in a block.
     """
 
     scenario: Mapping[str, Any]
@@ -45,22 +48,22 @@ class Plan:
     block_samples: int = BLOCK_SAMPLES
 
     def as_json(self) -> dict[str, Any]:
-        """What the results depend on, the version included."""
+        """Everything on which the results depend, including the version."""
         return {"insenv": insenv.__version__, **asdict(self), "variations": [asdict(v) for v in self.variations]}
 
     @property
     def digest(self) -> str:
-        """Hash of it: two campaigns with the same give the same numbers."""
+        """Hash of `as_json`: campaigns with the same digest give the same results."""
         text = json.dumps(self.as_json(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def __getstate__(self) -> dict[str, Any]:
-        """What travels to a worker: the fields, and not the plant, which it builds itself."""
+        """What is sent to a worker: the fields without the plant, which the worker builds."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @functools.cached_property
     def plant(self) -> Plant:
-        """The plant of the first run: model, interval and number of samples are those of all."""
+        """The plant of the first run; model, interval and number of samples are the same for all runs."""
         return self.plant_of(self.first_seed)
 
     def plant_of(self, seed: int) -> Plant:
@@ -71,32 +74,32 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What must be said of the estimator in this scenario (`Estimator.notes`), of the first run's."""
+        """Notes on the estimator in the scenario of the first run (`Estimator.notes`)."""
         estimator = estimators.get(self.estimator)
         table = estimator.model.parameters
         found = estimator.notes(table.unpack(table.pack(self.plant.parameters_of(estimator))), self.duration_s)
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
-            found += ("lost inertial samples are replaced by the last that arrived, not interpolated as `insenv run` does",)
+            found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)
         return found
 
     @property
     def evaluation_samples(self) -> int:
-        """Samples from one evaluation of the errors to the next: what `insenv.runs.simulated` has between records."""
+        """Samples between evaluations of the errors, the same as between records of `insenv.runs.simulated`."""
         return recording_interval(self.plant.samples)
 
     @property
     def evaluations(self) -> int:
-        """Evaluations from one record to the next."""
+        """Evaluations between records."""
         return recording_interval(self.plant.samples // self.evaluation_samples, RECORDS)
 
     @property
     def record_samples(self) -> int:
-        """Samples from one record to the next."""
+        """Samples between records."""
         return self.evaluation_samples * self.evaluations
 
     @property
     def samples(self) -> int:
-        """Samples of a run, to its last record."""
+        """Samples of a run up to its last record."""
         return self.plant.samples // self.record_samples * self.record_samples
 
     @property
@@ -107,7 +110,7 @@ class Plan:
 
     @functools.cached_property
     def blocks(self) -> tuple[range, ...]:
-        """The runs of each block.  They depend on nothing but the plan, so the workers change no number."""
+        """The runs of each block.  They depend only on the plan, so that results do not depend on the workers."""
         size = min(max(self.block_samples // self.samples // LANES * LANES, LANES), LARGEST_BLOCK)
         return tuple(range(first, min(first + size, self.runs)) for first in range(0, self.runs, size))
 
@@ -121,9 +124,9 @@ def make_plan(
     duration_s: float | None = None,
     variations: Iterable[Variation] = (),
 ) -> Plan:
-    """The plan of `runs` runs of a scenario with an estimator; seed and duration instead of the scenario's own.
+    """The plan of `runs` runs of a scenario with an estimator; `first_seed` and `duration_s` replace the scenario's.
 
-    Raises `InputError` for what cannot be run; both ends of every range are tried.
+    Raises `InputError` for a combination that cannot be run; both ends of every range are tried.
     """
     estimator = estimators.get(estimator_id)
     if isinstance(runs, bool) or not 1 <= runs <= MAX_RUNS:
@@ -139,7 +142,7 @@ def make_plan(
     )
     check_variations(plan.variations)
     plants = [plan.plant]
-    build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # the last seed too
+    build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
     for variation in plan.variations:
         for end in (variation.low, variation.high):
             plants.append(

@@ -1,8 +1,8 @@
-"""Where finished blocks stand: in memory, or in a folder that an interrupted campaign goes on from.
+"""Storage of finished blocks: in memory, or in a folder from which an interrupted campaign resumes.
 
-A folder holds `manifest.json`, the plan with its digest, and `blocks/NNNNNN.npz`, the summaries of the runs of each block.
-A file is written under a temporary name and renamed: what has its final name is complete.  A block that is damaged all the
-same counts as not done.
+A folder holds `manifest.json`, the plan with its digest, and `blocks/NNNNNN.npz`, the summaries of the runs of each
+block.  Files are written under a temporary name and renamed, so that a file with its final name is complete.  A damaged
+block counts as not done.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class Memory:
         self._blocks: dict[int, Arrays] = {}
 
     def has(self, number: int) -> bool:
-        """Whether the block is done."""
+        """Whether the block is stored."""
         return number in self._blocks
 
     def put(self, number: int, arrays: Arrays) -> None:
-        """Keep a finished block."""
+        """Store a finished block."""
         self._blocks[number] = arrays
 
     def column(self, number: int, name: str) -> np.ndarray:
@@ -47,7 +47,8 @@ class Memory:
 class Folder:
     """Blocks kept in a folder.
 
-    plan: of the campaign.  resume: go on with what the folder holds; False: it must hold no campaign.
+    plan: plan of the campaign.
+    resume: whether to resume the campaign in the folder; if False, the folder must hold none.
     Raises `InputError` for a folder that holds another campaign or that cannot be used.
     """
 
@@ -60,13 +61,13 @@ class Folder:
         elif self.path.exists() and not self.path.is_dir():
             raise InputError(f"cannot write to the output folder {str(path)!r}: it is not a folder")
         elif (self.path / BLOCKS).exists():
-            raise InputError(f"{str(self.path)!r} holds blocks of a campaign, but no {MANIFEST} that says of which")
+            raise InputError(f"{str(self.path)!r} holds blocks of a campaign, but no {MANIFEST} to identify it")
 
     def has(self, number: int) -> bool:
-        """Whether the block is there and whole."""
+        """Whether the block is stored and undamaged."""
         try:
             with self._file(number).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-                whole = {name: arrays[name] for name in arrays.files}  # reads all, and so checks every checksum
+                whole = {name: arrays[name] for name in arrays.files}  # reading checks every checksum
         except _DAMAGE:
             return False
         runs = self.plan.blocks[number]
@@ -74,7 +75,7 @@ class Folder:
         return str(whole.get("plan", "")) == self._digest and np.array_equal(whole.get("seed", ()), expected)
 
     def put(self, number: int, arrays: Arrays) -> None:
-        """Write a finished block; the first writes the manifest before it."""
+        """Write a finished block, preceded by the manifest if it is the first."""
         try:
             (self.path / BLOCKS).mkdir(parents=True, exist_ok=True)
             if not (self.path / MANIFEST).exists():
@@ -92,7 +93,7 @@ class Folder:
             with self._file(number).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
                 return arrays[name]
         except _DAMAGE as error:
-            raise InsenvError(f"{self._file(number)}: cannot be read any more: {error}") from None
+            raise InsenvError(f"{self._file(number)}: can no longer be read: {error}") from None
 
     def _file(self, number: int) -> Path:
         return self.path / BLOCKS / f"{number:06d}.npz"
@@ -101,15 +102,15 @@ class Folder:
         return {"format": FORMAT, "version": VERSION, "digest": self._digest, "plan": self.plan.as_json()}
 
     def _check(self, manifest: Path, resume: bool) -> None:
-        """Raise `InputError` unless the folder is to be gone on with and of this campaign."""
+        """Raise `InputError` unless the folder holds this campaign and it is to be resumed."""
         try:
             found = json.loads(manifest.read_text(encoding="utf-8"))
             digest, plan = found["digest"], found["plan"]
         except (*_DAMAGE, TypeError):
-            raise InputError(f"{str(manifest)!r} is no manifest of a campaign: take another folder") from None
+            raise InputError(f"{str(manifest)!r} is not the manifest of a campaign: choose another folder") from None
         if digest != self._digest:
             ours = self.plan.as_json()
             other = [name for name in ours if json.dumps(ours[name]) != json.dumps(plan.get(name))]
             raise InputError(f"{str(self.path)!r} holds another campaign: it differs in {', '.join(other)}")
         if not resume:
-            raise InputError(f"{str(self.path)!r} holds this campaign already: --resume goes on with it")
+            raise InputError(f"{str(self.path)!r} holds this campaign already: --resume continues it")

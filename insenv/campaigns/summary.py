@@ -1,4 +1,4 @@
-"""What a campaign found: error statistics over the runs, along time and at the end, beside the limit."""
+"""The result of a campaign: error statistics over the runs, along time and at the end, with the theoretical limit."""
 
 from __future__ import annotations
 
@@ -25,21 +25,24 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Columns = Callable[[str], list[Array]]
-"""An array of the blocks by name, block after block."""
+"""Returns an array of every block, by the array's name."""
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 FAR = 10.0
-"""A run whose error is so many times the median run's is named as far off."""
+"""A run whose error is at least this many times that of the median run is listed as far off."""
 BOUNDS = (0.025, 0.975)
-"""Probabilities between which the mean NEES of a consistent estimator lies."""
+"""Probabilities that bound the mean NEES of a consistent estimator."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """One channel along the recorded times (records,): over the runs whose errors are finite numbers there.
+    """Statistics of one channel at the recorded times (records,), over the runs whose errors are finite there.
 
-    mean of the errors; rms, of all evaluations since the record before; percentiles (5, records) of the errors; limit, rms
-    over the runs, or None; stated: rms of the standard deviations that the estimator states, or None.
+    mean: mean error.
+    rms: root mean square of all evaluations since the previous record.
+    percentiles: (5, records), of the errors.
+    limit: root mean square of the limit over the runs, or None.
+    stated: root mean square of the standard deviations that the estimator states, or None.
     """
 
     mean: Array
@@ -50,8 +53,8 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Consistency:
-    """NEES along the recorded times: mean over the runs (records,), states compared, bounds of that mean at 95 %."""
+class NeesCourse:
+    """NEES at the recorded times: its mean over the runs (records,), degrees of freedom, 95 % bounds of the mean."""
 
     mean: Array
     degrees: int
@@ -63,15 +66,18 @@ class Consistency:
 class Summary:
     """The result of a campaign.
 
-    time (records,) s; courses by channel; nees or None; from_s: statistics of a whole run are taken from there on.
-    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; limit NaN where there is none).
-    diverged: seeds of runs with a number that is not finite; far: of those whose rms is `FAR` times the median run's.
+    time (records,) s; courses by channel; nees or None; from_s: time from which the statistics of a whole run are
+    taken.
+    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no
+    limit).
+    diverged: seeds of runs with a number that is not finite.
+    far: seeds of runs whose rms is `FAR` times the median.
     """
 
     plan: Plan
     time: Array
     courses: dict[str, Course]
-    nees: Consistency | None
+    nees: NeesCourse | None
     from_s: float
     seeds: Array
     values: Array
@@ -84,11 +90,11 @@ class Summary:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The errors' names."""
+        """Names of the errors."""
         return tuple(self.courses)
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean", "percentiles" of the errors at the end, "rms" and "limit" over the runs from `from_s` on."""
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on."""
         kept = ~np.isin(self.seeds, self.diverged)
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
@@ -162,7 +168,7 @@ class Summary:
 
 
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
-    """The summary of all blocks; sums run over the runs in their order, so that nothing depends on who did which block."""
+    """Summarise all blocks; sums follow the order of the runs, so that they do not depend on the workers."""
     time = plan.times
     alignment = not estimators.get(plan.estimator).navigates
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
@@ -184,7 +190,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
         plan=plan,
         time=time,
         courses=courses,
-        nees=_consistency(measured, columns),
+        nees=_nees(measured, columns),
         from_s=from_s,
         seeds=seeds,
         values=np.concatenate(columns("values")),
@@ -230,9 +236,9 @@ def _rms(values: Array) -> Array:
 
 
 def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
-    """Limit of every run (runs, records, channels): as `insenv.runs.simulated` has it at the end, at each recorded time."""
+    """Limit of every run (runs, records, channels): that of `insenv.runs.simulated`, at each recorded time."""
     if measured.senses:
-        return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("told", "sensor_error_n", "heading")))
+        return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("known", "sensor_error_n", "heading")))
     if measured.predicted:
         return np.concatenate(columns("predicted"))
     if set(measured.stated) == set(measured.channels):
@@ -244,13 +250,13 @@ def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
     return None
 
 
-def _alignment_limits(time: Array, told: Array, sensor_error_n: Array, heading: Array) -> Array:
-    """What the sensors' mean errors up to each time leave, and white noise; in roll and pitch at the heading then."""
-    latitude, height = told[:, None, 0], told[:, None, 1]
+def _alignment_limits(time: Array, known: Array, sensor_error_n: Array, heading: Array) -> Array:
+    """Errors due to the mean sensor errors up to each time and to white noise; roll and pitch by current heading."""
+    latitude, height = known[:, None, 0], known[:, None, 1]
     bias = limits.bias_tilts(sensor_error_n[..., :3], sensor_error_n[..., 3:], latitude, height)
-    # the bound is smooth in what is told: one for all runs that agree to a percent or so; of latitudes, whose secant does
-    about = np.arctan(np.sinh(np.round(np.arcsinh(np.tan(told[:, 0])), 2)))
-    grid = np.stack([about, np.round(told[:, 1], -2), _two_digits(told[:, 2]), _two_digits(told[:, 3])], axis=1)
+    # the bound is smooth in its arguments: compute it once for runs that agree to about 1 % (for latitude, in its secant)
+    about = np.arctan(np.sinh(np.round(np.arcsinh(np.tan(known[:, 0])), 2)))
+    grid = np.stack([about, np.round(known[:, 1], -2), _two_digits(known[:, 2]), _two_digits(known[:, 3])], axis=1)
     kinds, kind = np.unique(grid, axis=0, return_inverse=True)
     noise = limits.noise_bound(kinds[:, 2], kinds[:, 3], kinds[:, 0], kinds[:, 1], time)
     return limits.alignment_limits(bias, noise[kind.ravel()], heading)
@@ -262,7 +268,7 @@ def _two_digits(values: Array) -> Array:
     return np.where(values > 0.0, np.exp(np.round(np.log(safe), 2)), 0.0)
 
 
-def _consistency(measured: Measured, columns: Columns) -> Consistency | None:
+def _nees(measured: Measured, columns: Columns) -> NeesCourse | None:
     if not measured.degrees:
         return None
     from scipy.stats import chi2
@@ -272,4 +278,4 @@ def _consistency(measured: Measured, columns: Columns) -> Consistency | None:
     count = max(len(whole), 1)
     low, high = chi2.ppf(BOUNDS, measured.degrees * count) / count
     mean = np.mean(whole, axis=0) if len(whole) else np.full(nees.shape[1], np.nan)
-    return Consistency(mean, measured.degrees, float(low), float(high))
+    return NeesCourse(mean, measured.degrees, float(low), float(high))

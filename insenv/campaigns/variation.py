@@ -1,4 +1,4 @@
-"""Ranges of scenario keys that are drawn anew for each run, by their dotted names: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
+"""Scenario keys that are drawn from a range for each run, by dotted name: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from insenv.core import noise
 from insenv.errors import InputError, nearest
 
 FIXED = ("seed", "duration_s", "rate_hz")
-"""Keys that are the same in all runs of a campaign; seeds count up by themselves."""
+"""Keys that cannot be varied: all runs of a campaign share them, and the seeds increase by one."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """A key of the scenario, dotted (a place in a list is a number from 0), and the range drawn from, uniformly."""
+    """A dotted key of the scenario (list elements are numbered from 0) and the range of its uniform distribution."""
 
     key: str
     low: float
     high: float
 
     def value(self, seed: int) -> float:
-        """The value in the run of `seed`: a pure function of seed and key, whatever else is varied."""
+        """The value in the run of `seed`: a pure function of seed and key, whatever else varies."""
         stream = zlib.crc32(self.key.encode())
         uniform = float(noise.uniforms(seed, 0, stream, 1)[0])
         return self.low + (self.high - self.low) * uniform
 
 
 def parse_variation(text: str) -> Variation:
-    """From ``key=low:high``.  Raises `InputError`."""
+    """Parse ``key=low:high``.  Raises `InputError` for any other form."""
     key, equals, span = text.partition("=")
     low, colon, high = span.partition(":")
     try:
@@ -47,7 +47,7 @@ def parse_variation(text: str) -> Variation:
 
 
 def varied(data: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    """A copy of a scenario's values with those of `values`, by dotted key, put in.  Raises `InputError` for an unknown key."""
+    """A copy of a scenario's values with `values`, by dotted key, inserted.  Raises `InputError` for an unknown key."""
     changed = copy.deepcopy(dict(data))
     for key, value in values.items():
         *path, last = key.split(".")
@@ -66,13 +66,13 @@ def varied(data: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, An
 
 
 def _inside(owner: Any, part: str, key: str) -> Any:
-    """The value named `part` of a section, or at that place of a list."""
+    """The value named `part` of a section, or element number `part` of a list."""
     if isinstance(owner, list):
         if not part.isdigit() or int(part) >= len(owner):
-            raise InputError(f"vary {key!r}: {part!r} is no place in a list of {len(owner)}; the first is 0")
+            raise InputError(f"vary {key!r}: {part!r} is not an element of a list of {len(owner)}, numbered from 0")
         return owner[int(part)]
     if not isinstance(owner, dict):
-        raise InputError(f"vary {key!r}: there is nothing below the number before {part!r}")
+        raise InputError(f"vary {key!r}: a number has no key {part!r}")
     if part not in owner:
         raise InputError(f"vary {key!r}: no key {part!r}{nearest(part, owner)}")
     return owner[part]
@@ -83,10 +83,10 @@ def _is_list_of_others(value: Any) -> bool:
 
 
 def check_variations(variations: Sequence[Variation]) -> None:
-    """Raise `InputError` for a key given twice or one that cannot be varied."""
+    """Raise `InputError` for a key that is given twice or cannot be varied."""
     keys = [variation.key for variation in variations]
     for key in keys:
         if keys.count(key) > 1:
             raise InputError(f"vary {key!r}: given more than once")
         if key in FIXED:
-            raise InputError(f"vary {key!r}: the runs of a campaign have it in common; --seed and --duration set it for all")
+            raise InputError(f"vary {key!r}: all runs of a campaign share it; set it with --seed and --duration")

@@ -1,1 +1,1 @@
-"""Core: tables, models, the ways to run one, counter-based noise.  It knows nothing of navigation."""
+"""Core: tables, models, the ways to run a model, counter-based noise.  It contains no navigation."""

@@ -1,7 +1,8 @@
-"""Running many instances of a model at once: rows in blocks of lanes, blocks over threads.
+"""Run many instances of a model at once: rows in blocks of lanes, blocks distributed over threads.
 
-Row i is the single run with seed + i, to the bit, whatever the number of rows, lanes or threads.  Arrays are seen from
-outside as (rows, elements); inside, a block of rows lies lane by lane so that one instruction serves a whole block.
+Row i is bit-identical to the single run with seed + i, whatever the number of rows, lanes or threads.  Callers see
+arrays of shape (rows, elements); internally a block of rows is stored lane by lane, so that one instruction serves a
+whole block.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.compile import batch_library_path, load, pointer
 from insenv.core.model import Model
-from insenv.core.native import batch_library_path, load, pointer
-from insenv.core.runner import InterpreterRunner, check_inputs, resolve_backend, round_size, watched_spans
+from insenv.core.runner import InterpreterRunner, check_inputs, cycle_size, resolve_backend, watched_spans
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 
@@ -30,12 +31,14 @@ def make_batch(
     lanes: int | None = None,
     backend: str | None = None,
 ) -> Batch:
-    """A started batch of `rows` instances.
+    """Make and start a batch of `rows` instances.
 
-    parameters: by name or flat for all rows alike (row i then has seed + i), or an array (rows, parameters.size) as it is.
-    threads: worker threads over the blocks (the GIL is released).
-    lanes: rows a block; None: as many as a vector register of this processor holds (8 with AVX-512, else 4).
+    parameters: by name or flat, the same for all rows except that row i has seed + i; or an array (rows,
+        parameters.size).
+    threads: number of worker threads (the GIL is released).
+    lanes: rows per block; None: as many as a vector register of this processor holds (8 with AVX-512, else 4).
     backend: as for `make_runner`.
+    Raises `InputError` for a number below 1 or parameters that do not fit.
     """
     if rows < 1 or threads < 1 or (lanes is not None and lanes < 1):
         raise InputError(f"rows = {rows}, threads = {threads}, lanes = {lanes}: each must be at least 1")
@@ -44,7 +47,7 @@ def make_batch(
 
 
 def row_parameters(model: Model, rows: int, parameters: Mapping[str, Any] | Vector | None) -> Vector:
-    """Parameters of every row, (rows, parameters.size): the seed counts up from row to row unless all rows are given."""
+    """Parameters of every row, (rows, parameters.size); the seed increases by one per row unless all rows are given."""
     if isinstance(parameters, np.ndarray) and parameters.ndim == 2:
         if parameters.shape != (rows, model.parameters.size):
             raise InputError(f"parameters of shape {parameters.shape}: allowed is {(rows, model.parameters.size)}")
@@ -57,50 +60,52 @@ def row_parameters(model: Model, rows: int, parameters: Mapping[str, Any] | Vect
 
 
 class Batch:
-    """Many instances of a model: made by `make_batch`."""
+    """Many instances of a model, made by `make_batch`."""
 
     def __init__(self, model: Model, p: Vector, threads: int) -> None:
         self.model, self.rows, self.threads = model, len(p), threads
 
     def start(self) -> None:
-        """Every row to the start state that its parameters give."""
+        """Set every row to the start state that its parameters define."""
         raise NotImplementedError
 
     def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
-        """Give some rows other parameters, p (k, parameters.size), and start them afresh; their states (k, state.size)."""
+        """Set the parameters p (k, parameters.size) of some rows and restart them; their states (k, state.size)."""
         raise NotImplementedError
 
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
-        """Give some rows other parameters, p (k, parameters.size), and leave their states."""
+        """Set the parameters p (k, parameters.size) of some rows and keep their states."""
         raise NotImplementedError
 
-    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        """Run `step` in every row whatever its condition, then advance n times with the inputs held.
+    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+        """Run `step` in every row regardless of its condition, then advance n times with constant inputs.
 
-        Returns (rows, n * watched elements + outputs.size): the state rows `watched` after each advance, then the outputs.
+        Returns (rows, n * watched elements + outputs.size): the state rows `watched` after each advance, then the
+        outputs.
         """
         raise NotImplementedError
 
     def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
         """Advance every row n times.
 
-        inputs: (rows, n, inputs.size), or (rows, inputs.size) held, or (inputs.size,) for all; zeros if None.
-        Returns the outputs after each `every` advances, (rows, n // every, outputs.size); none if every is 0.
+        inputs: (rows, n, inputs.size); or (rows, inputs.size) or (inputs.size,), constant over the n advances; zeros if
+        None. Returns the outputs after every `every`-th advance, (rows, n // every, outputs.size); none if `every` is
+        0.
         """
         raise NotImplementedError
 
     def output(self) -> Vector:
-        """The outputs of the present states, (rows, outputs.size)."""
+        """The outputs of the current states, (rows, outputs.size)."""
         raise NotImplementedError
 
     @property
     def p(self) -> Vector:
-        """The parameters, (rows, parameters.size): a copy; `set_parameters` sets them."""
+        """A copy of the parameters, (rows, parameters.size); `set_parameters` changes them."""
         raise NotImplementedError
 
     @property
     def x(self) -> Vector:
-        """The states, (rows, state.size): a copy; assign the whole to set them."""
+        """A copy of the states, (rows, state.size); assign the whole array to change them."""
         raise NotImplementedError
 
     @x.setter
@@ -119,7 +124,7 @@ class Batch:
 
 
 class NativeBatch(Batch):
-    """Generated C over lanes."""
+    """A batch run by generated C, one vector lane per row."""
 
     def __init__(self, model: Model, p: Vector, threads: int, lanes: int | None) -> None:
         super().__init__(model, p, threads)
@@ -140,8 +145,8 @@ class NativeBatch(Batch):
         of_row, to_row = u.shape[1] * u.shape[2], y.shape[1] * y.shape[2]
 
         def work(block: int, first: int, last: int) -> None:
-            p, x, given, told = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
-            self._library.insenv_run(last - first, p, x, given, stride, of_row, told, to_row, every, n)
+            p, x, given, shown = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
+            self._library.insenv_run(last - first, p, x, given, stride, of_row, shown, to_row, every, n)
 
         self._shared(work)
         return y
@@ -158,21 +163,21 @@ class NativeBatch(Batch):
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
         self._p[rows // self.lanes, :, rows % self.lanes] = p
 
-    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
         u, number = np.ascontiguousarray(self._held(n, inputs)[:, 0]), list(self.model.steps).index(step)
-        spans, size = watched_spans(self.model, watched), round_size(self.model, watched, n)
+        spans, size = watched_spans(self.model, watched), cycle_size(self.model, watched, n)
         y = np.empty((self.rows, size))
 
         def work(block: int, first: int, last: int) -> None:
-            p, x, given, told = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
+            p, x, given, shown = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
             width, which = u.shape[1], spans.ctypes.data
-            self._library.insenv_round(last - first, number, p, x, given, width, which, len(spans), n, told, size)
+            self._library.insenv_cycle(last - first, number, p, x, given, width, which, len(spans), n, shown, size)
 
         self._shared(work)
         return y
 
     def _shared(self, work: Callable[[int, int, int], None]) -> None:
-        """`work(block, first, last)` on all rows, from a block's first row to before a last, parted over the threads."""
+        """Call `work(block, first, last)` for half-open ranges of rows that begin with a block, one per thread."""
         blocks = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int)
         edges = np.minimum(blocks * self.lanes, self.rows).tolist()
         if len(edges) == 2:
@@ -198,18 +203,18 @@ class NativeBatch(Batch):
         self._x[:] = self._into_lanes(np.asarray(value, dtype=np.float64))
 
     def _into_lanes(self, array: Vector) -> Vector:
-        """(rows, elements) as blocks (blocks, elements, lanes); the last row fills a block that is not full."""
+        """(rows, elements) as blocks (blocks, elements, lanes); copies of the last row fill an incomplete block."""
         missing = -len(array) % self.lanes
         padded = np.concatenate([array, np.repeat(array[-1:], missing, axis=0)]) if missing else array
         return np.ascontiguousarray(padded.reshape(len(padded) // self.lanes, self.lanes, -1).transpose(0, 2, 1))
 
     def _from_lanes(self, array: Vector) -> Vector:
-        rows = np.array(array.transpose(0, 2, 1), order="C")  # a copy also where one lane would make it a view
+        rows = np.array(array.transpose(0, 2, 1), order="C")  # a copy even for one lane, where it would be a view
         return rows.reshape(self._blocks * self.lanes, array.shape[1])[: self.rows]
 
 
 class InterpreterBatch(Batch):
-    """Row after row on the interpreter: the same numbers without a compiler."""
+    """A batch run row by row on the interpreter: bit-identical results without a compiler."""
 
     def __init__(self, model: Model, p: Vector, threads: int, lanes: int | None) -> None:
         super().__init__(model, p, threads)
@@ -229,10 +234,10 @@ class InterpreterBatch(Batch):
         for row, values in zip(rows, p, strict=True):
             self._runners[row].p[:] = values
 
-    def round(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        found = np.empty((self.rows, round_size(self.model, watched, n)))
+    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
+        found = np.empty((self.rows, cycle_size(self.model, watched, n)))
         for runner, u, y in zip(self._runners, self._held(n, inputs), found, strict=True):
-            call, buffer = runner.round(step, watched, n)
+            call, buffer = runner.cycle(step, watched, n)
             runner._set_inputs(u[0])
             call()
             y[:] = buffer

@@ -1,14 +1,15 @@
-"""Compiling generated code: which compiler, which flags, and the cache of shared libraries in the user's cache folder.
+"""Compiled models: the C compiler and its flags, the cache of shared libraries, and loading one.
 
-A cache entry is a folder named by the hash of everything that determines the library (source, flags, compiler, machine); it
-holds the library and the library's own hash.  It is built under a temporary name and renamed, so that two processes
-compiling at once do no harm and nothing half-written is ever seen.  An entry that is damaged, or that another user could
-have written, is not loaded: it is built again.
+A cache entry is a folder named by the hash of everything that determines the library (source, flags, compiler,
+machine).  It holds the library and the library's own hash.  It is built under a temporary name and renamed, so that two
+processes can compile at the same time and no process sees a partly written entry.  An entry that is damaged, or that
+another user could have written, is not loaded but rebuilt.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import hashlib
 import importlib.util
@@ -22,11 +23,14 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from insenv.core.codegen import batch_source, native_source
+from insenv.core.model import Model
+from insenv.core.tables import Vector
 from insenv.errors import InsenvError
 
-# not every compiler for other processors knows it, and they have little to gain
+# compilers for other processors may not support it, and gain little from it
 _OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
-# exactly rounded and in the order written: the interpreter's result to the bit
+# exact rounding in the order written: bit-identical to the interpreter
 _FLAGS = (
     "-std=gnu99",
     "-O2",
@@ -54,13 +58,13 @@ class Compiler:
 
     @functools.cached_property
     def identity(self) -> str:
-        """What determines its output besides source and flags: version and processor."""
+        """What determines its output besides source and flags: the version and the processor."""
         shown = subprocess.run([*self.command, "--version"], capture_output=True, text=True, check=False)
         return "\n".join([*self.command, shown.stdout, platform.machine(), _processor()])
 
 
 def find_compiler() -> Compiler | None:
-    """The first C compiler found: the environment's CC, cc, gcc, clang, the `ziglang` wheel; or None."""
+    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel, or None."""
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         words = tuple(name.split())
         if words and shutil.which(words[0]):
@@ -71,7 +75,7 @@ def find_compiler() -> Compiler | None:
 
 
 def cache_folder() -> Path:
-    """The folder of compiled models: INSENV_CACHE_DIR or the user's cache folder, private to the user."""
+    """The cache folder of compiled models: INSENV_CACHE_DIR or the user's cache folder, private to the user."""
     from platformdirs import user_cache_path
 
     chosen = os.environ.get("INSENV_CACHE_DIR")
@@ -84,7 +88,7 @@ def cache_folder() -> Path:
 
 
 def compile_library(source: str, compiler: Compiler) -> Path:
-    """Path of the shared library of `source`, from the cache or built now.  Raises `CompileError`."""
+    """Path of the shared library of `source`, taken from the cache or compiled.  Raises `CompileError`."""
     parts = (source, *compiler.flags, compiler.identity)
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
     cache = cache_folder()
@@ -99,7 +103,7 @@ def compile_library(source: str, compiler: Compiler) -> Path:
         _compile(source, compiler, build)
         digest = hashlib.sha256((build / "model.so").read_bytes()).hexdigest()
         (build / "model.sha256").write_text(digest)
-        # a folder is renamed onto an empty name only: move a broken entry away first
+        # a folder cannot be renamed onto an existing one: move a broken entry away first
         for _ in range(10):
             if _is_intact(entry):
                 break
@@ -122,7 +126,7 @@ def _compile(source: str, compiler: Compiler, build: Path) -> None:
 
 
 def _is_intact(entry: Path) -> bool:
-    """Whether the entry is ours alone and its library has the hash noted beside it."""
+    """Whether only this user can write the entry and its library has the hash stored beside it."""
     try:
         if not (_is_private(entry) and _is_private(entry / "model.so")):
             return False
@@ -133,7 +137,7 @@ def _is_intact(entry: Path) -> bool:
 
 
 def _is_private(path: Path) -> bool:
-    """Whether it belongs to this user and nobody else may write to it (always true where there are no owners)."""
+    """Whether the path is owned and writable by this user only (always true where files have no owners)."""
     if not hasattr(os, "getuid"):
         return True
     status = path.lstat()
@@ -144,15 +148,53 @@ def _is_private(path: Path) -> bool:
 
 @functools.cache
 def _private_folder() -> Path:
-    """A fresh private folder, for this process, where the cache folder cannot be used or trusted."""
+    """A new private folder for this process, used if the cache folder cannot be used or trusted."""
     return Path(tempfile.mkdtemp(prefix="insenv-"))
 
 
 @functools.cache
 def _processor() -> str:
-    """The processor's name and features: -march=native depends on them."""
+    """The processor's name and features, on which -march=native depends."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return platform.processor()
     return "\n".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
+
+
+@functools.lru_cache(maxsize=64)
+def library_path(model: Model) -> str:
+    """Path of a model's library for one row, taken from the cache or compiled at the first call."""
+    return _compiled(native_source(model))
+
+
+@functools.lru_cache(maxsize=64)
+def batch_library_path(model: Model, lanes: int | None) -> str:
+    """Path of a model's library for blocks of `lanes` rows (None: as many as suit the processor)."""
+    return _compiled(batch_source(model, lanes))
+
+
+def _compiled(source: str) -> str:
+    compiler = find_compiler()
+    if compiler is None:
+        raise CompileError("no C compiler found")
+    return str(compile_library(source, compiler))
+
+
+@functools.cache
+def load(path: str) -> ctypes.CDLL:
+    """Load a library and declare the driver's functions; its calls release the GIL."""
+    library = ctypes.CDLL(path)
+    address, whole = ctypes.c_void_p, ctypes.c_int64
+    library.insenv_run.argtypes = [whole, address, address, address, whole, whole, address, whole, whole, whole]
+    library.insenv_start.argtypes = [whole, address, address]
+    library.insenv_output.argtypes = [whole, address, address, address]
+    library.insenv_cycle.argtypes = [whole, whole, address, address, address, whole, address, whole, whole, address, whole]
+    for name in ("insenv_run", "insenv_start", "insenv_output", "insenv_cycle"):
+        getattr(library, name).restype = None
+    return library
+
+
+def pointer(array: Vector) -> int:
+    """Address of the first element of an array."""
+    return array.ctypes.data

@@ -1,9 +1,9 @@
-"""Composition: one model out of parts that share their tables.
+"""Compose one model from parts that share their tables.
 
-A part is a piece of a plant (vehicle, inertial sensor, GNSS receiver).  Merged, the parts' rows stand side by side in one
-set of tables and every function sees all of them by name.  Steps of the same name become one step: each part's function
-runs on the state as the parts before it left it, so that the inertial sensor measures the motion that the vehicle has just
-made.
+A part is a piece of a plant (vehicle, inertial sensor, GNSS receiver).  In the merged model the rows of all parts form
+one set of tables, and every function sees all of them by name.  Steps of the same name become one step: each part's
+function runs on the state left by the parts before it, so that the inertial sensor measures the motion that the vehicle
+has just made.
 """
 
 from __future__ import annotations
@@ -21,9 +21,7 @@ EMPTY = Table()
 
 @dataclass(frozen=True)
 class Part:
-    """A piece of a model; the fields are those of `Model`, the functions see the rows of all parts merged before and with
-    it.
-    """
+    """A piece of a model, with the fields of `Model`; its functions see the rows of all merged parts."""
 
     parameters: Table = EMPTY
     state: Table = EMPTY
@@ -34,7 +32,7 @@ class Part:
 
 
 def as_part(model: Model) -> Part:
-    """A whole model as a part, for others to stand beside it; its outputs are left behind."""
+    """A whole model as a part, to be merged with others; its outputs are dropped."""
     m = model
     return Part(m.parameters, m.state, m.inputs, m.steps, m.start, m.start_uniforms)
 
@@ -46,7 +44,10 @@ def merge(
     outputs: Table,
     output: Callable[[Values, Values], Mapping[str, Any]],
 ) -> Model:
-    """The model made of `parts`, in that order; the steps' order is that of their first mention."""
+    """The model made of `parts` in that order; a step takes the place of its first mention.
+
+    Raises ValueError if steps of one name have different conditions.
+    """
     names = list(dict.fromkeys(name for part in parts for name in part.steps))
     total = sum(part.start_uniforms for part in parts)
     start = _in_sequence([(part.start, part.start_uniforms) for part in parts if part.start is not None])
@@ -65,7 +66,7 @@ def merge(
 
 
 def _joined(name: str, parts: Sequence[Part]) -> Step:
-    """The parts' steps called `name` as one."""
+    """The steps called `name` of all parts as one step."""
     steps = [part.steps[name] for part in parts if name in part.steps]
     conditions = {step.when for step in steps}
     if len(conditions) > 1:

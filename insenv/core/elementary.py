@@ -1,12 +1,12 @@
 """Elementary functions made of +, -, *, /, sqrt, floor and comparisons only.
 
-IEEE 754 rounds those operations in one way, so a result is the same to the bit in CasADi's interpreter, in
-generated C, over vectors of lanes and on another machine; the sine of a C library is not. They also
-vectorise, having no branch: ``select`` evaluates both sides and keeps one. So the side that is not kept must
-stay finite too, in itself and in its derivative, or symbolic differentiation would meet 0 * inf.
+IEEE 754 rounds these operations in exactly one way, so results are bit-identical in CasADi's interpreter, in generated
+C, over vectors of lanes and on other machines; the sine of a C library is not. The functions also vectorize, because
+they have no branches: ``select`` evaluates both sides and keeps one. The side that is not kept must therefore stay
+finite too, in value and derivative, or symbolic differentiation would produce 0 * inf.
 
-Arguments are SX of any shape (elementwise) or plain floats. Angles are in radians. The kernels are Taylor
-series carried to rounding rather than minimax fits: the derivative of a Taylor series is again one, so
+Arguments are SX of any shape (elementwise) or plain floats. Angles are in radians. The kernels are Taylor series
+carried to rounding rather than minimax fits: the derivative of a Taylor series is again a Taylor series, so that
 vehicle truth may differentiate them. Constants are literals or correctly rounded quotients, never results of
 ``math.log`` and the like, which differ between machines.
 """
@@ -20,14 +20,14 @@ from typing import Any, TypeAlias
 
 import casadi as ca
 
-Scalar: TypeAlias = Any  # SX or a float: their operators take either, which no type says
+Scalar: TypeAlias = Any  # SX or float: no common type describes operators that take either
 
 PI = 3.141592653589793
 TWO_PI = 2.0 * PI
 
 
 def _split(numerator: int, denominator: int, bits: Sequence[int]) -> list[float]:
-    """A number as a sum of floats, each but the last cut to a multiple of 2^-bits."""
+    """A number as a sum of floats, each but the last truncated to a multiple of 2^-bits."""
     rest, parts = Fraction(numerator, denominator), []
     for bit in bits:
         parts.append(float(Fraction(int(rest * 2**bit), 2**bit)))
@@ -35,7 +35,7 @@ def _split(numerator: int, denominator: int, bits: Sequence[int]) -> list[float]
     return [*parts, float(rest)]
 
 
-# 33 bits a part: the product with a quadrant number below 2^20 is exact.
+# 33 bits per part: the product with a quadrant number below 2^20 is exact.
 _HALF_PI = _split(157079632679489661923132169163975144209858469968755, 10**50, (32, 65))
 # 32 bits: the product with a binary exponent below 2^11 is exact.
 _LN2 = _split(69314718055994530941723212145817656807550013436026, 10**50, (32,))
@@ -50,7 +50,7 @@ _COS_HALF = [c / 4**k for k, c in enumerate(_COS)]
 _SINC_HALF = [c / 2 / 4**k for k, c in enumerate(_SIN)]
 
 ATAN_SERIES_LIMIT = 0.0557
-"""Largest x^2 for which ``atan_series`` is good to rounding."""
+"""Largest x^2 for which ``atan_series`` is accurate to rounding."""
 
 
 def polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
@@ -62,37 +62,36 @@ def polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
 
 
 def select(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
-    """a where the condition holds, else b; both are evaluated."""
+    """a where the condition holds, b elsewhere; both are evaluated."""
     if isinstance(condition, (ca.SX, ca.DM, ca.MX)):
         return ca.if_else(condition, a, b)
     return a if condition else b
 
 
 def minimum(a: Scalar, b: Scalar) -> Scalar:
-    """The smaller of the two; a NaN in a stays."""
+    """The smaller of the two; a NaN in a is kept."""
     return select(b < a, b, a)
 
 
 def maximum(a: Scalar, b: Scalar) -> Scalar:
-    """The larger of the two; a NaN in a stays."""
+    """The larger of the two; a NaN in a is kept."""
     return select(b > a, b, a)
 
 
 def clamp(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
-    """The value of [low, high] nearest to x; a NaN stays."""
+    """The value in [low, high] nearest to x; a NaN is kept."""
     return minimum(maximum(x, low), high)
 
 
 def wrap_angle(x: Scalar) -> Scalar:
-    """The angle turned by whole turns into (-pi, pi], itself to the bit when it is there already."""
+    """The angle shifted by whole turns into (-pi, pi]; unchanged to the last bit if it is there already."""
     return x + TWO_PI * ca.floor(0.5 - x / TWO_PI)
 
 
 def sin_cos(x: Scalar) -> tuple[Scalar, Scalar]:
-    """Sine and cosine to 2e-16 for |x| < 1e6; beyond, accuracy fades with the argument's size.
+    """Sine and cosine to 2e-16 for |x| < 1e6; beyond, the error grows with the argument.
 
-    Cody and Waite's reduction: x - k pi/2 with pi/2 in three parts of which the first two give exact
-    products.
+    Cody and Waite's reduction: x - k pi/2 with pi/2 in three parts, of which the first two give exact products.
     """
     k = ca.floor(x * (2.0 / PI) + 0.5)
     r = x
@@ -102,7 +101,7 @@ def sin_cos(x: Scalar) -> tuple[Scalar, Scalar]:
     kernel_sin = r * polynomial(z, _SIN)
     kernel_cos = polynomial(z, _COS)
     half = ca.floor(0.5 * k)
-    odd = k - 2.0 * half  # quadrants 1 and 3 exchange the two
+    odd = k - 2.0 * half  # quadrants 1 and 3 exchange sine and cosine
     sign = 1.0 - 2.0 * (half - 2.0 * ca.floor(0.5 * half))  # quadrants 2 and 3 change the sign of the sine
     return (
         sign * select(odd == 1.0, kernel_cos, kernel_sin),
@@ -119,7 +118,7 @@ def cos(x: Scalar) -> Scalar:
 
 
 def cos_half(s: Scalar) -> Scalar:
-    """cos(a/2) from s = a^2, to rounding for |a| <= 0.5; no square root troubles its derivative at 0."""
+    """cos(a/2) from s = a^2, to rounding for |a| <= 0.5; differentiable at 0, having no square root."""
     return polynomial(s, _COS_HALF[:7])
 
 
@@ -134,10 +133,10 @@ def atan_series(z: Scalar) -> Scalar:
 
 
 def atan2(y: Scalar, x: Scalar) -> Scalar:
-    """Angle of the point (x, y), in [-pi, pi], to 5e-16; atan2(0, 0) = 0, and a zero has no sign.
+    """Angle of the point (x, y) in [-pi, pi], to 5e-16; atan2(0, 0) = 0, and the sign of a zero is ignored.
 
-    The ratio t of the smaller to the larger coordinate is taken about c = 0, 1/2 or 1: atan t = atan c +
-    atan((t-c)/(1+ct)). Those c multiply exactly and leave a remainder of at most sqrt(5) - 2.
+    The ratio t of the smaller to the larger coordinate is expanded about c = 0, 1/2 or 1: atan t = atan c +
+    atan((t-c)/(1+ct)). Multiplication by these c is exact, and the remainder is at most sqrt(5) - 2.
     """
     x_negative, y_negative = x < 0.0, y < 0.0
     x_sign, y_sign = 1.0 - 2.0 * x_negative, 1.0 - 2.0 * y_negative
@@ -154,22 +153,12 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
     return y_sign * (PI * x_negative + x_sign * a)
 
 
-def asin(x: Scalar) -> Scalar:
-    """Angle in [-pi/2, pi/2]; an argument that rounding took past +-1 gives +-pi/2."""
-    return atan2(x, ca.sqrt(maximum((1.0 - x) * (1.0 + x), 0.0)))
-
-
-def acos(x: Scalar) -> Scalar:
-    """Angle in [0, pi]; an argument that rounding took past +-1 gives 0 or pi."""
-    return atan2(ca.sqrt(maximum((1.0 - x) * (1.0 + x), 0.0)), x)
-
-
 def exp(x: Scalar) -> Scalar:
-    """e^x to 2e-16 of its value; the argument is clamped to [-700, 700], where it stays normal."""
+    """e^x to a relative 2e-16; the argument is clamped to [-700, 700], so that the result is a normal float."""
     x = clamp(x, -700.0, 700.0)
     k = ca.floor(x / (_LN2[0] + _LN2[1]) + 0.5)
     value = polynomial((x - k * _LN2[0]) - k * _LN2[1], _EXP)
-    # 2^|k|, one factor for each binary digit of |k|: all exact
+    # 2^|k|, one exact factor for each binary digit of |k|
     negative = k < 0.0
     rest, power = (1.0 - 2.0 * negative) * k, 1.0
     for bit in reversed(range(10)):
@@ -180,7 +169,7 @@ def exp(x: Scalar) -> Scalar:
 
 
 def log(x: Scalar) -> Scalar:
-    """Natural logarithm of a positive normal float, to 4e-16 of its value; without meaning for x <= 0."""
+    """Natural logarithm of a positive normal float, to a relative 4e-16; meaningless for x <= 0."""
     small = x < 1.0
     m = x * select(small, 2.0**1023, 1.0)
     k = -1023.0 * small
@@ -195,7 +184,7 @@ def log(x: Scalar) -> Scalar:
     return k * _LN2[0] + (2.0 * f * polynomial(f * f, _ATANH) + k * _LN2[1])
 
 
-# Minimax fits by Remez's exchange in extended precision: within 1.4e-11, 7.5e-13, and 6.4e-11 of the value.
+# Minimax fits by the Remez exchange in extended precision: relative errors 1.4e-11, 7.5e-13 and 6.4e-11.
 # fmt: off
 _SIN_PI = (  # sin(pi x)/x in x^2, x^2 <= 1/4
     3.141592653246882, -5.1677127414079305, 2.5501627982540103,
@@ -209,7 +198,7 @@ _4_ATANH = (  # 4 atanh(x)/x in x^2, |x| <= tanh(3/8)
     3.9999999989839763, 1.333333892068586, 0.7999502914124786,
     0.573036987864765, 0.4212265692114418, 0.512795403544185,
 )
-_LOG_STEPS = (  # below this, multiply by that
+_LOG_STEPS = (  # (bound, factor): below the bound, multiply by the factor
     (1.300729765406762e-05, 162754.79141900392),  # e^-11.25, e^12
     (0.005247518399181385, 403.4287934927351),  # e^-5.25, e^6
     (0.10539922456186433, 20.085536923187668),  # e^-2.25, e^3
@@ -219,13 +208,12 @@ _LOG_STEPS = (  # below this, multiply by that
 
 
 def normal_pair(u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar]:
-    """Two independent standard normals from independent uniforms in (0, 1), u1 >= 2^-33: Box and Muller.
+    """Two independent standard normals from independent uniforms in (0, 1), u1 >= 2^-33, by Box and Muller.
 
-    r = sqrt(-2 ln u1); returns r cos(2 pi u2), r sin(2 pi u2), within 1e-9. 70 arithmetic operations
-    (constants not counted). Multiplying u1 by e^12, e^6, e^3, e^1.5 where it is small brings it to [e^-0.75,
-    e^0.75], since 31 * 0.75 > 33 ln 2; the fit is relative to the logarithm, so u1 -> 1 gives a radius -> 0
-    and never the root of a negative number. Sine and cosine of the half angle need no folding into octants;
-    doubling is four operations.
+    With r = sqrt(-2 ln u1), returns r cos(2 pi u2) and r sin(2 pi u2), within 1e-9, in 70 arithmetic operations.
+    Multiplying a small u1 by e^12, e^6, e^3, e^1.5 brings it to [e^-0.75, e^0.75], since 31 * 0.75 > 33 ln 2. The fit
+    is relative to the logarithm, so that u1 -> 1 gives a radius -> 0 and never the root of a negative number. Sine and
+    cosine of the half angle need no reduction to octants; doubling the angle takes four operations.
     """
     m, steps = u1, 0.0
     for bound, factor in _LOG_STEPS:
@@ -239,28 +227,3 @@ def normal_pair(u1: Scalar, u2: Scalar) -> tuple[Scalar, Scalar]:
     s = a * polynomial(z, _SIN_PI)
     radius_s = 2.0 * radius * s
     return radius_s * s - radius, radius_s * polynomial(z, _COS_PI)
-
-
-_EXACT = (
-    "ADD SUB MUL DIV NEG SQ TWICE INV SQRT FLOOR FABS SIGN LT LE EQ NE NOT AND OR IF_ELSE_ZERO "
-    "ASSIGN CONST PARAMETER INPUT OUTPUT CALL HORZCAT VERTCAT DIAGCAT HORZSPLIT VERTSPLIT DIAGSPLIT "
-    "HORZREPMAT RESHAPE TRANSPOSE PROJECT SPARSITY_CAST SUBREF SUBASSIGN "
-    "GETNONZEROS GETNONZEROS_PARAM SETNONZEROS SETNONZEROS_PARAM ADDNONZEROS"
-)  # of MX only what moves numbers: sums inside a matrix product may be ordered by whoever carries it out
-_NAME_OF = {getattr(ca, name): name for name in dir(ca) if name.startswith("OP_")}
-
-
-def inexact_operations(function: ca.Function) -> set[str]:
-    """Names of the operations, in a function and those it calls, whose result may differ between machines.
-
-    A called function that is neither SX, MX nor a map of one (an interpolant, an external) is named by its
-    class.
-    """
-    exact, found = {"OP_" + name for name in _EXACT.split()}, set()
-    for part in (function, *function.find_functions()):
-        if part.is_a("SXFunction") or part.is_a("MXFunction"):
-            names = {_NAME_OF[part.instruction_id(i)] for i in range(part.n_instructions())}
-            found |= names - exact
-        elif not part.is_a("Map"):
-            found.add(part.class_name())
-    return found

@@ -1,15 +1,16 @@
 """Model: a sampled system written once, as pure step functions over four tables.
 
-A model knows nothing of how it is run.  Its step functions are plain Python over CasADi symbols; `Model.kernels` turns them
-into `casadi.Function`s of one common signature, and every runner (interpreter, native, batch, FMU) uses those and nothing else.
-A step's kernel computes only the rows that the step changes: what a state merely carries costs nothing.
+A model does not depend on how it is run.  Its step functions are plain Python over CasADi symbols; `Model.kernels`
+turns them into `casadi.Function`s of one common signature, and every runner (interpreter, native, batch, FMU) uses only
+those. The kernel of a step computes only the rows that the step changes: rows that stay constant cost nothing.
 
-One *advance* of a model runs the steps of its schedule in order.  A step without a condition always runs.  A step with one
-(``when="gnss_valid"``) runs only when that input, or state row as the earlier steps left it, is not zero: rare events cost
-nothing when they do not happen, and in a batch they are masked row by row.
+One *advance* of a model runs its steps in order.  A step without a condition always runs.  A step with a condition
+(``when="gnss_valid"``) runs only if that input, or that state row as left by the earlier steps, is not zero.  Rare
+events thus cost nothing when they do not happen; in a batch they are masked row by row.
 
-Randomness: a step that declares ``uniforms=n`` is handed n uniforms in (0, 1), a pure function of the parameter ``seed``, the
-state row ``step`` and the step's place in the schedule (see `insenv.core.noise`).  Nothing else is random anywhere.
+Randomness: a step that declares ``uniforms=n`` receives n uniforms in (0, 1), a pure function of the parameter
+``seed``, the state row ``step`` and the number of the step in the model (see `insenv.core.noise`).  Nothing else is
+random.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from typing import Any
 from insenv.core.tables import Row, Table
 
 Values = SimpleNamespace
-"""Symbols by row name, as handed to a step function: ``x.velocity_n`` is a 3x1 CasADi expression."""
+"""Symbols by row name, as passed to a step function: ``x.velocity_n`` is a 3x1 CasADi expression."""
 
 SEED = Row("seed", "Seed of every random number of the model", lower=0, upper=2.0**53)
 STEP = Row("step", "Number of advances made since the start", lower=0, upper=2.0**53)
@@ -31,12 +32,12 @@ STEP = Row("step", "Number of advances made since the start", lower=0, upper=2.0
 
 @dataclass(frozen=True)
 class Step:
-    """One pure step function and when it runs.
+    """A pure step function and the condition under which it runs.
 
-    function: ``(p, x, u) -> {state row: new value}``, or ``(p, x, u, r)`` if `uniforms` > 0, r the column of uniforms.
-        Rows not returned keep their value.
+    function: ``(p, x, u) -> {state row: new value}``, or ``(p, x, u, r)`` if `uniforms` > 0, with the column r of
+        uniforms. Rows that are not returned keep their value.
     when: name of an input or state row that must be non-zero for the step to run; None: it always runs.
-    uniforms: number of uniform random numbers it takes.
+    uniforms: number of uniform random numbers that the step uses.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -46,15 +47,16 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Tables, schedule and output function of a sampled system.  Two models are the same only if they are one object.
+    """The tables, steps and output function of a sampled system.  Models compare equal only if they are the same
+    object.
 
     id: short name, unique in its registry (``"q-method"``).
     title: one line for listings.
     parameters, state, inputs, outputs: the four tables.
-    steps: the schedule, by name and in order.
+    steps: the steps by name, in the order in which they run.
     output: ``(p, x) -> {output row: value}`` for every output row.
-    start: ``(p) -> {state row: value}``, or ``(p, r)`` if `start_uniforms` > 0: the state at the start where it is not the
-        table's start value.
+    start: ``(p) -> {state row: value}``, or ``(p, r)`` if `start_uniforms` > 0: the state at the start where it is not
+        the table's start value.
     """
 
     id: str
@@ -79,15 +81,15 @@ class Model:
 
     @property
     def is_random(self) -> bool:
-        """Whether any step, or the start, takes random numbers."""
+        """Whether a step or the start uses random numbers."""
         return self.start_uniforms > 0 or any(step.uniforms for step in self.steps.values())
 
     @cached_property
     def kernels(self) -> dict[str, Kernel]:
-        """The compiled core by name: "start", each step, "output".
+        """The model's functions by name: "start", each step, "output".
 
-        All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty where no
-        random numbers are taken.
+        All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty
+        if no random numbers are used.
         """
         import casadi as ca
 
@@ -113,7 +115,7 @@ class Model:
 
     @cached_property
     def functions(self) -> dict[str, Any]:
-        """`casadi.Function`s by name that give whole vectors, for analysis: as `kernels`, each step ``(p, x, u, r) -> x``."""
+        """Functions by name for analysis: as in `kernels`, but a step ``(p, x, u, r) -> x`` gives the whole state."""
         import casadi as ca
 
         functions = {}
@@ -132,10 +134,10 @@ class Model:
 
 @dataclass(frozen=True)
 class Kernel:
-    """One function of a model as it is compiled.
+    """One function of a model in the form in which it is compiled.
 
-    function: a `casadi.Function` of flat columns; its one result holds the rows that it sets and no others.
-    spans: where in the state (or output) vector the result's pieces belong, in order.
+    function: a `casadi.Function` of flat columns; its single result holds only the rows that it sets.
+    spans: the slices of the state (or output) vector to which the pieces of the result belong, in order.
     """
 
     function: Any
@@ -154,13 +156,13 @@ def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, 
         if spans and spans[-1].stop == piece.start:
             piece = slice(spans.pop().start, piece.stop)
         spans.append(piece)
-    # common subexpressions are shared: Python helpers may be called twice for the same quantity
+    # share common subexpressions: Python helpers may compute the same quantity twice
     function = ca.Function(name, arguments, [ca.densify(part.assemble(values))], {"cse": True})
     return Kernel(function, tuple(spans))
 
 
 def derived(table: Table, **start: Any) -> Table:
-    """`table` with other start values for the rows named; raises `InputError` for an unknown row."""
+    """`table` with other start values for the named rows; raises `InputError` for an unknown row."""
     for name in start:
         table.slice(name)
     return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in table))

@@ -1,14 +1,14 @@
 """Counter-based noise: uniforms as a pure function of (seed, step, stream), by Philox 4x32-10.
 
-Source: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11 (2011).  There is no generator state to
-carry, split or restore: any number can be computed at any time, in any order, on any thread.
+Source: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11 (2011).  There is no
+generator state to carry, split or restore: any number can be computed at any time, in any order, on any thread.
 
 - key: the seed's low and high 32 bits;
 - counter: the step's low and high 32 bits, the stream, the block of four numbers within the step;
 - a word w becomes the uniform (w + 1/2) 2^-32, exactly representable and never 0 or 1.
 
-The stream is the place of the step function in its model's schedule, `START_STREAM` for the start.  The C driver computes the
-same integers (core/c/driver.h); everything after the uniform (normals, scaling) is arithmetic in the model's own symbols.
+The stream is the number of the step in its model, `START_STREAM` for the start.  The C driver (core/c/driver.h)
+computes the same integers; everything after the uniform (normals, scaling) is arithmetic in the model's own symbols.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SHIFT = np.uint64(32)
 
 
 def philox(key: tuple[ArrayLike, ArrayLike], counter: tuple[ArrayLike, ...]) -> list[NDArray[np.uint64]]:
-    """The four 32-bit words (held in uint64) of Philox 4x32-10 for a key of two and a counter of four words, broadcast."""
+    """The four 32-bit words (in uint64) of Philox 4x32-10 for a key of two and a counter of four words, broadcast."""
     words = [np.asarray(w, dtype=np.uint64) for w in (*key, *counter)]
     key0, key1, a, b, c, d = np.broadcast_arrays(*words)
     for _ in range(10):

@@ -1,4 +1,4 @@
-"""From a symbolic function to a NumPy function of stacked arguments."""
+"""Turn a symbolic function into a NumPy function of stacked arguments."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ import numpy as np
 def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> Callable[..., Any]:
     """A NumPy version of a function of SX, broadcasting over leading axes.
 
-    ``shapes`` gives each argument's own shape: ``()`` a scalar, ``3`` or ``(3,)`` a vector, ``(3, 3)`` a
-    matrix. The rest of an argument's axes, which come first, broadcast against those of the other arguments.
-    Results are float64, a tuple where the function returns a tuple, each of shape (leading..., own...), where
-    1x1 is a scalar and n x 1 a vector.
+    ``shapes`` gives the shape of each argument: ``()`` a scalar, ``3`` or ``(3,)`` a vector, ``(3, 3)`` a matrix. Any
+    axes before these broadcast against those of the other arguments. Results are float64 arrays of shape (leading...,
+    own...), where 1x1 is a scalar and n x 1 a vector; a tuple if the function returns a tuple.
 
         to_dcm = vectorized(attitude.to_dcm, 4)
         to_dcm(q)    # (..., 4) -> (..., 3, 3)
 
-    The symbolic function is traced at the first call. Raises ValueError for an argument whose last axes are
-    not its own shape.
+    The symbolic function is traced at the first call. Raises ValueError for an argument whose last axes do not have its
+    shape.
     """
     own = [(shape,) if isinstance(shape, int) else tuple(shape) for shape in shapes]
     name = getattr(function, "__name__", "function")
@@ -34,7 +33,7 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
         returned = function(*(_from_row_major(x, shape) for x, shape in zip(flat, own, strict=True)))
         is_tuple = isinstance(returned, (tuple, list))
         results = [ca.SX(result) for result in (returned if is_tuple else (returned,))]
-        # CasADi stores columns, NumPy rows: hence the transposition
+        # CasADi stores by columns, NumPy by rows
         graph = ca.Function("vectorized", flat, [ca.densify(ca.vec(result.T)) for result in results])
         return graph, [_numpy_shape(result) for result in results], is_tuple
 
@@ -59,7 +58,7 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
                 np.ascontiguousarray(np.broadcast_to(array, lead + shape)).reshape(count, -1)
                 for array, shape in zip(arrays, own, strict=True)
             ]
-            buffer: Any  # CasADi's stub knows no memoryview
+            buffer: Any  # the type stub of CasADi lacks memoryview
             buffer, evaluate = graph.map(count).buffer()
             for i, row in enumerate(rows):
                 buffer.set_arg(i, row.data)
@@ -69,7 +68,7 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
         unboxed = tuple(result[()] for result in results)
         return unboxed if is_tuple else unboxed[0]
 
-    # not the symbolic signature's: what is passed and returned here are arrays
+    # drop the annotations of the symbolic function: arguments and results are arrays
     call.__annotations__ = {}
     return call
 

@@ -1,8 +1,8 @@
-"""Running one instance of a model: by CasADi's interpreter, or natively through generated C.
+"""Run one instance of a model, on CasADi's interpreter or natively through generated C.
 
-Both runners have one interface and give the same numbers to the bit.  The state is float64 throughout; parameters, inputs and
-state may be read and written between calls, and ``runner.x.copy()`` is a complete snapshot
-(``runner.x[:] = snapshot`` restores it).
+Both runners have the same interface and give bit-identical results.  All numbers are float64.  Parameters, inputs and
+state may be read and written between calls; ``runner.x.copy()`` is a complete snapshot, which ``runner.x[:] =
+snapshot`` restores.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core import noise
-from insenv.core.compile import find_compiler
+from insenv.core.compile import find_compiler, library_path, load, pointer
 from insenv.core.model import Model
-from insenv.core.native import library_path, load, pointer
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
 from insenv.installing import install_extra
 
 BACKENDS = ("native", "interpreter")
-LONG_ROUND = 50
-"""Advances of a round from which on it gives up the GIL."""
+LONG_CYCLE = 50
+"""A cycle of at least this many advances releases the GIL."""
 
 
 def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> Runner:
-    """A started runner of `model`.
+    """Make and start a runner of `model`.
 
-    parameters: values by row name (checked), or the flat vector; the table's start values where not given.
+    parameters: values by row name (checked), or the flat vector; rows that are not given have the table's start values.
     backend: "native", "interpreter", or None: the environment's INSENV_BACKEND, else native if a C compiler is found.
+    Raises `InputError` for values that do not fit, an unknown backend, or "native" without a C compiler.
     """
     kind = NativeRunner if resolve_backend(backend) == "native" else InterpreterRunner
     return kind(model, parameters)
 
 
 def resolve_backend(backend: str | None = None) -> str:
-    """The backend to use: as asked for, or native if there is a C compiler; says once if there is none."""
+    """The backend to use: the given one, else native if there is a C compiler; warns once if there is none."""
     chosen = backend or os.environ.get("INSENV_BACKEND") or ""
     if chosen and chosen not in BACKENDS:
         raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
@@ -64,7 +64,7 @@ def _warn_no_compiler() -> None:
 
 
 class Runner:
-    """One instance of a model: parameters `p`, state `x`, and the ways to move it.  Made by `make_runner`.
+    """One instance of a model with parameters `p` and state `x`, made by `make_runner`.
 
     p, x: float64 vectors in table order; they may be read and written in place between calls.
     """
@@ -88,39 +88,39 @@ class Runner:
         return self.model.state.unpack(self.x.copy())
 
     def start(self) -> None:
-        """Go to the start state that the parameters give."""
+        """Set the state to the start state that the parameters define."""
         raise NotImplementedError
 
     def step(self, name: str, inputs: Mapping[str, Any] | Vector | None = None) -> None:
-        """Run one step function, whatever its condition; inputs by name or flat, those of the call before if None."""
+        """Run one step regardless of its condition; inputs by name or flat, those of the previous call if None."""
         if name not in self.model.steps:
             raise InputError(f"model {self.model.id!r} has no step {name!r}{nearest(name, self.model.steps)}")
         self._set_inputs(inputs)
         self._step(name)
 
     def advance(self, inputs: Mapping[str, Any] | Vector | None = None) -> None:
-        """Run the schedule once."""
+        """Run the steps once, in order; inputs by name or flat, those of the previous call if None."""
         self._set_inputs(inputs)
         self._advance()
 
     def run(self, n: int, inputs: Vector | None = None, every: int = 1) -> Vector:
-        """Advance n times; the outputs after each `every` advances (0: none).
+        """Advance n times and return the outputs after every `every`-th advance (0: none).
 
-        inputs: (n, inputs.size), a row an advance, or (inputs.size,) held; those of the call before if None.
+        inputs: (n, inputs.size), one row per advance, or (inputs.size,), constant; those of the previous call if None.
         Returns an array of shape (n // every, outputs.size).
         """
         raise NotImplementedError
 
-    def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
-        """A call to make again and again, and the buffer (n * watched elements + outputs.size,) that it fills.
+    def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
+        """A function to call repeatedly, and the buffer (n * watched elements + outputs.size,) that it fills.
 
-        The call runs `step` whatever its condition, advances n times with the inputs as they stand, and leaves in the buffer
-        the state rows `watched` after each advance, then the outputs.
+        Each call runs `step` regardless of its condition, advances n times with the current inputs, and writes to the
+        buffer the state rows `watched` after each advance, then the outputs.
         """
         raise NotImplementedError
 
     def output(self) -> Vector:
-        """The outputs of the present state (a fresh vector)."""
+        """The outputs of the current state, as a new vector."""
         self._output()
         return self._y.copy()
 
@@ -145,7 +145,7 @@ class Runner:
 
 
 class InterpreterRunner(Runner):
-    """CasADi's virtual machine: needs no compiler."""
+    """A runner on CasADi's virtual machine, which needs no compiler."""
 
     backend = "interpreter"
 
@@ -162,7 +162,7 @@ class InterpreterRunner(Runner):
             call = _prepared(kernel.function, (self.p, self.x, self._u, r), changed)
             self._steps[name] = (call, r, pieces)
         self._output = _prepared(model.kernels["output"].function, (self.p, self.x), self._y)  # type: ignore[method-assign]
-        self._schedule = [(name, None if step.when is None else self._x_or_u(step.when)) for name, step in model.steps.items()]
+        self._order = [(name, None if step.when is None else self._x_or_u(step.when)) for name, step in model.steps.items()]
         self._noise: dict[str, tuple[float, int, Vector]] = {}
         self.start()
 
@@ -185,9 +185,9 @@ class InterpreterRunner(Runner):
                 outputs[k // every] = self._y
         return outputs
 
-    def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
+    def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
         spans = watched_spans(self.model, watched)
-        buffer = np.zeros(round_size(self.model, watched, n))
+        buffer = np.zeros(cycle_size(self.model, watched, n))
 
         def call() -> None:
             self._step(step)
@@ -203,13 +203,13 @@ class InterpreterRunner(Runner):
         return call, buffer
 
     def _x_or_u(self, name: str) -> Vector:
-        """A view of the one element that a condition looks at."""
+        """A view of the element that a condition tests."""
         if name in self.model.state:
             return self.x[self.model.state.slice(name)]
         return self._u[self.model.inputs.slice(name)]
 
     def _advance(self) -> None:
-        for name, condition in self._schedule:
+        for name, condition in self._order:
             if condition is None or condition[0] != 0:
                 self._step(name)
 
@@ -226,7 +226,7 @@ class InterpreterRunner(Runner):
         return float(self.p[self.model.parameters.slice("seed")][0]) if self.model.is_random else 0.0
 
     def _draw(self, name: str, r: Vector) -> None:
-        """Fill in the step's uniforms; they are computed for many steps ahead, being a function of seed and step's number."""
+        """Write a step's uniforms to r; being functions of seed and step number, they are computed many steps ahead."""
         now, seed = int(self.x[self.model.state.slice("step")][0]), self._seed
         known, first, block = self._noise.get(name, (seed, 0, np.zeros((0, 0))))
         if known != seed or not first <= now < first + len(block):
@@ -267,17 +267,17 @@ class NativeRunner(Runner):
             self._u[:] = rows[-1] if rows.ndim == 2 else rows
         return outputs
 
-    def round(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
+    def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], None], Vector]:
         spans = watched_spans(self.model, watched)
-        buffer = np.zeros(round_size(self.model, watched, n))
+        buffer = np.zeros(cycle_size(self.model, watched, n))
         places = (ctypes.c_void_p * 5)(*(a.ctypes.data for a in (self.p, self.x, self._u, spans, buffer)))
-        # the kept tuple lives as long as the call: the addresses in it stay good
+        # the tuple lives as long as the call and keeps the addresses valid
         kept = (places, spans, buffer, self.p, self.x, self._u)
         number = list(self.model.steps).index(step)
         sizes = (ctypes.c_int64(number), ctypes.c_int64(len(spans)), ctypes.c_int64(n))
-        # a short call is shorter than giving up the GIL would take
-        library = ctypes.PyDLL(self._library._name) if n < LONG_ROUND else self._library
-        call = functools.partial(library.insenv_round_at, ctypes.c_void_p(ctypes.addressof(places)), *sizes)
+        # releasing the GIL takes longer than a short call
+        library = ctypes.PyDLL(self._library._name) if n < LONG_CYCLE else self._library
+        call = functools.partial(library.insenv_cycle_at, ctypes.c_void_p(ctypes.addressof(places)), *sizes)
         call.kept = kept  # type: ignore[attr-defined]
         return call, buffer
 
@@ -286,7 +286,7 @@ class NativeRunner(Runner):
 
 
 def watched_spans(model: Model, watched: Sequence[str]) -> NDArray[np.int64]:
-    """Start and stop of the state rows `watched` in the state vector, (k, 2); neighbours as one."""
+    """Start and stop of the state rows `watched` in the state vector, (k, 2); adjacent rows are joined."""
     spans: list[tuple[int, int]] = []
     for name in watched:
         part = model.state.slice(name)
@@ -295,13 +295,13 @@ def watched_spans(model: Model, watched: Sequence[str]) -> NDArray[np.int64]:
     return np.array(spans, dtype=np.int64).reshape(-1, 2)
 
 
-def round_size(model: Model, watched: Sequence[str], n: int) -> int:
-    """Elements that a round of n advances gives."""
+def cycle_size(model: Model, watched: Sequence[str], n: int) -> int:
+    """Number of elements that a cycle of n advances returns."""
     return n * sum(model.state[name].size for name in watched) + model.outputs.size
 
 
 def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
-    """`inputs` as float64 of `shape`, or of its last axis alone (held); raises `InputError` if not so or not finite."""
+    """`inputs` as float64 of `shape` or of its last axis; raises `InputError` for other shapes or non-finite values."""
     array = np.asarray(inputs, dtype=np.float64)
     if array.shape not in (shape, shape[-1:]):
         raise InputError(f"inputs of shape {array.shape}: allowed is {shape} or {shape[-1:]}")
@@ -312,7 +312,7 @@ def check_inputs(inputs: Vector, shape: tuple[int, ...]) -> Vector:
 
 
 def _prepared(function: Any, arguments: tuple[Vector, ...], result: Vector) -> Callable[[], None]:
-    """A call of a CasADi function on fixed buffers (no conversion, no allocation)."""
+    """A call of a CasADi function on fixed buffers, without conversion or allocation."""
     buffer, trigger = function.buffer()
     for i, array in enumerate(arguments):
         buffer.set_arg(i, memoryview(array))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Symmetric matrices over CasADi symbols, kept as their upper triangle column by column.
+"""Symmetric matrices over CasADi symbols, stored as their upper triangle column by column.
 
 A covariance is a state row of n (n + 1) / 2 elements: half the memory, and symmetric by construction.
 """
@@ -17,7 +17,7 @@ def triangle_size(n: int) -> int:
 
 
 def place(i: int, j: int) -> int:
-    """Place of element (i, j) in the stored triangle."""
+    """Index of element (i, j) in the stored triangle."""
     i, j = min(i, j), max(i, j)
     return j * (j + 1) // 2 + i
 
@@ -28,13 +28,13 @@ def full(triangle: Any, n: int) -> Any:
 
 
 def triangle(matrix: Any) -> Any:
-    """The stored triangle of a symmetric matrix; what stands below its diagonal is not read."""
+    """The stored triangle of a symmetric matrix; elements below the diagonal are not read."""
     n = matrix.shape[0]
     return ca.densify(ca.vertcat(*[matrix[i, j] for j in range(n) for i in range(j + 1)]))
 
 
 def diagonal_places(n: int) -> list[int]:
-    """Places of the diagonal elements in the stored triangle."""
+    """Indices of the diagonal elements in the stored triangle."""
     return [place(i, i) for i in range(n)]
 
 

@@ -1,9 +1,10 @@
-"""Tables: the named, dimensioned rows that a model's parameters, state, inputs and outputs are made of.
+"""Tables: the named rows, with units, that form a model's parameters, state, inputs and outputs.
 
-A table is the only description of a vector of numbers in insenv.  The same rows name the symbols of the equations, lay out the
-flat float64 vector of the generated code, check a user's values, label a result file and become the variables of an FMU.
+A table is the only description of a vector of numbers in insenv.  The same rows name the symbols of the equations,
+define the layout of the flat float64 vector of the generated code, check user values, label result files and become the
+variables of an FMU.
 
-Layout: the rows stand one after the other in the order given; a matrix row is stored row by row (C order), as NumPy reads it.
+Layout: the rows follow one another in the given order; a matrix is stored row by row (C order), as in NumPy.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ class Row:
     meaning: one line, a full sentence without its full stop.
     unit: SI unit (``"m/s"``, ``"rad"``), ``"1"`` for a pure number.
     shape: ``()`` scalar, ``(n,)`` vector, ``(r, c)`` matrix.
-    frame: the frame that the components refer to (``"n"``, ``"b"``, ...), or empty.
-    start: start value, a number (for every element) or a nested sequence of the row's shape.
-    lower, upper: bounds that every element must keep, inclusive.
+    frame: the frame of the components (``"n"``, ``"b"``, ...), or empty.
+    start: start value, a number for every element or a nested sequence of the row's shape.
+    lower, upper: inclusive bounds of every element.
     """
 
     name: str
@@ -109,7 +110,7 @@ class Table:
         return tuple(self._slices)
 
     def slice(self, name: str) -> slice:
-        """Where row `name` lies in the flat vector."""
+        """The slice of row `name` in the flat vector."""
         try:
             return self._slices[name]
         except KeyError:
@@ -120,9 +121,9 @@ class Table:
         return np.concatenate([row.flat_start() for row in self.rows] or [np.zeros(0)])
 
     def pack(self, values: Mapping[str, Any], base: Vector | None = None) -> Vector:
-        """Flat vector with `values` by name laid over `base` (the start values if not given), each checked.
+        """Flat vector with `values` by name written over `base` (the start values if not given), each checked.
 
-        Raises `InputError` for an unknown name, a wrong shape, a non-finite element or one out of bounds.
+        Raises `InputError` for an unknown name, a wrong shape, or an element that is not finite or out of bounds.
         """
         vector = self.start_vector() if base is None else np.array(base, dtype=np.float64)
         for name, value in values.items():
@@ -137,14 +138,14 @@ class Table:
         return vector
 
     def unpack(self, vector: Vector) -> dict[str, Any]:
-        """Values by name from a flat vector (or from an array of them: the last axis is the flat one)."""
+        """Values by name from a flat vector, or from an array of them along the last axis."""
         vector = np.asarray(vector)
         if vector.shape[-1] != self.size:
             raise InputError(f"vector of length {vector.shape[-1]}: this table has {self.size} elements")
         return {row.name: vector[..., self._slices[row.name]].reshape(vector.shape[:-1] + row.shape) for row in self.rows}
 
     def symbols(self, flat: Any) -> SimpleNamespace:
-        """CasADi symbols by name, cut from the flat symbol vector: scalars, columns, or matrices."""
+        """CasADi symbols by name, taken from the flat symbol vector: scalars, columns or matrices."""
         names = {}
         for row in self.rows:
             part = flat[self._slices[row.name]]
@@ -153,7 +154,10 @@ class Table:
         return SimpleNamespace(**names)
 
     def assemble(self, values: Mapping[str, Any]) -> Any:
-        """Flat CasADi vector from expressions by name.  Raises `ValueError` for an unknown or missing row or a wrong shape."""
+        """Flat CasADi vector from expressions by name.
+
+        Raises `ValueError` for an unknown or missing row or a wrong shape.
+        """
         import casadi as ca
 
         if set(values) != set(self.names):

@@ -37,7 +37,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self.action_space, self.observation_space = setup.spaces()
         task = setup.task
         self._runner = make_runner(task.model, None, backend)
-        self._call, self._buffer = self._runner.round(task.judge, task.watched.names, setup.samples)
+        self._call, self._buffer = self._runner.cycle(task.judge, task.watched.names, setup.samples)
         places = places_of(setup)
         self._observed = places["reward"].start
         self._reward, self._terminated, self._truncated = (places[name].start for name in ("reward", "terminated", "truncated"))

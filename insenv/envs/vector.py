@@ -103,7 +103,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         if len(over) and self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
             raise ResetNeeded(f'rows {over[:8].tolist()} have ended: reset(options={{"reset_mask": mask}}) starts them again')
         task = self.setup.task
-        shown = self._batch.round(task.judge, task.watched.names, self.setup.samples, self._inputs)
+        shown = self._batch.cycle(task.judge, task.watched.names, self.setup.samples, self._inputs)
         if len(over):
             self._start(over, None)
             shown[over] = 0.0

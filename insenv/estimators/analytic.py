@@ -24,7 +24,6 @@ from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability
 from insenv.estimators.parts.increments import SAMPLE_INPUTS
 
-GRAVITY = 9.8  # m/s^2, in the stated accuracy
 LARGEST_SIGMA = math.pi  # rad: no heading at all
 
 PARAMETERS = Table((
@@ -67,7 +66,7 @@ def _unit(v: Any) -> Any:
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude from the means so far."""
     time = maximum(x.time, 1e-6)
-    tilt = ca.sqrt(p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time) / GRAVITY
+    tilt = ca.sqrt(p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time) / geodesy.NOMINAL_GRAVITY
     rate = ca.sqrt(p.gyro_bias_sigma**2 + p.angle_random_walk**2 / time)
     heading = rate / (geodesy.OMEGA_IE * maximum(ca.fabs(cos(p.latitude)), 1e-9))
     return {

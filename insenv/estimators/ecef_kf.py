@@ -287,7 +287,7 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     earth = max(float(geodesy.numeric.earth_rate_n(known.latitude)[0]), 1e-3 * geodesy.OMEGA_IE)
     unknown = known.tilt_sigma > LARGE_TILT or known.heading_sigma >= LARGE_HEADING
     drift = sensors.gyro_bias_sigma * COARSE_TIME / 2  # the q-method's vertical is at most half as old as the alignment
-    tilt = hypot(COARSE_TILT, sensors.accel_bias_sigma / 9.8, drift)
+    tilt = hypot(COARSE_TILT, sensors.accel_bias_sigma / geodesy.NOMINAL_GRAVITY, drift)
     heading = hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth)
     return {
         **inertial_vectors.prepare(known),

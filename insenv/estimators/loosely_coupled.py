@@ -44,7 +44,6 @@ from insenv.estimators.parts.error_model import (
 from insenv.estimators.parts.navigation_error import navigation_error_w
 
 PATIENCE = 10  # fixes refused in a row before the gate opens
-GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
 # errors proportional to the motion add up within a manoeuvre and come back with the next: as if white over such a one
 COHERENT_ANGLE = 1.0  # rad
 COHERENT_SPEED = 10.0  # m/s
@@ -100,7 +99,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """The covariance over the stretch of samples since the last time."""
     interval = Interval(x.stretch, x.stretch_velocity_w, x.stretch_C_wb, x.omega_ie_w, x.omega_ew_w)
-    A = transition(interval, GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
+    A = transition(interval, geodesy.NOMINAL_GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
     turned, pushed = ca.sqrt(ca.sumsqr(x.stretch_angle)), ca.sqrt(ca.sumsqr(x.stretch_change_w))
     noise = ca.vertcat(
         ca.SX.zeros(3),

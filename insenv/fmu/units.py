@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from insenv.core.tables import Row
-from insenv.sensors.units import DEGREE, HOUR, STANDARD_GRAVITY, ZERO_CELSIUS
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.sensors.units import DEGREE, HOUR, ZERO_CELSIUS
 
 _MICRO_G = 1e-6 * STANDARD_GRAVITY
 

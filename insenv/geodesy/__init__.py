@@ -1,7 +1,8 @@
-"""The Earth over CasADi symbols; ``geodesy.numeric`` holds the same functions over NumPy arrays.
+"""Functions of the Earth for CasADi symbols, and physical constants; ``geodesy.numeric`` has the functions for NumPy
+arrays.
 
-n = north-east-down, e = Earth-centred Earth-fixed, w = wander azimuth. Latitude, longitude and wander angle
-in radians, heights above the WGS-84 ellipsoid and positions in metres.
+n = north-east-down, e = Earth-centred Earth-fixed, w = wander azimuth. Latitude, longitude and wander angle are in
+radians, heights above the WGS-84 ellipsoid and positions in metres.
 """
 
 from insenv.geodesy import numeric
@@ -27,8 +28,11 @@ from insenv.geodesy.wgs84 import (
     GAMMA_EQUATOR,
     GAMMA_POLE,
     GM,
+    MEAN_RADIUS,
+    NOMINAL_GRAVITY,
     OMEGA_IE,
     SOMIGLIANA,
+    STANDARD_GRAVITY,
     A,
     B,
     F,
@@ -43,8 +47,11 @@ __all__ = [
     "GAMMA_EQUATOR",
     "GAMMA_POLE",
     "GM",
+    "MEAN_RADIUS",
+    "NOMINAL_GRAVITY",
     "OMEGA_IE",
     "SOMIGLIANA",
+    "STANDARD_GRAVITY",
     "A",
     "B",
     "C_en",

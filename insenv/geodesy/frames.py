@@ -1,10 +1,9 @@
 """Frames n (north-east-down) and w (wander azimuth) on the ellipsoid, and their rates.
 
-w is n turned about down by the wander angle alpha: its x axis points alpha east of north, so C_nw is the
-rotation about +down by +alpha, [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], and heading in n = heading in w +
-alpha. The w of this package does not turn about its down axis relative to the Earth (omega_ew has no down
-component), which leaves its mechanization without a singularity: everything below that takes q_ew works at
-the poles.
+w is n rotated about down by the wander angle alpha: its x axis points alpha east of north, so C_nw is the rotation
+about +down by +alpha, [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], and heading in n = heading in w + alpha. Frame w does
+not rotate about its down axis relative to the Earth (omega_ew has no down component), so that its mechanization has no
+singularity: every function below with an argument q_ew works at the poles.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ def earth_rate_n(latitude: Scalar) -> ca.SX:
 
 
 def transport_rate_n(velocity_n: ca.SX, latitude: Scalar, height: Scalar) -> ca.SX:
-    """omega_en^n (3x1, rad/s) at velocity_n (3x1, m/s), not at the poles. Groves 2013, eq. (5.44)."""
+    """omega_en^n (3x1, rad/s) at velocity_n (3x1, m/s); singular at the poles. Groves 2013, eq. (5.44)."""
     s, c = sin_cos(latitude)
     R_M, R_N = radii(s)
     north, east = velocity_n[0], velocity_n[1]
@@ -48,7 +47,7 @@ def C_ew(latitude: Scalar, longitude: Scalar, wander: Scalar) -> ca.SX:
 
 
 def q_ew_from_geodetic(latitude: Scalar, longitude: Scalar, wander: Scalar) -> ca.SX:
-    """Quaternion (4x1) of C_ew: turns about z by longitude, y by -(90 deg + latitude), z by wander angle."""
+    """Quaternion (4x1) of C_ew: rotations about z by longitude, y by -(90 deg + latitude), z by wander angle."""
     s, c = sin_cos(0.5 * latitude + 0.25 * PI)
     sin_sum, cos_sum = sin_cos(0.5 * (longitude + wander))
     sin_difference, cos_difference = sin_cos(0.5 * (longitude - wander))
@@ -58,11 +57,11 @@ def q_ew_from_geodetic(latitude: Scalar, longitude: Scalar, wander: Scalar) -> c
 def geodetic_from_q_ew(q_ew: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Latitude in [-pi/2, pi/2], longitude and wander angle in (-pi, pi] (rad).
 
-    Within 0.2 um of a pole the longitude is 0 and the wander angle takes the rest.
+    Within 0.2 um of a pole the longitude is 0 and the wander angle takes the whole rotation.
 
-    Half the longitude's and the wander angle's sum and difference are the arguments of two points in q_ew
-    (see q_ew_from_geodetic) of radii cos and sin of (latitude + 90 deg)/2, one of which vanishes at either
-    pole. The latitude keeps full accuracy there.
+    Half the sum and half the difference of longitude and wander angle are the arguments of two points in q_ew (see
+    q_ew_from_geodetic) with radii cos and sin of (latitude + 90 deg)/2, one of which vanishes at each pole. The
+    latitude keeps full accuracy there.
     """
     w, x, y, z = ca.vertsplit(q_ew)
     longitude, wander = split_half_angles(w, z, -y, x)
@@ -71,17 +70,17 @@ def geodetic_from_q_ew(q_ew: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def transport_rate_w(velocity_w: ca.SX, q_ew: ca.SX, height: Scalar) -> ca.SX:
-    """omega_ew^w (3x1, rad/s), its down component zero, at velocity_w (3x1, m/s). Good at the poles.
+    """omega_ew^w (3x1, rad/s), its down component zero, at velocity_w (3x1, m/s). Valid at the poles.
 
-    The horizontal curvature is 1/(R_N + h) in every direction plus 1/(R_M + h) - 1/(R_N + h) along north.
-    That difference is e^2 cos^2(latitude) R_M / ((1 - e^2)(R_M + h)(R_N + h)), and cos(latitude) times
-    north's w components are elements of C_ew: so neither the wander angle nor the latitude need be known.
+    The horizontal curvature is 1/(R_N + h) in every direction plus 1/(R_M + h) - 1/(R_N + h) along north. That
+    difference is e^2 cos^2(latitude) R_M / ((1 - e^2)(R_M + h)(R_N + h)), and cos(latitude) times the w components of
+    north are elements of C_ew, so that neither the wander angle nor the latitude is needed.
     """
     return transport_rate_about_axis(velocity_w, to_dcm(q_ew)[2, :].T, height)
 
 
 def transport_rate_about_axis(velocity_w: ca.SX, axis_w: ca.SX, height: Scalar) -> ca.SX:
-    """`transport_rate_w` where the Earth's axis is known in w (3x1, unit): it is all that matters of the position."""
+    """`transport_rate_w` from the Earth's axis in w (3x1, unit), all that it needs of the position."""
     north_x, north_y, sin_latitude = axis_w[0], axis_w[1], -axis_w[2]
     R_M, R_N = radii(sin_latitude)
     per_metre = 1.0 / (R_N + height)

@@ -1,4 +1,4 @@
-"""The functions of ``insenv.geodesy`` over NumPy arrays, broadcasting over leading axes."""
+"""The functions of ``insenv.geodesy`` for NumPy arrays, broadcasting over leading axes."""
 
 from insenv.core.numeric import vectorized
 from insenv.geodesy import frames, position, wgs84

@@ -1,4 +1,4 @@
-"""Positions: geodetic, Earth-centred, and metres from a reference point without loss of digits."""
+"""Positions: geodetic, Earth-centred, and in metres from a reference point without loss of digits."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def geodetic_to_ecef(latitude: Scalar, longitude: Scalar, height: Scalar) -> ca.
 def ecef_to_geodetic(r_e: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Latitude, longitude in [-pi, pi] (0 at the poles) and height of r_e (3x1, m), from -10 km up.
 
-    Bowring's iteration (1976, "Transformation from spatial to geographical coordinates") on the direction
-    (cos, sin) of the reduced latitude rather than its tangent, so the poles are points like others. Three
-    rounds reach rounding up to 1000 km.
+    Bowring's iteration (1976, "Transformation from spatial to geographical coordinates") on the direction (cos, sin) of
+    the reduced latitude rather than its tangent, so that the poles are regular points. The error is at rounding level
+    up to 1000 km.
     """
     x, y, z = r_e[0], r_e[1], r_e[2]
     p = ca.sqrt(x * x + y * y)
-    along, across = _unit(p * (1.0 - F), z)  # reduced latitude of a point on the ellipsoid; close for others
+    along, across = _unit(p * (1.0 - F), z)  # reduced latitude: exact on the ellipsoid, approximate elsewhere
     for _ in range(_BOWRING_ITERATIONS):
         c, s = _unit(p - E2 * A * along * along * along, z + E2 / (1.0 - E2) * B * across * across * across)
         along, across = _unit(c, (1.0 - F) * s)
@@ -45,11 +45,11 @@ def _unit(x: Scalar, y: Scalar) -> tuple[Scalar, Scalar]:
 def _meridian_offset(
     s0: Scalar, c0: Scalar, height0: Scalar, delta_latitude: Scalar, delta_height: Scalar
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Change of (distance from the axis, z) (m) on a meridian, free of cancellation; sine and cosine there.
+    """Change of (distance from the axis, z) (m) along a meridian, free of cancellation; sine and cosine at its end.
 
-    From the latitude whose sine and cosine are s0, c0. Differences of sines and cosines are products with the
-    sine of half the difference, and that of R_N follows from
-    R_N - R_N0 = a e^2 (s^2 - s0^2) / (W W0 (W + W0)) with W = sqrt(1 - e^2 s^2) = a / R_N.
+    s0, c0: sine and cosine of the latitude at the start. Differences of sines and cosines are products with the sine of
+    half the difference; the difference of R_N follows from R_N - R_N0 = a e^2 (s^2 - s0^2) / (W W0 (W + W0)) with W =
+    sqrt(1 - e^2 s^2) = a / R_N.
     """
     sin_half, cos_half = sin_cos(0.5 * delta_latitude)
     delta_s = 2.0 * sin_half * (c0 * cos_half - s0 * sin_half)
@@ -72,15 +72,14 @@ def ned_offset(
 ) -> ca.SX:
     """C_en(latitude0, longitude0)^T (r_e - r_e0) (3x1, m): a position in the tangent frame of a reference.
 
-    Exact at any distance; near the reference it resolves what latitude and longitude themselves do (1e-9 m),
-    where the difference of two ECEF positions has lost 1e-9 m in each. The longitude's difference is taken
-    the short way round.
+    Exact at any distance. Near the reference the resolution is that of latitude and longitude themselves (1e-9 m),
+    whereas each of two ECEF positions has a rounding error of 1e-9 m. The shorter difference of longitude is taken.
     """
     s0, c0 = sin_cos(latitude0)
     delta_p, delta_z, _, _ = _meridian_offset(s0, c0, height0, latitude - latitude0, height - height0)
     p = (radii(s0)[1] + height0) * c0 + delta_p
     sin_half, cos_half = sin_cos(0.5 * wrap_angle(longitude - longitude0))
-    outward = delta_p - 2.0 * p * sin_half * sin_half  # along the reference's meridian, away from the axis
+    outward = delta_p - 2.0 * p * sin_half * sin_half  # in the meridian plane of the reference, away from the axis
     return ca.vertcat(
         c0 * delta_z - s0 * outward,
         2.0 * p * sin_half * cos_half,
@@ -91,11 +90,10 @@ def ned_offset(
 def geodetic_from_ned_offset(
     offset: ca.SX, latitude0: Scalar, longitude0: Scalar, height0: Scalar
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Latitude, longitude (rad), height (m) of a position (3x1, m) in a reference's frame; undoes ned_offset.
+    """Latitude, longitude (rad), height (m) of a position (3x1, m) in the frame of a reference; inverse of ned_offset.
 
-    For offsets up to 100 km (error below 1e-9 m), over a pole or the date line too. The longitude is closed;
-    in the meridian's plane Newton's iteration on the local normal and radius of curvature converges
-    quadratically.
+    For offsets up to 100 km (error below 1e-9 m), also across a pole or the date line. The longitude has a closed form;
+    in the meridian plane Newton's iteration on the local normal and radius of curvature converges quadratically.
     """
     north, east, down = offset[0], offset[1], offset[2]
     s0, c0 = sin_cos(latitude0)

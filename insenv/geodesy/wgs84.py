@@ -1,4 +1,7 @@
-"""The WGS-84 ellipsoid and its normal gravity. Constants: NIMA TR8350.2 (2000), tables 3.1, 3.3 and 3.4."""
+"""The WGS-84 ellipsoid, its normal gravity, and rounded constants for error models.
+
+Constants of the ellipsoid: NIMA TR8350.2 (2000), tables 3.1, 3.3 and 3.4.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,12 @@ SOMIGLIANA = B * GAMMA_POLE / (A * GAMMA_EQUATOR) - 1.0
 """k of Somigliana's formula."""
 M = OMEGA_IE * OMEGA_IE * A * A * B / GM
 """m = omega^2 a^2 b / GM, about the ratio of centrifugal to gravitational acceleration at the equator."""
+STANDARD_GRAVITY = 9.80665
+"""The unit g of data sheets, m/s^2, wherever the sensor is; exact by definition (3rd CGPM, 1901)."""
+NOMINAL_GRAVITY = 9.8
+"""Gravity to two digits, m/s^2: for error models, in which 0.3 % does not matter."""
+MEAN_RADIUS = 6371e3
+"""Mean radius of the Earth, m: for error models and distances of a few kilometres."""
 
 
 def radii(sin_latitude: Scalar) -> tuple[Scalar, Scalar]:
@@ -36,11 +45,12 @@ def radii(sin_latitude: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def normal_gravity(sin_latitude: Scalar, height: Scalar) -> Scalar:
-    """Magnitude of normal gravity (m/s^2) at a height (m) above the ellipsoid, centrifugal part included.
+    """Magnitude of normal gravity (m/s^2) at a height (m) above the ellipsoid, including the centrifugal part.
 
-    Somigliana's formula, closed on the ellipsoid, with the second-order height term: NIMA TR8350.2, eqs.
-    (4-1), (4-3); Heiskanen and Moritz 1967, eqs. (2-78), (2-123). Against the gradient of
-    the closed ellipsoidal potential: 6e-11 m/s^2 at height 0, 1.0e-7 at 1 km, 7e-7 at 10 km, 4.6e-6 at 30 km.
+    Somigliana's formula, exact on the ellipsoid, with the second-order height term: NIMA TR8350.2, eqs.
+    (4-1), (4-3); Heiskanen and Moritz 1967, eqs. (2-78), (2-123). Error against the
+    gradient of the exact ellipsoidal potential: 6e-11 m/s^2 at height 0, 1.0e-7 at 1 km, 7e-7 at 10 km, 4.6e-6 at 30
+        km.
     """
     square = sin_latitude * sin_latitude
     at_surface = GAMMA_EQUATOR * (1.0 + SOMIGLIANA * square) / ca.sqrt(1.0 - E2 * square)
@@ -50,10 +60,11 @@ def normal_gravity(sin_latitude: Scalar, height: Scalar) -> Scalar:
 
 
 def normal_gravity_paper(sin_latitude: Scalar, height: Scalar) -> Scalar:
-    """The paper's formula (5) for gravity (m/s^2), a series in sin^2(latitude), linear in height (m).
+    """Gravity (m/s^2) by formula (5) of the airborne navigation paper: a series in sin^2(latitude), linear in height
+    (m).
 
-    As printed, digit for digit. Its 0.00527094 seems to be 0.00527904, of the series of 1980, with two digits
-    exchanged: against normal_gravity it is 8e-5 m/s^2 low at the poles and right at the equator.
+    The digits are those printed. The coefficient 0.00527094 seems to be the 0.00527904 of the series of 1980 with two
+    digits exchanged: the result is 8e-5 m/s^2 below normal_gravity at the poles and agrees with it at the equator.
     """
     square = sin_latitude * sin_latitude
     return 9.7803267714 * (1.0 + 0.00527094 * square + 0.0000232718 * square * square) - 0.3086e-5 * height

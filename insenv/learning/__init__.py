@@ -1,1 +1,1 @@
-"""Estimators that learn: the LS-SVM of `lssvm` on runs of `aqe-sukf`.  Needs scikit-learn and PyWavelets (extra `ml`)."""
+"""Training of the LS-SVM of `lssvm` on runs of `aqe-sukf`.  Needs scikit-learn and PyWavelets (extra `ml`)."""

@@ -4,12 +4,13 @@ Training minimises 1/2 |w|^2 + gamma/2 sum of v_k e_k^2 with y_k = w phi(x_k) + 
 
     [[0, 1^T], [1, K + diag(1 / (gamma v))]] [b; a] = [0; y],   K = exp(-|x_k - x_l|^2 / sigma^2)
 
-(the LS-SVM paper prints it without the zero and without the term of gamma: a slip; its c is gamma/2).  v are the sample
-weights; Suykens et al., Least Squares Support Vector Machines (2002), sections 3.4 and 6.
+(the LS-SVM paper erroneously prints it without the zero and without the term in gamma; its c is gamma/2).  v are the
+sample weights; Suykens et al., Least Squares Support Vector Machines (2002), sections 3.4 and 6.
 
-`support`: with fewer support vectors than samples (fixed size) w is sought among combinations of the support vectors' phi
-alone, for the same sum over all samples.  With as many as samples the two are one problem.  The support vectors are the
-pivots of the kernel matrix's Cholesky factorisation: greedily those which the ones before represent worst, no chance in it.
+`support`: with fewer support vectors than samples (fixed size), w is restricted to combinations of the phi of the
+support vectors, and the same sum over all samples is minimised.  With as many support vectors as samples the two
+problems are identical.  The support vectors are the pivots of the Cholesky factorisation of the kernel matrix: a
+deterministic greedy choice of the samples that the previous ones represent worst.
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 from insenv.estimators.lssvm import kernel
 
 Array = NDArray[np.float64]
-BLOCK = 4096  # rows of a kernel matrix made at once when predicting
+BLOCK = 4096  # rows of the kernel matrix that a prediction computes at once
 
 
 class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
-    """Least-squares support vector regression, one or many outputs.
+    """Least-squares support vector regression with one or many outputs.
 
-    gamma: weight of the errors, > 0.  sigma: width of the kernel, > 0.  support: number of support vectors, None: all samples.
+    gamma: weight of the errors, > 0.  sigma: width of the kernel, > 0.  support: number of support vectors; None: all
+        samples.
 
     After `fit`: support_ (S, n_features), dual_coef_ (S, n_outputs) and intercept_ (n_outputs).
     """
@@ -41,7 +43,7 @@ class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.support = support
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> LSSVMRegressor:
-        """Learn y (n,) or (n, n_outputs) from X (n, n_features).  Raises ValueError for what cannot be learnt from."""
+        """Fit y (n,) or (n, n_outputs) to X (n, n_features).  Raises ValueError for arguments that are out of range."""
         X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64)
         for name in ("gamma", "sigma"):
             if not 0.0 < getattr(self, name) < np.inf:
@@ -67,7 +69,7 @@ class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return self
 
     def predict(self, X: Any) -> Array:
-        """Outputs (n,) or (n, n_outputs), as learnt."""
+        """Outputs (n,) or (n, n_outputs), in the shape that was fitted."""
         check_is_fitted(self)
         X = validate_data(self, X, reset=False, dtype=np.float64)
         blocks = [rbf(X[i : i + BLOCK], self.support_, self.sigma) @ self.dual_coef_ for i in range(0, len(X), BLOCK)]
@@ -76,17 +78,17 @@ class LSSVMRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 
 def rbf(X: Array, Z: Array, sigma: float) -> Array:
-    """Kernel matrix (len(X), len(Z)), with the exponential of the model in the loop."""
+    """Kernel matrix (len(X), len(Z)), with the same exponential as in the model `lssvm`."""
     square = np.maximum(np.sum(X**2, axis=1)[:, None] + np.sum(Z**2, axis=1) - 2 * X @ Z.T, 0.0)
     return kernel(square / sigma**2)
 
 
 def pivots(X: Array, sigma: float, count: int) -> NDArray[np.intp]:
-    """Places of up to `count` samples: pivots of the Cholesky factorisation of the kernel matrix."""
+    """Indices of up to `count` samples, the pivots of the Cholesky factorisation of the kernel matrix."""
     rest, factor = np.ones(len(X)), np.zeros((len(X), count))
     chosen: list[int] = []
     for k in range(min(count, len(X))):
-        # rounding must not decide between equals: the first of those within 1e-9
+        # take the first within 1e-9 of the largest, so that rounding does not decide between equals
         place = int(np.argmax(rest >= rest.max() * (1 - 1e-9)))
         if rest[place] <= 1e-12:
             break
@@ -99,7 +101,7 @@ def pivots(X: Array, sigma: float, count: int) -> NDArray[np.intp]:
 
 
 def _dual(K: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
-    """Coefficients (n, outputs) and offsets (outputs) of the linear system above; K is not kept."""
+    """Coefficients (n, outputs) and offsets (outputs) that solve the linear system above."""
     from scipy.linalg import cho_factor, cho_solve
 
     factor = cho_factor(K + np.diag(1.0 / weights), lower=True)
@@ -109,8 +111,11 @@ def _dual(K: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
 
 
 def _fixed_size(C: Array, Omega: Array, targets: Array, weights: Array) -> tuple[Array, Array]:
-    """The same where w is a combination of the support vectors: C (n, S) their kernel with the samples, Omega with each
-    other.  Least squares of the stacked rows sqrt(v) (C a + b - y) and Omega^(1/2) a.
+    """The same with w a combination of the support vectors: least squares of the rows sqrt(v) (C a + b - y) and
+    Omega^(1/2) a.
+
+    C (n, S): kernel of the samples with the support vectors; Omega (S, S): kernel of the support vectors with each
+    other.
     """
     from scipy.linalg import eigh, lstsq
 

@@ -1,8 +1,13 @@
-"""Samples to learn from: what `lssvm` sees beside what `aqe-sukf` finds, on the same simulated measurements.
+"""Training samples: the inputs of `lssvm` and the result of `aqe-sukf` on the same simulated measurements.
 
-The SINS runs free from the attitude that it is told.  The loop in which the machine will work meets every size of
-misalignment, from the start's to nothing, so the start errors are drawn with the scenario's sigmas times one of `SHARES`;
-the filter is told the whole sigmas all the same, as the machine will know no more.
+The SINS runs unaided from its initial attitude.  In operation the machine meets misalignments of every size, from the
+initial one down to zero.  The initial errors are therefore drawn with the sigmas of the scenario times one of `SHARES`;
+the filter is always given the full sigmas, because the machine will not know more.
+
+De-noising: LS-SVM large misalignment paper, section 4: five levels, high-frequency coefficients set to 0, noisy
+coefficients of lower frequency reduced by a soft threshold.  Interpretation here: the details of the finest `DROPPED`
+levels are set to 0; the others are reduced by Donoho's universal threshold, s sqrt(2 ln n), with s from the median of
+the finest.
 """
 
 from __future__ import annotations
@@ -16,7 +21,6 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.estimators.lssvm import FEATURES, SUPPORT
-from insenv.learning.wavelet import denoised
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario
 
@@ -24,10 +28,12 @@ Array = NDArray[np.float64]
 FILTER = "aqe-sukf"
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
 TIMES = 24
-"""Samples taken of each run, spread evenly over the time in which the heading shows, at a random phase."""
+"""Samples per run, evenly spaced at a random phase over the time in which the heading is observable."""
+WAVELET, LEVELS, DROPPED = "db4", 5, 3
 ASTRAY_DEG = 5.0
+"""A run whose filter ends further than this from the truth is not used."""
 SETTLED_DEG = 1.0
-"""The filter teaches from the time on from which it stays so near to its last value."""
+"""Samples are taken from the time from which the filter stays this close to its final value."""
 EMPTY = {
     "support": np.zeros((SUPPORT, FEATURES)),
     "coefficients": np.zeros((SUPPORT, 3)),
@@ -39,9 +45,11 @@ EMPTY = {
 
 @dataclass(frozen=True)
 class Samples:
-    """inputs (n, 6) and outputs (n, 3, rad) of the machine; angle (n,): of the misalignment, rad; run (n,): number of the run
-    each is from; runs: their number; astray: runs left out because the filter itself ended more than `ASTRAY_DEG` off the
-    truth.
+    """Training samples.
+
+    inputs (n, 6) and outputs (n, 3, rad) of the machine; angle (n,): size of the misalignment, rad; run (n,): number of
+    the run of each sample; runs: number of runs; astray: number of runs left out because the filter ended more than
+    `ASTRAY_DEG` from the truth.
     """
 
     inputs: Array
@@ -55,11 +63,11 @@ class Samples:
 def collect(
     scenarios: Sequence[Scenario], seeds: Sequence[int], duration_s: float | None, progress: Callable[[int, int], None] | None
 ) -> Samples:
-    """Runs of every scenario with every seed; seed k of the list starts with errors of share k modulo their number.
+    """Collect samples from every scenario and seed; seed number k starts with share k modulo the number of shares.
 
-    Raises `InputError` for a scenario in which the filter cannot work, or without any run that can be learnt from.
+    Raises `InputError` for a scenario in which the filter cannot work, or if fewer than two runs are usable.
     """
-    found: list[tuple[Array, Array]] = []  # of each run, inputs and quaternions of the misalignment
+    found: list[tuple[Array, Array]] = []  # inputs and misalignment quaternions of each run
     astray, done, total = 0, 0, len(scenarios) * min(len(SHARES), len(seeds))
     for scenario in scenarios:
         _check(scenario)
@@ -74,7 +82,7 @@ def collect(
             if progress is not None:
                 progress(done, total)
     if len(found) < 2:
-        raise InputError(f"training needs at least two runs in which {FILTER} finds the attitude: here are {len(found)}")
+        raise InputError(f"training needs at least two runs in which {FILTER} finds the attitude: there are {len(found)}")
     counts = [len(inputs) for inputs, _ in found]
     misalignment = np.concatenate([q for _, q in found])
     return Samples(
@@ -97,12 +105,12 @@ def _check(scenario: Scenario) -> None:
 def _of(
     scenario: Scenario, share: float, seeds: Sequence[int], duration_s: float | None
 ) -> tuple[list[tuple[Array, Array]], int]:
-    """Inputs and misalignments (quaternions) of each run, and how many runs were left out."""
-    told = scenario.knowledge
+    """Inputs and misalignment quaternions of each run, and the number of runs left out."""
+    known = scenario.knowledge
     drawn = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), None if share else 0.0)
-    sigmas = {name: getattr(told, name) * (share or 1.0) for name in ("tilt_sigma_deg", "heading_sigma_deg")}
-    knowledge = told.model_copy(update={**drawn, **sigmas})
-    whole = {name: np.radians(getattr(told, f"{name}_deg")) for name in ("tilt_sigma", "heading_sigma")}
+    sigmas = {name: getattr(known, name) * (share or 1.0) for name in ("tilt_sigma_deg", "heading_sigma_deg")}
+    knowledge = known.model_copy(update={**drawn, **sigmas})
+    whole = {name: np.radians(getattr(known, f"{name}_deg")) for name in ("tilt_sigma", "heading_sigma")}
     seconds = scenario.duration_s if duration_s is None else duration_s
     run = ensemble(
         scenario.model_copy(update={"knowledge": knowledge}),
@@ -122,7 +130,7 @@ def _of(
 
 
 def _samples(run: Ensemble, row: int, seed: int) -> tuple[Array, Array]:
-    sins, filter = run.outputs["lssvm"], run.outputs[FILTER]
+    sins, teacher = run.outputs["lssvm"], run.outputs[FILTER]
     moving = np.abs(run.attitude_errors_deg(FILTER)[row] - run.attitude_errors_deg(FILTER)[row, -1]).max(axis=1) > SETTLED_DEG
     unready = (sins["ready"][row] == 0) | moving
     ready = np.arange(len(unready) - int(np.argmax(unready[::-1])) if unready.any() else 0, len(unready))
@@ -130,15 +138,16 @@ def _samples(run: Ensemble, row: int, seed: int) -> tuple[Array, Array]:
         raise InputError(
             f"{len(ready)} s of {run.time[-1]:g} s in which {FILTER} has settled: allowed are {TIMES} s and more; a longer run"
         )
-    misalignment = smooth_misalignment(sins["q_nb"][row, ready], filter["q_nb"][row, ready])
+    misalignment = smooth_misalignment(sins["q_nb"][row, ready], teacher["q_nb"][row, ready])
     phase = np.random.default_rng(seed).uniform()
     places = ((np.arange(TIMES) + phase) * len(ready) / TIMES).astype(int)
     return sins["features"][row, ready][places], misalignment[places]
 
 
 def smooth_misalignment(q_sins: Array, q_filter: Array) -> Array:
-    """Misalignment of the SINS by the filter (n, 4): quaternion of SINS times inverse filter, de-noised as rotation vectors
-    from its last value.
+    """Misalignment of the SINS according to the filter (n, 4): q_sins times the inverse of q_filter, de-noised.
+
+    De-noising acts on the rotation vectors from the last value.
     """
     numeric = attitude.numeric
     raw = numeric.multiply(q_sins, numeric.conjugate(q_filter))
@@ -148,5 +157,24 @@ def smooth_misalignment(q_sins: Array, q_filter: Array) -> Array:
 
 
 def sine_vector(q: Array) -> Array:
-    """Axis times the sine of the angle of rotations (n, 4): the vector part of (R - R^T) / 2 (n, 3)."""
+    """Axis times sine of the angle (n, 3) of rotations (n, 4): the vector of (R - R^T) / 2."""
     return 2 * q[:, :1] * q[:, 1:]
+
+
+def denoised(signal: Array) -> Array:
+    """The signal (n, ...) de-noised along its first axis; a short signal uses fewer wavelet levels."""
+    import pywt
+
+    signal = np.asarray(signal, dtype=np.float64)
+    levels = min(LEVELS, pywt.dwt_max_level(len(signal), pywt.Wavelet(WAVELET).dec_len))
+    if levels < 1:
+        return signal.copy()
+    parts = pywt.wavedec(signal, WAVELET, mode="smooth", level=levels, axis=0)
+    noise = np.median(np.abs(parts[-1]), axis=0) / 0.6745
+    threshold = noise * np.sqrt(2 * np.log(len(signal)))
+    for place in range(1, len(parts)):
+        if place > levels - DROPPED:
+            parts[place] = np.zeros_like(parts[place])
+        else:
+            parts[place] = np.sign(parts[place]) * np.maximum(np.abs(parts[place]) - threshold, 0.0)
+    return pywt.waverec(parts, WAVELET, mode="smooth", axis=0)[: len(signal)]

@@ -1,8 +1,9 @@
-"""Training of `lssvm`: samples, cross-validation over the kernel's width and the weight of errors, the machine.
+"""Training of `lssvm`: samples, cross-validation over kernel width and weight of the errors, the machine.
 
-Errors count relative to the misalignment: a tenth of a degree is nothing in 60 degrees, which the loop goes through in a
-second, and all near zero, where it ends.  So a sample's weight is 1 / (angle^2 + FLOOR^2), in learning and in the score alike.
-Folds part runs, never the samples of one run.
+Errors are weighted relative to the misalignment: a tenth of a degree does not matter at 60 degrees, which the loop
+leaves within a second, but matters near zero, where it ends.  The weight of a sample is therefore 1 / (angle^2 +
+FLOOR^2), in training and in the score. A fold contains whole runs; the samples of one run are never split between
+folds.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ GAMMAS = (1e2, 1e3, 1e4, 1e5, 1e6)
 SIGMAS = (1.0, 2.0, 4.0)
 FOLDS = 4
 FLOOR = 0.005
-"""rad: misalignments well below it count alike."""
+"""rad; misalignments well below it have equal weight."""
 SMALL = 0.02
-"""rad: misalignments up to it make the machine's stated scatter, that of the loop once it has settled."""
+"""rad; misalignments up to this size determine the stated scatter of the machine, that of the settled loop."""
 DIGITS = 12
-"""Digits kept of a machine's numbers, so that the last bits of another machine's linear algebra do not show."""
+"""Digits kept of the trained numbers, so that they do not depend on the last bits of the linear algebra."""
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What is to be chosen from: widths, weights of errors, number of support vectors."""
+    """Candidates for the kernel width and the weight of the errors, and the number of support vectors."""
 
     gammas: tuple[float, ...] = GAMMAS
     sigmas: tuple[float, ...] = SIGMAS
@@ -55,10 +56,10 @@ def train(
     choice: Choice | None = None,
     progress: Progress | None = None,
 ) -> TrainedMachine:
-    """A machine trained on runs of `aqe-sukf`: every scenario (name, path or loaded) with every seed.
+    """Train a machine on runs of `aqe-sukf`: every scenario (name, path or object) with every seed.
 
-    Raises `InputError` for scenarios that cannot be learnt from or too few seeds, `InsenvError` if scikit-learn or PyWavelets
-    is not installed.
+    Raises `InputError` for unsuitable scenarios or too few seeds, `InsenvError` if scikit-learn or PyWavelets is not
+    installed.
     """
     need_packages()
     from insenv.learning.samples import FILTER, SHARES, collect
@@ -69,22 +70,22 @@ def train(
         raise InputError("training needs a scenario")
     if len(seeds) < len(SHARES):
         raise InputError(
-            f"training needs at least {len(SHARES)} seeds, one for each size of start error: here are {len(seeds)}"
+            f"training needs at least {len(SHARES)} seeds, one for each size of initial error: there are {len(seeds)}"
         )
     if duration_s is not None and not np.isfinite(duration_s):
         raise InputError(f"duration_s = {duration_s:g} s: allowed is a finite number")
     if not 1 <= choice.support <= SUPPORT:
         raise InputError(f"support = {choice.support}: allowed is from 1 to {SUPPORT}")
 
-    def told(work: str) -> Callable[[int, int], None] | None:
+    def reporter(work: str) -> Callable[[int, int], None] | None:
         return None if progress is None else lambda done, total: progress(work, done, total)
 
-    samples = collect(loaded, seeds, duration_s, told("simulating"))
+    samples = collect(loaded, seeds, duration_s, reporter("simulating"))
     weights = relative_weights(samples.angle)
     from threadpoolctl import threadpool_limits  # comes with scikit-learn
 
-    with threadpool_limits(1):  # small matrices; and sums in one order, whatever the number of cores
-        search, held_out = _search(samples, weights, choice, told("learning"))
+    with threadpool_limits(1):  # the matrices are small, and sums must not depend on the number of cores
+        search, held_out = _search(samples, weights, choice, reporter("learning"))
     best = search.best_estimator_
     small = samples.angle < SMALL
     scatter = np.sqrt(np.mean(held_out[small if small.any() else slice(None)] ** 2, axis=0))
@@ -125,19 +126,19 @@ def train(
 
 
 def relative_weights(angle: Array) -> Array:
-    """Weights (n) of samples by the angle of their misalignment (n, rad), mean 1."""
+    """Weights (n) of samples, with mean 1, from the angles of their misalignments (n, rad)."""
     weights = 1.0 / (angle**2 + FLOOR**2)
     return weights / weights.mean()
 
 
 def digest(scenario: Scenario) -> str:
-    """Fingerprint of all that a scenario says."""
+    """Fingerprint of the content of a scenario."""
     text = json.dumps(scenario.model_dump(mode="json", exclude={"title", "description", "estimators"}), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def need_packages() -> None:
-    """Raise `InsenvError` if what training needs is not installed."""
+    """Raise `InsenvError` if a package that training needs is not installed."""
     from importlib.util import find_spec
 
     missing = [name for module, name in (("sklearn", "scikit-learn"), ("pywt", "PyWavelets")) if find_spec(module) is None]
@@ -146,7 +147,7 @@ def need_packages() -> None:
 
 
 def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable[[int, int], None] | None) -> tuple[Any, Array]:
-    """The fitted grid search, and errors (n, 3) of each sample by the machine that has not seen its run."""
+    """The fitted grid search, and the error (n, 3) of each sample with the machine trained without its run."""
     import sklearn
     from sklearn.metrics import make_scorer
     from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_predict
@@ -184,7 +185,7 @@ def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable
 
 
 def _rounded(value: Any) -> Any:
-    """A number or list of them to six digits, for reading."""
+    """A number, or a list of numbers, rounded to six digits for the reader."""
     return [float(f"{v:.6g}") for v in value] if np.ndim(value) else float(f"{value:.6g}")
 
 

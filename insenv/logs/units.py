@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from insenv.geodesy import STANDARD_GRAVITY
+
 Array = npt.NDArray[np.float64]
 
-STANDARD_GRAVITY = 9.80665
-"""The unit `g` of data sheets [m/s2]; not the local gravity."""
 
 GYRO_UNITS: dict[str, dict[str, float]] = {
     "rate": {

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.core import noise
 from insenv.core.tables import Vector
+from insenv.geodesy import MEAN_RADIUS
 
 NOISE_STREAM = 0xFFFFFFFD
 """Noise stream of the magnetometer; the barometer's is one lower.  The plant uses other streams."""
@@ -26,7 +27,6 @@ GAS_CONSTANT = 287.05287
 _AHEAD = 256  # samples whose noise is computed together
 _LOWEST, _HIGHEST, _STEP = -5000.0, 81000.0, 10.0  # m, from below the Dead Sea to the upper end of the model
 _MOVED_M, _TESLA_PER_NT = 500.0, 1e-9
-_EARTH_RADIUS = 6.371e6
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ class Surroundings:
     def _field(self, latitude: float, longitude: float, height: float) -> Vector:
         """The Earth's field (3, T, n), recomputed every 500 m: it changes by about 10 nT per kilometre."""
         if self._place is not None:
-            north = (latitude - self._place[0]) * _EARTH_RADIUS
-            east = (longitude - self._place[1]) * _EARTH_RADIUS * cos(latitude)
+            north = (latitude - self._place[0]) * MEAN_RADIUS
+            east = (longitude - self._place[1]) * MEAN_RADIUS * cos(latitude)
             if hypot(north, east, height - self._place[2]) < _MOVED_M:
                 return self._field_n
         self._place = latitude, longitude, height

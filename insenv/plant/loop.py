@@ -22,10 +22,9 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 
 PREFIX = "estimator_"
-REST_FORCE = 9.80665
-"""m/s^2: held before the first sample has arrived."""
 _HELD = ("delta_angle", "delta_velocity")
 
 
@@ -126,7 +125,7 @@ class _Wiring:
         if self.plant.start is not None:
             rows |= self.plant.start(p, r) if self.plant.start_uniforms else self.plant.start(p)
         if self.holds:
-            rows[self._given("delta_velocity")] = ca.vertcat(0, 0, -REST_FORCE * p.sample_interval)
+            rows[self._given("delta_velocity")] = ca.vertcat(0, 0, -STANDARD_GRAVITY * p.sample_interval)
         if self.estimator.start is not None:
             rows |= self._named(self.estimator.start(own))
         return rows

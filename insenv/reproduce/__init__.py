@@ -1,13 +1,16 @@
-"""`reproduce`: each paper's published numbers beside ours and beside the theoretical limit."""
+"""`reproduce`: the published numbers of each paper, those of insenv, and the theoretical limit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from insenv.errors import InputError, nearest
-from insenv.reproduce.quantity import Quantity
 
 PAPERS = {
     "ecef": "ECEF fine alignment, 12-state Kalman filter",
@@ -16,24 +19,60 @@ PAPERS = {
     "quaternion": "quaternion adaptive Kalman alignment",
     "large-misalignment": "large misalignment: additive quaternion error, EKF and simplified UKF",
 }
-"""Papers by short name, and their titles; each is a module of this package with `quantities` and `figure`."""
+"""Titles of the papers by short name; each paper is a module of this package with `quantities` and `figure`."""
 
-Progress = Callable[[str], None]
+
+@dataclass(frozen=True)
+class Quantity:
+    """A row of a paper's table.
+
+    paper: short name of the paper.
+    quantity, unit: the quantity and its conditions; its unit.
+    published: the number in the paper, None if it gives none.
+    ours: the number measured here.
+    limit: the theoretical limit, None if there is none.
+    seeds: number of seeds (1 where nothing is random).
+    note: explanation for the reader.
+    """
+
+    paper: str
+    quantity: str
+    unit: str
+    published: float | None
+    ours: float
+    limit: float | None
+    seeds: int
+    note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """Ours over the limit (magnitudes)."""
+        return abs(self.ours / self.limit) if self.limit else None
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        names = ("paper", "quantity", "unit", "published", "ours", "limit", "seeds")
+        return {name: getattr(self, name) for name in names}
 
 
 def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
-    """(paper, its quantities), one paper after the other; all of them if None.  Raises `InputError` for an unknown one."""
+    """Yield (paper, its quantities) for one paper, or for all if None.  Raises `InputError` for an unknown paper."""
     for name in chosen(paper):
         yield name, _module(name).quantities()
 
 
 def figure(paper: str, folder: Path) -> list[Path]:
-    """Draw the paper's figure into `folder`; the paths written."""
+    """Draw the figure of a paper into `folder`; returns the paths of the files."""
     return _module(paper).figure(folder / f"reproduce-{paper}")
 
 
+def rms(values: Any) -> float:
+    """Root mean square of all elements of an array."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def chosen(paper: str | None) -> list[str]:
-    """The papers meant.  Raises `InputError` for an unknown one."""
+    """The chosen paper, or all if None.  Raises `InputError` for an unknown paper."""
     if paper is not None and paper not in PAPERS:
         raise InputError(f"no paper {paper!r}{nearest(paper, PAPERS)}")
     return [paper] if paper else list(PAPERS)
@@ -43,4 +82,4 @@ def _module(paper: str):  # type: ignore[no-untyped-def]
     return import_module(f"insenv.reproduce.{paper.replace('-', '_')}")
 
 
-__all__ = ["PAPERS", "Quantity", "chosen", "figure", "reproduce"]
+__all__ = ["PAPERS", "Quantity", "chosen", "figure", "reproduce", "rms"]

@@ -1,14 +1,14 @@
 """The ECEF fine-alignment paper: table 1 without noise, figures 1 and 2 with noise.
 
-What the paper does not state is chosen here: its white noise (`ARW`, `VRW`: a laser-gyro unit of its biases' class), its
-filter's start covariance and noise.  Table 1 is run with two priors: `WIDE`, whose pull on the answer is below the paper's last
-digit, and that of the data sheet and the errors told, which moves pitch by 1e-4 deg: with known sigmas the down gyro's drift is
-shared between that gyro and an east tilt, which is right on average over units and not for this one.
+What the paper does not state is chosen here: the white noise (`ARW`, `VRW`: a laser-gyro unit with such biases) and the
+initial covariance and noise of the filter.  Table 1 is computed with two priors: `WIDE`, whose influence is below the
+last digit of the paper, and that of the data sheet and the initial errors, which changes pitch by 1e-4 deg: with known
+sigmas the filter attributes the drift of the down gyro partly to an east tilt, which is optimal on average over units
+but not for this one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.evaluation import limits
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 
@@ -26,13 +26,15 @@ Array = NDArray[np.float64]
 PAPER = "ecef"
 ID = "ecef-kf"
 ARW, VRW = 0.0005, 10.0  # deg/sqrt(h), ug/sqrt(Hz)
-# chosen after the data-sheet prior was seen to miss 0.00003 deg in pitch; both are reported
+# chosen after the data-sheet prior missed 0.00003 deg in pitch; both are reported
 WIDE = {"tilt_sigma": radians(1.0), "heading_sigma": radians(10.0), "gyro_bias_sigma": radians(0.01) / 3600}
 SEEDS = 60
 PRINTED = {"roll": (0.00117, 0.00120), "pitch": (-0.00117, -0.00117), "heading": (-0.01195, -0.00944)}
 """Theory and result as printed, deg."""
-LEVEL_SIGN = "printed with the other sign: at rest and level, +b_aN is felt as nose up and +b_aE as left side up"
-HEADING_SIGN = "the printed theory -0.01195 gives both parts of (42) one sign; the balance of (22) gives them opposite ones"
+LEVEL_SIGN = "printed with the opposite sign: at rest and level, +b_aN appears as nose up and +b_aE as left side up"
+HEADING_SIGN = (
+    "the printed theory -0.01195 gives both parts of (42) the same sign; the balance of (22) gives them opposite signs"
+)
 
 
 def noisy(rate_hz: float = 200.0) -> Scenario:
@@ -43,7 +45,7 @@ def noisy(rate_hz: float = 200.0) -> Scenario:
 
 
 def laboratory(rate_hz: float = 50.0) -> Scenario:
-    """The same place and noise with biases and start errors drawn: for statistics over seeds."""
+    """The same location and noise with random biases and initial errors, for statistics over seeds."""
     base = noisy(rate_hz)
     imu = base.imu.model_copy(
         update={"gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0, "gyro_bias_sigma_deg_h": 0.002, "accel_bias_sigma_ug": 20.4}
@@ -61,31 +63,31 @@ def nees(found: Ensemble, id: str = ID) -> Array:
 
 
 def theory(found: Ensemble) -> Array:
-    """Limit of roll, pitch, heading (seeds, 3), degrees, in the sense estimate minus truth (body on n)."""
+    """Limit of roll, pitch and heading errors (seeds, 3), degrees, estimate minus truth (body relative to n)."""
     return np.degrees([
         limits.bias_tilts(error[:3], error[3:], plant.knowledge.latitude, plant.knowledge.height)
         for error, plant in zip(found.sensor_error_n, found.plants, strict=True)
     ])  # fmt: skip
 
 
-def quantities(progress: Callable[[int, int], None] | None = None) -> list[Quantity]:
-    """Table 1, and what the figures and the covariance come to over many seeds."""
+def quantities() -> list[Quantity]:
+    """Table 1, and the figures and the covariance over many seeds."""
     rows = []
     for title, prior in (("wide prior", WIDE), ("data-sheet prior", {})):
-        found = ensemble(load("static-ecef"), [ID], [1], tuning={ID: prior}, records=10, progress=progress)
+        found = ensemble(load("static-ecef"), [ID], [1], tuning={ID: prior}, records=10)
         result, expected = found.attitude_errors_deg(ID)[0, -1], theory(found)[0]
         for i, (name, (printed, published)) in enumerate(PRINTED.items()):
             note = HEADING_SIGN if name == "heading" else LEVEL_SIGN
             rows.append(
                 Quantity(PAPER, f"{name} at 10 min, {title}", "deg", published, float(result[i]), float(expected[i]), 1, note)
             )
-            # in the paper's sense for the level angles, so that the two distances compare
+            # with the sign convention of the paper for the level angles, so that the two distances compare
             away, theirs = float(abs(result[i] - expected[i])), abs(published - printed)
             rows.append(Quantity(PAPER, f"{name} from theory, {title}", "deg", round(theirs, 5), away, None, 1))
         apart = float(abs(result[2] - PRINTED["heading"][0]))
         rows.append(Quantity(PAPER, f"heading from the printed theory, {title}", "deg", 0.00251, apart, None, 1, HEADING_SIGN))
 
-    found = ensemble(noisy(), [ID], range(20), records=100, progress=progress)
+    found = ensemble(noisy(), [ID], range(20), records=100)
     errors, expected = found.attitude_errors_deg(ID), theory(found)
     for i, name in enumerate(PRINTED):
         rms, limit = (float(np.sqrt(np.mean(v[..., i] ** 2))) for v in (errors[:, -1], expected))
@@ -95,14 +97,14 @@ def quantities(progress: Callable[[int, int], None] | None = None) -> list[Quant
 
 
 def consistency() -> list[Quantity]:
-    """NEES after convergence (120 s on) over `SEEDS` units."""
+    """NEES after convergence (from 120 s) over `SEEDS` units."""
     from scipy.stats import chi2
 
     found = ensemble(laboratory(), [ID], range(SEEDS), records=120)
     low, high = chi2.ppf([0.025, 0.975], 3 * SEEDS) / SEEDS
     mean = nees(found).mean(axis=0)[found.time >= 120.0]
     inside = float(np.mean((mean > low) & (mean < high)))
-    note = f"mean NEES of 3 states within [{low:.2f}, {high:.2f}], drawn biases and start errors, 120 to 600 s"
+    note = f"mean NEES of 3 states within [{low:.2f}, {high:.2f}], random biases and initial errors, 120 to 600 s"
     return [
         Quantity(PAPER, "mean NEES of attitude", "1", None, float(mean.mean()), 3.0, SEEDS, note),
         Quantity(PAPER, "share of time with NEES in its 95 % bounds", "%", None, 100 * inside, None, SEEDS, note),
@@ -110,7 +112,7 @@ def consistency() -> list[Quantity]:
 
 
 def figure(path_stem: Path | str) -> list[Path]:
-    """Figures 1 and 2: misalignments in e as the filter feeds them back, and attitude, with white noise."""
+    """Figures 1 and 2: misalignment in e as fed back by the filter, and attitude, with white noise."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -122,7 +124,7 @@ def figure(path_stem: Path | str) -> list[Path]:
     drawn, (left, *right) = plt.subplots(1, 4, figsize=(15, 3.8), layout="constrained")
     for i, axis in enumerate("xyz"):
         left.plot(time, np.degrees(outputs["misalignment_e"][0, :, i]), label=f"$\\phi_{axis}^e$")
-    left.set(title="Figure 1: misalignment taken out", xlabel="time (s)", ylabel="deg")
+    left.set(title="Figure 1: misalignment fed back", xlabel="time (s)", ylabel="deg")
     left.legend()
     for i, (ax, name) in enumerate(zip(right, PRINTED, strict=True)):
         limit = theory(found)[0, i]

@@ -1,17 +1,19 @@
-"""The LS-SVM large misalignment paper: additive quaternion error, extended and simplified unscented Kalman filter, LS-SVM.
+"""The LS-SVM large misalignment paper: additive quaternion error, extended and simplified unscented Kalman filter,
+LS-SVM.
 
-Published (section 5, figures 2-4): 0.05 deg/h and 50 ug, 600 s, filter 1 s; levelling the same for all; steady heading error
-about 0.1 deg with LS-SVM and SUKF and 0.2 deg with EKF, LS-SVM taking less time than SUKF.  The paper tells neither the start
-errors nor the motion nor the GNSS receiver: `large-misalignment` and `large-misalignment-extreme` say what is taken for them.
+Published (section 5, figures 2-4): 0.05 deg/h and 50 ug, 600 s, filter interval 1 s; equal levelling for all; steady
+heading error of about 0.1 deg with LS-SVM and SUKF and 0.2 deg with EKF; LS-SVM faster than SUKF.  The paper states
+neither the initial errors nor the motion nor the GNSS receiver: the scenarios `large-misalignment` and
+`large-misalignment-extreme` define them.
 
-An equivalent east drift of 0.05 deg/h leaves 0.22 deg of heading to a method that does not estimate it.  Both filters do,
-knowing its size, and so may come below.  What the method itself adds is told by the same noise from a start within 2 deg,
-where every linearisation is good: the difference of the two runs is the method's.
+An equivalent east drift of 0.05 deg/h causes a heading error of 0.22 deg in a method that does not estimate it.  Both
+filters do estimate it, knowing its size, and can be more accurate.  The error of the method itself is measured by
+repeating the run, with the same noise, from initial errors within 2 deg, where every linearisation is accurate: the
+difference of the two runs is due to the method.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -19,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation import limits
-from insenv.reproduce import update_time
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity, rms, update_time
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 
@@ -42,60 +43,56 @@ NEAR = {
 DRAWN = {"roll_error_deg": None, "pitch_error_deg": None, "heading_error_deg": None}
 
 
-def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
-    """The paper's figures beside ours: some ten seconds on two cores, and the compiler's time at first."""
-    told = progress or (lambda text: None)
+def quantities() -> list[Quantity]:
+    """The figures of the paper and of insenv; takes some ten seconds on two cores after compilation."""
     found: list[Quantity] = []
     bound = _bound()
     note = "Bayesian Cramer-Rao: the linear filter's covariance about the truth, mean over the biases; 0.1 deg lies below it"
     found.append(_row("bound of steady heading, biases' size known", "deg", None, bound, None, note))
     for start, name in STARTS.items():
-        told(f"from {start}")
         run = _run(name)
         limit = _heading_limit(run)
         for id in IDS:
             errors = _steady(run, id)
             heading = errors[..., 2]
             where = f"{id} from {start}"
-            note = f"limit: equivalent east drift left unestimated; bound with the biases' size known: {bound:.3f} deg steady"
-            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], _rms(heading), limit, note))
-            last = _rms(run.attitude_errors_deg(id)[:, -1, 2])
+            note = f"limit: equivalent east drift not estimated; steady bound for biases of known size: {bound:.3f} deg"
+            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], rms(heading), limit, note))
+            last = rms(run.attitude_errors_deg(id)[:, -1, 2])
             found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, limit, note))
-            note = "systematic, the same in every seed: the bias's part"
+            note = "systematic, the same for every seed: due to the bias"
             found.append(_row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), limit, note))
-            note = "between seeds: white noise and the method's part"
+            note = "between seeds: due to white noise and the method"
             found.append(_row(f"{where}, standard deviation between seeds", "deg", None, _spread(heading), None, note))
-            method = _rms(heading - _steady(_run("large-misalignment", near=True), id)[..., 2])
-            note = "RMS difference to the same run from errors of (0.5, 0.5, 2) deg"
-            found.append(_row(f"{where}, heading, the method's part", "deg", None, method, None, note))
+            method = rms(heading - _steady(_run("large-misalignment", near=True), id)[..., 2])
+            note = "RMS difference from the same run with initial errors of (0.5, 0.5, 2) deg"
+            found.append(_row(f"{where}, heading, contribution of the method", "deg", None, method, None, note))
             note = "limit: accelerometer bias"
-            level = _rms(errors[..., :2])
+            level = rms(errors[..., :2])
             found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, level, _level_limit(run), note))
             seconds = _settled(run, id)
             if np.isfinite(seconds):
-                note = "median time from which on the error stays below 1 deg"
+                note = "median time from which the error stays below 1 deg"
                 found.append(_row(f"{where}, time to a heading", "s", None, seconds, None, note))
-    told("drawn start errors")
     for start, name in STARTS.items():
         run = _run(name, drawn=True)
         for id in IDS:
             share = 100.0 * float(np.mean(np.abs(run.attitude_errors_deg(id)[:, -1, 2]) < 1.0))
-            note = "start errors drawn with these standard deviations; heading within 1 deg at 600 s"
-            found.append(_row(f"{id}, drawn with {start}, converged", "%", None, share, None, note))
-    told("time of an update")
+            note = "initial errors drawn with these standard deviations; heading within 1 deg at 600 s"
+            found.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, None, note))
     for what, id, steps in (
         (SUKF, SUKF, update_time.SUKF),
         (LSSVM, LSSVM, update_time.LSSVM),
         (f"{LSSVM}, inference alone", LSSVM, update_time.INFER),
     ):
-        note = "time on this machine, native, 1 s of GNSS a filter update: compare ratios"
+        note = "time on this machine, native, one update per second of GNSS: compare ratios"
         taken = update_time.microseconds(id, steps)
         found.append(Quantity("large-misalignment", f"{what}, time of a filter update", "us", None, taken, None, 1, note))
     return found
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like the paper's figures 3 and 4: roll, pitch and heading errors of all three; written as PNG and SVG."""
+    """Like figures 3 and 4 of the paper: roll, pitch and heading errors of all three methods; PNG and SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -133,7 +130,7 @@ def _row(quantity: str, unit: str, published: float | None, ours: float, limit: 
 
 @cache
 def _run(name: str, near: bool = False, drawn: bool = False) -> Ensemble:
-    """Both filters over the seeds, recorded every second."""
+    """All three methods over the seeds, recorded every second."""
     scenario = load(name)
     update = NEAR if near else DRAWN if drawn else {}
     scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=update)})
@@ -146,39 +143,36 @@ def _steady(run: Ensemble, id: str) -> Array:
 
 
 def _bias_tilts(run: Ensemble) -> Array:
-    """What the mean sensor errors of each seed leave about n (seeds, 3), degrees."""
+    """Attitude errors about n that the mean sensor errors of each seed cause (seeds, 3), degrees."""
     known = run.plants[0].knowledge
     tilts = [limits.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
     return np.degrees(tilts)
 
 
 def _heading_limit(run: Ensemble) -> float:
-    return _rms(_bias_tilts(run)[:, 2])
+    return rms(_bias_tilts(run)[:, 2])
 
 
 def _bound() -> float:
-    """Heading that an optimal filter leaves over the steady time, in the mean over biases of the size told, degrees.
+    """Steady heading error (deg) of an optimal filter, mean over biases of the known size.
 
-    Started near the truth the error model is linear, and the filter's covariance is the bound (Bayesian Cramer-Rao).
+    With a start near the truth the error model is linear, and the filter's covariance is the (Bayesian Cramer-Rao)
+    bound.
     """
     run = _run("large-misalignment", near=True)
-    return _rms(np.degrees(run.outputs[SUKF]["attitude_sigma"][:, run.time >= STEADY, 2]))
+    return rms(np.degrees(run.outputs[SUKF]["attitude_sigma"][:, run.time >= STEADY, 2]))
 
 
 def _level_limit(run: Ensemble) -> float:
-    return _rms(_bias_tilts(run)[:, :2])
+    return rms(_bias_tilts(run)[:, :2])
 
 
 def _spread(heading: Array) -> float:
     return float(np.sqrt(np.mean(np.var(heading, axis=0, ddof=1))))
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def _settled(run: Ensemble, id: str) -> float:
-    """Median over the seeds of the time from which on the heading error stays below 1 deg."""
+    """Median over the seeds of the time from which the heading error stays below 1 deg."""
     wrong = np.abs(run.attitude_errors_deg(id)[..., 2]) >= 1.0
     last = np.where(wrong.any(axis=1), wrong.shape[1] - np.argmax(wrong[:, ::-1], axis=1), 0)
     times = np.r_[run.time, np.inf][last]

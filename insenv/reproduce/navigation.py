@@ -1,19 +1,18 @@
-"""The airborne-navigation paper: free inertial for ten minutes, and four outages of a minute smoothed.
+"""The airborne-navigation paper: free-inertial navigation for ten minutes, and four smoothed outages of one minute.
 
-The paper flies a unit of 0.1 deg/h and 1e-3 g, aided by GPS of centimetre grade until the outage, so what drifts is what the
-filter could not take off.  It does not say what of its two figures is constant.  Two readings are shown:
+The paper flies a unit of 0.1 deg/h and 1e-3 g, aided by centimetre-grade GPS until the outage, so that the drift is due
+to the errors that the filter could not estimate.  It does not state which part of these two figures is constant.  Two
+interpretations are shown:
 
-turn-on  the figures are constant biases (1 sigma), as `aircraft-survey` has them: the filter finds nearly all of them, and
-         the drift left is a hundred times smaller than the paper's.
-in-run   the figures are the standard deviation of biases that wander with a correlation time of an hour: the filter follows
-         them as well as theory lets it.
+turn-on  the figures are constant biases (1 sigma), as in `aircraft-survey`: the filter estimates nearly all of them,
+         and the remaining drift is a hundredth of the paper's. in-run   the figures are the standard deviation of
+         Gauss-Markov biases with a correlation time of one hour: the filter tracks them as well as theory allows.
 
-The flight is insenv's own (the paper gives no track), the outage begins 60 s into the first survey line.
+The flight is insenv's own, because the paper gives no track; the outage begins 60 s into the first survey line.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import POSITION, Result
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
 from insenv.scenario import Scenario, load
@@ -48,10 +47,11 @@ READINGS: dict[str, dict[str, float]] = {"in-run": IN_RUN, "turn-on": {}}
 
 @dataclass(frozen=True)
 class Drift:
-    """Free inertial after aided flight.
+    """Free-inertial navigation after aided flight.
 
-    distance (seeds, 11) m: position error after each minute.  sigma (11,) m: what the filter's covariance expects, root of the
-    trace.  gyro_deg_h, accel_ug: root mean square over seeds and axes of the biases left at the outage's beginning.
+    distance (seeds, 11) m: position error after each minute.
+    sigma (11,) m: root of the trace of the filter's position covariance.
+    gyro_deg_h, accel_ug: bias errors at the beginning of the outage, root mean square over seeds and axes.
     """
 
     distance: Array
@@ -61,14 +61,14 @@ class Drift:
 
 
 def scenario(reading: str, outages: tuple[tuple[float, float], ...] | None = None) -> Scenario:
-    """`aircraft-survey` with the unit read as `reading` and other outages (its own if None)."""
+    """`aircraft-survey` with the unit interpreted as `reading` and other outages (None: its own)."""
     loaded = load("aircraft-survey")
     gnss = loaded.gnss if outages is None or loaded.gnss is None else loaded.gnss.model_copy(update={"outages_s": outages})
     return loaded.model_copy(update={"gnss": gnss, "imu": loaded.imu.model_copy(update=READINGS[reading])})
 
 
 def drift(reading: str) -> Drift:
-    """Ten minutes without GNSS over `SEEDS`."""
+    """Ten minutes without GNSS, over `SEEDS`."""
     end = BEGIN_S + 600.0
     flown = scenario(reading, ((BEGIN_S + 0.5, end + 1.0),))  # the fix at the beginning is the last
     found = ensemble(flown, ["loosely-coupled"], range(SEEDS[reading]), duration_s=end, records=round(end / 10))
@@ -82,26 +82,26 @@ def drift(reading: str) -> Drift:
 
 
 def _left(found: Ensemble, name: str, record: int) -> float:
-    """Root mean square of a bias's estimate less the true one."""
+    """Root mean square error of a bias estimate."""
     error = found.outputs["loosely-coupled"][name][:, record] - found.truth[f"{name}_true"][:, record]
-    return float(np.sqrt(np.mean(error**2)))
+    return rms(error)
 
 
 def smoothed(reading: str, seed: int) -> tuple[Result, tuple[tuple[float, float], ...]]:
-    """The smoothed flight with its four outages, and these."""
+    """The smoothed flight, and its four outages."""
     flown = scenario(reading)
     assert flown.gnss is not None
     return run(flown, ["smoother"], seed=seed, duration_s=1720.0).results[0], flown.gnss.outages_s
 
 
-def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
-    """The paper's numbers beside ours."""
+def quantities() -> list[Quantity]:
+    """The numbers of the paper and of insenv."""
     rows: list[Quantity] = []
     for reading in READINGS:
-        if progress:
-            progress(f"navigation: free inertial, {reading} biases")
         found = drift(reading)
-        note = f"after aided flight biases of {found.gyro_deg_h:.2g} deg/h and {found.accel_ug:.2g} ug are left (rms); median"
+        note = (
+            f"after aided flight bias errors of {found.gyro_deg_h:.2g} deg/h and {found.accel_ug:.2g} ug remain (rms); median"
+        )
         for minute in (1, 5, 10):
             rows.append(
                 Quantity(
@@ -116,8 +116,6 @@ def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
                 )
             )
     for reading in READINGS:
-        if progress:
-            progress(f"navigation: outages smoothed, {reading} biases")
         rows += _outages(reading)
     return rows
 
@@ -147,11 +145,11 @@ def _outages(reading: str) -> list[Quantity]:
             float(max(largest)),
             float(max(sigma)),
             count,
-            "the paper gives a bound; limit: largest 1 sigma that the smoother states",
+            "the paper gives a bound; limit: largest 1 sigma stated by the smoother",
         ),
         Quantity(
             PAPER,
-            f"{what}: place of the largest error in the outage (median)",
+            f"{what}: position of the largest error within the outage (median)",
             "1",
             0.5,
             float(np.median(places)),
@@ -161,7 +159,7 @@ def _outages(reading: str) -> list[Quantity]:
         ),
         Quantity(
             PAPER,
-            f"{what}: largest change from one record to the next about its ends",
+            f"{what}: largest change between records near its ends",
             "m",
             0.0,
             float(max(jumps)),
@@ -173,7 +171,7 @@ def _outages(reading: str) -> list[Quantity]:
 
 
 def figure(path_stem: str | Path) -> list[Path]:
-    """Like the paper's Figures 4 and 6: distance error over ten minutes, and the smoothed errors with their four outages."""
+    """Like figures 4 and 6 of the paper: distance error over ten minutes, and smoothed errors over four outages."""
     import matplotlib
 
     matplotlib.use("Agg")

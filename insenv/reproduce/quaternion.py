@@ -1,15 +1,15 @@
 """The quaternion adaptive-Kalman paper: q-method, qakf and qakf-improved on a three-axis turntable.
 
-Published (section 3.2, figure 4): heading error over 150-200 s of one run with 200 ug of accelerometer noise, mean and
-standard deviation in time: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3: qakf
-converges far slower, and slower with more noise.  Ours are means over the seeds of each run's |mean| and standard deviation
-in time: the published means, of one run each, lie below what white noise leaves on average (the limit).  The paper's plain
-vectors are used (`PLAIN`: no low-pass, all times weighed alike); what insenv's default windows give is shown beside them.
+Published (section 3.2, figure 4): mean and standard deviation in time of the heading error over 150-200 s of one run
+with 200 ug of accelerometer noise: qakf-improved 0.0030 and 0.0032 deg, q-method 0.0050 and 0.0056 deg; figures 1 to 3:
+qakf converges far more slowly, and more slowly with more noise.  The numbers of insenv are means over the seeds of each
+run's |mean| and standard deviation in time.  The published means, of one run each, lie below the average error due to
+white noise (the limit).  The plain vectors of the paper are used (`PLAIN`: no low-pass filter, equal weights at all
+times); results with the default windows of insenv are listed too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.evaluation import limits
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import load
 from insenv.vehicles.ship_section import SwaySection
@@ -30,7 +30,7 @@ PLAIN = {"smoothing_time": 0.0, "memory_time": 1e9}
 PUBLISHED = {(200, IMPROVED): (0.0030, 0.0032), (200, Q): (0.0050, 0.0056)}
 SEEDS, TEST_SEEDS = 104, 32
 BEGIN, REACHED = 150.0, 0.1  # s, deg
-LARGE_SWAY = {  # test 3: centres and frequencies as told, amplitudes twice those of the simulation (the paper's are lost)
+LARGE_SWAY = {  # test 3: centres and frequencies of the paper, amplitudes twice those of its simulation (its table is lost)
     "roll": [{"amplitude_deg": 12.0, "frequency_hz": 0.2}],
     "pitch": [{"amplitude_deg": 16.0, "frequency_hz": 0.15}],
     "yaw": [{"amplitude_deg": 10.0, "frequency_hz": 0.125, "phase_deg": 180.0}],
@@ -38,12 +38,10 @@ LARGE_SWAY = {  # test 3: centres and frequencies as told, amplitudes twice thos
 UNIT = {"gyro_bias_sigma_deg_h": 0.006, "gyro_arw_deg_sqrt_h": 0.001, "accel_bias_sigma_ug": 50.0, "accel_vrw_ug_sqrt_hz": 20.0}
 
 
-def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
-    """The paper's figures beside ours: about a minute on two cores."""
-    told = progress or (lambda text: None)
+def quantities() -> list[Quantity]:
+    """The figures of the paper and of insenv; takes about a minute on two cores."""
     found = []
     for noise in GRADES:
-        told(f"turntable, {noise} ug")
         run = _turntable(noise)
         for id in IDS:
             means, scatter = PUBLISHED.get((noise, id), (None, None))
@@ -54,25 +52,21 @@ def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
                 _row(f"{label}, |mean|", "deg", means, float(np.abs(late.mean(axis=1)).mean()), limit, "limit: rms at 200 s")
             )
             found.append(_row(f"{label}, standard deviation in time", "deg", scatter, float(late.std(axis=1).mean()), None))
-            found.append(_row(f"{label}, rms of all", "deg", None, float(np.sqrt(np.mean(late**2))), limit, "limit: at 200 s"))
+            found.append(_row(f"{label}, rms of all", "deg", None, rms(late), limit, "limit: at 200 s"))
             found.append(_row(f"{id}, {noise} ug, time to {REACHED} deg", "s", None, _time_below(run, id), None))
-    told("turntable, 200 ug, insenv's windows")
     run = _turntable(200, plain=False)
     for id in (Q, IMPROVED):
         late = _heading(run, id)[:, run.time >= BEGIN]
         label = f"{id} with insenv's windows, 200 ug, heading over 150-200 s"
-        found.append(
-            _row(f"{label}, rms of all", "deg", None, float(np.sqrt(np.mean(late**2))), _limit(run), "limit: at 200 s", 32)
-        )
-    told("turntable test 3")
+        found.append(_row(f"{label}, rms of all", "deg", None, rms(late), _limit(run), "limit: at 200 s", 32))
     return found + _test3()
 
 
 def _test3() -> list[Quantity]:
-    run, note = _large(), "amplitudes, random walk and white noise are insenv's choice: the paper's tables are lost"
+    run, note = _large(), "amplitudes, random walk and white noise are chosen by insenv: the tables of the paper are lost"
     limit, heading = _limit(run), _heading(run, IMPROVED)
     late = heading[:, run.time >= BEGIN]
-    at_80 = float(np.sqrt(np.mean(heading[:, np.argmin(np.abs(run.time - 80.0))] ** 2)))
+    at_80 = rms(heading[:, np.argmin(np.abs(run.time - 80.0))])
     return [
         _row("test 3, qakf-improved, heading at 80 s, rms", "deg", 0.2366, at_80, None, note, TEST_SEEDS),
         _row("test 3, |mean| over 150-200 s", "deg", 0.0198, float(np.abs(late.mean(axis=1)).mean()), limit, note, TEST_SEEDS),
@@ -81,7 +75,7 @@ def _test3() -> list[Quantity]:
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like the paper's figures 2 and 3: qakf with four noises, and the three methods with 200 ug; PNG and SVG."""
+    """Like figures 2 and 3 of the paper: qakf with four noise levels; all methods with 200 ug.  PNG and SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -94,11 +88,11 @@ def figure(path_stem: Path) -> list[Path]:
         top, middle, bottom = page.subplots(3, 1)
         for colour, noise in zip(COLOURS, GRADES, strict=False):
             run = _turntable(noise)
-            top.plot(run.time, _rms(run, PLAIN_FILTER), color=colour, lw=1.2, label=f"{noise} ug")
+            top.plot(run.time, _heading_rms(run, PLAIN_FILTER), color=colour, lw=1.2, label=f"{noise} ug")
         top.set_title(f"qakf: rms of heading error over {SEEDS} seeds, by accelerometer noise", loc="left")
         run = _turntable(200)
         for colour, id in zip(COLOURS, IDS, strict=False):
-            middle.plot(run.time, _rms(run, id), color=colour, lw=1.2, label=id)
+            middle.plot(run.time, _heading_rms(run, id), color=colour, lw=1.2, label=id)
         middle.axhline(_limit(run), color=LIMIT, lw=1.0, ls="--", label="limit at 200 s")
         middle.set_title("all three, 200 ug", loc="left")
         for axes in (top, middle):
@@ -142,19 +136,19 @@ def _heading(run: Ensemble, id: str) -> Array:
     return run.attitude_errors_deg(id)[:, :, 2]
 
 
-def _rms(run: Ensemble, id: str) -> Array:
+def _heading_rms(run: Ensemble, id: str) -> Array:
     return np.sqrt(np.mean(_heading(run, id) ** 2, axis=0))
 
 
 def _time_below(run: Ensemble, id: str) -> float:
-    """Time after which the rms over the seeds stays below `REACHED`; nan if it does not."""
-    above = np.flatnonzero(_rms(run, id) > REACHED)
+    """Time from which the rms over the seeds stays below `REACHED`; nan if there is none."""
+    above = np.flatnonzero(_heading_rms(run, id) > REACHED)
     last = int(above[-1]) + 1 if above.size else 0
     return float(run.time[last]) if last < run.time.size else float("nan")
 
 
 def _limit(run: Ensemble) -> float:
-    """Heading (deg, rms over the seeds) that biases and the Cramer-Rao bound of white noise leave at the end."""
+    """Heading error at the end (deg, rms over the seeds) due to biases and white noise (Cramer-Rao bound)."""
     from insenv import attitude
 
     known = run.plants[0].knowledge

@@ -1,13 +1,12 @@
-"""The swaying-base paper: inertial-frame alignment behind FIR filters beside gyrocompassing, boat and vehicle.
+"""The swaying-base paper: inertial-frame alignment with FIR filters compared with gyrocompassing, boat and vehicle.
 
-Published (section 3, figure 5): unit of 0.008 deg/h and 5e-5 g; 4 min in all (3 min of filter, 1 min of levelling) against
-about 10 min, heading 0.03 deg (1 sigma) with both, also from -150 deg.  The paper tells neither place, nor motion, nor white
-noise: the scenarios `ship-moored-paper` and `car-parked-paper` say what is taken for them.
+Published (section 3, figure 5): unit of 0.008 deg/h and 5e-5 g; 4 min in total (3 min of filtering, 1 min of levelling)
+against about 10 min, heading 0.03 deg (1 sigma) with both, also from -150 deg.  The paper states neither location nor
+motion nor white noise: the scenarios `ship-moored-paper` and `car-parked-paper` define them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from insenv import attitude
 from insenv.estimators import inertial_fir
 from insenv.estimators.parts.fir import BLOCK_S
 from insenv.evaluation import limits
-from insenv.reproduce.quantity import Quantity
+from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 
@@ -32,38 +31,34 @@ FIR_END, GYRO_END = 240.0, 640.0
 NO_WHITE = {"gyro_arw_deg_sqrt_h": 0.0, "accel_vrw_ug_sqrt_hz": 0.0}
 
 
-def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
-    """The paper's figures beside ours: about a minute on two cores."""
-    told = progress or (lambda text: None)
+def quantities() -> list[Quantity]:
+    """The figures of the paper and of insenv; takes about a minute on two cores."""
     first = inertial_fir.SPAN * BLOCK_S
     found = [
         _row("time to the first fix", "s", 180.0, first, None, 1),
-        _row("time in all, levelling included", "s", 240.0, FIR_END, None, 1, "1 min of levelling after the first fix"),
+        _row("total time, including levelling", "s", 240.0, FIR_END, None, 1, "1 min of levelling after the first fix"),
     ]
     for base in BASES:
-        told(f"{base}: both methods")
         both = _both(base)
         ours, limit = _heading(both, FIR, first)
-        note = "before levelling; the limit is that of 180 s"
+        note = "before levelling; the limit is that at 180 s"
         found.append(_row(f"{FIR}, {base}, heading at the first fix, 1 sigma", "deg", None, ours, limit, SEEDS, note))
         ours, limit = _heading(both, FIR, FIR_END)
-        note = "white noise is insenv's choice; the biases alone leave 0.035 deg"
+        note = "white noise chosen by insenv; the biases alone cause 0.035 deg"
         found.append(_row(f"{FIR}, {base}, heading at 240 s, 1 sigma", "deg", 0.03, ours, limit, SEEDS, note))
         level, level_limit = _level(both, FIR, FIR_END)
         found.append(_row(f"{FIR}, {base}, roll and pitch at 240 s, 1 sigma", "deg", None, level, level_limit, SEEDS))
         spread, noise = _repeatability(both, FIR, FIR_END)
-        note = "heading less what each unit's biases leave: the spread of one unit's alignments"
+        note = "heading error minus the part due to each unit's biases: the spread of one unit's alignments"
         found.append(_row(f"{FIR}, {base}, repeatability at 240 s", "deg", 0.03, spread, noise, SEEDS, note))
         gyro, limit = _heading(both, GYRO, 600.0)
         found.append(_row(f"{GYRO}, {base}, heading at 600 s, 1 sigma", "deg", 0.03, gyro, limit, SEEDS))
-        note = f"until heading stays below {FIR}'s at 240 s, from 5 deg (1 sigma)"
+        note = f"until the heading error stays below that of {FIR} at 240 s, from 5 deg (1 sigma)"
         found.append(_row(f"{GYRO}, {base}, time to the same accuracy", "s", 600.0, _time_below(both, ours), None, SEEDS, note))
-        told(f"{base}: without white noise")
         quiet = _ensemble(BASES[base], FIR_END, SEEDS, (FIR,), imu=tuple(NO_WHITE.items()))
         ours, limit = _heading(quiet, FIR, FIR_END, white=False)
-        note = "only the errors that the paper states"
+        note = "only the errors stated in the paper"
         found.append(_row(f"{FIR}, {base}, heading at 240 s without white noise", "deg", 0.03, ours, limit, SEEDS, note))
-    told("boat: from -150 deg")
     ours, limit = _heading(_wrong_fir(), FIR, FIR_END)
     found.append(_row(f"{FIR}, boat, heading at 240 s from -150 deg", "deg", 0.03, ours, limit, SEEDS))
     time = _time_below(_wrong_gyro(), 0.1)
@@ -72,7 +67,7 @@ def quantities(progress: Callable[[str], None] | None = None) -> list[Quantity]:
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like the paper's figure 5: gyrocompassing, inertial-frame alignment from -150 deg, its levelling; PNG and SVG."""
+    """Like figure 5 of the paper: gyrocompass; inertial-frame alignment from -150 deg; its levelling.  PNG and SVG."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -123,12 +118,12 @@ def _both(base: str) -> Ensemble:
 
 
 def _wrong_fir() -> Ensemble:
-    """The vehicle at 150 deg: until the first fix inertial-fir shows 0, wrong by -150 deg."""
+    """The vehicle heads 150 deg: until its first fix inertial-fir reports 0, an error of -150 deg."""
     return _ensemble(BASES["boat"], FIR_END, SEEDS, (FIR,), start=(("heading_deg", 150.0),))
 
 
 def _wrong_gyro() -> Ensemble:
-    """Gyrocompassing told a heading that is wrong by -150 deg."""
+    """Gyrocompassing with an initial heading error of -150 deg."""
     return _ensemble(BASES["boat"], 1200.0, 16, (GYRO,), knowledge=(("heading_error_deg", -150.0),))
 
 
@@ -136,7 +131,7 @@ def _wrong_gyro() -> Ensemble:
 def _ensemble(
     name: str, duration: float, seeds: int, ids: tuple[str, ...], **changes: tuple[tuple[str, float], ...]
 ) -> Ensemble:
-    """A scenario over `seeds` seeds, some keys of its sections changed, recorded every second."""
+    """A scenario with changed keys over `seeds` seeds, recorded every second."""
     scenario: Scenario = load(name)
     sections = {part: getattr(scenario, part).model_copy(update=dict(values)) for part, values in changes.items()}
     scenario = scenario.model_copy(update=sections)
@@ -148,7 +143,7 @@ def _at(found: Ensemble, time: float) -> int:
 
 
 def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
-    """What each unit's biases leave about n (seeds, 3), and the deviations (3) that white noise over `time` leaves: degrees."""
+    """Errors (deg) about n due to each unit's biases (seeds, 3), and standard deviations (3) due to white noise."""
     known = found.plants[0].knowledge
     C_nb = attitude.numeric.to_dcm(found.truth["q_nb"][:, : _at(found, time) + 1])
     gyro, accel = (
@@ -160,30 +155,26 @@ def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
     return np.degrees(bias), np.degrees(limits.noise_tilts(*walks, known.latitude, known.height, time))
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def _heading(found: Ensemble, id: str, time: float, white: bool = True) -> tuple[float, float]:
-    """RMS of heading over the seeds at a time, and its limit there."""
+    """RMS heading error over the seeds at a time, and its limit."""
     bias, noise = _limits(found, time)
-    ours = _rms(found.attitude_errors_deg(id)[:, _at(found, time), 2])
-    return ours, float(np.hypot(_rms(bias[:, 2]), noise[2] if white else 0.0))
+    ours = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2])
+    return ours, float(np.hypot(rms(bias[:, 2]), noise[2] if white else 0.0))
 
 
 def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
     bias, noise = _limits(found, time)
-    ours = _rms(found.attitude_errors_deg(id)[:, _at(found, time), :2])
-    return ours, float(np.hypot(_rms(bias[:, :2]), noise[0]))
+    ours = rms(found.attitude_errors_deg(id)[:, _at(found, time), :2])
+    return ours, float(np.hypot(rms(bias[:, :2]), noise[0]))
 
 
 def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
     bias, noise = _limits(found, time)
-    return _rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias[:, 2]), float(noise[2])
+    return rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias[:, 2]), float(noise[2])
 
 
 def _time_below(found: Ensemble, bound: float) -> float:
-    """Time after which gyrocompassing's heading RMS over the seeds is not above `bound` for the first time."""
-    rms = np.sqrt(np.mean(found.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
-    below = np.flatnonzero(rms <= bound)
+    """The first time at which the RMS heading error of gyrocompassing over the seeds does not exceed `bound`."""
+    error = np.sqrt(np.mean(found.attitude_errors_deg(GYRO)[:, :, 2] ** 2, axis=0))
+    below = np.flatnonzero(error <= bound)
     return float(found.time[below[0]]) if below.size else float("nan")

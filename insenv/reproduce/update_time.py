@@ -1,4 +1,4 @@
-"""Time of one filter update: the steps that come with a fix, and no inertial samples, in the native loop."""
+"""Time of one filter update: the steps that run on a fix, without inertial samples, in the native loop."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ INFER = ("infer",)
 
 
 def microseconds(id: str, steps: tuple[str, ...]) -> float:
-    """Median over repetitions of the time of the steps named, from the state and with the fix that a run has reached."""
+    """Median time (us) of the named steps over repetitions, with the state and fix at the end of a warm-up run."""
     estimator, plant = get(id), build(load(SCENARIO), duration_s=WARM_UP_S)
     columns = dict(plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples)))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
@@ -44,5 +44,5 @@ def microseconds(id: str, steps: tuple[str, ...]) -> float:
 
 
 def _alone(model: Model, steps: Mapping[str, Step]) -> Model:
-    """The model with these steps alone, run at every advance."""
+    """The model with only these steps, which run on every advance."""
     return replace(model, id=f"{model.id}-{'-'.join(steps)}", steps=steps)

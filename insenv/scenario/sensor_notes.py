@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from insenv.estimators import SensorNotes
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors import units
 
 
@@ -19,7 +20,7 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
     process of that sigma is driven as strongly as the in-run part, the bias random walk and, over an hour, the
     parts that depend on the motion; a bias that does not change has `CONSTANT`.
     """
-    gravity = units.STANDARD_GRAVITY
+    gravity = STANDARD_GRAVITY
     notes: dict[str, float] = {}
     for triad, white, floor in (("gyro", "angle_random_walk", 1e-9), ("accel", "velocity_random_walk", 1e-7)):
         largest = {name: float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in _NOTED}

@@ -1,4 +1,4 @@
-"""The grades by name.  What a source does not state is left out or marked in `sources`."""
+"""The grades by name.  Figures that a source does not state are omitted, or marked in `sources`."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ _LEADOR = ImuGrade(
 )
 _N380 = ImuGrade(
     "n380",
-    "As the Honeywell HGuide n380 log is filtered: a tuning, larger than the unit's own errors",
+    "Tuning for the Honeywell HGuide n380 log, larger than the errors of the unit",
     {"": "Settings used with KF-GINS on the n380 log: 50 deg/h, 500 mGal (510 ug), 1 h"},
     gyro_arw_deg_sqrt_h=0.3,
     gyro_instability_deg_h=50.0,
@@ -197,7 +197,7 @@ _N380 = ImuGrade(
 IMU_GRADES: dict[str, ImuGrade] = {
     grade.name: grade
     for grade in (
-        ImuGrade("perfect", "No errors at all"),
+        ImuGrade("perfect", "No errors"),
         *(_CONSUMER, _INDUSTRIAL, _TACTICAL, _NAVIGATION, _MARINE),
         *(_ECEF, _AIRBORNE, _SWAYING, *map(_quaternion, (50.0, 0.0, 100.0, 200.0)), _LSSVM),
         *(_LEADOR, _N380),
@@ -207,7 +207,7 @@ IMU_GRADES: dict[str, ImuGrade] = {
 
 
 def _single_point(name: str, title: str, cep: float) -> GnssGrade:
-    """A receiver of this CEP (m): half of the variance white, half correlated."""
+    """A receiver of this CEP (m), with half of the variance white and half correlated."""
     horizontal = one_sigma_from_cep(cep) / 2.0**0.5
     # 95 % bounds: 13 m down, 1.960 sigma of one axis; 8 m horizontally, 2.448 sigma of each of two
     down = horizontal * (13.0 / 1.960) / (8.0 / 2.448)
@@ -251,12 +251,12 @@ GNSS_GRADES: dict[str, GnssGrade] = {
 
 
 def imu_grade(name: str) -> ImuGrade:
-    """The IMU grade of that name; raises `InputError` naming the nearest if there is none."""
+    """The IMU grade of that name; raises `InputError`, naming the nearest, if there is none."""
     return _find(name, IMU_GRADES, "IMU grade")
 
 
 def gnss_grade(name: str) -> GnssGrade:
-    """The GNSS grade of that name; raises `InputError` naming the nearest if there is none."""
+    """The GNSS grade of that name; raises `InputError`, naming the nearest, if there is none."""
     return _find(name, GNSS_GRADES, "GNSS grade")
 
 

@@ -1,6 +1,7 @@
-"""GNSS receiver: fixes of the antenna's position and velocity, at their own rate, late and noisy.
+"""GNSS receiver: fixes of the antenna's position and velocity, at their own rate, with latency and noise.
 
-At the epoch, `gnss_epoch_offset` = tau before the sample on which it is taken, from the truth at the IMU:
+At the epoch, which precedes the sample on which it is processed by tau = `gnss_epoch_offset`, from the truth at the
+IMU:
 
     r_antenna = C_nb l
     v_antenna = v + C_nb (omega_eb x l)
@@ -8,10 +9,10 @@ At the epoch, `gnss_epoch_offset` = tau before the sample on which it is taken, 
     offset    = r_antenna - v_antenna tau + a_antenna tau^2 / 2    (m, tangent plane at the IMU)
     velocity  = v_antenna - a_antenna tau
 
-l is the lever arm.  To the position come white noise, a first-order Gauss-Markov error stepped exactly from
-epoch to epoch, and outliers; to the velocity, white noise.  The sum of offset and errors becomes geodetic
-exactly. The fix waits `gnss_latency` and is then delivered with its age.  A sample without a fix costs a
-counter.
+l is the lever arm.  The errors of position are white noise, a first-order Gauss-Markov process stepped exactly from
+epoch to epoch, and outliers; the error of velocity is white noise.  The sum of offset and errors is converted to
+geodetic coordinates exactly. The fix is delivered after `gnss_latency`, with its age.  A sample without a fix only
+increments a counter.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
 
 OUTAGES = 16
-"""Number of outage windows that the parameters hold."""
+"""Number of outage windows in the parameters."""
 GNSS_UNIFORMS = 13
 START_UNIFORMS = 4
 SIGMA_FLOOR = 1e-3
-"""Smallest standard deviation that the receiver reports, m and m/s: an estimator may always divide by it."""
+"""Smallest standard deviation that the receiver reports, m and m/s; never 0, so that an estimator may divide by it."""
 
 GNSS_PARAMETERS = Table(
     (
@@ -57,7 +58,7 @@ GNSS_PARAMETERS = Table(
         ),
         Row(
             "gnss_epoch_offset",
-            "Time by which the epoch precedes the sample on which it is taken, below one sample",
+            "Time by which the epoch precedes the sample on which it is processed, below one sample",
             "s",
             lower=0.0,
             upper=1.0,
@@ -146,10 +147,10 @@ GNSS_STATE = Table(
 def gnss_part(instant: Instant) -> Part:
     """The receiver as a part of a plant.
 
-    Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``,
-    ``longitude`` (rad), ``height`` (m), ``velocity_n`` (m/s) and ``q_nb``; from these, `instant` gives the true
-    angular rate omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2). Steps: "sample", "gnss"
-    (when ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start takes 4.
+    Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``, ``longitude`` (rad),
+    ``height`` (m), ``velocity_n`` (m/s) and ``q_nb``; from these, `instant` computes the true angular rate omega_eb^b
+    (3, rad/s) and the time derivative of velocity_n (3, m/s^2). Steps: "sample", "gnss" (when ``gnss_due``, 13
+    uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 4 uniforms.
     """
 
     def measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
@@ -186,11 +187,10 @@ GNSS = Sensor(
 
 
 def check_timing(sample_interval: float, interval: float, latency: float, epoch_offset: float = 0.0) -> None:
-    """Raise `InputError` unless a receiver with these times (s) can run on samples of `sample_interval`
-    (s).
+    """Raise `InputError` unless a receiver with these times (s) can run on samples of `sample_interval` (s).
 
-    The interval and the latency must be whole numbers of samples (to 1e-6 of one), the latency shorter than
-    the interval, for one fix only can be on its way, and the epoch offset less than one sample.
+    Interval and latency must be whole numbers of samples (to 1e-6 of one), the latency shorter than the interval,
+    because only one fix can be pending, and the epoch offset less than one sample.
     """
     for name, value, least in (("gnss_interval", interval, 1), ("gnss_latency", latency, 0)):
         samples = value / sample_interval
@@ -211,7 +211,7 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
 
 
 def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
-    """The counter: whether the fix on its way arrives, whether another is due."""
+    """Count the sample; determine whether the pending fix is delivered and whether another is due."""
     counter = x.gnss_counter + 1.0
     late = counter * p.sample_interval - p.gnss_latency
     arrives = ca.fabs(late) < 0.5 * p.sample_interval
@@ -240,7 +240,7 @@ def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, acceleration_n: Any) 
     )
 
     epochs = x.gnss_epochs + 1.0
-    # a microsecond decides ties, which rounding would decide at random
+    # a microsecond decides ties, which rounding would otherwise decide arbitrarily
     time = epochs * p.gnss_interval - tau + 1e-6
     lost = 0.0
     for i in range(OUTAGES):

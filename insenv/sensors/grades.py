@@ -1,8 +1,7 @@
-"""Catalogue of sensor grades in the units of data sheets, every figure with its source.
+"""Sensor grades in the units of data sheets, every figure with its source.
 
-A grade is a dataclass of plain numbers; its method `parameters` turns it into parameter rows (SI).  Fixed
-biases are for all three sensor axes alike where one number is given.  What a grade leaves out is 0: no such
-error.
+A grade is a dataclass of plain numbers; its method `parameters` converts it to parameter rows in SI.  A fixed bias
+given as one number applies to all three sensor axes.  A figure that a grade omits is 0: there is no such error.
 """
 
 from __future__ import annotations
@@ -21,13 +20,12 @@ Numbers = float | tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ImuGrade:
-    """Inertial sensor in data-sheet units, which the fields' names show; `CONVERSIONS` says what becomes of
-    each.
+    """Grade of an inertial sensor, in the data-sheet units that the field names show; `CONVERSIONS` converts each
+    figure.
 
-    ``*_sigma_*`` are standard deviations of what is drawn at the start, ``*_instability_*`` of the Gauss-
-    Markov in-run bias, ``*_white_*`` of one sample at `white_rate_hz` (white noise written that way instead
-    of as a random walk).  `sources` says where each figure comes from, by field name; "" stands for all
-    fields not named.
+    ``*_sigma_*`` are standard deviations of quantities drawn at the start, ``*_instability_*`` of the Gauss-Markov
+    in-run bias, ``*_white_*`` of one sample at `white_rate_hz` (an alternative to giving white noise as a random walk).
+     `sources` gives the source of each figure by field name; "" stands for all fields that are not named.
     """
 
     name: str
@@ -65,20 +63,20 @@ class ImuGrade:
     white_rate_hz: float = 200.0
 
     def figures(self) -> dict[str, Any]:
-        """The figures that are given, that is differ from the fields' defaults, by field name."""
+        """The given figures, those that differ from the field defaults, by field name."""
         own = (entry for entry in fields(self) if entry.name not in ("name", "title", "sources"))
         return {e.name: getattr(self, e.name) for e in own if getattr(self, e.name) != e.default}
 
     def source(self, figure: str) -> str:
-        """Where the figure comes from."""
+        """The source of a figure."""
         return self.sources.get(figure, self.sources.get("", ""))
 
     def parameters(self) -> dict[str, Any]:
-        """Values in SI by row name of the sensor's parameters, for `Table.pack`."""
+        """Values in SI by name of the sensor's parameter row, for `Table.pack`."""
         rows: dict[str, Any] = {}
         for figure, (row, convert) in CONVERSIONS.items():
             value = convert(getattr(self, figure))
-            # several ways of writing one row: those not used are 0
+            # a row can be given in several ways: those not used are 0
             rows[row] = value if row not in rows or np.any(value) else rows[row]
         for figure, row, convert in (
             ("gyro_white_deg_h", "gyro_random_walk", units.deg_h_to_rad_s),
@@ -120,14 +118,12 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "accel_quantum_m_s": ("accel_quantum", _same),
     "accel_range_g": ("accel_range", units.g_to_m_s2),
 }
-"""Figure -> (parameter row, conversion to its SI unit): the only place where data-sheet figures become SI."""
+"""Parameter row and conversion to SI of each figure; data-sheet figures are converted here only."""
 
 
 @dataclass(frozen=True)
 class GnssGrade:
-    """Receiver grade: standard deviations north, east, down of white noise and of the correlated part of
-    position.
-    """
+    """Grade of a receiver: standard deviations north, east, down of white noise and correlated position error."""
 
     name: str
     title: str
@@ -138,7 +134,7 @@ class GnssGrade:
     wander_time_s: float = 60.0
 
     def parameters(self) -> dict[str, Any]:
-        """Values in SI by row name of the receiver's parameters, for `Table.pack`."""
+        """Values in SI by name of the receiver's parameter row, for `Table.pack`."""
         return {
             "gnss_position_noise": np.array(self.position_noise_m),
             "gnss_velocity_noise": np.array(self.velocity_noise_m_s),

@@ -4,14 +4,13 @@ For each triad, s being the sensor axes, b the body and dt the length of a sampl
 4.4):
 
     y_s   = (I + S + M) C(e)^T C_sb d_b + bias_s dt + G C_sb dv_b + N sqrt(dt) w
-    y_s   is limited to +-range dt, then counted: n = floor((residual + y_s) / quantum + 1/2)
+    y_s   is limited to +-range dt, then quantized: n = floor((residual + y_s) / quantum + 1/2)
     out_b = C_bs n quantum, or 0 if the sample is lost
 
-S scale factor, M misalignment, e mounting error, G g-sensitivity (gyros only), w standard normal.  What is
-not a whole count is carried to the next sample.  Only w and the loss are drawn every sample.  The bias is
-the turn-on bias, a first-order Gauss-Markov process, a random walk and a thermal part; the step "drift"
-takes these over `drift_interval` by their exact discretisation, and the bias runs linearly from one such
-point to the next.
+S scale factor, M misalignment, e mounting error, G g-sensitivity (gyros only), w standard normal.  The remainder below
+one count is carried to the next sample.  Only w and the loss are drawn on every sample.  The bias is the sum of the
+turn-on bias, a first-order Gauss-Markov process, a random walk and a thermal part; the step "drift" advances these by
+`drift_interval` with their exact discretisation, and the bias varies linearly between these points.
 """
 
 from __future__ import annotations
@@ -37,9 +36,8 @@ def imu_part() -> Part:
     """The sensor as a part of a plant.
 
     Reads the parameter ``sample_interval`` (s) and the state rows ``true_delta_angle`` (3, rad, b) and
-    ``true_delta_velocity`` (3, m/s, b), the exact increments that the part before it has written in the
-    step "sample". Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 12 uniforms); the start takes
-    34.
+    ``true_delta_velocity`` (3, m/s, b), the exact increments that the preceding part computes in the step "sample".
+    Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 12 uniforms); the start uses 34 uniforms.
     """
     return Part(
         parameters=IMU_PARAMETERS,
@@ -60,14 +58,12 @@ def normals(uniforms: Any) -> Any:
 
 
 def _of(values: Values, triad: Triad, row: str) -> Any:
-    """The triad's own row."""
+    """The row of a triad."""
     return getattr(values, f"{triad.name}_{row}")
 
 
 def _start(p: Values, r: Any) -> dict[str, Any]:
-    """What is drawn once: turn-on biases, Gauss-Markov values (stationary), scale factors, misalignments,
-    mounting.
-    """
+    """Draw what is constant in a run: turn-on bias, Gauss-Markov start, scale factor, misalignment, mounting."""
     n = normals(r)
     C_bs = to_dcm(normalize(p.q_bs))
     C_error = to_dcm(from_rotation_vector(p.mounting_error + p.mounting_error_sigma * n[30:33]))
@@ -97,7 +93,7 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
 
 
 def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
-    """One sample of both triads, and whether the slow errors are due."""
+    """One sample of both triads, and whether an update of the slow errors is due."""
     dt = p.sample_interval
     root_dt = ca.sqrt(dt)
     n = normals(r[0:6])
@@ -120,24 +116,24 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
 
 
 def _sensed(p: Values, x: Values, triad: Triad, bias: Any) -> Any:
-    """Increments (3, s) of a triad before noise, from the true ones of the sample and a bias (3, s)."""
+    """Increments (3, s) of a triad without noise, from the true increments of the sample and a bias (3, s)."""
     true = x.true_delta_angle if triad is GYRO else x.true_delta_velocity
     extra = x.gyro_g_matrix @ x.true_delta_velocity if triad is GYRO else ca.SX.zeros(3)
     return _of(x, triad, "error_matrix") @ true + bias * p.sample_interval + extra
 
 
 def systematic_error(p: Values, x: Values) -> tuple[Any, Any]:
-    """Error of the last sample's delta angle (3, rad, b) and delta velocity (3, m/s, b), but for what noise and counts add."""
+    """Error of the last delta angle (3, rad, b) and delta velocity (3, m/s, b), without noise and quantization."""
     angle, velocity = (x.C_bs @ _sensed(p, x, triad, _of(x, triad, "bias_s")) for triad in (GYRO, ACCEL))
     return angle - x.true_delta_angle, velocity - x.true_delta_velocity
 
 
 def _count(p: Values, x: Values, triad: Triad, sensed: Any) -> tuple[Any, Any]:
-    """Increments (3, s) limited and rounded to whole counts; what is left over for the next sample (3, s)."""
+    """Increments (3, s) limited and rounded to whole counts, and the remainder for the next sample (3, s)."""
     limit = _of(p, triad, "range") * p.sample_interval
     quantum = _of(p, triad, "quantum")
     per_count = 1.0 / (quantum + (quantum == 0.0))
-    # what lies beyond either limit is taken off: nothing, exactly, in between
+    # subtract the excess beyond either limit, which is exactly 0 in between
     above, below = sensed - limit, sensed + limit
     limited = sensed - ((above > 0.0) * above + (below < 0.0) * below)
     pending = _of(x, triad, "residual") + limited
@@ -146,7 +142,7 @@ def _count(p: Values, x: Values, triad: Triad, sensed: Any) -> tuple[Any, Any]:
 
 
 def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
-    """Slow errors at the end of the drift interval that begins now, and the straight line that leads there.
+    """Slow errors at the end of the drift interval that begins now, and the linear change per sample towards them.
 
     Exact discretisation over h = count dt: Gauss-Markov b <- a b + sigma sqrt(1 - a^2) w, a = exp(-h/T)
     (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; temperature T <- T_end + (T - T_end)

@@ -1,6 +1,4 @@
-"""The rows of the inertial sensor: its parameters and its state, the gyro triad and the accelerometer triad
-alike.
-"""
+"""Rows of the inertial sensor's parameters and state, generated alike for the gyro and the accelerometer triad."""
 
 from __future__ import annotations
 
@@ -10,15 +8,15 @@ from typing import Any
 from insenv.core.tables import Row, Table
 
 HUGE = 1e12
-"""Stands for "no limit": tables hold finite numbers only."""
+"""Represents "no limit": tables hold finite numbers only."""
 
 
 @dataclass(frozen=True)
 class Triad:
-    """Three orthogonal sensors of one kind and the units of what they measure.
+    """Three orthogonal sensors of one kind, with the units of what they measure.
 
-    name: prefix of its rows; what: for the rows' meanings; increment, rate: units of the increment and of
-    the rate.
+    name: prefix of its rows; what: name in the meanings of the rows; increment, rate: units of the increment and of the
+        rate.
     """
 
     name: str
@@ -27,7 +25,7 @@ class Triad:
     rate: str
 
     def parameters(self) -> tuple[Row, ...]:
-        """Parameter rows; every one of them in sensor axes, and all start as "no error"."""
+        """Parameter rows, all in sensor axes and with start values that mean "no error"."""
         name, what, unit = self.name, self.what, self.rate
         root = f"{self.increment}/sqrt(s)"
         pairs = "axis couplings xy, xz, yx, yz, zx, zy (measuring axis first)"
@@ -98,10 +96,10 @@ class Triad:
         )
 
     def state(self) -> tuple[Row, ...]:
-        """State rows; others than this model want ``*_bias_true``."""
+        """State rows; other models use ``*_bias_true``."""
         name, what, unit = self.name, self.what, self.rate
         identity = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        in_force = "bias in force over the latest sample, all parts"
+        in_force = "total bias over the latest sample"
         step = "bias, change per sample until the next drift update"
         return (
             Row(f"{name}_bias_true", f"{what} {in_force}", unit, (3,), "b"),
@@ -113,13 +111,13 @@ class Triad:
             Row(f"{name}_walk", f"{what} bias random walk at the next drift update", unit, (3,), "s"),
             Row(
                 f"{name}_error_matrix",
-                f"{what} errors of scale, alignment and mounting: takes body increments to sensed ones",
+                f"{what} errors of scale, alignment and mounting: transforms body increments to sensed ones",
                 "1",
                 (3, 3),
                 "s",
                 start=identity,
             ),
-            Row(f"{name}_residual", f"{what} part of a count kept for the next sample", self.increment, (3,), "s"),
+            Row(f"{name}_residual", f"{what} part of a count carried to the next sample", self.increment, (3,), "s"),
         )
 
 
@@ -135,7 +133,7 @@ IMU_PARAMETERS = Table(
         *ACCEL.parameters(),
         Row(
             "q_bs",
-            "Nominal mounting: takes sensor to body components; the output is in body axes by it",
+            "Nominal mounting: transforms sensor to body components, and is used to output body axes",
             "1",
             (4,),
             "b",
@@ -165,7 +163,7 @@ IMU_PARAMETERS = Table(
         Row("imu_drop_probability", "Probability that a sample is lost", lower=0.0, upper=1.0),
         Row(
             "drift_interval",
-            "Time between updates of the slow errors, linear in between",
+            "Time between updates of the slow errors, which vary linearly in between",
             "s",
             start=1.0,
             lower=1e-4,
@@ -188,7 +186,7 @@ IMU_STATE = Table(
         *GYRO.state(),
         *ACCEL.state(),
         Row("gyro_g_matrix", "Gyro bias per specific force in body axes", "(rad/s)/(m/s^2)", (3, 3), "s"),
-        Row("C_bs", "Nominal mounting: takes sensor to body components", "1", (3, 3), "b"),
+        Row("C_bs", "Nominal mounting: transforms sensor to body components", "1", (3, 3), "b"),
         Row("imu_temperature", "Sensor temperature", "K", **_KELVIN),
         Row("imu_temperature_step", "Sensor temperature, change per sample until the next drift update", "K"),
         Row("drift_counter", "Samples since the latest drift update", start=HUGE),

@@ -1,8 +1,7 @@
-"""Data-sheet units to SI: the one place where deg/h, ug/sqrt(Hz) and their kin meet radians and metres.
+"""Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two ways of writing white noise.
 
-NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g``
-the standard gravity of data sheets (9.80665 m/s^2, whatever the local gravity), ``ppm`` a millionth.  Also
-the two ways of writing white noise.
+NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
+gravity of data sheets (9.80665 m/s^2, independent of the local gravity), ``ppm`` a millionth.
 """
 
 from __future__ import annotations
@@ -12,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-STANDARD_GRAVITY = 9.80665
-"""m/s^2; exact by definition (3rd CGPM, 1901)."""
+from insenv.geodesy import STANDARD_GRAVITY
+
 HOUR = 3600.0
 """s."""
 DEGREE = math.pi / 180.0
@@ -55,13 +54,6 @@ def rad_s_to_deg_h(value: Any) -> Any:
 def deg_sqrt_h_to_rad_sqrt_s(value: Any) -> Any:
     """deg/sqrt(h) to rad/sqrt(s) (angle random walk)."""
     return np.multiply(value, DEGREE / math.sqrt(HOUR))
-
-
-def deg_h_sqrt_hz_to_rad_sqrt_s(value: Any) -> Any:
-    """(deg/h)/sqrt(Hz) to rad/sqrt(s) (angle random walk as a rate density; 60 of these are one
-    deg/sqrt(h)).
-    """
-    return np.multiply(value, DEGREE / HOUR)
 
 
 def deg_h_sqrt_h_to_rad_s_sqrt_s(value: Any) -> Any:
@@ -133,27 +125,11 @@ def density_from_sample_std(sample_std: Any, sample_interval: float) -> Any:
     return np.multiply(sample_std, math.sqrt(sample_interval))
 
 
-def sample_std_from_density(density: Any, sample_interval: float) -> Any:
-    """Standard deviation of the rate of one sample, from the white noise density: over
-    sqrt(sample_interval).
-    """
-    return np.divide(density, math.sqrt(sample_interval))
-
-
-def increment_std_from_density(density: Any, sample_interval: float) -> Any:
-    """Standard deviation of one increment (rad, m/s) from its white noise density: times
-    sqrt(sample_interval).
-    """
-    return np.multiply(density, math.sqrt(sample_interval))
-
-
 def one_sigma_from_cep(cep: float) -> float:
-    """Standard deviation per horizontal axis from the circular error probable, which half of the fixes
-    keep.
-    """
+    """Standard deviation per horizontal axis from the circular error probable, the median of the error."""
     return cep / math.sqrt(2.0 * math.log(2.0))
 
 
 def one_sigma_from_r50(r50: float) -> float:
-    """Standard deviation of one axis from the bound that half of its errors keep."""
+    """Standard deviation of one axis from the bound that half of its errors do not exceed."""
     return r50 / 0.6744897501960817

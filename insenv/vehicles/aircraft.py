@@ -1,9 +1,9 @@
-"""Aircraft: parked in gusts, taxiing, taking off, climbing, flying lines and coordinated turns, by script or
-by command.
+"""Aircraft: parked in gusts, taxiing, taking off, climbing, on straight lines and in coordinated turns, by script or
+command.
 
-The track turns at the rate of a coordinated turn, g tan(bank) / V, met exactly at every sample's end and
-linear in between, so that the heading is a polynomial within a sample. On the ground the same command steers
-and the wings stay level. Turbulence is a small Gauss-Markov disturbance of attitude and velocity.
+The track turns at the rate of a coordinated turn, g tan(bank) / V, exact at the end of every sample and linear in
+between, so that the heading is a polynomial within a sample. On the ground the same command steers and the wings stay
+level. Turbulence is a small Gauss-Markov disturbance of attitude and velocity.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import casadi as ca
 from insenv.core.elementary import clamp, maximum, select, sin_cos
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles.car import climb_angle
 from insenv.vehicles.gusts import Gusts
 from insenv.vehicles.nodes import PLACES
@@ -26,15 +27,13 @@ from insenv.vehicles.tracker import Tracker, along_all, derivative_all
 from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import SineCosine, Vehicle
 
-STANDARD_GRAVITY = 9.80665
-"""g of the coordinated turn, m/s^2."""
 SLOW = 5.0
 """Speed (m/s) below which the turn rate falls with the speed, to zero at rest."""
 
 SCRIPT = Script((
     Row("speed", "Speed to reach, horizontal, over ground", "m/s", lower=0.0, upper=340.0),
-    Row("acceleration", "Largest acceleration on the way to it", "m/s^2", start=2.5, lower=0.0, upper=30.0),
-    Row("bank", "Bank of the turn, right wing down; on the ground its turn is steered", "rad", lower=-1.2, upper=1.2),
+    Row("acceleration", "Largest acceleration towards this speed", "m/s^2", start=2.5, lower=0.0, upper=30.0),
+    Row("bank", "Bank of the turn, right wing down; on the ground it steers the same turn rate", "rad", lower=-1.2, upper=1.2),
     Row("climb_rate", "Rate of climb, in the air", "m/s", lower=-100.0, upper=100.0),
 ))  # fmt: skip
 
@@ -50,8 +49,10 @@ AIRCRAFT_TRAITS = VehicleTraits(
 
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Horizontal speed over ground", "m/s")
 BANK = Tracker(("bank", "bank_rate", "bank_second"), "Bank of the turn", "rad")
-_SLOPE = Tracker(("slope", "slope_rate", "slope_second"), "Slope of the path, climb over way", "1")
-_AIRBORNE = Tracker(("airborne", "airborne_rate", "airborne_second"), "Weight on the wings, 0 on the ground to 1", "1")
+_SLOPE = Tracker(("slope", "slope_rate", "slope_second"), "Slope of the path, climb over horizontal distance", "1")
+_AIRBORNE = Tracker(
+    ("airborne", "airborne_rate", "airborne_second"), "Share of the weight on the wings, 0 on the ground to 1", "1"
+)
 _GUSTS = Gusts("gust", (
     ("gust_roll", "rad"), ("gust_pitch", "rad"), ("gust_yaw", "rad"),
     ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
@@ -64,15 +65,15 @@ PARAMETERS = Table((
     Row("mean_pitch", "Pitch at rest", "rad", lower=-0.5, upper=0.5),
     Row("angle_of_attack", "Pitch above the path in the air", "rad", start=0.035, lower=-0.3, upper=0.3),
     Row("start_heading", "Heading at time 0", "rad"),
-    Row("start_speed", "Speed at time 0; above the take-off speed: in the air", "m/s", lower=0.0, upper=340.0),
+    Row("start_speed", "Speed at time 0; above the take-off speed the aircraft is in the air", "m/s", lower=0.0, upper=340.0),
     Row("take_off_speed", "Speed above which the aircraft flies", "m/s", start=45.0, lower=1.0, upper=200.0),
-    Row("speed_bandwidth", "Bandwidth of the speed's following its command", "rad/s", start=1.0, lower=1e-2, upper=20.0),
-    Row("bank_bandwidth", "Bandwidth of the bank's following its command", "rad/s", start=1.5, lower=1e-2, upper=20.0),
-    Row("climb_bandwidth", "Bandwidth of the path's slope, and of taking off", "rad/s", start=0.8, lower=1e-2, upper=20.0),
-    Row("gust_bandwidth", "Bandwidth of the motion's following gusts", "rad/s", start=4.0, lower=1e-1, upper=60.0),
+    Row("speed_bandwidth", "Bandwidth of the speed loop", "rad/s", start=1.0, lower=1e-2, upper=20.0),
+    Row("bank_bandwidth", "Bandwidth of the bank loop", "rad/s", start=1.5, lower=1e-2, upper=20.0),
+    Row("climb_bandwidth", "Bandwidth of the slope loop and of take-off", "rad/s", start=0.8, lower=1e-2, upper=20.0),
+    Row("gust_bandwidth", "Bandwidth with which the motion follows gusts", "rad/s", start=4.0, lower=1e-1, upper=60.0),
     Row("bank_limit", "Largest bank", "rad", start=0.8, lower=0.0, upper=1.2),
     Row("bank_rate_limit", "Largest rate of the bank", "rad/s", start=0.15, lower=1e-3, upper=3.0),
-    Row("pull_limit", "Largest acceleration across the path in the vertical plane", "m/s^2", start=2.0, lower=1e-2, upper=50.0),
+    Row("pull_limit", "Largest vertical acceleration normal to the path", "m/s^2", start=2.0, lower=1e-2, upper=50.0),
 ))  # fmt: skip
 
 
@@ -82,10 +83,10 @@ def aircraft(engine_components: int = 1) -> Vehicle:
     engine_components: number of angular frequencies of the engine's vibration in roll, pitch (rad) and down
     (m).
 
-    Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and
-    ``engine_<roll|pitch|down>_amplitude``, ``_phase``, turbulence (``gust_time_constant``,
-    ``gust_<roll|pitch|yaw>_sigma`` rad, ``gust_<north|east|down>_sigma`` m/s), script (``segments``,
-    ``segments_repeat``). Built in physical terms by `insenv.vehicles.routes.flight_plan`.
+    Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and ``engine_<roll|pitch|down>_amplitude``,
+    ``_phase``, turbulence (``gust_time_constant``, ``gust_<roll|pitch|yaw>_sigma`` rad,
+    ``gust_<north|east|down>_sigma`` m/s), script (``segments``, ``segments_repeat``).
+    `insenv.vehicles.routes.flight_plan` builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
     track = (

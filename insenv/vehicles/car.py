@@ -1,10 +1,8 @@
-"""Car: parked (engine, wind, people getting in) or driving (speed, turns, grades, stops), by script or by
-command.
+"""Car: parked (engine, wind, people getting in) or driving (speed, turns, grades, stops), by script or command.
 
-The path is that of a wheeled vehicle: heading rate = curvature * speed, so that turning ends when the speed
-does; no side slip. The body
-stands on its suspension: it leans out of turns, squats under acceleration, yields to wind and load, and
-shakes with the engine.
+The path is that of a wheeled vehicle without side slip: heading rate = curvature * speed, so that a stationary car does
+not turn. The body on its suspension leans out of turns, squats under acceleration, yields to wind and load, and
+vibrates with the engine.
 """
 
 from __future__ import annotations
@@ -27,13 +25,13 @@ from insenv.vehicles.truth import SineCosine, Vehicle
 
 SCRIPT = Script((
     Row("speed", "Speed to reach, over ground", "m/s", lower=0.0, upper=100.0),
-    Row("acceleration", "Largest acceleration on the way to it; negative: brake to a stop at that rate", "m/s^2", start=2.0,
+    Row("acceleration", "Largest acceleration towards this speed; if negative, brake to a stop", "m/s^2", start=2.0,
         lower=-15.0, upper=15.0),
     Row("yaw_rate", "Heading rate, reached by steering", "rad/s", lower=-2.0, upper=2.0),
     Row("slope", "Slope of the road, rise over run", lower=-0.4, upper=0.4),
-    Row("load_roll", "Roll by load (people getting in)", "rad", lower=-0.2, upper=0.2),
-    Row("load_pitch", "Pitch by load", "rad", lower=-0.2, upper=0.2),
-    Row("load_down", "Sinking by load", "m", lower=-0.2, upper=0.2),
+    Row("load_roll", "Roll due to load (people getting in)", "rad", lower=-0.2, upper=0.2),
+    Row("load_pitch", "Pitch due to load", "rad", lower=-0.2, upper=0.2),
+    Row("load_down", "Sinking due to load", "m", lower=-0.2, upper=0.2),
 ))  # fmt: skip
 
 CAR_TRAITS = VehicleTraits(
@@ -60,16 +58,16 @@ PARAMETERS = Table((
     Row("mean_pitch", "Pitch of the body on level ground at rest", "rad", lower=-0.5, upper=0.5),
     Row("start_heading", "Heading at time 0", "rad"),
     Row("start_speed", "Speed at time 0", "m/s", lower=0.0, upper=100.0),
-    Row("speed_bandwidth", "Bandwidth of the speed's following its command", "rad/s", start=3.0, lower=1e-2, upper=20.0),
+    Row("speed_bandwidth", "Bandwidth of the speed loop", "rad/s", start=3.0, lower=1e-2, upper=20.0),
     Row("steering_bandwidth", "Bandwidth of the steering", "rad/s", start=4.0, lower=1e-2, upper=20.0),
-    Row("road_bandwidth", "Bandwidth of the slope's following its command", "rad/s", start=1.5, lower=1e-2, upper=20.0),
+    Row("road_bandwidth", "Bandwidth of the slope loop", "rad/s", start=1.5, lower=1e-2, upper=20.0),
     Row("suspension_bandwidth", "Bandwidth of the suspension", "rad/s", start=9.0, lower=1e-1, upper=60.0),
     Row("curvature_limit", "Largest curvature of the path", "1/m", start=0.2, lower=1e-6, upper=1.0),
-    Row("roll_per_acceleration", "Lean out of turns by acceleration", "rad/(m/s^2)", start=0.006, lower=0, upper=0.05),
-    Row("pitch_per_acceleration", "Squat by forward acceleration", "rad/(m/s^2)", start=0.004, lower=0.0, upper=0.05),
+    Row("roll_per_acceleration", "Lean out of turns per lateral acceleration", "rad/(m/s^2)", start=0.006, lower=0, upper=0.05),
+    Row("pitch_per_acceleration", "Squat per forward acceleration", "rad/(m/s^2)", start=0.004, lower=0.0, upper=0.05),
 ))  # fmt: skip
 
-_STEERING_SPEED = 2.0  # m/s: below it a commanded heading rate is not reached any more
+_STEERING_SPEED = 2.0  # m/s: below this speed a commanded heading rate is not reached
 
 
 def car(engine_components: int = 1) -> Vehicle:
@@ -80,8 +78,8 @@ def car(engine_components: int = 1) -> Vehicle:
 
     Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and
     ``engine_<roll|pitch|down>_amplitude``, ``_phase``, wind (``wind_time_constant``, ``wind_roll_sigma``,
-    ``wind_pitch_sigma``), script (``segments``, ``segments_repeat``). Built in physical terms by
-    `insenv.vehicles.routes.car_route`.
+    ``wind_pitch_sigma``), script (``segments``, ``segments_repeat``). `insenv.vehicles.routes.car_route`
+    builds the script from physical quantities.
     """
     engine = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, engine_components)
     state = Table((Row("path_heading", "Heading, not wrapped", "rad"),)) + engine.state + _WIND.state + SCRIPT.state
@@ -133,13 +131,13 @@ def car(engine_components: int = 1) -> Vehicle:
 
 
 def climb_angle(slope: Any) -> Any:
-    """Angle (rad) of a slope: atan to 2e-6 rad for slopes up to 0.2, a polynomial."""
+    """Angle (rad) of a slope: a polynomial that approximates atan to 2e-6 rad for slopes up to 0.2."""
     square = slope * slope
     return slope * (1.0 - square * (1.0 / 3.0 - square * 0.2))
 
 
 def _turned(x: Values, t: Any) -> Any:
-    """Integral of curvature * speed, both parabolas, over the first t seconds of the sample."""
+    """Integral of curvature * speed, each a parabola, over the first t seconds of the sample."""
     k0, k1, k2 = x.curvature, x.curvature_rate, 0.5 * x.curvature_second
     v0, v1, v2 = x.speed, x.speed_rate, 0.5 * x.speed_second
     terms = (k0 * v0, k0 * v1 + k1 * v0, k0 * v2 + k1 * v1 + k2 * v0, k1 * v2 + k2 * v1, k2 * v2)

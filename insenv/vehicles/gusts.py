@@ -1,8 +1,8 @@
 """Gusts: first-order Gauss-Markov disturbances that a vehicle follows smoothly.
 
-Each sample draws a new value of a Gauss-Markov process; the motion follows it by a tracker, so that it stays
-C1. The process's factor over a sample is (1 - a)/(1 + a), a = h / (2 T), instead of exp(-h / T), and its
-noise is scaled to that factor: the variance is exact for every rate, the correlation time to second order.
+Each sample draws a new value of a Gauss-Markov process, and a tracker follows it, so that the motion is continuously
+differentiable. The factor of the process over a sample is (1 - a)/(1 + a), a = h / (2 T), instead of exp(-h / T), with
+the noise scaled accordingly: the variance is exact at every rate, the correlation time is correct to second order.
 """
 
 from __future__ import annotations
@@ -23,10 +23,9 @@ class Gusts:
     """Disturbances with one correlation time.
 
     name: prefix of the parameter ``<name>_time_constant``.
-    channels: names and units, ``(("gust_roll", "rad"), ...)``; each has the parameter ``<channel>_sigma``
-    (standard deviation of the
-        Gauss-Markov process) and the state rows ``<channel>_target``, ``<channel>``, ``<channel>_rate``,
-        ``<channel>_second``.
+    channels: names and units, ``(("gust_roll", "rad"), ...)``; each channel has the parameter ``<channel>_sigma``
+        (standard deviation of the Gauss-Markov process) and the state rows ``<channel>_target``, ``<channel>``,
+        ``<channel>_rate``, ``<channel>_second``.
     """
 
     name: str
@@ -59,14 +58,14 @@ class Gusts:
 
     @property
     def uniforms(self) -> int:
-        """Number of uniforms a sample, and the start, take."""
+        """Number of uniforms that a sample uses; the start uses as many."""
         return 2 * -(-len(self.channels) // 2)
 
     def _normals(self, r: Any) -> list[Any]:
         return [n for i in range(0, self.uniforms, 2) for n in normal_pair(r[i], r[i + 1])][: len(self.channels)]
 
     def start(self, p: Values, r: Any) -> dict[str, Any]:
-        """Processes at their stationary distribution, followed from the first instant."""
+        """Processes drawn from their stationary distribution, with trackers that start on them."""
         rows: dict[str, Any] = {}
         for (name, _), normal in zip(self.channels, self._normals(r), strict=True):
             value = getattr(p, f"{name}_sigma") * normal
@@ -74,7 +73,7 @@ class Gusts:
         return rows
 
     def hold(self, p: Values, x: Values, bandwidth: Any, r: Any) -> dict[str, Any]:
-        """The processes' next values and the trackers' second derivatives over the coming sample."""
+        """The next values of the processes and the second derivatives of the trackers over the coming sample."""
         a = p.sample_interval / (2.0 * getattr(p, f"{self.name}_time_constant"))
         factor, scale = (1.0 - a) / (1.0 + a), 2.0 * ca.sqrt(a) / (1.0 + a)
         rows: dict[str, Any] = {}

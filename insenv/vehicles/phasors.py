@@ -1,8 +1,8 @@
-"""Sums of sinusoids as rotating phasors: no sine is evaluated while the motion runs.
+"""Sums of sinusoids as rotating phasors, which need no sine during the motion.
 
-A sinusoid A sin(w t + phase) is carried as the pair (A sin, A cos). Going on by a fixed time turns the pair
-by a fixed angle: four multiplications and two additions with constants that ``start`` has computed. From the
-start of a sample over its Gauss-Lobatto nodes to its end there are three turns by only two different angles.
+A sinusoid A sin(w t + phase) is stored as the pair (A sin, A cos). Advancing by a fixed time rotates the pair by a
+fixed angle: four multiplications and two additions with constants that ``start`` computes. From the start of a sample
+through its Gauss-Lobatto nodes to its end there are three rotations by two different angles.
 """
 
 from __future__ import annotations
@@ -21,18 +21,16 @@ from insenv.vehicles.nodes import EDGE, INNER
 
 @dataclass(frozen=True)
 class Phasors:
-    """Sinusoids of common angular frequencies in one or more channels.
+    """Sinusoids with common angular frequencies in one or more channels.
 
     name: prefix of the rows' names.
-    channels: unit of each channel's amplitude by the channel's name, ``{"roll": "rad", "down": "m"}``.
+    channels: unit of the amplitude by name of the channel, ``{"roll": "rad", "down": "m"}``.
     components: number of angular frequencies.
-    seeded: whether ``start`` adds to the phases of each frequency, in all channels alike, a uniform random
-    angle.
+    seeded: whether ``start`` adds a uniform random angle to the phases of each frequency, the same in all channels.
 
-    Rows (n = components; a lone channel that is called like the whole is named once):
-    parameters ``<name>_angular_frequency`` (n,) rad/s, ``<name>_<channel>_amplitude`` (n,),
-    ``<name>_<channel>_phase`` (n,) rad; state ``<name>_<channel>_sine``, ``<name>_<channel>_cosine`` (n,) and
-    the constants of the two turns.
+    Rows (n = components; a single channel with the name of the bank is named once): parameters
+    ``<name>_angular_frequency`` (n,) rad/s, ``<name>_<channel>_amplitude`` (n,), ``<name>_<channel>_phase`` (n,) rad;
+    state ``<name>_<channel>_sine``, ``<name>_<channel>_cosine`` (n,) and the constants of the two rotations.
     """
 
     name: str
@@ -41,12 +39,12 @@ class Phasors:
     seeded: bool = False
 
     def label(self, channel: str) -> str:
-        """The rows' name of a channel."""
+        """Prefix of the rows of a channel."""
         return self.name if channel == self.name else f"{self.name}_{channel}"
 
     @property
     def start_uniforms(self) -> int:
-        """Number of uniforms that ``start`` takes."""
+        """Number of uniforms that ``start`` uses."""
         return self.components if self.seeded else 0
 
     @property
@@ -62,12 +60,12 @@ class Phasors:
 
     @property
     def state(self) -> Table:
-        """Phasors, and the constants that turn them."""
+        """Phasors and the constants of their rotations."""
         shape, name = (self.components,), self.name
         rows = []
         for place in ("edge", "inner"):
             for part in ("cosine", "sine"):
-                meaning = f"{part.capitalize()} of the {name} motion's turn, {place} part of the sample"
+                meaning = f"{part.capitalize()} of the rotation of the {name} motion over the {place} part of the sample"
                 rows.append(Row(f"{name}_{place}_{part}", meaning, "1", shape))
         for channel, unit in self.channels.items():
             label = self.label(channel)
@@ -93,10 +91,9 @@ class Phasors:
         return state
 
     def along(self, x: Values) -> list[dict[str, Any]]:
-        """Phasors at `nodes.PLACES` of a sample that starts at x; at the end back on their circle.
+        """Phasors at `nodes.PLACES` of a sample that starts at x, with their radius restored at the end.
 
-        One Newton step, z (3/2 - |z|^2 / 2 A^2), takes away the rounding's growth of the radius before it can
-        add up.
+        One Newton step, z (3/2 - |z|^2 / 2 A^2), keeps rounding errors of the radius from accumulating.
         """
 
         def turn(place: str) -> tuple[Any, Any]:

@@ -1,8 +1,7 @@
-"""Scripts in physical terms: a car's route, an aircraft's flight, a survey pattern; degrees and other units
-of the rim allowed.
+"""Scripts from physical quantities in user units: the route of a car, the course of a ship, the flight of an aircraft.
 
-Each builder gives the value of the vehicle's parameter ``segments``. Durations include the time that the
-vehicle takes to follow.
+Each builder returns the value of the vehicle's parameter ``segments``. Durations include the response time of the
+vehicle.
 """
 
 from __future__ import annotations
@@ -15,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, nearest
-from insenv.vehicles.aircraft import BANK, SLOW, STANDARD_GRAVITY
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.vehicles.aircraft import BANK, SLOW
 from insenv.vehicles.aircraft import PARAMETERS as AIRCRAFT_PARAMETERS
 from insenv.vehicles.aircraft import SCRIPT as AIRCRAFT_SCRIPT
 from insenv.vehicles.car import SCRIPT as CAR_SCRIPT
@@ -31,10 +31,10 @@ def car_route(legs: Sequence[Leg], start_speed_mps: float = 0.0, speed_bandwidth
         [{"wait_s": 60, "load_roll_deg": 0.5}, {"accelerate_to_mps": 15, "acceleration_mps2": 2}, {"drive_s": 20},
          {"turn_deg": 90, "duration_s": 6}, {"stop_s": 30}]
 
-    One of: ``accelerate_to_mps`` (ends when the speed is reached, or after ``duration_s``), ``drive_s``
-    (straight on), ``turn_deg`` (right positive, at the speed reached; with ``duration_s`` or ``radius_m``),
-    ``stop_s`` (brake, then stand so long), ``wait_s``. Any leg may set ``acceleration_mps2`` (2),
-    ``grade_percent``, ``load_roll_deg``, ``load_pitch_deg``, ``load_down_m``, which then hold on. Raises
+    Each leg has one of ``accelerate_to_mps`` (ends when the speed is reached, or after ``duration_s``), ``drive_s``
+    (straight ahead), ``turn_deg`` (positive to the right, at the current speed; with ``duration_s`` or ``radius_m``),
+    ``stop_s`` (brake, then stand for this time), ``wait_s``. Any leg may set ``acceleration_mps2`` (2),
+    ``grade_percent``, ``load_roll_deg``, ``load_pitch_deg``, ``load_down_m``, which remain in effect. Raises
     `InputError` naming the leg, the key and what is allowed.
     """
     allowed = {"acceleration_mps2", "grade_percent", "load_roll_deg", "load_pitch_deg", "load_down_m", "duration_s", "radius_m"}
@@ -59,7 +59,7 @@ def car_route(legs: Sequence[Leg], start_speed_mps: float = 0.0, speed_bandwidth
         elif kind == "turn_deg":
             angle = radians(leg["turn_deg"])
             if speed <= 0.0:
-                raise InputError(f"leg {number}: turn_deg = {leg['turn_deg']}: a car that stands cannot turn")
+                raise InputError(f"leg {number}: turn_deg = {leg['turn_deg']}: a stationary car cannot turn")
             if ("duration_s" in leg) == ("radius_m" in leg):
                 raise InputError(f"leg {number}: turn_deg needs either duration_s or radius_m")
             radius = _positive(number, leg, "radius_m", 1.0)
@@ -75,8 +75,8 @@ def ship_course(legs: Sequence[Leg], start_speed_mps: float = 0.0) -> Array:
     """Segments of ``ship(under_way=True)`` from legs such as ``[{"speed_mps": 8, "duration_s": 300},
     {"turn_deg": 90, "duration_s": 120}, {"hold_s": 600}]``.
 
-    One of: ``speed_mps`` (straight on, over ``duration_s``), ``turn_deg`` (right positive, over
-    ``duration_s``), ``hold_s`` (straight on). Raises `InputError` naming the leg, the key and what is
+    Each leg has one of ``speed_mps`` (straight ahead, over ``duration_s``), ``turn_deg`` (positive to the right, over
+    ``duration_s``), ``hold_s`` (straight ahead). Raises `InputError` naming the leg, the key and what is
     allowed.
     """
     speed, segments = start_speed_mps, []
@@ -98,11 +98,11 @@ def flight_plan(legs: Sequence[Leg], start_speed_mps: float = 0.0, start_height_
          {"climb_to_m": 6000, "climb_mps": 8}, {"line_m": 20000}, {"turn_deg": -180, "bank_deg": 20},
          {"fly_s": 60}]
 
-    One of: ``wait_s`` or ``fly_s`` (straight on), ``line_m`` (straight on for a length of ground),
-    ``speed_mps`` (until it is reached), ``climb_to_m`` (height above the ellipsoid, at ``climb_mps``, 5),
-    ``turn_deg`` (right positive, at ``bank_deg``, 20; wings level at its end). Any leg may set
-    ``acceleration_mps2`` (2.5). For the vehicle's default bandwidths and limits; turns come out to 0.1 deg.
-    Raises `InputError` naming the leg, the key and what is allowed.
+    Each leg has one of ``wait_s`` or ``fly_s`` (straight ahead), ``line_m`` (straight ahead for a ground distance),
+    ``speed_mps`` (until it is reached), ``climb_to_m`` (height above the ellipsoid, at ``climb_mps``, 5), ``turn_deg``
+    (positive to the right, at ``bank_deg``, 20; wings level at its end). Any leg may set ``acceleration_mps2`` (2.5).
+    Assumes the default bandwidths and limits of the vehicle; turns are accurate to 0.1 deg. Raises `InputError` naming
+    the leg, the key and what is allowed.
     """
     kinds = ("wait_s", "fly_s", "line_m", "speed_mps", "climb_to_m", "turn_deg")
     speed, height, acceleration, segments = start_speed_mps, start_height_m, 2.5, []
@@ -138,7 +138,7 @@ def flight_plan(legs: Sequence[Leg], start_speed_mps: float = 0.0, start_height_
 
 
 def survey_pattern(lines: int, length_m: float, bank_deg: float = 20.0) -> list[dict[str, float]]:
-    """Legs for `flight_plan`: parallel lines of a length, joined by half turns to the right and to the left in turn."""
+    """Legs for `flight_plan`: parallel lines joined by half turns, alternately to the right and to the left."""
     if lines < 1:
         raise InputError(f"lines = {lines}: allowed is at least 1")
     legs: list[dict[str, float]] = []
@@ -150,10 +150,11 @@ def survey_pattern(lines: int, length_m: float, bank_deg: float = 20.0) -> list[
 
 
 def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
-    """How long (s) a bank (rad) is commanded for a turn by an angle (rad) at a speed (m/s), and how long it
-    then takes to level.
+    """For a turn by an angle (rad) at a bank (rad) and speed (m/s): the time (s) for which to command the bank, and
+    then to level.
 
-    Flies roll-in and roll-out of the aircraft's own tracker with its default parameters in plain numbers.
+    Simulates roll-in and roll-out with the aircraft's own tracker and its default parameters. Raises `InputError` if
+    the bank is too large for the aircraft or for so short a turn.
     """
     table = AIRCRAFT_PARAMETERS
     bandwidth, limit = float(table["bank_bandwidth"].start), float(table["bank_rate_limit"].start)
@@ -183,7 +184,7 @@ def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
 
 
 def _kind(number: int, leg: Leg, kinds: Sequence[str], others: set[str]) -> str:
-    """The one key of `kinds` in a leg whose keys and values are allowed."""
+    """The one key of `kinds` in a leg; raises `InputError` for keys and values that are not allowed."""
     for key, value in leg.items():
         if key not in kinds and key not in others:
             raise InputError(f"leg {number}: no key {key!r}{nearest(key, [*kinds, *sorted(others)])}")

@@ -1,9 +1,8 @@
-"""Scripts: a vehicle's commands from a table of segments, or from outside, step by step.
+"""Scripts: the commands of a vehicle, from a table of segments or from inputs.
 
-A segment is a duration and a value for each command. The segments lie in a parameter of fixed size; loading
-the next one is a step of its own that runs only when one has ended, so that going through 64 rows costs
-nothing in between. A command from outside (input ``command_valid`` not zero) replaces the commands and ends
-the script.
+A segment is a duration and a value for each command. The segments are stored in a parameter of fixed size. Loading the
+next one is a separate step that runs only when a segment has ended, so that searching 64 rows costs nothing in between.
+An external command (input ``command_valid`` not zero) replaces the commands and ends the script.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from insenv.core.tables import Row, Table
 from insenv.errors import InputError, nearest
 
 N_SEGMENTS = 64
-"""Rows of the table of segments."""
+"""Number of rows of the table of segments."""
 NEVER = 1e15
 """Duration of the last command, s."""
 
@@ -31,29 +30,29 @@ NEVER = 1e15
 class Script:
     """The commands of a vehicle.
 
-    commands: rows named after the quantity commanded (``"speed"``), with unit, meaning, start value and
-    bounds. Each gives a state row ``commanded_<name>``, an input row ``command_<name>`` and a column of the
-    parameter ``segments`` after the duration.
+    commands: rows named after the commanded quantity (``"speed"``), with unit, meaning, start value and bounds. Each
+    defines a state row ``commanded_<name>``, an input row ``command_<name>`` and a column of the parameter ``segments``
+    after the duration.
     """
 
     commands: tuple[Row, ...]
 
     @property
     def parameters(self) -> Table:
-        """Table of segments, whether to repeat it."""
+        """The table of segments, and whether to repeat it."""
         columns = ", ".join(f"{row.name} {row.unit}" for row in self.commands)
         meaning = f"Script, one segment a row: duration s, {columns}; a duration of 0 ends it"
         shape = (N_SEGMENTS, 1 + len(self.commands))
         return Table((
             Row("segments", meaning, "1", shape),
-            Row("segments_repeat", "Whether the script starts again at its end (1) or holds the last (0)", lower=0, upper=1),
+            Row("segments_repeat", "Whether the script restarts at its end (1) or keeps the last (0)", lower=0, upper=1),
         ))  # fmt: skip
 
     @property
     def state(self) -> Table:
-        """Commands in force, and where the script stands."""
+        """The current commands and the position in the script."""
         commands = tuple(
-            replace(row, name=f"commanded_{row.name}", meaning=f"Command in force: {row.meaning}") for row in self.commands
+            replace(row, name=f"commanded_{row.name}", meaning=f"Current command: {row.meaning}") for row in self.commands
         )
         return Table((
             *commands,
@@ -64,12 +63,12 @@ class Script:
 
     @property
     def inputs(self) -> Table:
-        """Commands from outside."""
+        """External commands."""
         rows = [replace(row, name=f"command_{row.name}", meaning=f"Command: {row.meaning}") for row in self.commands]
-        return Table((*rows, Row("command_valid", "Whether the commands are to be taken (1) or not (0)")))
+        return Table((*rows, Row("command_valid", "Whether the commands apply (1) or not (0)")))
 
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
-        """The first segment in force, or where there is none the commands `otherwise` (by name; else their start values)."""
+        """The first segment, or if there is none the commands `otherwise` (by name; default: their start values)."""
         duration = p.segments[0, 0]
         given = duration > 0.0
         state = {
@@ -83,13 +82,13 @@ class Script:
         }
 
     def count(self, p: Values, x: Values) -> dict[str, Any]:
-        """One sample less of the segment in force."""
+        """Subtract one sample from the time left of the current segment."""
         left = x.segment_left - p.sample_interval
         return {"segment_left": left, "segment_due": left < 0.5 * p.sample_interval}
 
     @property
     def steps(self) -> Mapping[str, Step]:
-        """The rare steps, to stand before the vehicle's step ``sample``."""
+        """The conditional steps, to be placed before the vehicle's step ``sample``."""
         return {"segment": Step(self._load, when="segment_due"), "command": Step(self._take, when="command_valid")}
 
     def _load(self, p: Values, x: Values, u: Values) -> dict[str, Any]:

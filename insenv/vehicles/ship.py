@@ -1,8 +1,8 @@
-"""Ship: sway about a mean attitude as sums of sinusoids, moored or under way.
+"""Ship, moored or under way, that sways about a mean attitude as a sum of sinusoids.
 
-Attitude = mean + sway; the centre of motion is displaced about its mean place (moored) or way (under way) in
-north, east and down. What is regular has its own sinusoids for each of the six motions; an irregular sea has
-sinusoids common to all six (`insenv.vehicles.waves`).
+Attitude = mean + sway; the centre of motion is displaced in north, east and down from its mean position (moored) or
+track (under way). Regular sway has separate sinusoids for each of the six motions; an irregular sea has sinusoids
+common to all six (`insenv.vehicles.waves`).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ CHANNELS = {**dict.fromkeys(ANGLES, "rad"), **dict.fromkeys(DISPLACEMENTS, "m")}
 """The six motions, with the unit of their amplitudes."""
 
 SCRIPT = Script((
-    Row("speed", "Speed through the Earth along the way's heading", "m/s", lower=0.0, upper=60.0),
-    Row("turn_rate", "Rate of the way's heading", "rad/s", lower=-0.5, upper=0.5),
+    Row("speed", "Speed over ground along the heading of the track", "m/s", lower=0.0, upper=60.0),
+    Row("turn_rate", "Turn rate of the track", "rad/s", lower=-0.5, upper=0.5),
 ))  # fmt: skip
 SHIP_TRAITS = VehicleTraits(
     mavlink_type=11,  # MAV_TYPE_SURFACE_BOAT
@@ -41,8 +41,8 @@ SHIP_TRAITS = VehicleTraits(
         StickCommand("turn_rate", "TURN", "Turn rate", ("r", "y"), 3.0, 90.0, "deg/s"),
     ),
 )
-_SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed along the way's heading", "m/s")
-_TURN = Tracker(("turn_rate", "turn_rate_rate", "turn_rate_second"), "Rate of the way's heading", "rad/s")
+_SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed along the heading of the track", "m/s")
+_TURN = Tracker(("turn_rate", "turn_rate_rate", "turn_rate_second"), "Turn rate of the track", "rad/s")
 
 
 def ship(
@@ -52,10 +52,9 @@ def ship(
 
     regular: number of sinusoids of each of the six motions, or by motion ("roll", "pitch", "yaw", "north",
     "east", "down").
-    wave_components: number of an irregular sea's angular frequencies, common to the six motions, phases
-    seeded.
-    under_way: whether it makes way, with commands for speed and turn rate; moored otherwise.
-    seeded: whether random angles are added to the phases of the regular sinusoids too.
+    wave_components: number of angular frequencies of an irregular sea, common to the six motions, with random phases.
+    under_way: whether the ship moves, with commands for speed and turn rate; otherwise it is moored.
+    seeded: whether random angles are added to the phases of the regular sinusoids as well.
 
     Parameters: ``mean_roll``, ``mean_pitch``, ``start_heading`` (rad); by motion ``<motion>_amplitude`` (rad,
     m), ``<motion>_angular_frequency`` (rad/s), ``<motion>_phase`` (rad) of A sin(w t + phase);
@@ -67,7 +66,7 @@ def ship(
     banks = tuple(Phasors(name, {name: CHANNELS[name]}, count, seeded) for name, count in counts.items() if count)
     if wave_components:
         banks += (Phasors("wave", CHANNELS, wave_components, seeded=True),)
-    heading = Row("start_heading", "Mean heading (moored) or heading of the way (under way) at time 0", "rad")
+    heading = Row("start_heading", "Mean heading (moored) or heading of the track (under way) at time 0", "rad")
     parameters = sum((bank.parameters for bank in banks), Table((
         Row("mean_roll", "Mean roll", "rad", lower=-1.5, upper=1.5),
         Row("mean_pitch", "Mean pitch", "rad", lower=-1.5, upper=1.5),
@@ -76,7 +75,7 @@ def ship(
     state = sum((bank.state for bank in banks), Table())
     if under_way:
         parameters += _UNDER_WAY_PARAMETERS + SCRIPT.parameters
-        state += Table((Row("way_heading", "Heading of the way, not wrapped", "rad"),)) + _SPEED.state + _TURN.state
+        state += Table((Row("way_heading", "Heading of the track, not wrapped", "rad"),)) + _SPEED.state + _TURN.state
         state += SCRIPT.state
 
     def start(p: Values, r: Any = None) -> dict[str, Any]:
@@ -148,22 +147,21 @@ def ship(
 
 
 _UNDER_WAY_PARAMETERS = Table((
-    Row("start_speed", "Speed along the way's heading at time 0", "m/s", lower=0.0, upper=60.0),
-    Row("speed_bandwidth", "Bandwidth of the speed's following its command", "rad/s", start=0.1, lower=1e-3, upper=10.0),
-    Row("turn_bandwidth", "Bandwidth of the turn rate's following its command", "rad/s", start=0.3, lower=1e-3, upper=10.0),
-    Row("acceleration_limit", "Largest acceleration along the way", "m/s^2", start=0.3, lower=1e-6, upper=10.0),
-    Row("turn_acceleration_limit", "Largest acceleration of the way's heading", "rad/s^2", start=0.02, lower=1e-6, upper=10.0),
+    Row("start_speed", "Speed along the heading of the track at time 0", "m/s", lower=0.0, upper=60.0),
+    Row("speed_bandwidth", "Bandwidth of the speed loop", "rad/s", start=0.1, lower=1e-3, upper=10.0),
+    Row("turn_bandwidth", "Bandwidth of the turn-rate loop", "rad/s", start=0.3, lower=1e-3, upper=10.0),
+    Row("acceleration_limit", "Largest acceleration along the track", "m/s^2", start=0.3, lower=1e-6, upper=10.0),
+    Row("turn_acceleration_limit", "Largest angular acceleration of the track", "rad/s^2", start=0.02, lower=1e-6, upper=10.0),
 ))  # fmt: skip
 
 
 def regular_sway(motions: Sequence[Mapping[str, Any]]) -> tuple[dict[str, int], dict[str, list[float]]]:
-    """Arguments of `ship` (regular) and its parameters from sinusoids A sin(2 pi t / period + phase) such
-    as::
+    """The argument `regular` of `ship`, and its parameters, from sinusoids A sin(2 pi t / period + phase) such as::
 
         [{"motion": "roll", "amplitude_deg": 10, "period_s": 8},
          {"motion": "down", "amplitude_m": 1, "frequency_hz": 0.125, "phase_deg": 90}]
 
-    ``frequency_hz`` may stand for ``period_s``. Raises `InputError` naming the sinusoid, the key and what is
+    ``frequency_hz`` may replace ``period_s``. Raises `InputError` naming the sinusoid, the key and what is
     allowed.
     """
     values: dict[str, list[float]] = {}

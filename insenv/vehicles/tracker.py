@@ -1,9 +1,7 @@
-"""Smooth trackers: what is commanded reaches the motion through second-order, critically damped following.
+"""Trackers: the motion follows a command as a second-order, critically damped system.
 
-A tracker is (s, s', s''). s'' is chosen at the start of a sample and held over it, so that within the sample
-s is a parabola, known
-exactly, and over all samples s has a continuous derivative: specific force and body rate have no jumps that
-an IMU would not see.
+A tracker is (s, s', s''). s'' is set at the start of a sample and constant over it. Within a sample s is therefore an
+exact parabola, and over all samples s has a continuous derivative: velocity and attitude rate never jump.
 """
 
 from __future__ import annotations
@@ -21,9 +19,8 @@ from insenv.core.tables import Row, Table
 class Tracker:
     """One tracked quantity.
 
-    names: rows of the quantity, its first and its second time derivative, ``("speed", "acceleration",
-    "jerk")``.
-    meaning, unit: of the quantity.
+    names: rows of the quantity and its first and second time derivative, ``("speed", "acceleration", "jerk")``.
+    meaning, unit: meaning and unit of the quantity.
     """
 
     names: tuple[str, str, str]
@@ -46,12 +43,12 @@ class Tracker:
     def hold(self, x: Values, h: Any, target: Any, bandwidth: Any, rate_limit: Any = None) -> dict[str, Any]:
         """The second derivative over the coming sample of h seconds, towards `target`.
 
-        bandwidth: rad/s; rate_limit: |s'| is never driven beyond it.
+        bandwidth: rad/s; rate_limit: the command never drives |s'| beyond it.
 
-        The double integrator with both its poles at z = 1 / (1 + bandwidth h): real, so that a target is
-        never overshot, and inside the unit circle whatever h. The error is turned into a wanted rate first
-        and that is limited, so that the limit
-        does not bring an overshoot either: a speed whose targets are not negative does not become negative.
+        Both poles of the controlled double integrator lie at z = 1 / (1 + bandwidth h): real, so that a target is never
+        overshot, and inside the unit circle for every h. The error is first converted to a desired rate, and the limit
+        applies to that rate, so that limiting causes no overshoot either: a speed with non-negative targets never
+        becomes negative.
         """
         value, rate, second = self.names
         scale = 1.0 / (1.0 + bandwidth * h)
@@ -78,10 +75,10 @@ class Tracker:
 
 
 def along_all(trackers: Sequence[Tracker], x: Values, t: Any) -> dict[str, Any]:
-    """`Tracker.along` of several."""
+    """`Tracker.along` of several trackers."""
     return {name: value for tracker in trackers for name, value in tracker.along(x, t).items()}
 
 
 def derivative_all(trackers: Sequence[Tracker], x: Values) -> dict[str, Any]:
-    """`Tracker.derivative` of several."""
+    """`Tracker.derivative` of several trackers."""
     return {name: value for tracker in trackers for name, value in tracker.derivative(x).items()}

@@ -1,11 +1,10 @@
-"""Truth: from a vehicle's law of motion to the increments that a perfect IMU would give.
+"""Truth: from a vehicle's law of motion to the increments of a perfect IMU.
 
-A vehicle says how it moves: attitude angles and the velocity of its centre of motion as functions of a state
-whose flow over a sample is known in closed form. Everything else is derived here, once for all vehicles: body
-rate and acceleration by differentiating those functions along the flow, the IMU's velocity by its lever arm,
-specific force by the navigation equation, increments and position by Gauss-Lobatto quadrature over the
-sample, whose end is evaluated once, for this sample and the next. No splines, no end effects, no filter
-between pose and IMU.
+A vehicle defines its attitude angles and the velocity of its centre of motion as functions of a state whose flow over a
+sample has a closed form. Everything else is derived here, once for all vehicles: body rate and acceleration by
+differentiating these functions along the flow, the velocity of the IMU with its lever arm, specific force by the
+navigation equation, increments and position by Gauss-Lobatto quadrature over the sample, whose end is evaluated once
+for this sample and the next. There are no splines, no end effects and no filter between pose and IMU.
 """
 
 from __future__ import annotations
@@ -31,24 +30,23 @@ Kinematics = Callable[[Values, Values, Sequence[SineCosine]], Sequence[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Vehicle:
-    """The law of motion of one vehicle, as pure functions over CasADi symbols.
+    """The law of motion of a vehicle, as pure functions of CasADi symbols.
 
     id, title: short name, and one line for listings.
-    parameters, state, inputs: its rows, named unlike those of `TRUTH_PARAMETERS` and `TRUTH_STATE`.
-    along: ``(p, x) -> [rows that move within a sample]`` at the places `nodes.PLACES` (fractions of
-        p.sample_interval) of the sample that starts at x, the last its end; exact.
+    parameters, state, inputs: its rows, with names other than those of `TRUTH_PARAMETERS` and `TRUTH_STATE`.
+    along: ``(p, x) -> [rows that change within a sample]`` at the nodes `nodes.PLACES` (fractions of p.sample_interval)
+        of the sample that starts at x, the last of them its end; exact.
     derivative: ``(p, x) -> {row: time derivative}`` of the same rows.
-    angles: ``(p, x) -> [roll, pitch, heading, ...]`` rad, then any other angle whose sine and cosine
-    `velocity_n` wants.
-    velocity_n: ``(p, x, [(sine, cosine) of each angle]) -> 3x1`` velocity of the centre of motion in NED,
-    m/s.
+    angles: ``(p, x) -> [roll, pitch, heading, ...]`` rad, followed by any other angle whose sine and cosine
+        `velocity_n` needs.
+    velocity_n: ``(p, x, [(sine, cosine) of each angle]) -> 3x1`` velocity of the centre of motion in n, m/s.
     start: ``(p) -> {row: value}``, or ``(p, r)`` if `start_uniforms` > 0.
-    hold: ``(p, x, u) -> {row: value}`` chosen at the start of a sample and held over it, or ``(p, x, u, r)``
-    if `hold_uniforms` > 0.
-    steps: rare steps that stand before the sample (commands).
+    hold: ``(p, x, u) -> {row: value}``, rows set at the start of a sample and constant over it, or ``(p, x, u, r)`` if
+        `hold_uniforms` > 0.
+    steps: conditional steps that run before the step ``sample`` (commands).
 
-    The angles must turn by less than 0.25 rad in a sample; their rates and `velocity_n`'s must be continuous
-    from sample to sample.
+    The angles must change by less than 0.25 rad per sample; their rates and `velocity_n` must be continuous from sample
+    to sample.
     """
 
     id: str
@@ -84,16 +82,15 @@ TRUTH_STATE = Table((
     Row("true_delta_velocity", "Integral of the specific force f^b over the last sample", "m/s", (3,), "b"),
     Row("rate_nb_b", "True angular rate of the body relative to n, omega_nb^b", "rad/s", (3,), "b"),
     Row("rate_ib_b", "True inertial angular rate of the body, omega_ib^b", "rad/s", (3,), "b"),
-    Row("steady_force_b", "True specific force f^b, less angular acceleration times lever arm", "m/s^2", (3,), "b"),
+    Row("steady_force_b", "True specific force f^b without the term angular acceleration times lever arm", "m/s^2", (3,), "b"),
 ))  # fmt: skip
 
 
 def truth_part(vehicle: Vehicle) -> Part:
-    """The part of a plant that moves `vehicle` and makes true increments.
+    """The part of a plant that moves `vehicle` and computes the true increments.
 
-    Steps: the vehicle's own rare ones, then ``sample``, which advances by the parameter ``sample_interval``
-    (declared elsewhere).
-    Parameters and state: the vehicle's and TRUTH_PARAMETERS, TRUTH_STATE.
+    Steps: the conditional steps of the vehicle, then ``sample``, which advances by the parameter ``sample_interval``
+    (declared elsewhere). Parameters and state: those of the vehicle, TRUTH_PARAMETERS and TRUTH_STATE.
     """
     kinematics = _kinematics(vehicle)
 
@@ -126,8 +123,10 @@ def truth_part(vehicle: Vehicle) -> Part:
 
 
 def truth_instant(vehicle: Vehicle) -> Callable[[Values, Values], tuple[Any, Any]]:
-    """(p, x) -> omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2) at the end of the last sample, for
-    what is measured now and then: a sample does not need them.
+    """The function (p, x) -> omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2) at the end of the
+    last sample.
+
+    For sensors that measure on few samples; the sample itself does not need these quantities.
     """
     kinematics = _kinematics(vehicle)
 
@@ -162,7 +161,7 @@ def _kinematics(vehicle: Vehicle) -> Kinematics:
     rates = ca.jtimes(angles, x_flat, flow)
     along = ca.vertcat(x_flat, s, c), ca.vertcat(flow, c * rates, -s * rates)
     velocity = vehicle.velocity_n(p, x, [(s[i], c[i]) for i in range(angles.numel())])
-    # omega_nb^b from Euler rates, as attitude.euler_rates_to_body_rate
+    # omega_nb^b: the heading rate about D, the pitch rate about E' and the roll rate about N'' = b's x axis
     roll_rate, pitch_rate, heading_rate = rates[0], rates[1], rates[2]
     omega = ca.vertcat(
         roll_rate - s[1] * heading_rate,
@@ -184,7 +183,7 @@ def _kinematics(vehicle: Vehicle) -> Kinematics:
 
 
 class _Motion:
-    """Attitude, body rate and the IMU's velocity and acceleration at one instant."""
+    """Attitude, body rate, and velocity and acceleration of the IMU at one instant."""
 
     def __init__(self, pairs: Sequence[SineCosine], kinematics: Kinematics, p: Values, x: Values) -> None:
         (sr, cr), (sp, cp), (sh, ch) = pairs[:3]
@@ -207,7 +206,7 @@ class _Motion:
         return self.omega_nb_b + self.C_nb.T @ omega_in_n, self.C_nb.T @ force_n + self.centripetal_b
 
     def rows(self, earth: _Earth, height: Any) -> dict[str, Any]:
-        """Rows of TRUTH_STATE that an instant has, but for attitude and position."""
+        """The rows of TRUTH_STATE at this instant, except attitude and position."""
         rate, force = self.inertial(earth, height)
         return {"velocity_n": self.velocity_n, "rate_nb_b": self.omega_nb_b, "rate_ib_b": rate, "steady_force_b": force}
 
@@ -239,7 +238,7 @@ class _Earth:
         self.rate_n = ca.vertcat(OMEGA_IE * cos_latitude, 0.0, -OMEGA_IE * sin_latitude)
 
     def moved(self, north: Any, down: Any) -> _Earth:
-        """A near place, at a latitude that is greater by `north` (rad), lower by `down` (m); radii to first order."""
+        """A nearby place, `north` (rad) further north and `down` (m) lower; radii to first order."""
         earth, turned = copy(self), 1.0 - 0.5 * north * north
         sine, cosine = self.sin_latitude, self.cos_latitude
         flatter = E2 * sine * cosine * north
@@ -255,12 +254,13 @@ class _Earth:
 
 
 def _integrated(p: Values, x: Values, motions: Sequence[_Motion]) -> dict[str, Any]:
-    """Rows of TRUTH_STATE but the attitude, at the end of the sample that starts at x.
+    """Rows of TRUTH_STATE, except the attitude, at the end of the sample that starts at x.
 
-    The part omega_dot x l that a lever arm l adds to the specific force has a closed integral, the change of omega x l.
-    The Earth's curvature and rotation and the gravity's latitude are, at the inner nodes, those of the sample's middle: over a
-    sample they change by 1e-7 of themselves, linearly, and what a linear change leaves is third order. The end, which is the
-    next sample's start, has its own. Gravity's change with height, the largest, is followed at each node.
+    The term omega_dot x l that a lever arm l adds to the specific force has a closed integral, the change of omega x l.
+    At the inner nodes, curvature and rotation of the Earth and the latitude of gravity are those of the middle of the
+    sample: over a sample they change linearly by a relative 1e-7, and the error of this approximation is of third
+    order. The end, which is the start of the next sample, uses its own values. The largest effect, the change of
+    gravity with height, is evaluated at each node.
     """
     h = p.sample_interval
     end = motions[-1]
@@ -270,7 +270,7 @@ def _integrated(p: Values, x: Values, motions: Sequence[_Motion]) -> dict[str, A
     sine, cosine = sin_cos(x.latitude)
     height = x.height - h * way[2]
     rough = A * (1.0 - E2) * (1.0 + (1.5 * E2) * sine * sine) + x.height
-    north = 0.5 * h * way[0] / rough  # latitude's change up to the middle
+    north = 0.5 * h * way[0] / rough  # change of latitude up to the middle
     turned = 1.0 - 0.5 * north * north
     middle = _Earth(sine * turned + cosine * north, cosine * turned - sine * north, 0.5 * (x.height + height))
     rows = end.rows(middle.moved(north, 0.5 * h * way[2]), height)
@@ -296,7 +296,7 @@ _SHORT_COSINE = (1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 
 
 
 def _turned(pair: SineCosine, angle: Any) -> SineCosine:
-    """Sine and cosine of an angle that is `angle` further on; |angle| < 0.25 rad leaves 1e-14, 0.1 rad 1e-18."""
+    """Sine and cosine of an angle increased by `angle`; error 1e-14 for |angle| < 0.25 rad, 1e-18 for 0.1 rad."""
     square = angle * angle
     s, c = angle * polynomial(square, _SHORT_SINE), polynomial(square, _SHORT_COSINE)
     return pair[0] * c + pair[1] * s, pair[1] * c - pair[0] * s
@@ -309,9 +309,9 @@ def _doubled(pair: SineCosine) -> SineCosine:
 
 
 def _trigonometry(angles: Sequence[Sequence[Any]]) -> tuple[list[SineCosine], list[list[SineCosine]]]:
-    """Half the angles' sines and cosines at the end, and the angles' own at `nodes.PLACES`: one full evaluation, at the end.
+    """Sines and cosines of half the angles at the end, and of the angles at `nodes.PLACES`, with one full evaluation.
 
-    angles: at `nodes.PLACES`.
+    angles: values at `nodes.PLACES`.
     """
     half = [sin_cos(0.5 * angle) for angle in angles[-1]]
     at_end = [_doubled(pair) for pair in half]

@@ -1,7 +1,7 @@
-"""A vehicle in place on a turntable: indexing turns about the vertical, on command.
+"""A stationary vehicle on a turntable that rotates about the vertical on command (indexing).
 
-The table carries the vehicle, whose roll, pitch, load and engine turn with it, about the vertical through the centre of
-motion.  It goes to the angle commanded at a limited rate, smoothly, and stays there.
+The table rotates the vehicle, with its roll, pitch, load and engine, about the vertical through the centre of motion.
+It moves smoothly to the commanded angle at a limited rate and stays there.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from insenv.vehicles.tracker import Tracker
 from insenv.vehicles.truth import Vehicle
 
 BANDWIDTH = 3.0
-"""rad/s, of the table's following its command."""
+"""Bandwidth of the table, rad/s."""
 RATE = 10.0 * pi / 180.0
-"""rad/s that the table turns at, at most."""
+"""Largest rate of the table, rad/s."""
 
 _INDEX = Tracker(("index_angle", "index_rate", "index_acceleration"), "Angle of the turntable, clockwise from above", "rad")
 COMMANDED = "commanded_index"
-"""State row of the angle to go to (rad), for others to set."""
+"""State row of the commanded angle (rad), set by other parts."""
 
 
 def on_turntable(vehicle: Vehicle) -> Vehicle:
-    """`vehicle`, which must stay in place, with the turntable's angle added to its heading.  Its parameters are the same."""
+    """`vehicle`, which must be stationary, with the angle of the turntable added to its heading; same parameters."""
     base_hold = vehicle.hold
 
     def along(p: Values, x: Values) -> list[dict[str, Any]]:
@@ -46,7 +46,7 @@ def on_turntable(vehicle: Vehicle) -> Vehicle:
         held = {} if base_hold is None else base_hold(p, x, u, *r)
         return {**held, **_INDEX.hold(x, p.sample_interval, getattr(x, COMMANDED), BANDWIDTH, RATE)}
 
-    commanded = Table((Row(COMMANDED, "Angle that the turntable goes to", "rad"),))
+    commanded = Table((Row(COMMANDED, "Commanded angle of the turntable", "rad"),))
     return replace(
         vehicle,
         id=f"{vehicle.id}-turntable",

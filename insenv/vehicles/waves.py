@@ -1,13 +1,12 @@
-"""Irregular sea: a wave spectrum, a ship's response to it, and the sinusoids that `insenv.vehicles.ship`
-runs. NumPy, at load time.
+"""Irregular sea: a wave spectrum, the response of a ship, and the sinusoids for `insenv.vehicles.ship`, computed in
+NumPy.
 
-Long-crested waves on deep water. Spectrum: JONSWAP as in DNV-RP-C205 (2010), sec. 3.5.5 (Pierson and
-Moskowitz for peak enhancement 1). Response: Jensen, Mansour and Olsen 2004, "Estimation of ship motions using
-closed-form expressions", Ocean Engineering 31, for heave and pitch; roll as a damped resonance driven by the
-wave's slope (Lewis, ed., 1989, Principles of Naval Architecture III); surge, sway and yaw follow the orbital
-motion at half draught. All are averaged over length and beam too, and the depth's decay is taken with the
-wave number itself, so that short beam waves do not lift the ship as they would in the closed forms. Good for
-motion of the right size and spectrum, not for ship design.
+Long-crested waves on deep water. Spectrum: JONSWAP as in DNV-RP-C205 (2010), sec. 3.5.5 (Pierson and Moskowitz for peak
+enhancement 1). Response: Jensen, Mansour and Olsen 2004, "Estimation of ship motions using closed-form expressions",
+Ocean Engineering 31, for heave and pitch; roll as a damped resonance driven by the wave's slope (Lewis, ed., 1989,
+Principles of Naval Architecture III); surge, sway and yaw follow the orbital motion at half draught. All are averaged
+over length and beam as well, and the decay with depth uses the wave number itself, so that short beam waves do not lift
+the ship as they would in the closed forms. Suited to motion of realistic size and spectrum, not to ship design.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
 class Hull:
-    """What a ship's response depends on: length, beam, draught (m), natural roll period (s), damping (of critical)."""
+    """Hull properties: length, beam, draught (m), natural roll period (s), roll damping (of critical)."""
 
     length: float = 100.0
     beam: float = 16.0
@@ -44,7 +43,7 @@ def _positive(name: str, value: float, unit: str) -> None:
 
 
 def spectrum(frequency: ArrayLike, significant_height: float, peak_period: float, enhancement: float = 3.3) -> Array:
-    """Spectral density (m^2 s/rad) of the sea's surface at angular frequencies (rad/s) above 0.
+    """Spectral density (m^2 s/rad) of the surface elevation at angular frequencies (rad/s) above 0.
 
     JONSWAP: S = (1 - 0.287 ln gamma) 5/16 Hs^2 wp^4 w^-5 exp(-5/4 (wp/w)^4) gamma^exp(-(w - wp)^2 / (2
     sigma^2 wp^2)), sigma = 0.07 below and 0.09 above the peak wp.
@@ -59,11 +58,12 @@ def spectrum(frequency: ArrayLike, significant_height: float, peak_period: float
 def wave_components(
     significant_height: float, peak_period: float, components: int, enhancement: float = 3.3
 ) -> tuple[Array, Array]:
-    """Angular frequencies (n,) rad/s and amplitudes (n,) m of `components` waves of equal energy that share
-    out the spectrum.
+    """Angular frequencies (n,) rad/s and amplitudes (n,) m of `components` waves of equal energy that represent the
+    spectrum.
 
-    Each stands at its share's centre of energy: the spacing is uneven, so that the sea does not repeat. The
-    sum of A^2 / 2 is the spectrum's zeroth moment, Hs^2 / 16, within the fit of the 0.287 (0.5 %).
+    Each wave lies at the centroid of its share of the spectrum; the spacing is uneven, so that the sea does not repeat.
+    The sum of A^2 / 2 is the zeroth moment of the spectrum, Hs^2 / 16, to the accuracy of the fitted factor 0.287 (0.5
+    %). Raises `InputError` for a value that is out of range.
     """
     _positive("significant_height", significant_height, "m")
     _positive("peak_period", peak_period, "s")
@@ -83,19 +83,19 @@ def wave_components(
 def response(
     frequency: ArrayLike, hull: Hull, relative_direction: float, speed: float = 0.0
 ) -> dict[str, NDArray[np.complex128]]:
-    """Response to waves of unit amplitude, by motion: complex, relative to the elevation cos(w_e t) at the
-    ship.
+    """Complex response by motion to waves of unit amplitude, relative to the elevation cos(w_e t) at the ship.
 
-    frequency: rad/s; relative_direction: where the waves go, from the bow clockwise (rad; 0 following, pi
-    head sea); speed: m/s. Motions: surge, sway, down (m/m), roll, pitch, yaw (rad/m). Elevation a cos(theta),
-    theta = w_e t - k (x cos + y sin).
+    frequency: rad/s; relative_direction: direction of wave travel, clockwise from the bow (rad; 0 following sea, pi
+        head sea);
+    speed: m/s. Motions: surge, sway, down (m/m), roll, pitch, yaw (rad/m). Elevation a cos(theta), theta = w_e t - k (x
+    cos + y sin).
     """
     w = np.asarray(frequency, dtype=np.float64)
-    k = w**2 / GRAVITY
+    k = w**2 / STANDARD_GRAVITY
     cos_b, sin_b = np.cos(relative_direction), np.sin(relative_direction)
-    alpha = np.abs(1.0 - w * speed / GRAVITY * cos_b)
+    alpha = np.abs(1.0 - w * speed / STANDARD_GRAVITY * cos_b)
     x = np.abs(k * cos_b) * hull.length
-    # averages of the wave and of its slope over the length, 1 in long waves; series where they would be 0/0
+    # averages of the wave and of its slope over the length: 1 in long waves, with x bounded away from 0/0
     y = np.where(x < 1e-3, 1e-3, x) / 2.0
     mean, slope = np.sin(y) / y, 3.0 * (np.sin(y) - y * np.cos(y)) / y**3
     across = np.sinc(np.abs(k * sin_b) * hull.beam / (2.0 * np.pi))
@@ -133,9 +133,9 @@ def irregular_sea(
 ) -> dict[str, Array]:
     """Parameters ``wave_...`` of ``ship(wave_components=components)`` for a sea and a ship in it.
 
-    significant_height (m), peak_period (s), enhancement: the sea's; wave_direction: where the waves go, from
-    north (rad); heading (rad), speed (m/s): the ship's mean ones, for the angle and frequency of encounter.
-    Raises `InputError` for what is not positive.
+    significant_height (m), peak_period (s), enhancement: properties of the sea; wave_direction: direction of wave
+    travel, clockwise from north (rad); heading (rad), speed (m/s): mean values of the ship, for angle and frequency of
+    encounter. Raises `InputError` for a value that is out of range.
     """
     hull = hull or Hull()
     frequency, amplitude = wave_components(significant_height, peak_period, components, enhancement)
@@ -144,10 +144,10 @@ def irregular_sea(
     forward, right = motions.pop("surge"), motions.pop("sway")
     motions["north"] = forward * np.cos(heading) - right * np.sin(heading)
     motions["east"] = forward * np.sin(heading) + right * np.cos(heading)
-    encounter = frequency * (1.0 - frequency * speed / GRAVITY * np.cos(relative))
+    encounter = frequency * (1.0 - frequency * speed / STANDARD_GRAVITY * np.cos(relative))
     parameters = {"wave_angular_frequency": np.abs(encounter)}
     for motion, complex_response in motions.items():
-        # waves overtaken by the ship pass it backwards in time
+        # the ship overtakes these waves: their encounter runs backwards in time
         turned = np.where(encounter < 0.0, np.conj(complex_response), complex_response)
         parameters[f"wave_{motion}_amplitude"] = amplitude * np.abs(turned)
         parameters[f"wave_{motion}_phase"] = np.angle(turned) + 0.5 * np.pi

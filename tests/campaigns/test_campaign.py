@@ -1,4 +1,4 @@
-"""Campaigns: whole runs in the core; the same to the bit whoever does the blocks, and after interruptions."""
+"""Campaigns: whole runs in the core; bit-identical with any workers and after interruptions."""
 
 import os
 import pickle
@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from campaigns import same, slow_ship, small_plan
 
-from insenv.campaigns import Folder, cluster, make_plan, processes, run_campaign, threads
+from insenv.campaigns import Folder, cluster, make_plan, processes, run_campaign, running, threads
 from insenv.campaigns import block as block_module
-from insenv.campaigns import campaign as campaign_module
 from insenv.campaigns.block import run_block
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
@@ -42,7 +41,7 @@ def interpreted(monkeypatch):
     ],
 )
 def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
-    """Errors and stated accuracy at the recorded times are those of `insenv.runs.simulated`, mean squares those between."""
+    """Errors and stated accuracy at the recorded times, and mean squares in between, equal those of `insenv.runs.simulated`."""
     scenario = load(name).model_copy(update={"rate_hz": 100.0})
     plan = make_plan(scenario, id, 3, first_seed=11, duration_s=duration_s)
     arrays = run_block(plan, 0)
@@ -63,7 +62,7 @@ def test_a_run_of_a_campaign_is_the_run_of_its_seed(name, id, duration_s):
 
 
 def test_the_alignment_limit_is_that_of_the_errors_of_the_sensors():
-    """Without noise the limit is what the bias alone leaves, and `insenv.runs.simulated` finds the same."""
+    """Without noise the limit is the effect of the bias alone, as in `insenv.runs.simulated`."""
     quiet = {"gyro_arw_deg_sqrt_h": 0.0, "accel_vrw_ug_sqrt_hz": 0.0}
     scenario = slow_ship(grade="perfect", gyro_bias_deg_h=(0.01, 0.02, 0.0), accel_bias_ug=(50.0, -30.0, 0.0), **quiet)
     found = run_campaign(make_plan(scenario, "q-method", 2, first_seed=1, duration_s=60.0))
@@ -86,15 +85,15 @@ def test_reseeded_plants_are_those_built_for_the_seeds():
             assert repr(plant.knowledge) == repr(other.knowledge)
 
 
-# --- the same whoever does it -------------------------------------------------------------------------
+# --- the same with any workers ------------------------------------------------------------------------
 
 
-def test_threads_and_processes_give_the_same_to_the_bit():
+def test_threads_and_processes_are_bit_identical():
     plan = small_plan()
     assert [len(b) for b in plan.blocks] == [8] * 5
-    told = []
-    first = run_campaign(plan, workers=threads(1), progress=lambda done, total: told.append((done, total)))
-    assert told[0] == (0, 40 * 40) and told[-1] == (40 * 40, 40 * 40) and len(told) == 6
+    calls = []
+    first = run_campaign(plan, workers=threads(1), progress=lambda done, total: calls.append((done, total)))
+    assert calls[0] == (0, 40 * 40) and calls[-1] == (40 * 40, 40 * 40) and len(calls) == 6
     assert list(first.seeds) == list(range(3, 43))
     assert same(first, run_campaign(plan, workers=threads(3)))
     assert same(first, run_campaign(replace(plan, block_samples=10**6), workers=threads(2)))  # one block
@@ -103,14 +102,14 @@ def test_threads_and_processes_give_the_same_to_the_bit():
 
 
 @native
-def test_the_compiled_core_gives_the_same_to_the_bit(monkeypatch):
+def test_the_compiled_core_is_bit_identical(monkeypatch):
     plan = small_plan(9)
     first = run_campaign(plan)
     monkeypatch.setenv("INSENV_BACKEND", "native")
     assert same(first, run_campaign(plan))
 
 
-def test_a_cluster_whose_worker_is_killed_gives_the_same_to_the_bit(tmp_path):
+def test_a_cluster_that_loses_a_worker_gives_bit_identical_results(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     plan = small_plan(80)
     expected = run_campaign(plan)
@@ -162,7 +161,7 @@ def test_processes_that_die_are_replaced_and_at_last_given_up(monkeypatch):
     assert same(run_campaign(plan, workers=lambda: next(makers)()), run_campaign(plan))
     with pytest.raises(InsenvError, match="died 4 times"):
         run_campaign(plan, workers=Breaking)
-    assert len(calls) == 2 + campaign_module.ATTEMPTS
+    assert len(calls) == 2 + running.ATTEMPTS
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -173,14 +172,14 @@ def test_processes_do_not_hear_ctrl_c():
 
 
 def test_a_worker_of_another_version_is_refused():
-    with pytest.raises(InsenvError, match="same on all"):
-        campaign_module._block(small_plan(8), 0, "the digest of another version")
+    with pytest.raises(InsenvError, match="same version on all"):
+        running._block(small_plan(8), 0, "the digest of another version")
 
 
 # --- the folder ---------------------------------------------------------------------------------------
 
 
-def test_an_interrupted_campaign_goes_on_and_gives_the_same_to_the_bit(tmp_path):
+def test_an_interrupted_campaign_resumes_with_bit_identical_results(tmp_path):
     plan = small_plan()
     expected = run_campaign(plan)
     done = []
@@ -196,12 +195,12 @@ def test_an_interrupted_campaign_goes_on_and_gives_the_same_to_the_bit(tmp_path)
     assert kept == ["000000.npz", "000001.npz", "000002.npz"]
     with pytest.raises(InputError, match="--resume"):
         Folder(tmp_path, plan)
-    told = []
-    found = run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda now, _: told.append(now))
-    assert told[0] == 3 * 8 * 40 and same(found, expected)
-    told.clear()  # nothing is left to do
-    assert same(run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda n, _: told.append(n)), expected)
-    assert told == [40 * 40]
+    calls = []
+    found = run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda now, _: calls.append(now))
+    assert calls[0] == 3 * 8 * 40 and same(found, expected)
+    calls.clear()  # nothing is left to do
+    assert same(run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda n, _: calls.append(n)), expected)
+    assert calls == [40 * 40]
 
 
 def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
@@ -216,10 +215,10 @@ def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
         if done:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(campaign_module, "run_block", slow)
+    monkeypatch.setattr(running, "run_block", slow)
     with pytest.raises(KeyboardInterrupt):
         run_campaign(plan, workers=threads(1), progress=interrupt)
-    assert begun == [0, 1]  # the second one was under way
+    assert begun == [0, 1]  # the second one had begun
 
 
 def test_damaged_blocks_are_done_again(tmp_path):
@@ -232,7 +231,7 @@ def test_damaged_blocks_are_done_again(tmp_path):
     turned[len(turned) // 2] ^= 0x10
     files[1].write_bytes(turned)
     files[2].write_bytes(b"")
-    shutil.copy(files[4], files[3])  # whole, but of other runs
+    shutil.copy(files[4], files[3])  # undamaged, but of other runs
     store = Folder(tmp_path, plan, resume=True)
     assert [store.has(k) for k in range(5)] == [False] * 4 + [True]
     assert same(run_campaign(plan, store=store), expected)
@@ -248,7 +247,7 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path):
     with pytest.raises(InputError, match="differs in estimator"):
         Folder(tmp_path, make_plan(slow_ship(), "q-method", 16, first_seed=3, duration_s=2.0), resume=True)
     (tmp_path / "manifest.json").write_text("{}")
-    with pytest.raises(InputError, match="no manifest"):
+    with pytest.raises(InputError, match="not the manifest"):
         Folder(tmp_path, plan, resume=True)
     (tmp_path / "manifest.json").unlink()
     with pytest.raises(InputError, match=r"no manifest\.json"):
@@ -266,7 +265,7 @@ def test_a_block_that_fails_ends_the_campaign_and_keeps_the_others(tmp_path, mon
             raise InputError("no such wave")
         return original(plan, number)
 
-    monkeypatch.setattr(campaign_module, "run_block", failing)
+    monkeypatch.setattr(running, "run_block", failing)
     with pytest.raises(InputError, match="no such wave"):
         run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1))
     assert len(list((tmp_path / "blocks").iterdir())) >= 2

@@ -1,4 +1,4 @@
-"""Campaigns: what is varied from run to run, the statistics, the files and the command."""
+"""Campaigns: varied keys, statistics, files and the command."""
 
 import json
 from dataclasses import replace
@@ -11,9 +11,8 @@ from command_line import call
 from navigation import FUNCTIONS, error_state, random_state, with_error
 
 from insenv import geodesy
-from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign
+from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import block as block_module
-from insenv.campaigns import campaign as campaign_module
 from insenv.campaigns.block import run_block
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
@@ -33,7 +32,7 @@ def interpreted(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")
 
 
-# --- what is varied -----------------------------------------------------------------------------------
+# --- varied keys --------------------------------------------------------------------------------------
 
 
 def test_varied_keys_are_drawn_from_seed_and_key_alone():
@@ -68,18 +67,18 @@ def test_a_varied_run_is_the_scenario_with_that_value():
         ("imu.gyro_bias_deg_h=2:1", "lower first"),
         ("imu.gyro_bias_deg_h=0:inf", "finite"),
         ("imu.gyro_bais_deg_h=0:1", "did you mean 'gyro_bias_deg_h'"),
-        ("start.latitude_deg.0=0:1", "below the number"),
+        ("start.latitude_deg.0=0:1", "a number has no key"),
         ("gnss.latency_s=0:1", r"no \[gnss\]"),
         ("start.latitude_deg=0:100", "latitude_deg = 100"),
-        ("seed=0:100", "in common"),
+        ("seed=0:100", "share it"),
         ("title=0:1", "value is a number"),
         ("vehicle=0:1", "value is a number"),
         ("vehicle.sway.roll=0:1", "value is a number"),
-        ("vehicle.sway.roll.3.amplitude_deg=0:1", "no place in a list of 1"),
+        ("vehicle.sway.roll.3.amplitude_deg=0:1", "not an element of a list of 1"),
         ("estimator.q-method.arw=0:1", "unknown key"),
     ],
 )
-def test_what_cannot_be_varied_is_said(text, said):
+def test_keys_that_cannot_be_varied_are_refused(text, said):
     with pytest.raises(InputError, match=said):
         make_plan(slow_ship(), "q-method", 4, duration_s=2.0, variations=[parse_variation(text)])
 
@@ -138,7 +137,7 @@ def test_diverged_runs_are_named_and_left_out(monkeypatch):
             arrays["mean_square"][6, :, 2] *= 1e6
         return arrays
 
-    monkeypatch.setattr(campaign_module, "run_block", spoilt)
+    monkeypatch.setattr(running, "run_block", spoilt)
     found = run_campaign(plan)
     assert found.diverged == (3 + 8 + 2, 3 + 8 + 4) and found.far == (3 + 8 + 6,)
     kept = ~np.isin(found.seeds, found.diverged)
@@ -159,7 +158,7 @@ def test_nees_is_the_squared_error_over_the_covariance():
 
 
 def nees_of(id, estimate, truth_rows):
-    """NEES as the campaign's model computes it, from a state vector and the truth's rows."""
+    """NEES as computed by the campaign's model, from a state vector and the rows of the truth."""
     model = get(id).model
     x = model.state.symbols(ca.SX(ca.DM(estimate)))
     truth = type(x)(**{name: ca.SX(ca.DM(np.atleast_1d(value))) for name, value in truth_rows.items()})
@@ -187,24 +186,24 @@ def test_nees_of_the_15_state_filter_is_that_of_its_own_error_state():
         P = symmetric.full_array(lc.MODEL.state.unpack(estimate)["covariance"], 15)[:9, :9]
         error = error_state(estimate, true)[:9]
         found, degrees = nees_of("loosely-coupled", estimate, truth_of(true))
-        assert degrees == 9 and found == pytest.approx(error @ np.linalg.solve(P, error), rel=1e-4)  # alike to first order
+        assert degrees == 9 and found == pytest.approx(error @ np.linalg.solve(P, error), rel=1e-4)  # equal to first order
 
 
 def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
-    """Errors far below the attitude's scale, correlated, put into truth and covariance."""
+    """Small correlated errors, added to the truth and described by the covariance."""
     rng = np.random.default_rng(7)
     model, place = get("aqe-ekf").model, aqe_tables
     for _ in range(5):
         base = lc.MODEL.state.unpack(random_state(rng))
         shared = {n: base[n] for n in ("q_wb", "velocity_w", "q_ew", "height")}
         L = rng.normal(size=(9, 9)) * np.repeat([1e-4, 0.2, 2.0], 3)[:, None]
-        e = L @ rng.normal(size=9)  # turn, velocity, position, in w
+        e = L @ rng.normal(size=9)  # rotation, velocity, position, in w
         into = np.zeros((place.N, 9))
         into[place.DQ, 0:3] = 0.5 * np.array(ca.DM(ca.evalf(Y(ca.SX(ca.DM(base["q_wb"]))))))
         into[place.VELOCITY, 3:6], into[place.POSITION, 6:9] = np.eye(3), np.eye(3)
         P = into @ (L @ L.T) @ into.T
         estimate = model.state.pack({**shared, "covariance": P.T[np.tril_indices(place.N)]})
-        # the 15-state filter's tool takes errors out: psi is minus the turn, but for that of the computed frame
+        # the filter's own function removes errors: psi is minus the rotation, without that of the computed frame
         state = lc.MODEL.state.pack(shared, random_state(rng))
         theta = frame_turn(state, e[6:9])
         back = np.concatenate([e[6:9], e[3:6], -e[0:3] - theta, np.zeros(6)])
@@ -214,14 +213,14 @@ def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
 
 
 def frame_turn(state, dr):
-    """How far an error of position (3, m, w) turns the computed frame (3, rad)."""
+    """Rotation of the computed frame (3, rad) due to a position error (3, m, w)."""
     rows = lc.MODEL.state.unpack(state)
     return geodesy.numeric.transport_rate_w(dr, rows["q_ew"], rows["height"])
 
 
 @pytest.mark.slow  # compiles for half a minute
 def test_nees_of_the_alignment_filter_lies_within_its_bounds():
-    """Drawn biases and start errors, as `insenv.reproduce` has them: three states, consistent after convergence."""
+    """Drawn biases and initial errors, as in `insenv.reproduce`: three states, consistent after convergence."""
     from insenv.reproduce.ecef import laboratory
 
     found = run_campaign(make_plan(laboratory(5.0), "ecef-kf", 16, first_seed=0, duration_s=160.0))
@@ -229,7 +228,7 @@ def test_nees_of_the_alignment_filter_lies_within_its_bounds():
     assert found.as_json()["nees"]["share_inside"] > 0.9
 
 
-# --- what is written ----------------------------------------------------------------------------------
+# --- output -------------------------------------------------------------------------------------------
 
 
 def test_files_hold_every_run_and_the_figure(tmp_path):
@@ -309,7 +308,7 @@ def test_ctrl_c_says_what_is_kept(monkeypatch, tmp_path):
 
 
 def test_the_noise_limit_follows_what_is_varied():
-    """At each run's own latitude and noise, to a percent: the heading's limit is theirs."""
+    """The heading limit follows the latitude and noise of each run, to a percent."""
     quiet = {"gyro_bias_deg_h": 0.0, "accel_bias_ug": 0.0, "accel_vrw_ug_sqrt_hz": 10.0}
     variations = [parse_variation("start.latitude_deg=20:85"), parse_variation("imu.gyro_arw_deg_sqrt_h=0.001:0.01")]
     plan = make_plan(slow_ship(grade="perfect", **quiet), "analytic", 6, first_seed=1, duration_s=2.0, variations=variations)
@@ -325,7 +324,7 @@ def test_the_noise_limit_follows_what_is_varied():
 def test_lost_samples_are_noted():
     plan = make_plan(slow_ship(drop_probability=0.1), "analytic", 8, first_seed=1, duration_s=2.0)
     found = run_campaign(plan)
-    assert "last that arrived" in " ".join(found.as_json()["notes"]) and found.diverged == ()
+    assert "last one received" in " ".join(found.as_json()["notes"]) and found.diverged == ()
     assert small_plan(8).notes == ()
 
 

@@ -9,10 +9,9 @@ import pytest
 
 from insenv.core.batch import make_batch
 from insenv.core.codegen import functions_source
-from insenv.core.instructions import instructions
+from insenv.core.instructions import instructions, ordering
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
-from insenv.core.schedule import schedule
 from insenv.core.tables import Row, Table
 from insenv.estimators import get, registered
 
@@ -21,7 +20,7 @@ from insenv.estimators import get, registered
 def test_an_order_has_every_instruction_once_and_after_its_sources(id: str) -> None:
     for kernel in get(id).model.kernels.values():
         steps = instructions(kernel.function)
-        order = schedule(steps, {})
+        order = ordering(steps, {})
         place = {k: i for i, k in enumerate(order)}
         used = {source for step in steps for source in step.sources}
         assert len(place) == len(order)
@@ -35,12 +34,12 @@ def test_a_chain_is_broken_up_and_a_rule_kept() -> None:
     for _ in range(20):
         first, second = first * first, ca.sqrt(second)
     steps = instructions(ca.Function("f", [x], [ca.vertcat(first, second)]))
-    order = [k for k in schedule(steps, {}) if not steps[k].is_leaf]
+    order = [k for k in ordering(steps, {}) if not steps[k].is_leaf]
     names = [steps[k].name for k in order][:20]
-    assert min(names.count("SQ"), names.count("SQRT")) > 2  # neither waits for the other's end
+    assert min(names.count("SQ"), names.count("SQRT")) > 2  # the two chains are interleaved
     outputs = [k for k, step in enumerate(steps) if step.name == "OUTPUT"]
     late = next(k for k, step in enumerate(steps) if step.name == "SQ")
-    ruled = schedule(steps, {late: [outputs[1]]})
+    ruled = ordering(steps, {late: [outputs[1]]})
     assert ruled.index(late) > ruled.index(outputs[1])
 
 

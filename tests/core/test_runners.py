@@ -1,13 +1,13 @@
-"""One model, three runners, the same numbers to the bit."""
+"""One model in three runners with bit-identical results."""
 
 import shutil
 
 import numpy as np
 import pytest
+from exactness import inexact_operations
 
 from insenv.core import runner as runner_module
 from insenv.core.batch import make_batch
-from insenv.core.elementary import inexact_operations
 from insenv.core.runner import make_runner, resolve_backend
 from insenv.errors import InputError
 from insenv.estimators import registered
@@ -22,7 +22,7 @@ def inputs(count, seed=0):
     return np.concatenate([rng.normal(size=(count, 3)), rng.integers(0, 2, (count, 1))], axis=1)
 
 
-def test_interpreter_follows_the_schedule(toy):
+def test_interpreter_runs_the_steps_in_order(toy):
     runner = make_runner(toy, {"seed": 4}, "interpreter")
     runner.run(10, np.array([0.0, 0, 0, 0]))
     assert runner.state["step"] == 10
@@ -35,7 +35,7 @@ def test_interpreter_follows_the_schedule(toy):
 
 
 @native
-def test_interpreter_equals_native_to_the_bit(toy):
+def test_interpreter_and_native_are_bit_identical(toy):
     runners = [make_runner(toy, {"seed": 4}, backend) for backend in ("interpreter", "native")]
     u = inputs(300)
     first, second = (r.run(300, u, 7) for r in runners)

@@ -5,10 +5,10 @@ import json
 import casadi as ca
 import numpy as np
 import pytest
+from exactness import inexact_operations
 
 from insenv import attitude
 from insenv.core.batch import make_batch
-from insenv.core.elementary import inexact_operations
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import get, lssvm, lssvm_file

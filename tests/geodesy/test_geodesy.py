@@ -141,7 +141,7 @@ def test_rates_in_n_and_w_agree():
 
 @pytest.mark.parametrize("lat", [0.0, 0.8, -1.3, np.pi / 2 - 1e-5, np.pi / 2, -np.pi / 2])
 def test_transport_rates_against_motion(lat):
-    """Along a straight line through the point: the rate at which the local vertical turns."""
+    """Rotation rate of the local vertical along a straight line through the point."""
     lon, wander, h, step = 0.7, -1.1, 2000.0, 2.0
     velocity_w = np.array([120.0, -75.0, 4.0])
     q = numeric.q_ew_from_geodetic(lat, lon, wander)
@@ -171,7 +171,7 @@ def test_ned_offset_against_pymap3d():
 
 
 def test_ned_offset_keeps_small_differences():
-    """Steps of 2^-53 rad (7e-10 m) and 2^-40 m, exactly representable, come out to 15 digits."""
+    """Steps of 2^-53 rad (7e-10 m) and 2^-40 m, exactly representable, are reproduced to 15 digits."""
     lat0, lon0, h0, step = 0.3, 0.4, 50.0, 2.0**-53
     R_M, R_N = numeric.radii(np.sin(lat0))
     offset = numeric.ned_offset(lat0 + step, lon0, h0, lat0, lon0, h0)

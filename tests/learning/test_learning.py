@@ -1,4 +1,4 @@
-"""The LS-SVM as a learner: its linear system, scikit-learn's contract, de-noising, and training from runs to a file."""
+"""Training of the LS-SVM: its linear system, scikit-learn's contract, de-noising, and training from runs to a file."""
 
 import json
 import os
@@ -21,9 +21,8 @@ from insenv.estimators import lssvm, lssvm_file  # noqa: E402
 from insenv.estimators.lssvm import kernel  # noqa: E402
 from insenv.learning import training  # noqa: E402
 from insenv.learning.regressor import LSSVMRegressor, pivots, rbf  # noqa: E402
-from insenv.learning.samples import EMPTY, sine_vector, smooth_misalignment  # noqa: E402
+from insenv.learning.samples import EMPTY, denoised, sine_vector, smooth_misalignment  # noqa: E402
 from insenv.learning.training import Choice, digest, train  # noqa: E402
-from insenv.learning.wavelet import denoised  # noqa: E402
 from insenv.runs.ensemble import ensemble  # noqa: E402
 from insenv.scenario import load  # noqa: E402
 
@@ -61,7 +60,7 @@ def test_fit_solves_the_printed_linear_system():
 
 
 def test_like_kernel_ridge_where_the_offset_vanishes():
-    """Samples and outputs mirrored about zero leave no offset; then 1/gamma is the ridge."""
+    """With samples and outputs symmetric about zero there is no offset, and 1/gamma is the ridge parameter."""
     X, y = problem()
     X, y = np.vstack([X, -X]), np.vstack([y, -y])
     ours = LSSVMRegressor(gamma=50.0, sigma=0.9).fit(X, y)
@@ -87,7 +86,7 @@ def test_weights_count_as_repeated_samples():
 
 
 def test_fixed_size_with_all_samples_is_the_whole_problem():
-    """Through the other formulas: all samples but one of weight 0 as support vectors."""
+    """The fixed-size formulas with all samples as support vectors, except one of weight 0."""
     X, y = problem(40)
     more, weights = np.vstack([X, [[5.0, 5.0, 5.0]]]), np.r_[np.ones(40), 1e-12]
     whole = LSSVMRegressor(gamma=10.0, sigma=0.6).fit(X, y)
@@ -108,19 +107,19 @@ def test_pivots_are_those_of_the_kernel_matrix():
     chosen = pivots(X, 0.8, 20)
     assert len(set(chosen.tolist())) == 20
     K = rbf(X, X, 0.8)
-    for count in (5, 20):  # each next is where the ones before leave the largest rest
+    for count in (5, 20):  # each pivot is where the previous ones leave the largest remainder
         part = K[:, chosen[: count - 1]]
         rest = np.diag(K) - np.einsum(
             "ij,ij->i", part @ np.linalg.inv(K[np.ix_(chosen[: count - 1], chosen[: count - 1])]), part
         )
         assert rest[chosen[count - 1]] > rest.max() * (1 - 1e-6)
-    assert len(pivots(np.zeros((5, 2)), 1.0, 3)) == 1  # samples all alike support one vector
+    assert len(pivots(np.zeros((5, 2)), 1.0, 3)) == 1  # identical samples give one support vector
 
 
 @pytest.mark.parametrize(("support", "sigma"), [(None, 1.0), (50, 10.0)])
 def test_scikit_learn_contract(support, sigma):
-    left_out = {"check_array_api_input"}  # of libraries other than NumPy; needs a setting made before SciPy is imported
-    if support is not None:  # the pivots of samples repeated are other ones than of samples weighted
+    left_out = {"check_array_api_input"}  # for libraries other than NumPy; needs a setting before SciPy is imported
+    if support is not None:  # repeated samples have other pivots than weighted ones
         left_out |= {"check_sample_weight_equivalence_on_dense_data", "check_sample_weight_equivalence_on_sparse_data"}
     count = 0
     for estimator, check in estimator_checks_generator(LSSVMRegressor(sigma=sigma, support=support)):
@@ -153,7 +152,7 @@ def test_denoising_takes_noise_and_leaves_the_signal():
     left = np.sqrt(np.mean((denoised(noisy) - signal) ** 2, axis=0))
     assert (left < 0.05 / 3).all()
     assert np.allclose(denoised(signal), signal, atol=2e-3)
-    assert np.array_equal(denoised(signal[:5]), signal[:5])  # too short to be parted
+    assert np.array_equal(denoised(signal[:5]), signal[:5])  # too short for a wavelet level
 
 
 def test_denoised_misalignment_of_any_size():
@@ -177,7 +176,7 @@ CHOICE = Choice(gammas=(1e4, 1e5), sigmas=(2.0,), support=48)
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    """A tiny machine: ten runs of three minutes."""
+    """A small machine from ten runs of three minutes."""
     told = []
     machine = train([TRAINING], range(500, 510), duration_s=180.0, choice=CHOICE, progress=lambda *news: told.append(news))
     path = tmp_path_factory.mktemp("machine") / "tiny.json"
@@ -186,7 +185,7 @@ def trained(tmp_path_factory):
 
 
 def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
-    """From start errors of any size; without it the SINS stays as wrong as it was told."""
+    """From initial errors of any size; without the machine the SINS keeps its initial error."""
     _, path, _ = trained
     scenario = load("large-misalignment-extreme")
     seeds = range(6)
@@ -265,7 +264,7 @@ def test_wrong_calls_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_missing_packages_are_told(monkeypatch):
+def test_missing_packages_are_named(monkeypatch):
     import importlib.util
 
     real = importlib.util.find_spec

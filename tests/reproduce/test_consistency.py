@@ -1,13 +1,11 @@
-"""NEES over 56 seeds: filters whose errors are those of their model are consistent; one that is not told is found out."""
+"""NEES over 56 seeds: filters that model their errors are consistent, one that ignores a correlated error is not."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from consistency import CASES, WANDER_IGNORED, WANDER_MODELLED, WHITE_FIXES, Case, CaseResult, bounds, measure
 from scipy.stats import chi2, norm
-
-from insenv.reproduce import consistency
-from insenv.reproduce.consistency import WANDER_TOLD, WANDER_UNTOLD, WHITE_FIXES, Case, Consistency, bounds, measure
 
 
 def test_bounds_are_those_of_the_normal_distribution_for_many():
@@ -17,12 +15,12 @@ def test_bounds_are_those_of_the_normal_distribution_for_many():
     assert bounds(1, 1)[1] == pytest.approx(chi2.ppf(0.975, 1))
 
 
-def test_the_share_inside_is_95_percent_of_a_chi_square_sample_and_little_for_sigmas_a_quarter_too_small():
+def test_share_inside_is_95_percent_for_a_chi_square_sample_and_small_for_sigmas_a_quarter_too_small():
     rng = np.random.default_rng(3)
     sample = rng.chisquare(9, (50, 2000))
     case = Case("sample", "none", lambda: None, 0.0)
-    assert Consistency(case, np.arange(2000), sample, 9).inside == pytest.approx(0.95, abs=0.02)
-    assert Consistency(case, np.arange(2000), sample * 1.25**2, 9).inside < 0.01
+    assert CaseResult(case, np.arange(2000), sample, 9).inside == pytest.approx(0.95, abs=0.02)
+    assert CaseResult(case, np.arange(2000), sample * 1.25**2, 9).inside < 0.01
 
 
 def test_loosely_coupled_is_consistent():
@@ -33,29 +31,29 @@ def test_loosely_coupled_is_consistent():
     assert 0.9 < found.mean.mean() < 1.1
 
 
-def test_loosely_coupled_told_of_wandering_fixes_is_consistent():
-    """In 280 s the wander (60 s) makes five errors independent of each other: too few for a share of time, but for the mean
-    over 56 seeds and nine errors they leave 3 %.
+def test_loosely_coupled_that_models_wandering_fixes_is_consistent():
+    """In 280 s the correlated error (60 s) takes about five independent values: too few to assert the share of time inside the
+    bounds, but the mean over 56 seeds and nine states is known to 3 %.
     """
-    found = measure(replace(WANDER_TOLD, duration_s=460.0, from_s=180.0))
+    found = measure(replace(WANDER_MODELLED, duration_s=460.0, from_s=180.0))
     assert found.nees.shape[0] == 56
     assert abs(found.mean.mean() - 1.0) < 0.1
 
 
-def test_a_filter_that_takes_wandering_fixes_for_white_is_found_out():
-    found = measure(replace(WANDER_UNTOLD, duration_s=200.0))
+def test_a_filter_that_assumes_white_fixes_is_detected_when_they_wander():
+    found = measure(replace(WANDER_IGNORED, duration_s=200.0))
     assert found.inside < 0.1
     assert found.mean.mean() > 3
 
 
 def test_ecef_kf_is_consistent_at_rest():
-    found = measure(replace(consistency.CASES[0], duration_s=300.0))
+    found = measure(replace(CASES[0], duration_s=300.0))
     assert found.case.estimator == "ecef-kf" and found.degrees == 3
     assert found.inside >= 0.9
 
 
-def test_stated_sigmas_are_judged_where_there_is_no_covariance():
-    """q-method on a swaying ship: the sum of the three squares over stated sigmas."""
-    found = measure(replace(consistency.CASES[1], duration_s=200.0, from_s=150.0))
+def test_stated_sigmas_are_used_without_a_covariance():
+    """q-method on a swaying ship: the sum of the three squared errors over stated sigmas."""
+    found = measure(replace(CASES[1], duration_s=200.0, from_s=150.0))
     assert found.case.estimator == "q-method" and found.degrees == 3
     assert 0.7 < found.mean.mean() < 1.4

@@ -14,7 +14,7 @@ from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
-from insenv.estimators import get, loosely_coupled, smoother
+from insenv.estimators import get, smoother
 from insenv.estimators.parts import error_model
 from insenv.estimators.parts import smoother_backward as backward
 from insenv.evaluation.errors import POSITION, VELOCITY, errors
@@ -136,7 +136,7 @@ def kept_pass(kept, p):
     flat = ca.SX.sym("i", smoother.INTERVAL.size)
     rows = smoother.INTERVAL.symbols(flat)
     interval = error_model.Interval(*[getattr(rows, name) for name in smoother.INTERVAL.names])
-    A = error_model.transition(interval, loosely_coupled.GRAVITY, p["gyro_correlation_time"], p["accel_correlation_time"])
+    A = error_model.transition(interval, geodesy.NOMINAL_GRAVITY, p["gyro_correlation_time"], p["accel_correlation_time"])
     function = ca.Function("A", [flat], [ca.densify(A)])
     density = np.repeat([0, p["velocity_random_walk"], p["angle_random_walk"], p["gyro_bias_sigma"], p["accel_bias_sigma"]], 3)
     density = density**2

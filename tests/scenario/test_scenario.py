@@ -296,7 +296,7 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
             CAR,
             "{ wait_s = 30.0 }",
             "{ turn_deg = 30.0, duration_s = 3.0 }",
-            "vehicle.legs: leg 1: turn_deg = 30.0: a car that stands",
+            "vehicle.legs: leg 1: turn_deg = 30.0: a stationary car",
         ),
         (CAR, "{ wait_s = 30.0 }", "{ wait = 30.0 }", "vehicle.legs[0].wait: unknown key; did you mean 'wait_s'?"),
         (

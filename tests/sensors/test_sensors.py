@@ -1,4 +1,4 @@
-"""Sensors: each error against its stated parameter, within bounds that chance leaves once in 10^5 or so."""
+"""Sensors: each error against its stated parameter, with bounds that chance exceeds about once in 10^5."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exactness import inexact_operations
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom, chi2
 
 from insenv.core import noise
 from insenv.core.compose import Part, merge
-from insenv.core.elementary import inexact_operations
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
@@ -40,7 +40,7 @@ LEVEL = {"latitude": 0.7, "longitude": 1.9, "height": 50.0, "q_nb": (1.0, 0.0, 0
 
 @cache
 def plant() -> Model:
-    """The two sensors behind a truth that is given from outside, as inputs of the same names after `set_`."""
+    """The two sensors with the truth as inputs, which have the same names after `set_`."""
     given = Part(
         parameters=Table((SEED, Row("sample_interval", "Length of a sample", "s", start=0.005))),
         state=Table((STEP, *(Row(name, name, shape=shape) for name, shape in TRUTH.items()))),
@@ -54,7 +54,7 @@ def plant() -> Model:
 
 
 def simulate(n: int, parameters: dict[str, Any], truth: dict[str, Any] | None = None, backend: str | None = None):
-    """n samples; truth by row name, each held or with a leading axis of n. Outputs by row name, (n, ...)."""
+    """Simulate n samples; truth by row name, constant or with a leading axis of n. Returns outputs by row name, (n, ...)."""
     model = plant()
     rows = {"gnss_interval": 1e9, **parameters}
     inputs = np.zeros((n, model.inputs.size))
@@ -75,7 +75,7 @@ def starts(parameters: dict[str, Any], seeds: int) -> dict[str, Any]:
 
 
 def assert_variance(samples: Any, variance: float, freedom: float | None = None) -> None:
-    """The mean square of samples of mean 0 within chi-square bounds of `freedom` (all, if independent)."""
+    """Assert that the mean square of zero-mean samples is within chi-square bounds (`freedom`: by default all samples)."""
     samples = np.ravel(samples)
     freedom = freedom or samples.size
     ratio = float(np.mean(samples**2)) / variance
@@ -84,19 +84,19 @@ def assert_variance(samples: Any, variance: float, freedom: float | None = None)
 
 
 def assert_mean(samples: Any, mean: float, std: float) -> None:
-    """The mean of independent samples within 4.5 of its standard deviations."""
+    """Assert that the mean of independent samples is within 4.5 of its standard deviations."""
     samples = np.ravel(samples)
     assert abs(samples.mean() - mean) < 4.5 * std / math.sqrt(samples.size)
 
 
-# --- the models as such ----------------------------------------------------------------------------------
+# --- the models ------------------------------------------------------------------------------------------
 
 
 def test_no_operation_differs_between_machines() -> None:
     assert {name: inexact_operations(f) for name, f in plant().functions.items() if inexact_operations(f)} == {}
 
 
-def test_schedule_uniforms_and_order_of_rows() -> None:
+def test_steps_uniforms_and_order_of_rows() -> None:
     model = plant()
     assert list(model.steps) == ["sample", "drift", "gnss", "gnss_delivery", "tick"]
     assert {name: step.uniforms for name, step in model.steps.items()} == {
@@ -113,7 +113,7 @@ def test_schedule_uniforms_and_order_of_rows() -> None:
 
 
 def all_errors() -> dict[str, Any]:
-    """Every error at once, large."""
+    """Every error at once, and large."""
     rows: dict[str, Any] = {}
     for name, scale in (("gyro", 1e-3), ("accel", 1e-1)):
         for row in (
@@ -156,7 +156,7 @@ def test_all_errors_at_once_are_finite_and_the_same_on_both_runners() -> None:
 # --- inertial measurement unit ---------------------------------------------------------------------------
 
 
-def test_a_perfect_imu_hands_on_the_truth_to_the_bit() -> None:
+def test_the_output_of_a_perfect_imu_is_the_truth_to_the_last_bit() -> None:
     rng = np.random.default_rng(2)
     angle, velocity = rng.normal(size=(2, 300, 3)) * 1e-2
     out = simulate(300, imu_grade("perfect").parameters(), {"true_delta_angle": angle, "true_delta_velocity": velocity})
@@ -187,8 +187,6 @@ def test_white_noise_can_be_written_as_a_standard_deviation_per_sample() -> None
     dt, std = 0.005, 2e-5
     density = units.density_from_sample_std(std, dt)
     assert density == pytest.approx(std * math.sqrt(dt), rel=1e-15)
-    assert units.sample_std_from_density(density, dt) == pytest.approx(std, rel=1e-15)
-    assert units.increment_std_from_density(density, dt) == pytest.approx(std * dt, rel=1e-15)
     out = simulate(20000, {"gyro_random_walk": density, "sample_interval": dt})
     assert_variance(out["delta_angle"] / dt, std**2)
 
@@ -207,7 +205,7 @@ def test_gauss_markov_bias_has_its_variance_and_correlation() -> None:
     for lag in (1, 2, 4, 8):
         correlation = np.mean(knots[lag:] * knots[:-lag]) / np.mean(knots**2)
         assert abs(correlation - decay**lag) < 4.5 * math.sqrt((1 + decay**2) / (1 - decay**2) / m)
-    # straight lines in between
+    # linear in between
     between = knots[:-1, None, :] + np.arange(every)[:, None] / every * np.diff(knots, axis=0)[:, None, :]
     assert np.allclose(bias[: len(between) * every], between.reshape(-1, 3), rtol=0, atol=1e-12 * sigma * every * 10)
 
@@ -268,7 +266,7 @@ def test_scale_misalignment_mounting_and_g_sensitivity_against_matrices() -> Non
     sensed = M @ to_sensor.apply(angle) + np.array([1e-3, 0.0, -2e-3]) * dt + G @ C_bs.inv().apply(velocity)
     assert np.allclose(out["delta_angle"], C_bs.apply(sensed), rtol=0, atol=1e-16)
     assert np.allclose(out["gyro_bias_true"], C_bs.apply([1e-3, 0.0, -2e-3]), rtol=0, atol=1e-18)
-    # the accelerometers share the mounting, and show its error alone: the nominal mounting is undone
+    # the accelerometers share the mounting; only its error is visible, because the nominal mounting is undone
     assert np.allclose(out["delta_velocity"], (C_bs * to_sensor).apply(velocity), rtol=0, atol=1e-15)
 
 
@@ -302,7 +300,7 @@ def test_temperature_warms_up_and_drags_the_bias_along() -> None:
     rows = {"sample_interval": dt, "imu_temperature_initial": 280.0, "imu_temperature_final": 320.0}
     rows |= {"imu_temperature_time": time, "imu_temperature_reference": 300.0, "gyro_temperature_slope": 2e-7}
     out = simulate(n, rows)
-    t = np.arange(n) * dt  # the first sample has the starting value
+    t = np.arange(n) * dt  # the first sample has the start value
     exact = 320.0 - 40.0 * np.exp(-t / time)
     assert np.allclose(out["imu_temperature"][::10], exact[::10], rtol=0, atol=1e-10)
     assert np.abs(out["imu_temperature"] - exact).max() < 40.0 / time**2 * 1.0**2 / 8.0 * 1.01
@@ -338,7 +336,7 @@ def ecef(latitude: Any, longitude: Any, height: Any) -> Any:
 
 
 def ned(out: dict[str, Any], fixes: Any = slice(None)) -> Any:
-    """Fixes as metres north, east, down of the IMU's position LEVEL."""
+    """Fixes in metres north, east, down of the IMU position LEVEL."""
     lat, lon = LEVEL["latitude"], LEVEL["longitude"]
     s, c, sl, cl = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
     C_ne = np.array([[-s * cl, -s * sl, c], [-sl, cl, 0.0], [-c * cl, -c * sl, -s]])
@@ -348,7 +346,7 @@ def ned(out: dict[str, Any], fixes: Any = slice(None)) -> Any:
 
 def test_fixes_come_at_their_rate_late_and_once() -> None:
     dt, n = 0.1, 105
-    height = np.arange(1, n + 1) * dt  # tells when a fix was measured
+    height = np.arange(1, n + 1) * dt  # encodes the time of measurement
     for latency in (0.0, 0.1, 0.3, 0.9):
         rows = {"sample_interval": dt, "gnss_interval": 1.0, "gnss_latency": latency}
         out = simulate(n, rows, {"height": height})
@@ -359,7 +357,7 @@ def test_fixes_come_at_their_rate_late_and_once() -> None:
         assert np.allclose(out["gnss_age"][fixes], latency, rtol=0, atol=1e-12)
         assert np.allclose(out["gnss_height"][fixes], arrivals * dt - latency, rtol=0, atol=1e-7)
         assert np.array_equal(out["gnss_velocity_valid"], out["gnss_valid"])
-        # nothing of a fix is to be seen before it arrives
+        # a fix is invisible before it is delivered
         changes = np.flatnonzero(np.diff(out["gnss_height"])) + 2
         assert set(changes) <= set(arrivals)
     without = simulate(n, {"sample_interval": dt, "gnss_interval": 1.0, "gnss_has_velocity": 0.0})
@@ -434,7 +432,7 @@ def test_outage_windows_take_the_epochs_inside_them() -> None:
         lost = {3.0, 3.5, 4.0, 4.5, 7.0, 9.0, 9.5, 10.0, 10.5}
         expected = [t for t in np.arange(1, 28) * 0.5 if t not in lost]
         assert epochs.tolist()[: len(expected)] == expected
-    # the epoch decides, not the sample: half a sample earlier it lies before the windows
+    # the epoch counts, not the sample: half a sample earlier it precedes the windows
     early = simulate(140, {**rows, "gnss_epoch_offset": 0.05})
     times = (np.flatnonzero(early["gnss_valid"]) + 1) * 0.1
     assert 3.0 in np.round(times, 6) and 5.0 not in np.round(times, 6)
@@ -466,7 +464,6 @@ def test_timing_that_can_be_is_not() -> None:
 def test_units_against_hand_calculation() -> None:
     assert units.deg_h_to_rad_s(1.0) == pytest.approx(4.84813681109536e-6, rel=1e-14)
     assert units.deg_sqrt_h_to_rad_sqrt_s(1.0) == pytest.approx(2.908882086657216e-4, rel=1e-14)
-    assert units.deg_sqrt_h_to_rad_sqrt_s(1.0) == pytest.approx(units.deg_h_sqrt_hz_to_rad_sqrt_s(60.0), rel=1e-14)
     assert units.deg_h_sqrt_h_to_rad_s_sqrt_s(60.0) == pytest.approx(units.deg_h_to_rad_s(1.0), rel=1e-14)
     assert units.ug_to_m_s2(1e6) == pytest.approx(9.80665, rel=1e-15)
     assert units.m_s_sqrt_h_to_m_s_sqrt_s(60.0) == pytest.approx(1.0, rel=1e-15)
@@ -495,9 +492,9 @@ def test_every_grade_fits_the_tables_and_every_figure_has_a_source() -> None:
 
 def test_grades_in_si() -> None:
     paper = imu_grade("paper-quaternion").parameters()
-    # 0.01 deg/h and 50 ug per sample of 200 Hz
-    assert units.sample_std_from_density(paper["gyro_random_walk"], 0.005) == pytest.approx(4.848e-8, rel=1e-4)
-    assert units.sample_std_from_density(paper["accel_random_walk"], 0.005) == pytest.approx(4.903e-4, rel=1e-3)
+    # 0.01 deg/h and 50 ug per sample at 200 Hz
+    assert paper["gyro_random_walk"] / math.sqrt(0.005) == pytest.approx(4.848e-8, rel=1e-4)
+    assert paper["accel_random_walk"] / math.sqrt(0.005) == pytest.approx(4.903e-4, rel=1e-3)
     assert paper["gyro_bias"] == pytest.approx([4.848e-8, 4.848e-8, -4.848e-8], rel=1e-4)
     assert IMU_PARAMETERS.pack(imu_grade("perfect").parameters()) == pytest.approx(IMU_PARAMETERS.start_vector())
     assert imu_grade("paper-ecef").parameters()["accel_bias"] == pytest.approx(2e-4, rel=1e-14)

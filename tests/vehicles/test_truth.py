@@ -1,4 +1,4 @@
-"""Truth against what was written independently of it: analytic sway, an ODE in SciPy, resting and circling vehicles."""
+"""Truth against independent references: analytic sway, an ODE in SciPy, vehicles at rest and in a circle."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from exactness import inexact_operations
 from lone_vehicle import DEG, history, plant
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from insenv.core.elementary import inexact_operations
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.vehicles import Vehicle, aircraft, car, regular_sway, ship, truth_instant
@@ -19,7 +19,7 @@ from insenv.vehicles import Vehicle, aircraft, car, regular_sway, ship, truth_in
 OMEGA_IE = 7.292115e-5
 
 
-# --- the sway of shared/facts/navigation.md, written down again in NumPy --------------------------------------------------
+# --- the same sway in NumPy -----------------------------------------------------------------------------------------------
 
 SWAY = {  # amplitude (rad or m), period (s), phase (rad)
     "roll": (10 * DEG, 8.0, 0.3),
@@ -65,7 +65,7 @@ def body_rate(t: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def imu_motion(t: float) -> tuple[np.ndarray, np.ndarray]:
-    """The IMU's velocity and acceleration in n."""
+    """Velocity and acceleration of the IMU in n."""
     rate, change = body_rate(t)
     v, a = (np.array([motion(n, t, d) for n in ("north", "east", "down")]) for d in (1, 2))
     C = attitude(t)
@@ -220,7 +220,7 @@ def test_lever_arm_force_in_a_circle() -> None:
 
 
 def test_fast_level_flight_is_that_of_an_independent_integration() -> None:
-    """Curvature, transport rate and gravity at 80 m/s, at the lowest rate: two seconds added up."""
+    """Curvature, transport rate and gravity at 80 m/s and the lowest rate, integrated over two seconds."""
     h, heading = 0.02, 0.7
     place = {"start_latitude": 1.1, "start_height": 6000.0, "start_heading": heading, "start_speed": 80.0}
     rows = history(aircraft(), {**place, "sample_interval": h}, 100)
@@ -237,7 +237,7 @@ def test_fast_level_flight_is_that_of_an_independent_integration() -> None:
 
 
 def test_quadrature_error_is_of_sixth_order() -> None:
-    """One sample against its two halves: below rounding for the sway, 64 times less for half the sample where it shows."""
+    """One sample against its two halves: below rounding for the sway; where visible, 64 times less for half the interval."""
     fast = {"engine_angular_frequency": 2 * np.pi * 5.0, "engine_roll_amplitude": 0.02, "engine_pitch_amplitude": 0.02}
     errors = []
     for rate in (50, 100, 200, 400):

@@ -1,4 +1,4 @@
-"""Laws of motion: flows and their derivatives, following of commands, scripts, gusts, waves, and the builders of scripts."""
+"""Laws of motion: flows and their derivatives, response to commands, scripts, gusts, waves, and the builders of scripts."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.integrate import quad
 
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles import (
     Hull,
     Vehicle,
@@ -25,7 +26,6 @@ from insenv.vehicles import (
     ship_course,
     survey_pattern,
 )
-from insenv.vehicles.aircraft import STANDARD_GRAVITY
 from insenv.vehicles.car import SCRIPT as CAR_SCRIPT
 from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.script import N_SEGMENTS
@@ -37,7 +37,7 @@ VEHICLES = [ship(2), ship(1, 3, under_way=True), car(2), aircraft()]
 
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.title)
 def test_derivative_is_that_of_the_flow(vehicle: Vehicle) -> None:
-    """Against differentiation of the polynomial through start, nodes and end of a short sample, from a random state."""
+    """Against the derivative of the polynomial through start, nodes and end of a short sample, from a random state."""
     h = 2e-4
     model = plant(vehicle)
     rng = np.random.default_rng(1)
@@ -90,7 +90,7 @@ def test_tracker_follows_without_overshoot_or_breaking_its_limit(h: float) -> No
 
 
 def test_tracker_integral_of_a_pulse_is_exact() -> None:
-    """Whatever the lag: a command of 0.3 for 5 s moves its integral by 1.5."""
+    """Despite the lag, a command of 0.3 for 5 s changes the integral by 1.5."""
     tracker, x, total = Tracker(("s", "v", "a"), "rate", "rad/s"), SimpleNamespace(s=0.0, v=0.0, a=0.0), 0.0
     for k in range(4000):
         vars(x).update(tracker.hold(x, 0.01, 0.3 if k < 500 else 0.0, 2.0))
@@ -167,10 +167,10 @@ def test_car_route_is_driven_smoothly() -> None:
     assert rows["speed"].min() > -1e-12 and abs(rows["speed"][-1]) < 1e-6
     assert rows["path_heading"][-1] == pytest.approx(0.2 + 45 * DEG, abs=0.3 * DEG)
     assert rows["height"].max() > 3 and np.abs(rows["velocity_n"][-1]).max() < 1e-5
-    # C1: rate and velocity have no jumps, across segments either
+    # rate and velocity are continuous, also between segments
     assert np.abs(np.diff(rows["velocity_n"], axis=0)).max() < 6 * h
     assert np.abs(np.diff(rows["rate_ib_b"], axis=0)).max() < 2 * h
-    # velocity is the integral of acceleration, and its differences what the increments say
+    # velocity is the integral of acceleration, and its differences agree with the increments
     middle = np.diff(rows["height"]) / h
     np.testing.assert_allclose(middle, -0.5 * (rows["velocity_n"][1:, 2] + rows["velocity_n"][:-1, 2]), atol=1e-3)
     # people got in
@@ -184,7 +184,7 @@ def test_car_leans_out_of_a_turn_and_noses_up_when_accelerating() -> None:
     assert rows["suspension_roll"][-800:].min() < -0.01 and rows["curvature"].max() > 0.01
 
 
-def test_parked_car_sways_in_the_wind_as_told_and_the_same_for_the_same_seed() -> None:
+def test_parked_car_sways_in_the_wind_with_the_given_sigma_and_repeats_with_the_seed() -> None:
     parameters = {
         "wind_roll_sigma": 0.002, "wind_pitch_sigma": 0.001, "wind_time_constant": 0.5, "engine_angular_frequency": 157.0,
         "engine_down_amplitude": 1e-5, "sample_interval": 0.02, "seed": 5,
@@ -194,7 +194,7 @@ def test_parked_car_sways_in_the_wind_as_told_and_the_same_for_the_same_seed() -
     assert process.std() == pytest.approx(0.002, rel=0.05)
     lag = np.corrcoef(process[:-25], process[25:])[0, 1]
     assert lag == pytest.approx(np.exp(-1), abs=0.05)
-    a, b = 9.0, 2.0  # bandwidth, 1 / time constant: variance left by two poles at a
+    a, b = 9.0, 2.0  # bandwidth, 1 / time constant: variance after two poles at a
     assert rows["wind_pitch"].std() == pytest.approx(0.001 * np.sqrt(a * (b + 2 * a) / 2) / (a + b), rel=0.05)
     again = history(car(), parameters, 200)
     other = history(car(), parameters | {"seed": 6}, 200)
@@ -205,7 +205,7 @@ def test_parked_car_sways_in_the_wind_as_told_and_the_same_for_the_same_seed() -
 @pytest.mark.parametrize(
     ("legs", "said"),
     [
-        ([{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90: a car that stands cannot turn"),
+        ([{"turn_deg": 90, "duration_s": 5}], "leg 1: turn_deg = 90: a stationary car cannot turn"),
         ([{"accelerate_to_mps": 5}, {"turn_deg": 90}], "leg 2: turn_deg needs either"),
         ([{"drive_s": 5, "wait_s": 5}], "exactly one of"),
         ([{"drive": 5}], "did you mean 'drive_s'"),
@@ -238,7 +238,7 @@ def test_flight_from_the_ground_to_survey_lines() -> None:
     assert rows["speed"].min() > -1e-12 and rows["speed"][-1] == pytest.approx(80, abs=1e-6)
     on_ground = rows["airborne"] == 0.0
     assert on_ground.sum() * h > 30 and np.abs(rows["height"][on_ground] - 100).max() < 1e-4
-    # coordinated: rate as bank and speed tell, and no force across the wings
+    # coordinated: the rate follows from bank and speed, with no force across the wings
     flying = rows["airborne"] > 0.999
     expected = STANDARD_GRAVITY * np.tan(rows["bank"]) / rows["speed"].clip(1)
     np.testing.assert_allclose(rows["turn_rate"][flying], expected[flying], atol=1e-12)
@@ -345,7 +345,7 @@ def test_response_in_long_and_short_waves() -> None:
         long = response([0.05], hull, direction)
         k = 0.05**2 / 9.80665
         assert long["down"][0] == pytest.approx(-1.0, abs=0.01)  # rides the wave
-        assert abs(long["pitch"][0]) == pytest.approx(k * abs(np.cos(direction)), rel=0.02, abs=1e-9)  # lies along its slope
+        assert abs(long["pitch"][0]) == pytest.approx(k * abs(np.cos(direction)), rel=0.02, abs=1e-9)  # follows its slope
         assert abs(long["roll"][0]) == pytest.approx(k * abs(np.sin(direction)), rel=0.02, abs=1e-9)
         short = response([3.0], hull, direction)
         assert all(abs(value[0]) < 0.1 for value in short.values())

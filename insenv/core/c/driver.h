@@ -1,14 +1,14 @@
-/* The driver: noise, schedule and sampling loop of a model, for one row (real = double) or a block of LANES rows.
+/* The driver: noise, steps and sampling loop of a model, for one row (real = double) or a block of LANES rows.
  *
- * Written once for both; `generated code` above has defined
+ * The same text serves both.  The generated code above it defines
  *   N_PARAMETER, N_STATE, N_INPUT, N_OUTPUT, N_UNIFORMS (the largest number that a function takes), SEED_PLACE (in p), STEP_PLACE (in x),
- *   and START_UNIFORMS.  The line SCHEDULE below is where the generator puts the model's schedule as functions:
- *   `advance(p, x, u)`, the steps in order, each if its condition is not zero, and `run_step(k, p, x, u)`, one of them.
+ *   and START_UNIFORMS.  The generator replaces the line STEPS below by two functions:
+ *   `advance(p, x, u)`, which runs the steps in order, each if its condition is not zero, and `run_step(k, p, x, u)`, which runs one.
  */
 #include <string.h>
 
 /* Philox 4x32-10: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC11 (2011).  A number of 32 bits
- * stands in the low half of a `word`; what is in the high half says nothing.
+ * is stored in the low half of a `word`; the high half is arbitrary.
  */
 static inline void philox(word key0, word key1, word number[4]) {
 #pragma GCC unroll 10
@@ -23,7 +23,7 @@ static inline void philox(word key0, word key1, word number[4]) {
   }
 }
 
-/* `count` uniforms in (0, 1), a pure function of (seed, step, stream): see insenv/core/noise.py, which this equals to the bit. */
+/* `count` uniforms in (0, 1), a pure function of (seed, step, stream): bit-identical to insenv/core/noise.py. */
 static inline void uniforms(real seed, real step, uint32_t stream, int count, real *r) {
   word key[2], counter[2];
   halves(seed, key), halves(step, counter);
@@ -35,7 +35,7 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
   }
 }
 
-/* Run step number k, which writes its results into the state itself. */
+/* Run step number k, which writes its results directly into the state. */
 #define RUN_STEP(k, function, count)                                                   \
   do {                                                                                 \
     real r[(count) + 1];                                                               \
@@ -43,7 +43,7 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
     function(p, x, u, r);                                                              \
   } while (0)
 
-/* Run step number k where `mask` is not zero.  The function gives only what it changes; `lay` puts that into the state. */
+/* Run step number k where `mask` is not zero.  The function returns only the rows it changes; `lay` copies them into the state. */
 #define RUN_STEP_WHERE(k, function, lay, count, mask)                                  \
   do {                                                                                 \
     real r[(count) + 1], changed[N_STATE + 1];                                         \
@@ -59,9 +59,9 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
   else                                                                                 \
     for (int i = (start); i < (stop); ++i) x[i] = blend(mask, changed[i - (start) + (from)], x[i]);
 
-SCHEDULE
+STEPS
 
-/* Inputs and outputs are seen from outside as rows, not as blocks: the last block may have fewer than LANES of them. */
+/* Callers pass inputs and outputs as rows, not as blocks: the last block may have fewer than LANES rows. */
 
 /* One input vector of a block: from `valid` rows of u that lie u_row apart. */
 static inline const real *gather(const double *u, int64_t u_row, int valid, real *space) {
@@ -87,29 +87,29 @@ static inline void scatter(const real *values, int64_t count, double *y, int64_t
   for (int64_t row = 0, valid; valid = rows - row < LANES ? rows - row : LANES, row < rows;     \
        row += LANES, p += N_PARAMETER, x += N_STATE)
 
-/* n advances of each row from its state in x, left in x.  Inputs move by u_stride elements an advance (0: held) and by u_row from
- * row to row.  Every `every` advances (0: never) the outputs are written to y, y_row elements a row. */
+/* Advance each row n times, from its state in x, which is updated.  Inputs move by u_stride elements per advance (0: constant) and
+ * by u_row from row to row.  After every `every`-th advance (0: never) the outputs are written to y, y_row elements per row. */
 EXPORT void insenv_run(int64_t rows, const real *p, real *x, const double *u, int64_t u_stride, int64_t u_row, double *y,
                        int64_t y_row, int64_t every, int64_t n) {
   FOR_EACH_BLOCK {
-    real space[N_INPUT + 1], told[N_OUTPUT + 1];
+    real space[N_INPUT + 1], shown[N_OUTPUT + 1];
     const double *given = u + row * u_row;
     double *at = y + row * y_row;
     const real *input = gather(given, u_row, valid, space);
     for (int64_t k = 1; k <= n; ++k) {
       advance(p, x, input);
-      if (every && k % every == 0) output(p, x, told), scatter(told, N_OUTPUT, at, y_row, valid), at += N_OUTPUT;
+      if (every && k % every == 0) output(p, x, shown), scatter(shown, N_OUTPUT, at, y_row, valid), at += N_OUTPUT;
       if (u_stride && k < n) input = gather(given += u_stride, u_row, valid, space);
     }
   }
 }
 
-/* A round of each row, its input held: step number k whatever its condition (none if negative), then n advances.  To each row
- * of y (y_row long) go, after each advance, the spans [spans[2j], spans[2j + 1]) of the state, and at last the outputs. */
-EXPORT void insenv_round(int64_t rows, int64_t k, const real *p, real *x, const double *u, int64_t u_row, const int64_t *spans,
+/* One cycle of each row with constant inputs: step number k regardless of its condition (none if negative), then n advances.  Each
+ * row of y (y_row long) receives the spans [spans[2j], spans[2j + 1]) of the state after each advance, then the outputs. */
+EXPORT void insenv_cycle(int64_t rows, int64_t k, const real *p, real *x, const double *u, int64_t u_row, const int64_t *spans,
                          int64_t count, int64_t n, double *y, int64_t y_row) {
   FOR_EACH_BLOCK {
-    real space[N_INPUT + 1], told[N_OUTPUT + 1];
+    real space[N_INPUT + 1], shown[N_OUTPUT + 1];
     const real *input = gather(u + row * u_row, u_row, valid, space);
     double *at = y + row * y_row;
     if (k >= 0) run_step((int)k, p, x, input);
@@ -120,12 +120,12 @@ EXPORT void insenv_round(int64_t rows, int64_t k, const real *p, real *x, const 
         at += spans[j + 1] - spans[j];
       }
     }
-    output(p, x, told);
-    scatter(told, N_OUTPUT, at, y_row, valid);
+    output(p, x, shown);
+    scatter(shown, N_OUTPUT, at, y_row, valid);
   }
 }
 
-/* The states at the start. */
+/* Set the states to their start. */
 EXPORT void insenv_start(int64_t blocks, const real *p, real *x) {
   for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE) {
     real r[N_UNIFORMS + 1];
@@ -134,20 +134,20 @@ EXPORT void insenv_start(int64_t blocks, const real *p, real *x) {
   }
 }
 
-/* The outputs of the states. */
+/* Compute the outputs of the states. */
 EXPORT void insenv_output(int64_t blocks, const real *p, const real *x, real *y) {
   for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE, y += N_OUTPUT) output(p, x, y);
 }
 
-/* Prepared calls on one instance, cheap to make from an interpreter: the addresses stand in `at` = {p, x, u, y}. */
+/* Calls on one instance that are cheap from an interpreter: `at` = {p, x, u, y} holds the addresses. */
 EXPORT void insenv_advance_at(void *const at[4]) { advance((const real *)at[0], (real *)at[1], (const real *)at[2]); }
 EXPORT void insenv_output_at(void *const at[4]) { output((const real *)at[0], (const real *)at[1], (real *)at[3]); }
 EXPORT void insenv_step_at(void *const at[4], int k) {
   run_step(k, (const real *)at[0], (real *)at[1], (const real *)at[2]);
 }
 
-EXPORT void insenv_round_at(void *const at[5], int64_t k, int64_t count, int64_t n) {
-  insenv_round(1, k, (const real *)at[0], (real *)at[1], (const double *)at[2], 0, (const int64_t *)at[3], count, n,
+EXPORT void insenv_cycle_at(void *const at[5], int64_t k, int64_t count, int64_t n) {
+  insenv_cycle(1, k, (const real *)at[0], (real *)at[1], (const double *)at[2], 0, (const int64_t *)at[3], count, n,
                (double *)at[4], 0);
 }
 

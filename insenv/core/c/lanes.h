@@ -1,7 +1,7 @@
-/* Lanes: one "number" of the generated code is LANES doubles, one per row of a batch, by the vector extension of GCC and Clang.
+/* One "number" of the generated code is LANES doubles, one per row of a batch (vector extension of GCC and Clang).
  *
- * The operations below and + - * / are those that generated code uses and that are exactly rounded, so a lane computes what a
- * double computes, to the bit.  Comparisons give 1.0 and 0.0, as CasADi's do.
+ * Generated code uses the operations below and + - * /.  They are exactly rounded, so that a lane and a double give bit-identical
+ * results.  Comparisons give 1.0 and 0.0, as in CasADi.
  */
 #include <math.h>
 #include <stdint.h>
@@ -9,7 +9,7 @@
 #include <immintrin.h>
 #endif
 
-/* As many as fill one vector register: more would spill, and measure slower. */
+/* As many as fill one vector register: with more, registers spill and models run slower. */
 #ifndef LANES
 #ifdef __AVX512F__
 #define LANES 8
@@ -43,7 +43,7 @@ LANE_INLINE real select0(real c, real a) { return (real)(is_true(c) & (mask_t)a)
 
 LANE_INLINE real square(real a) { return a * a; }
 LANE_INLINE real absolute(real a) { return (real)((mask_t)a & INT64_MAX); }
-/* the compiler does not see that these are one instruction for four lanes */
+/* the compiler does not recognize these as one instruction for four lanes */
 #if defined(__AVX2__) && LANES % 4 == 0
 #define FOUR(type, part, r, a, expression)                             \
   for (int i = 0; i < LANES / 4; ++i) {                                \
@@ -72,7 +72,7 @@ LANE_INLINE real whole(real a) {
   return r;
 }
 
-/* What runs once a run is not worth the compiler's time. */
+/* Not worth optimizing: it runs once per run. */
 #if defined(__clang__)
 #define ONCE __attribute__((optnone, noinline))
 #elif defined(__GNUC__)

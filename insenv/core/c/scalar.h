@@ -1,4 +1,4 @@
-/* Scalar form of what lanes.h gives for a vector of rows: one "number" is one double. */
+/* The scalar counterpart of lanes.h: one "number" is one double. */
 #include <math.h>
 #include <stdint.h>
 
@@ -20,7 +20,7 @@ static inline real whole(real a) { return floor(a); }
 static inline real square(real a) { return a * a; }
 static inline real select0(real c, real a) { return c != 0 ? a : 0; }
 
-/* What runs once a run is not worth the compiler's time. */
+/* Not worth optimizing: it runs once per run. */
 #if defined(__clang__)
 #define ONCE __attribute__((optnone, noinline))
 #elif defined(__GNUC__)

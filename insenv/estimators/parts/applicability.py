@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from math import cos, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
-from insenv.geodesy import OMEGA_IE, A
+from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
 
 DOUBTFUL = 0.1
 """rad: from such a heading error on a note is made; as a fraction, that of gyro error over horizontal Earth rate."""
@@ -23,7 +23,6 @@ HOPELESS = 1.0
 """rad: from here on the linear formula says that there is no heading at all."""
 NEAR_POLE = 0.5 * pi / 180
 """rad of latitude, 56 km."""
-GRAVITY = 9.8
 
 
 def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
@@ -45,7 +44,7 @@ def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         )
     horizontal = OMEGA_IE * max(cos(latitude), 1e-9)
     rate = hypot(bias, walk / sqrt(max(duration_s, 1.0)))
-    by_gyro, by_tilt = rate / horizontal, float(parameters["accel_bias_sigma"]) / GRAVITY * abs(tan(latitude))
+    by_gyro, by_tilt = rate / horizontal, float(parameters["accel_bias_sigma"]) / NOMINAL_GRAVITY * abs(tan(latitude))
     if hypot(by_gyro, by_tilt) > DOUBTFUL:
         found.append(_doubt(by_gyro, by_tilt, rate, horizontal, latitude))
     return tuple(found)

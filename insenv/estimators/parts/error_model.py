@@ -22,10 +22,10 @@ import casadi as ca
 
 from insenv.attitude import skew
 from insenv.core import symmetric
+from insenv.geodesy import MEAN_RADIUS
 
 N = 15
 POSITION, VELOCITY, TILT, GYRO, ACCEL = (slice(i, i + 3) for i in range(0, N, 3))
-EARTH_RADIUS = 6371e3  # m: the gravity gradient needs no better
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def transition(interval: Interval, gravity: Any, gyro_time: Any, accel_time: Any
     A, dt = ca.SX(N, N), interval.duration
     A[POSITION, POSITION] = -skew(interval.omega_ew_w) * dt
     A[POSITION, VELOCITY] = ca.SX.eye(3) * dt
-    A[VELOCITY, POSITION] = ca.diag(ca.vertcat(-1, -1, 2)) * (gravity / EARTH_RADIUS * dt)
+    A[VELOCITY, POSITION] = ca.diag(ca.vertcat(-1, -1, 2)) * (gravity / MEAN_RADIUS * dt)
     A[VELOCITY, VELOCITY] = -skew(2 * interval.omega_ie_w + interval.omega_ew_w) * dt
     A[VELOCITY, TILT] = skew(interval.delta_velocity_w)
     A[VELOCITY, ACCEL] = interval.C_integral

@@ -197,7 +197,7 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     sensors = known.sensors
     memory = 1e9
     if sensors.angle_random_walk > 0.0:
-        memory = sensors.velocity_random_walk / (9.8 * sensors.angle_random_walk)
+        memory = sensors.velocity_random_walk / (geodesy.NOMINAL_GRAVITY * sensors.angle_random_walk)
     return {
         "latitude": known.latitude,
         "height": known.height,

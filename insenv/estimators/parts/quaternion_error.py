@@ -45,11 +45,9 @@ from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.aqe_algebra import Nonlinear, Spread, U, Y, left, right, sensitivity
 from insenv.estimators.parts.aqe_feedback import begun, fused, placed
 from insenv.estimators.parts.aqe_tables import ACCEL, DQ, GYRO, INPUTS, OUTPUTS, PARAMETERS, POSITION, STATE, VELOCITY, N
-from insenv.estimators.parts.error_model import EARTH_RADIUS
 from insenv.estimators.parts.increments import compensated
 from insenv.estimators.parts.navigation_error import navigation_error_w
-
-GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
+from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY
 
 
 def start_covariance(p: Any, q: Any) -> Any:
@@ -108,8 +106,8 @@ def transition(x: Any, part: Nonlinear) -> Any:
     middle = part.G @ into_quaternion / 2  # on average half of it acts on the velocity
     along = C @ x.stretch_C
     coriolis = -skew(2 * x.omega_ie_w + x.omega_ew_w) * T
-    gradient = ca.diag(ca.vertcat(-1, -1, 2)) * (GRAVITY / EARTH_RADIUS * T)
-    turned = ca.vertcat(ca.horzcat(0, 1, 0), ca.horzcat(-1, 0, 0), ca.SX(1, 3)) / EARTH_RADIUS  # dw_ew of dv
+    gradient = ca.diag(ca.vertcat(-1, -1, 2)) * (NOMINAL_GRAVITY / MEAN_RADIUS * T)
+    turned = ca.vertcat(ca.horzcat(0, 1, 0), ca.horzcat(-1, 0, 0), ca.SX(1, 3)) / MEAN_RADIUS  # dw_ew of dv
     Phi = ca.SX(N, N)
     for i in range(N):
         Phi[i, i] = 1

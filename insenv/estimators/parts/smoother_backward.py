@@ -29,9 +29,9 @@ from insenv.core import symmetric
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import smoother
-from insenv.estimators.loosely_coupled import GRAVITY
 from insenv.estimators.loosely_coupled_tables import PARAMETERS
 from insenv.estimators.parts.error_model import Interval, N, transition
+from insenv.geodesy import NOMINAL_GRAVITY
 
 
 def scalar(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def scalar(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def carry(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Back over a stretch: with the very elementary matrices of `error_model.propagate`, transposed, the last one first."""
     interval = Interval(u.last_stretch, u.last_velocity_w, u.last_C_wb, u.last_omega_ie_w, u.last_omega_ew_w)
-    A = transition(interval, GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
+    A = transition(interval, NOMINAL_GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
     s = ca.vertsplit(x.adjoint)
     L = [[x.information[symmetric.place(i, j)] for j in range(N)] for i in range(N)]
     for i in reversed(range(N)):

@@ -21,10 +21,10 @@ import casadi as ca
 from insenv.core import symmetric
 from insenv.core.elementary import select
 from insenv.estimators.parts.error_model import ACCEL, TILT, VELOCITY
+from insenv.geodesy import NOMINAL_GRAVITY
 
 THRESHOLD = 1.5
 GATE = 3.0
-GRAVITY = 9.8
 
 
 def watched(p: Any, x: Any, delta_angle: Any, delta_velocity: Any, change_w: Any, dt: Any) -> dict[str, Any]:
@@ -64,4 +64,4 @@ def found(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def _force_variance(x: Any) -> Any:
     """Variance (m^2/s^4) of the acceleration that the estimate sees at rest: of its tilts and accelerometer biases."""
     tilt = sum(x.covariance[symmetric.place(i, i)] for i in range(TILT.start, TILT.start + 2))
-    return GRAVITY**2 * tilt + sum(x.covariance[symmetric.place(i, i)] for i in range(ACCEL.start, ACCEL.stop))
+    return NOMINAL_GRAVITY**2 * tilt + sum(x.covariance[symmetric.place(i, i)] for i in range(ACCEL.start, ACCEL.stop))

@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv import attitude
 from insenv.errors import InputError
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.flight.records import TelemetryLog, messages
 from insenv.logs.flight.series import (
     FIX_3D,
@@ -27,7 +28,7 @@ from insenv.logs.flight.series import (
     interpolated_angles,
     three_sigmas,
 )
-from insenv.logs.units import STANDARD_GRAVITY, Array
+from insenv.logs.units import Array
 
 _DEG_E7 = np.pi / 180.0 * 1e-7
 _UNKNOWN = 65535

@@ -11,7 +11,8 @@ from math import degrees, hypot, isfinite, nan, pi, sqrt
 
 import numpy as np
 
-from insenv.mavlink.messages.fields import CENTI_DEG, STANDARD_GRAVITY, Message
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.mavlink.messages.fields import CENTI_DEG, Message
 from insenv.mavlink.messages.view import View, by_name
 from insenv.mavlink.surroundings import GAS_CONSTANT
 

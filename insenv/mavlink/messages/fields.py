@@ -23,8 +23,6 @@ Message = Any
 DEG_E7 = degrees(1.0) * 1e7
 """Units of 1e-7 degree per radian."""
 CENTI_DEG = degrees(1.0) * 1e2
-STANDARD_GRAVITY = 9.80665
-"""The g of MAVLink's milli-g (m/s^2)."""
 FLOAT32_MAX = 3.4028234663852886e38
 
 UNKNOWN: dict[str, dict[str, int]] = {

@@ -1,4 +1,4 @@
-"""Running a campaign: blocks handed out, kept as they come, done again where a worker died."""
+"""Run a campaign: distribute its blocks, store them as they finish, and repeat those whose worker died."""
 
 from __future__ import annotations
 
@@ -13,48 +13,49 @@ from insenv.campaigns.model import measured_model
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
-from insenv.core.native import batch_library_path
+from insenv.core.compile import batch_library_path
 from insenv.core.runner import resolve_backend
 from insenv.errors import InsenvError
 
 Progress = Callable[[int, int], None]
-"""Told after each block: inertial samples done, and in all."""
+"""Called after each block with the inertial samples done and the total."""
 
 ATTEMPTS = 4
-"""Executors that may break one after the other, their workers having died, with no block done, before it gives up."""
+"""Number of consecutive executors that may lose their workers, with no block finished, before the campaign fails."""
 
 
 def run_campaign(
     plan: Plan, *, store: Memory | Folder | None = None, workers: Workers | None = None, progress: Progress | None = None
 ) -> Summary:
-    """Do the blocks of a plan that `store` (memory, if None) does not hold yet, on `workers` (threads), and sum all up.
+    """Run the blocks of a plan that `store` (None: memory) does not hold yet on `workers` (None: threads); summarise
+    all.
 
-    The result is the same to the bit whatever the workers, and whether it was done at once or after interruptions.
-    Raises `InsenvError` if workers die again and again; what is finished stays in the store.
+    The result is bit-identical for any workers, with or without interruptions. Raises `InsenvError` if workers die
+    repeatedly; finished blocks stay in the store.
     """
     store = Memory() if store is None else store
     measured = measured_model(plan.plant.model, estimators.get(plan.estimator))
     if resolve_backend(None) == "native":
-        batch_library_path(measured.model, None)  # compiled once, before the workers would all do so
+        batch_library_path(measured.model, None)  # compile once here, not once in each worker
     blocks = plan.blocks
     left = {number for number in range(len(blocks)) if not store.has(number)}
     total = plan.runs * plan.samples
 
-    def tell() -> None:
+    def report() -> None:
         if progress is not None:
             progress(total - sum(len(blocks[number]) for number in left) * plan.samples, total)
 
-    tell()
+    report()
     make, attempts = workers or threads(), 0
     while left:
         try:
-            # what has not begun is called off before the executor is left, which waits for what has
+            # cancel blocks that have not begun before leaving the executor, which waits for the others
             with make() as executor, closing(_finished(executor, plan, sorted(left))) as finished:
                 for number, arrays in finished:
                     store.put(number, arrays)
                     left.discard(number)
                     attempts = 0
-                    tell()
+                    report()
         except BrokenExecutor as error:
             attempts += 1
             if attempts == ATTEMPTS:
@@ -63,7 +64,7 @@ def run_campaign(
 
 
 def _finished(executor: Executor, plan: Plan, numbers: list[int]) -> Generator[tuple[int, Arrays], None, None]:
-    """(number, arrays) of the blocks, as they come; what has not begun is called off at its end, whatever ends it."""
+    """Yield (number, arrays) of the blocks as they finish; on leaving, cancel those that have not begun."""
     digest = plan.digest
     futures: dict[Future[Arrays], int] = {}
     try:
@@ -77,19 +78,21 @@ def _finished(executor: Executor, plan: Plan, numbers: list[int]) -> Generator[t
 
 
 def _result(future: Future[Arrays]) -> Arrays:
-    """What a worker gave.  Raises `InsenvError` for a cluster that has gone or whose workers die of this block."""
+    """The result of a worker.  Raises `InsenvError` if the cluster is gone or its workers die on this block."""
     try:
         return future.result()
     except CancelledError:
-        raise InsenvError("the scheduler has gone; --resume goes on with what is done") from None
+        raise InsenvError("the scheduler is gone; --resume continues with the remaining blocks") from None
     except Exception as error:
         if type(error).__module__.partition(".")[0] == "distributed":
-            raise InsenvError(f"the cluster gives up: {error}") from None
+            raise InsenvError(f"the cluster failed: {error}") from None
         raise
 
 
 def _block(plan: Plan, number: int, digest: str) -> Arrays:
-    """On a worker: the block, if this worker would give the same numbers as whoever asked."""
+    """Run a block on a worker, provided that the worker's version gives the same results."""
     if plan.digest != digest:
-        raise InsenvError(f"a worker has insenv {__version__}, which is not the version that asks: install the same on all")
+        raise InsenvError(
+            f"a worker has insenv {__version__}, another version than this process: install the same version on all"
+        )
     return run_block(plan, number)

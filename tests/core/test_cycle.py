@@ -1,4 +1,4 @@
-"""Rounds (a step, some advances with rows watched, the outputs) and rows of a batch started afresh."""
+"""Cycles (a step, some advances with watched rows, the outputs) and restarted rows of a batch."""
 
 import shutil
 
@@ -17,10 +17,10 @@ HELD = np.array([0.1, -0.2, 0.3, 0.0])
 
 @pytest.mark.parametrize("backend", backends)
 @pytest.mark.parametrize("n", [0, 1, 5, 60])
-def test_a_round_is_a_step_then_advances_then_the_outputs(toy, backend, n):
+def test_a_cycle_is_a_step_then_advances_then_the_outputs(toy, backend, n):
     one, other = (make_runner(toy, {"seed": 4}, backend) for _ in range(2))
     one.advance(HELD), other.advance(HELD)
-    call, buffer = one.round("kick", ("position", "rare"), n)
+    call, buffer = one.cycle("kick", ("position", "rare"), n)
     for _ in range(2):
         call()
         other.step("kick")
@@ -34,16 +34,16 @@ def test_a_round_is_a_step_then_advances_then_the_outputs(toy, backend, n):
 
 @pytest.mark.parametrize("backend", backends)
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_makes_the_rounds_of_its_rows(toy, backend, threads):
+def test_a_batch_runs_the_cycles_of_its_rows(toy, backend, threads):
     rows, watched = 11, ("position", "rare_due", "rare")
     u = np.random.default_rng(1).normal(size=(rows, 4)) * [1, 1, 1, 0]
     batch = make_batch(toy, rows, {"seed": 9}, threads=threads, lanes=4, backend=backend)
-    found = [batch.round("kick", watched, 7, u) for _ in range(3)][-1]
+    found = [batch.cycle("kick", watched, 7, u) for _ in range(3)][-1]
     for i in range(rows):
         single = make_runner(toy, {"seed": 9 + i}, backend)
         single.advance(u[i])
         single.start()
-        call, buffer = single.round("kick", watched, 7)
+        call, buffer = single.cycle("kick", watched, 7)
         for _ in range(3):
             call()
         assert np.array_equal(found[i], buffer)

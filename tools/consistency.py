@@ -1,9 +1,10 @@
-"""Consistency of the filters: whether their errors are as large as their covariances say.  `make consistency` prints the table.
+"""Measure whether the filters' errors are as large as their covariances say; `make consistency` prints the table.
 
-For each case the normalised estimation error squared (NEES) e^T P^-1 e is averaged over the runs at every recorded time.
-If the errors have the covariance stated, the mean times the number of runs is chi-square with (degrees of freedom) x (runs)
-degrees, so it lies within the 95 % bounds of that in 95 % of the times; times are correlated, so one table scatters.
-Estimators that state standard deviations and no covariance are judged by the sum of (error / sigma)^2 of roll, pitch, heading.
+For each case the normalised estimation error squared (NEES) e^T P^-1 e is averaged over the runs at every recorded
+time. If the errors have the stated covariance, the mean times the number of runs is chi-square distributed with
+(degrees of freedom) x (runs) degrees of freedom, and lies within its 95 % bounds 95 % of the time.  Errors are
+correlated in time, so the share found in one table scatters.  For estimators that state standard deviations but no
+covariance, the sum of (error / sigma)^2 over roll, pitch and heading is used instead.
 
 Bar-Shalom, Li, Kirubarajan (2001), section 5.4.2.
 """
@@ -28,7 +29,7 @@ Array = NDArray[np.float64]
 
 RUNS = 56
 LEVEL = 0.95
-FIRST_SEED = 5000  # seeds that nothing was tuned on
+FIRST_SEED = 5000  # no filter was tuned on these seeds
 MODELLED = {
     f"{triad}_{error}": 0.0
     for triad, error in (
@@ -36,14 +37,17 @@ MODELLED = {
         ("accel", "misalignment_sigma_urad"), ("gyro", "g_sensitivity_deg_h_g"),
     )
 }  # fmt: skip
-"""Without the errors of the unit that grow with the motion: those of the error model are left."""
+"""Removes the sensor errors that grow with the motion; those that the 15-state error model describes remain."""
 
 
 @dataclass(frozen=True)
 class Case:
     """One filter on one scenario.
 
-    what: for the table.  scenario: makes it.  from_s: when the filter has converged.  duration_s: None for the scenario's.
+    what: description for the table.
+    scenario: makes the scenario.
+    from_s: time from which the filter counts as converged.
+    duration_s: duration of a run; None: the scenario's.
     """
 
     what: str
@@ -54,10 +58,10 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Consistency:
-    """What a case came to.
+class CaseResult:
+    """The NEES of a case.
 
-    time (records,) s, from the case's `from_s` on.  nees (runs, records).  degrees: of freedom.  runs: how many.
+    time (records,) s, starting at the case's `from_s`; nees (runs, records); degrees: degrees of freedom of one value.
     """
 
     case: Case
@@ -67,31 +71,31 @@ class Consistency:
 
     @property
     def mean(self) -> Array:
-        """Mean over the runs at every time, over the degrees of freedom: 1 for a consistent filter."""
+        """Mean NEES over the runs at each time, divided by the degrees of freedom: 1 for a consistent filter."""
         return np.asarray(self.nees.mean(axis=0) / self.degrees)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Those of `mean`."""
+        """The 95 % bounds of `mean`."""
         return bounds(self.degrees, len(self.nees))
 
     @property
     def inside(self) -> float:
-        """Share of the times at which the mean lies within the bounds."""
+        """Share of the recorded times at which the mean lies within the bounds."""
         low, high = self.bounds
         return float(np.mean((self.mean > low) & (self.mean < high)))
 
 
 def bounds(degrees: int, runs: int, level: float = LEVEL) -> tuple[float, float]:
-    """Two-sided bounds of the mean over `runs` of a chi-square variable, over its degrees of freedom."""
+    """Two-sided bounds of the mean over `runs` of a chi-square variable, divided by its degrees of freedom."""
     from scipy.stats import chi2
 
     low, high = chi2.ppf([(1 - level) / 2, (1 + level) / 2], degrees * runs) / (degrees * runs)
     return float(low), float(high)
 
 
-def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> Consistency:
-    """Run the case over seeds."""
+def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> CaseResult:
+    """Run a case over `runs` seeds."""
     plan = make_plan(case.scenario(), case.estimator, runs, first_seed=first_seed, duration_s=case.duration_s)
     blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
     degrees = measured_model(plan.plant.model, estimators.get(case.estimator)).degrees
@@ -102,7 +106,7 @@ def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> Consi
         error, sigma = (np.concatenate([block[name] for block in blocks])[..., :3] for name in ("error", "sigma"))
         nees = np.sum((error / sigma) ** 2, axis=-1)
     late = plan.times >= case.from_s
-    return Consistency(case, plan.times[late], nees[:, late], degrees)
+    return CaseResult(case, plan.times[late], nees[:, late], degrees)
 
 
 def changed(
@@ -111,7 +115,7 @@ def changed(
     gnss: Mapping[str, Any] | None = None,
     tuning: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> Scenario:
-    """A scenario with other values in [imu] and [gnss], and other tunings of estimators."""
+    """A scenario with other values in [imu] and [gnss] and another tuning of estimators."""
     loaded = load(name)
     update: dict[str, Any] = {"imu": loaded.imu.model_copy(update=imu or {})}
     if gnss and loaded.gnss is not None:
@@ -123,8 +127,8 @@ def changed(
 
 ID = "loosely-coupled"
 RTK = {"grade": "rtk", "outlier_probability": 0.0}
-TOLD: Mapping[str, Any] = {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0, "standing_window_s": 0.0}
-UNTOLD: Mapping[str, Any] = {"standing_window_s": 0.0}
+MODELS_WANDER: Mapping[str, Any] = {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0, "standing_window_s": 0.0}
+IGNORES_WANDER: Mapping[str, Any] = {"standing_window_s": 0.0}
 
 
 def _city(imu: Mapping[str, Any] | None, gnss: Mapping[str, Any] | None, tuning: Mapping[str, Any]) -> Callable[[], Scenario]:
@@ -135,9 +139,9 @@ def _named(name: str) -> Callable[[], Scenario]:
     return lambda: load(name)
 
 
-WHITE_FIXES = Case("city drive, errors of the model, white fixes", ID, _city(MODELLED, RTK, UNTOLD), 60.0)
-WANDER_TOLD = Case("the same, wandering fixes, the filter told of it", ID, _city(MODELLED, None, TOLD), 60.0)
-WANDER_UNTOLD = Case("the same, the filter not told of it", ID, _city(MODELLED, None, UNTOLD), 60.0)
+WHITE_FIXES = Case("city drive, modelled errors only, white fixes", ID, _city(MODELLED, RTK, IGNORES_WANDER), 60.0)
+WANDER_MODELLED = Case("the same, wandering fixes, modelled by the filter", ID, _city(MODELLED, None, MODELS_WANDER), 60.0)
+WANDER_IGNORED = Case("the same, not modelled by the filter", ID, _city(MODELLED, None, IGNORES_WANDER), 60.0)
 
 CASES: tuple[Case, ...] = (
     Case("laboratory, at rest", "ecef-kf", laboratory, 120.0),
@@ -147,24 +151,24 @@ CASES: tuple[Case, ...] = (
     Case("ship-swaying", "inertial-fir", _named("ship-swaying"), 200.0),
     Case("ship-swaying", "gyrocompass", _named("ship-swaying"), 250.0),
     WHITE_FIXES,
-    WANDER_TOLD,
-    WANDER_UNTOLD,
-    Case("city drive as it is", ID, _named("car-city-drive"), 60.0),
+    WANDER_MODELLED,
+    WANDER_IGNORED,
+    Case("city drive, unchanged", ID, _named("car-city-drive"), 60.0),
     Case("large-misalignment", "aqe-sukf", _named("large-misalignment"), 60.0),
     Case("large-misalignment-extreme", "aqe-sukf", _named("large-misalignment-extreme"), 60.0),
     Case("large-misalignment", "aqe-ekf", _named("large-misalignment"), 60.0),
 )
-"""What `make consistency` measures."""
+"""The cases that `make consistency` measures."""
 
 
-def measured(runs: int = RUNS) -> Iterator[Consistency]:
-    """All cases, one after the other."""
+def measured(runs: int = RUNS) -> Iterator[CaseResult]:
+    """The results of all cases, one after the other."""
     for case in CASES:
         yield measure(case, runs)
 
 
-def row(found: Consistency) -> str:
-    """A line of the table, Markdown."""
+def row(found: CaseResult) -> str:
+    """A line of the table in Markdown."""
     low, high = found.bounds
     return (
         f"| {found.case.estimator} | {found.case.what} | {found.degrees} | {100 * found.inside:.0f} % | "
