@@ -1,12 +1,11 @@
 """Campaigns: Monte Carlo over seeds and over ranges of a scenario's keys; whole runs stay inside the batch core.
 
-plan = make_plan(load("ship-swaying"), "q-method", 100)
-found = run_campaign(plan)
+summary = insenv.campaign("ship-swaying", "q-method", runs=100)
 """
 
 from insenv.campaigns.executors import cluster, processes, threads
 from insenv.campaigns.plan import Plan, make_plan
-from insenv.campaigns.running import run_campaign
+from insenv.campaigns.running import campaign, run_campaign
 from insenv.campaigns.store import Folder
 from insenv.campaigns.summary import PERCENTILES, Summary
 from insenv.campaigns.variation import Variation, parse_variation
@@ -17,6 +16,7 @@ __all__ = [
     "Plan",
     "Summary",
     "Variation",
+    "campaign",
     "cluster",
     "make_plan",
     "parse_variation",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import estimators
 from insenv.campaigns.model import Measured, measured_model, predictor
 from insenv.campaigns.plan import Plan
 from insenv.core.batch import make_batch
@@ -27,7 +26,7 @@ def run_block(plan: Plan, number: int) -> Arrays:
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]
     plants = _plants(plan, seeds)
-    estimator = estimators.get(plan.estimator)
+    estimator = plan.chosen
     measured = measured_model(plants[0].model, estimator)
     batch = make_batch(measured.model, len(plants), _parameters(plan, plants, estimator, measured))
     shown = measured.model.outputs.unpack(batch.run(plan.samples, every=plan.record_samples))

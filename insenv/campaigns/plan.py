@@ -16,8 +16,9 @@ import insenv
 from insenv import estimators
 from insenv.campaigns.variation import Variation, check_variations, varied
 from insenv.errors import InputError
+from insenv.estimators import Estimator
 from insenv.runs.simulated import recording_interval
-from insenv.scenario import Plant, Scenario, build, parse
+from insenv.scenario import Plant, ScenarioLike, build, load, parse
 
 RECORDS = 120
 """Approximate upper bound of the number of recorded times."""
@@ -62,6 +63,17 @@ class Plan:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @functools.cached_property
+    def chosen(self) -> Estimator:
+        """The estimator.  Raises `InputError` if this process does not know it."""
+        try:
+            return estimators.get(self.estimator)
+        except InputError as error:
+            raise InputError(
+                f"{error}; a worker process knows installed estimators (entry-point group 'insenv.estimators'), but not those "
+                "that a script registers: use threads"
+            ) from None
+
+    @functools.cached_property
     def plant(self) -> Plant:
         """The plant of the first run; model, interval and number of samples are the same for all runs."""
         return self.plant_of(self.first_seed)
@@ -75,7 +87,7 @@ class Plan:
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the estimator in the scenario of the first run (`Estimator.notes`)."""
-        estimator = estimators.get(self.estimator)
+        estimator = self.chosen
         table = estimator.model.parameters
         found = estimator.notes(table.unpack(table.pack(self.plant.parameters_of(estimator))), self.duration_s)
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
@@ -116,8 +128,8 @@ class Plan:
 
 
 def make_plan(
-    scenario: Scenario,
-    estimator_id: str,
+    scenario: ScenarioLike,
+    estimator: str | Estimator,
     runs: int,
     *,
     first_seed: int | None = None,
@@ -128,9 +140,9 @@ def make_plan(
 
     Raises `InputError` for a combination that cannot be run; both ends of every range are tried.
     """
-    estimator = estimators.get(estimator_id)
-    if isinstance(runs, bool) or not 1 <= runs <= MAX_RUNS:
-        raise InputError(f"runs = {runs}: allowed is 1 to {MAX_RUNS}")
+    scenario, estimator = load(scenario), estimators.get(estimator)
+    if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 1 <= runs <= MAX_RUNS:
+        raise InputError(f"runs = {runs!r}: allowed is a whole number from 1 to {MAX_RUNS}")
     plan = Plan(
         scenario=scenario.model_dump(mode="json", warnings=False),
         name=scenario.name or "scenario",
@@ -140,6 +152,7 @@ def make_plan(
         duration_s=scenario.duration_s if duration_s is None else float(duration_s),
         variations=tuple(sorted(variations, key=lambda v: v.key)),
     )
+    vars(plan)["chosen"] = estimator  # an object that need not be registered
     check_variations(plan.variations)
     plants = [plan.plant]
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too

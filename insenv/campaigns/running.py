@@ -2,26 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import closing
+from math import isfinite
+from pathlib import Path
 
-from insenv import __version__, estimators
+from insenv import __version__
 from insenv.campaigns.block import Arrays, run_block
-from insenv.campaigns.executors import Workers, threads
+from insenv.campaigns.executors import Workers, processes, threads
 from insenv.campaigns.model import measured_model
-from insenv.campaigns.plan import Plan
+from insenv.campaigns.plan import Plan, make_plan
 from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
+from insenv.campaigns.variation import Variation
 from insenv.core.compile import batch_library_path
 from insenv.core.runner import resolve_backend
-from insenv.errors import InsenvError
+from insenv.errors import InputError, InsenvError
+from insenv.estimators import Estimator
+from insenv.scenario import ScenarioLike
 
 Progress = Callable[[int, int], None]
 """Called after each block with the inertial samples done and the total."""
 
 ATTEMPTS = 4
 """Number of consecutive executors that may lose their workers, with no block finished, before the campaign fails."""
+
+
+def campaign(
+    scenario: ScenarioLike,
+    estimator: str | Estimator,
+    runs: int,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """Run a scenario many times with an estimator (Monte Carlo) and summarise the errors.
+
+    Parameters
+    ----------
+    scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file.
+    estimator: an id or an `Estimator`.
+    runs: number of runs; run i has the seed `seed` + i (None: the scenario's).
+    duration_s: instead of the scenario's, s.
+    vary: ranges (low, high) by key of the scenario (``"imu.gyro_bias_deg_h"``) from which each run draws its value.
+    folder: where finished blocks are kept; with `resume` an interrupted campaign there continues.
+    workers: number of processes; None: threads of this process.
+    progress: called with the numbers of inertial samples done and in all.
+
+    Raises `InputError` for what is unknown, wrong, or cannot run; `InsenvError` if workers die again and again.
+    """
+    variations = [Variation(key, *_range(key, limits)) for key, limits in (vary or {}).items()]
+    plan = make_plan(scenario, estimator, runs, first_seed=seed, duration_s=duration_s, variations=variations)
+    if resume and folder is None:
+        raise InputError("resume = True: name the folder that holds the campaign")
+    store = None if folder is None else Folder(folder, plan, resume)
+    return run_campaign(plan, store=store, workers=None if workers is None else processes(workers), progress=progress)
+
+
+def _range(key: str, limits: object) -> tuple[float, float]:
+    try:
+        low, high = (float(limit) for limit in limits)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise InputError(f"vary[{key!r}] = {limits!r}: allowed is a pair of numbers, the lower first") from None
+    if not (isfinite(low) and isfinite(high) and low <= high):
+        raise InputError(f"vary[{key!r}] = {limits!r}: allowed is a pair of finite numbers, the lower first")
+    return low, high
 
 
 def run_campaign(
@@ -34,7 +85,7 @@ def run_campaign(
     repeatedly; finished blocks stay in the store.
     """
     store = Memory() if store is None else store
-    measured = measured_model(plan.plant.model, estimators.get(plan.estimator))
+    measured = measured_model(plan.plant.model, plan.chosen)
     if resolve_backend(None) == "native":
         batch_library_path(measured.model, None)  # compile once here, not once in each worker
     blocks = plan.blocks

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import estimators
 from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
 from insenv.evaluation import limits
@@ -170,7 +169,7 @@ class Summary:
 def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
     """Summarise all blocks; sums follow the order of the runs, so that they do not depend on the workers."""
     time = plan.times
-    alignment = not estimators.get(plan.estimator).navigates
+    alignment = not plan.chosen.navigates
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
     late = time >= from_s - 1e-9
     seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))

@@ -79,8 +79,8 @@ class Agent:
         self._inputs = np.tile(model.inputs.start_vector(), (rows, setup.samples, 1))
         if "dt" in model.inputs:
             self._inputs[..., model.inputs.slice("dt")] = setup.interval
-        imu = ("delta_angle", "delta_velocity")
-        self._imu = _joined([(model.inputs.slice(name), setup.task.watched.slice(name)) for name in imu])
+        taken = [name for name in setup.task.watched.names if name in model.inputs]
+        self._taken = _joined([(model.inputs.slice(name), setup.task.watched.slice(name)) for name in taken])
         self._takes_fixes = "gnss_valid" in model.inputs and "fix_new" in setup.task.observation
 
     def act(self, observation: Array, info: Mapping[str, Any] | None = None) -> Array:
@@ -96,7 +96,7 @@ class Agent:
         imu = seen["imu"]
         if not imu[..., 6].all():
             imu = _bridged(imu)
-        for mine, theirs in self._imu:
+        for mine, theirs in self._taken:
             self._inputs[..., mine] = imu[..., theirs]
         if self._takes_fixes:
             self._fixes(seen)

@@ -23,7 +23,9 @@ def _setup(
     if not navigates and not found.vehicle.in_place:
         raise InputError(f"an alignment environment needs a vehicle in place: that of {found.name or found.title!r} moves")
     constants = {"time_weight": check_number("time_weight", time_weight, 0.0, 1e6)}
-    return make_setup(found, estimation_task(plant_of(found)[0], navigates), ranges, samples_per_step, duration_s, constants)
+    shown = tuple(name for id, section in found.sensors.items() if id != "gnss" for name in section.sensor.outputs)
+    task = estimation_task(plant_of(found)[0], navigates, shown)
+    return make_setup(found, task, ranges, samples_per_step, duration_s, constants)
 
 
 class AlignmentEnv(InertialEnv):

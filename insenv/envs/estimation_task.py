@@ -149,10 +149,11 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=64)
-def estimation_task(plant: Model, navigates: bool) -> Task:
+def estimation_task(plant: Model, navigates: bool, shown: tuple[str, ...] = ()) -> Task:
     """Return the task of estimating the attitude of a plant, or (navigates) its attitude, velocity and position.
 
-    Raises `InputError` for navigation without a GNSS receiver.
+    shown: state rows of the plant, of sensors other than the inertial unit and the GNSS receiver, that an observation
+    contains for every inertial sample too.  Raises `InputError` for navigation without a GNSS receiver.
     """
     has_gnss = "gnss_valid" in plant.state
     if navigates and not has_gnss:
@@ -180,7 +181,8 @@ def estimation_task(plant: Model, navigates: bool) -> Task:
     )
     parts = [as_part(plant), *([fix_part()] if has_gnss else []), referee]
     model = merge(f"{plant.id}-{what}", f"{plant.title}: {what}", parts, observation + RESULT + info, output)
-    return Task(model, actions, SAMPLE, observation, info)
+    watched = SAMPLE + Table(tuple(plant.state[name] for name in shown))
+    return Task(model, actions, watched, observation, info)
 
 
 def estimate_action(

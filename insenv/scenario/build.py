@@ -144,6 +144,8 @@ def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tupl
     duration = scenario.duration_s if duration_s is None else duration_s
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MAX_SEED:
         raise InputError(f"seed = {seed!r}: allowed is a whole number from 0 to 2^53")
+    if isinstance(duration, bool) or not isinstance(duration, (int, float, np.number)):
+        raise InputError(f"duration_s = {duration!r}: allowed is a number of seconds")
     if not 0.0 < duration <= MAX_DURATION_S or round(duration * scenario.rate_hz) < 1:
         least = 1.0 / scenario.rate_hz
         raise InputError(f"duration_s = {duration:g} s: allowed is from one sample, {least:g} s, to {MAX_DURATION_S:g} s")
