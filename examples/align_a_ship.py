@@ -3,7 +3,7 @@
 python examples/align_a_ship.py
 """
 
-from insenv.runs.simulated import run
+from insenv import run
 from insenv.scenario import load
 
 report = run(load("ship-swaying"), ["q-method"], seed=1)

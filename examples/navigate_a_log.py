@@ -9,7 +9,7 @@ solution from the same GNSS: the figures tell how well two filters agree, not ho
 
 from pathlib import Path
 
-from insenv.runs.replayed import replay
+from insenv import replay
 
 LOG = Path(__file__).resolve().parent / "n380-car-position-only.toml"
 

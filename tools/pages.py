@@ -1,4 +1,4 @@
-"""Generate the tables of docs/scenarios.md, logs.md, flight-logs.md and sensors.md, and scenarios/schema.json.
+"""Generate parts of the pages in docs/ (tables of keys, of rows, of grades, of public names; code) and scenarios/schema.json.
 
 ``python tools/pages.py`` in the repository rewrites them; tests/project/test_pages.py compares. A generated part of a page
 stands between ``<!-- begin NAME (python tools/pages.py) -->`` and ``<!-- end NAME -->``.
@@ -6,6 +6,7 @@ stands between ``<!-- begin NAME (python tools/pages.py) -->`` and ``<!-- end NA
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+import insenv
 from insenv.core.tables import Row, Table
 from insenv.files.toml import sections_in
 from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
@@ -208,12 +210,43 @@ def _figure(value: Any) -> str:
     return f"{value[0]:.3g}" if len(set(value)) == 1 else ", ".join(f"{v:.3g}" for v in value)
 
 
+# --- files and public names ----------------------------------------------------------------------------
+
+
+def code_of(path: str, language: str = "python") -> Callable[[], str]:
+    """A file of the repository as a code block, which the tests of the pages do not run."""
+    text = (ROOT / path).read_text(encoding="utf-8").rstrip()
+    return lambda: f"<!-- not run: tests/outside runs it -->\n```{language}\n{text}\n```"
+
+
+def public_names() -> str:
+    """The public names of insenv: each with its home and the first line of its docstring."""
+    rows = []
+    for name in insenv.__all__:
+        thing = getattr(insenv, name)
+        home = thing.__name__ if inspect.ismodule(thing) else thing.__module__
+        summary = (inspect.getdoc(thing) or "").partition("\n")[0]
+        rows.append([f"`insenv.{name}`", f"`{home}`", summary])
+    return markdown(("name", "defined in", "what it is"), rows)
+
+
 # --- pages -------------------------------------------------------------------------------------------
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/scenarios.md": {"keys": lambda: key_tables(SCENARIO_SECTIONS, SCENARIO_TYPES)},
     "docs/logs.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
     "docs/flight-logs.md": {"keys": lambda: key_tables(FLIGHT_SECTIONS)},
+    "docs/api.md": {"names": public_names},
+    "docs/write-your-own.md": {
+        name: code_of(f"tests/outside/rail/{path}", language)
+        for name, path, language in (
+            ("pyproject", "pyproject.toml", "toml"),
+            ("estimator", "insenv_rail/ahrs.py", "python"),
+            ("vehicle", "insenv_rail/trolley.py", "python"),
+            ("sensor", "insenv_rail/compass.py", "python"),
+            ("scenario", "rail.toml", "toml"),
+        )
+    },
     "docs/sensors.md": {
         "imu-parameters": lambda: rows_table(IMU_PARAMETERS),
         "imu-state": lambda: rows_table(IMU_STATE),

@@ -52,7 +52,7 @@ def campaign(
     duration_s: instead of the scenario's, s.
     vary: ranges (low, high) by key of the scenario (``"imu.gyro_bias_deg_h"``) from which each run draws its value.
     folder: where finished blocks are kept; with `resume` an interrupted campaign there continues.
-    workers: number of processes; None: threads of this process.
+    workers: number of processes, which a script may start only below ``if __name__ == "__main__":``; None: threads.
     progress: called with the numbers of inertial samples done and in all.
 
     Raises `InputError` for what is unknown, wrong, or cannot run; `InsenvError` if workers die again and again.
@@ -110,7 +110,10 @@ def run_campaign(
         except BrokenExecutor as error:
             attempts += 1
             if attempts == ATTEMPTS:
-                raise InsenvError(f"workers died {ATTEMPTS} times ({error}): out of memory?") from None
+                raise InsenvError(
+                    f"workers died {ATTEMPTS} times ({error}): out of memory? A script that starts worker processes must do so "
+                    'below `if __name__ == "__main__":`'
+                ) from None
     return summarise(plan, measured, lambda name: [store.column(number, name) for number in range(len(blocks))])
 
 

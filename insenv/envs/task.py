@@ -57,7 +57,7 @@ class Task:
         return slice(first, first + self.actions.size)
 
     def layout(self, samples: int) -> Table:
-        """Rows of an observation over `samples` inertial samples: ``imu`` (samples, watched.size), then those of `observation`."""
+        """Rows of an observation: ``imu`` (samples, watched.size), one row per inertial sample, then `observation`."""
         if not self.watched.rows:
             return self.observation
         meaning = "; ".join(f"{row.meaning.lower()} ({row.unit})" for row in self.watched)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from campaigns import same, slow_ship, small_plan
 
+from insenv import run
 from insenv.campaigns import Folder, cluster, make_plan, processes, run_campaign, running, threads
 from insenv.campaigns import block as block_module
 from insenv.campaigns.block import run_block
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
-from insenv.runs.simulated import run
 from insenv.scenario import build, load, reseeded
 
 has_compiler = shutil.which("cc") is not None

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from command_line import SHORT, call, log_file, refused, strict
 
-from insenv import errors
+from insenv import errors, run
 from insenv.cli import kept_interruptions, main
 from insenv.evaluation.errors import ATTITUDE
-from insenv.runs.simulated import run
 
 # as installed, but with Ctrl-C enabled even if the parent ignores it, as shells do for background jobs
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"

@@ -4,10 +4,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-from insenv import attitude, estimators, geodesy
+from insenv import attitude, estimators, geodesy, run
 from insenv.envs import agents
 from insenv.errors import InputError
-from insenv.runs.simulated import run
 from insenv.scenario import load
 
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insenv import attitude, geodesy
+from insenv import attitude, geodesy, run
 from insenv.core.batch import make_batch
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
@@ -14,7 +14,6 @@ from insenv.estimators import get
 from insenv.estimators.parts.eigen import largest_eigenvector
 from insenv.evaluation import limits
 from insenv.plant.feeding import input_rows
-from insenv.runs.simulated import run
 from insenv.scenario import load
 
 eigenvector = vectorized(largest_eigenvector, (4, 4))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from insenv import attitude, geodesy
+from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
@@ -14,7 +14,6 @@ from insenv.estimators.parts import two_sample
 from insenv.evaluation import limits
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
-from insenv.runs.simulated import run
 from insenv.scenario import load
 
 turned = vectorized(two_sample.turned, 4, 3, 3)

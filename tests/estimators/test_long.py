@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from insenv import attitude, geodesy
+from insenv import attitude, geodesy, replay
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
@@ -11,7 +11,6 @@ from insenv.estimators.parts import aqe_tables
 from insenv.plant.feeding import input_rows
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import COURSE_SIGMA
-from insenv.runs.replayed import replay
 from insenv.scenario import build, load
 
 DAY, LATITUDE, HEADING = 86400, 0.6, 0.7

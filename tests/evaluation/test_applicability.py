@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from insenv import geodesy
+from insenv import geodesy, replay, run
 from insenv.errors import InputError
 from insenv.estimators import registered
 from insenv.report import document
-from insenv.runs.replayed import replay
-from insenv.runs.simulated import run
 from insenv.scenario import load
 
 ALIGNMENTS = [e.id for e in registered().values() if e.kind == "alignment" and not e.aided]

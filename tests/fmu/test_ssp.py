@@ -10,12 +10,11 @@ import pytest
 from command_line import call, refused, strict
 from fmu_tools import in_process, plant_outputs, scratch, thorough
 
-from insenv import attitude, estimators
+from insenv import attitude, estimators, run
 from insenv.errors import InputError
 from insenv.evaluation.errors import ATTITUDE
 from insenv.files.resources import scenario_folder
 from insenv.fmu.ssp import export_ssp, structure
-from insenv.runs.simulated import run
 from insenv.scenario import build, load
 
 SCENARIO, ID, INTERVAL, SAMPLES = "ship-swaying", "qakf-improved", 0.005, 2000

@@ -16,7 +16,7 @@ from command_line import call, strict
 from flight_writers import DataflashWriter, UlogWriter
 from places import ROOT
 
-from insenv import attitude, estimators, geodesy
+from insenv import attitude, estimators, geodesy, replay
 from insenv.errors import InputError
 from insenv.logs import GnssFixes, RecordedLog, load
 from insenv.logs.flight.records import TelemetryLog
@@ -24,7 +24,6 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.wire import TlogWriter, dialect
 from insenv.runs.follower import Follower
 from insenv.runs.replay_columns import sample_columns
-from insenv.runs.replayed import replay
 from insenv.scenario import load as load_scenario
 
 DATA = Path(__file__).parent / "data" / "px4"

@@ -5,7 +5,7 @@ from math import nan
 import numpy as np
 import pytest
 
-from insenv import attitude, estimators
+from insenv import attitude, estimators, run
 from insenv.errors import InputError
 from insenv.mavlink import Simulation, Vehicle
 from insenv.mavlink.answers import HANDLERS, answers
@@ -15,7 +15,6 @@ from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
 from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
-from insenv.runs.simulated import run
 from insenv.scenario import build, load
 from insenv.vehicles import AircraftSection, CarSection, ShipSection
 

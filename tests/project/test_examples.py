@@ -8,8 +8,8 @@ from importlib.util import find_spec
 import pytest
 from places import ROOT
 
+from insenv import run
 from insenv.files.toml import read_toml
-from insenv.runs.simulated import run
 from insenv.scenario import load
 
 EXAMPLES = ROOT / "examples"

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from insenv import attitude, geodesy
+from insenv import attitude, geodesy, replay, run
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, Track, errors
-from insenv.runs.replayed import replay
-from insenv.runs.simulated import run
 from insenv.scenario import load
 
 N380 = ROOT / "examples" / "n380-car.toml"

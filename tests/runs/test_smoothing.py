@@ -10,7 +10,7 @@ from places import ROOT
 from scipy.stats import chi2
 from smoothers import Pass, Scalars, bryson_frazier, rts, two_filter
 
-from insenv import geodesy
+from insenv import geodesy, replay
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
@@ -21,7 +21,6 @@ from insenv.evaluation.errors import POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
-from insenv.runs.replayed import replay
 from insenv.runs.simulated import run, track_of
 from insenv.runs.smoothed import Smoother, smooth
 from insenv.scenario import build, load
