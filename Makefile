@@ -34,7 +34,7 @@ test-mavlink: $(TEST) $(MAVPROXY) ## the heavy tests of MAVLink: MAVProxy in an 
 	  $(BIN)/python -m pytest tests/mavlink/test_heavy.py tests/mavlink/test_link.py $(PYTEST_ARGS)
 
 test-fmu: $(TEST) ## the long checks of FMUs: every one of them, 60,000 steps, all platforms (minutes)
-	@$(PIP) install --quiet -e '.[test,plot,fmu]' || echo "ziglang does not install here: this machine's platform alone" >&2
+	@$(PIP) install --quiet -e '.[test,plot,native]' || echo "ziglang does not install here: this machine's platform alone" >&2
 	INSENV_TEST_FMU=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/fmu $(PYTEST_ARGS)
 
 test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and compare it on held-out seeds (minutes)
@@ -62,7 +62,7 @@ bench: $(BENCH) ## the benchmarks, each beside its floor and, where it installs,
 
 clean: ## remove all that make and the checks made, .venv too
 	rm -rf .venv demo build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
-	find insenv tests benchmarks examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+	find insenv tests tools examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 # Each stamp marks a step that succeeded; a change of pyproject.toml installs again.
 

@@ -150,7 +150,7 @@ def test_every_estimator_in_the_host_over_60000_steps(id, fmi):
 def zig_host(target: str, name: str, *libraries: str) -> Path:
     """The host for another platform, compiled by zig."""
     if find_spec("ziglang") is None:
-        pytest.skip("ziglang is not installed: pip install -e '.[fmu]'")
+        pytest.skip("ziglang is not installed: pip install -e '.[native]'")
     binary = scratch() / name
     source = fmu_folder() / "examples" / "host.c"
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-std=c99", "-O2", str(source), "-o", str(binary)]
@@ -232,7 +232,7 @@ def test_the_binary_here_exports_the_standard_and_nothing_else(fmi):
 
 
 @thorough
-@pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed: pip install -e '.[fmu]'")
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed: pip install -e '.[native]'")
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_binaries_of_all_platforms_are_what_their_folders_say(fmi):
     folder = unzipped("qakf-improved", fmi, ("all",)) / "binaries"

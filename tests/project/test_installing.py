@@ -49,5 +49,5 @@ def test_every_extra_that_is_advised_is_declared():
     declared = (root / "pyproject.toml").read_text("utf-8")
     code = "".join(path.read_text("utf-8") for path in (root / "insenv").rglob("*.py"))
     advised = set(re.findall(r"install_extra\(['\"](\w+)", code))
-    assert {"plot", "native", "fmu"} <= advised
+    assert {"plot", "native"} <= advised
     assert all(re.search(rf"^{extra} = \[", declared, re.MULTILINE) for extra in advised)
