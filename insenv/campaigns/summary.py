@@ -1,21 +1,21 @@
-"""The result of a campaign: error statistics over the runs, along time and at the end, with the theoretical limit."""
+"""`Summary`: what a campaign returns; and how it is computed from the blocks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
+from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
+from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION
 from insenv.report import FilesWritten, OutputFolder
-from insenv.report.campaign import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
 from insenv.report.notebook import require_matplotlib
 
 if TYPE_CHECKING:
@@ -26,117 +26,9 @@ Array = NDArray[np.float64]
 Columns = Callable[[str], list[Array]]
 """Returns an array of every block, by the array's name."""
 
-PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
-FAR = 10.0
-"""A run whose error is at least this many times that of the median run is listed as far off."""
-BOUNDS = (0.025, 0.975)
-"""Probabilities that bound the mean NEES of a consistent estimator."""
 
-
-@dataclass(frozen=True)
-class Course:
-    """Statistics of one channel at the recorded times (records,), over the runs whose errors are finite there.
-
-    mean: mean error.
-    rms: root mean square of all evaluations since the previous record.
-    percentiles: (5, records), of the errors.
-    limit: root mean square of the limit over the runs, or None.
-    stated: root mean square of the standard deviations that the estimator states, or None.
-    """
-
-    mean: Array
-    rms: Array
-    percentiles: Array
-    limit: Array | None
-    stated: Array | None
-
-
-@dataclass(frozen=True)
-class NeesCourse:
-    """NEES at the recorded times: its mean over the runs (records,), degrees of freedom, 95 % bounds of the mean."""
-
-    mean: Array
-    degrees: int
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, repr=False)
-class Summary:
-    """The result of a campaign.
-
-    time (records,) s; courses by channel; nees or None; from_s: time from which the statistics of a whole run are
-    taken.
-    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no
-    limit).
-    diverged: seeds of runs with a number that is not finite.
-    far: seeds of runs whose rms is `FAR` times the median.
-    """
-
-    plan: Plan
-    time: Array
-    courses: dict[str, Course]
-    nees: NeesCourse | None
-    from_s: float
-    seeds: Array
-    values: Array
-    final: Array
-    rms: Array
-    limit: Array
-    diverged: tuple[int, ...]
-    far: tuple[int, ...]
-    percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of the errors."""
-        return tuple(self.courses)
-
-    def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on."""
-        kept = ~np.isin(self.seeds, self.diverged)
-        found = {}
-        for place, (name, course) in enumerate(self.courses.items()):
-            limit = float(_rms(self.limit[kept, place])) if course.limit is not None and kept.any() else None
-            late = self.time >= self.from_s - 1e-9
-            found[name] = {
-                "mean": float(course.mean[-1]),
-                "rms": float(_rms(self.rms[kept, place])) if kept.any() else float("nan"),
-                "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
-                "limit": limit,
-                "stated": None if course.stated is None else float(_rms(course.stated[late])),
-            }
-        return found
-
-    def as_json(self) -> dict[str, Any]:
-        """The documented JSON form."""
-        plan, nees = self.plan, None
-        if self.nees is not None:
-            late = self.time >= self.from_s - 1e-9
-            nees = {
-                "mean": float(np.mean(self.nees.mean[late])),
-                "degrees_of_freedom": self.nees.degrees,
-                "low": self.nees.low,
-                "high": self.nees.high,
-                "share_inside": float(
-                    np.mean((self.nees.mean[late] >= self.nees.low) & (self.nees.mean[late] <= self.nees.high))
-                ),
-            }
-        return {
-            "scenario": plan.name,
-            "estimator": plan.estimator,
-            "runs": plan.runs,
-            "first_seed": plan.first_seed,
-            "duration_s": plan.duration_s,
-            "imu_samples": plan.runs * plan.samples,
-            "varied": [{"key": v.key, "low": v.low, "high": v.high} for v in plan.variations],
-            "statistics_from_s": self.from_s,
-            "errors": self.figures(),
-            "nees": nees,
-            "diverged": list(self.diverged),
-            "far": list(self.far),
-            "notes": list(plan.notes),
-        }
+class Summary(Statistics):
+    """The result of a campaign: its `Statistics`, to be printed, drawn and saved."""
 
     def plot(self) -> Figure:
         """The figure of the errors over time. Raises `InsenvError` if matplotlib is missing."""
@@ -228,10 +120,6 @@ def _percentiles(error: Array, finite: NDArray[np.bool_]) -> Array:
     none = np.full(len(PERCENTILES), np.nan)
     courses = zip(error.T, finite.T, strict=True)
     return np.stack([np.percentile(e[good], PERCENTILES) if good.any() else none for e, good in courses], axis=1)
-
-
-def _rms(values: Array) -> Array:
-    return np.sqrt(np.mean(values**2, axis=0))
 
 
 def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:

@@ -38,9 +38,9 @@ def campaign(
 ) -> None:
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
     from insenv.campaigns import Folder, make_plan, parse_variation, run_campaign
+    from insenv.campaigns.presentation import campaign_document, campaign_tables, write_campaign
     from insenv.cli.output import print_json, print_line, print_parts, quiet_warnings, working
     from insenv.report import OutputFolder
-    from insenv.report.campaign import campaign_document, campaign_tables, write_campaign
     from insenv.scenario import load
 
     if resume and out is None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from insenv.report.run_report import Report
+from insenv.report.run_data import RunData
 
 
-def document(report: Report, files: Sequence[str] = ()) -> dict[str, Any]:
+def document(report: RunData, files: Sequence[str] = ()) -> dict[str, Any]:
     """The documented form of a run or replay; with `published` and `files` (paths written) if there are any."""
     found = report.as_json()
     if report.published:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track
+from insenv.report.run_data import RunData
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from insenv.report.run_report import Report
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def save(figure: Figure, paths: Mapping[str, Path | BinaryIO]) -> None:
             figure.savefig(path, format=kind, dpi=150, metadata=metadata.get(kind, {}))
 
 
-def draw(report: Report) -> Figure:
+def draw(report: RunData) -> Figure:
     """The figure of a run or replay with all its estimators; requires `drawable`.
 
     It needs no display and does not change the global state of matplotlib.
@@ -79,7 +79,7 @@ def draw(report: Report) -> Figure:
         return figure
 
 
-def drawable(report: Report) -> bool:
+def drawable(report: RunData) -> bool:
     """Whether there are errors or a track to draw."""
     return any(len(r.time) and (r.errors or _track(r) is not None) for r in report.results)
 
@@ -91,7 +91,7 @@ def _defaults() -> Any:
     return {name: value for name, value in rcParamsDefault.items() if not name.startswith(("backend", "date.", "toolbar"))}
 
 
-def _title(report: Report) -> str:
+def _title(report: RunData) -> str:
     return (report.title or report.scenario).replace("$", r"\$")
 
 
@@ -102,7 +102,7 @@ def _error_label(channel: str) -> str:
 # --- pages -------------------------------------------------------------------------------------------
 
 
-def _attitude_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
+def _attitude_page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, Any]:
     """Alignment: each angle over the whole run (left) and over the time of the statistics (right)."""
     figure.set_size_inches(9.0, 1.2 + 2.1 * len(shown))
     axes = figure.subplots(len(shown), 2, squeeze=False, sharex="col", width_ratios=(1.25, 1))
@@ -124,7 +124,7 @@ def _attitude_page(figure: Figure, report: Report, shown: list[str]) -> dict[str
     return handles
 
 
-def _navigation_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
+def _navigation_page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, Any]:
     """Navigation: one row of panels each for attitude, position and velocity, and the track from above."""
     groups = [[name for name in group if name in shown] for group in (ATTITUDE, POSITION, VELOCITY)]
     groups = [group for group in groups if group]
@@ -156,7 +156,7 @@ def _navigation_page(figure: Figure, report: Report, shown: list[str]) -> dict[s
     return handles
 
 
-def _track_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, Any]:
+def _track_page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, Any]:
     """A log without a reference: only the tracks."""
     figure.set_size_inches(8.0, 7.0)
     return _plan(figure.subplots(), report)
@@ -165,7 +165,7 @@ def _track_page(figure: Figure, report: Report, shown: list[str]) -> dict[str, A
 # --- panels ------------------------------------------------------------------------------------------
 
 
-def _channel(axis: Axes, report: Report, channel: str, from_s: float, bands: bool) -> dict[str, Any]:
+def _channel(axis: Axes, report: RunData, channel: str, from_s: float, bands: bool) -> dict[str, Any]:
     """Draw the errors of all estimators in one channel; return the legend's handles by their text."""
     handles: dict[str, Any] = {}
     axis.axhline(0.0, color=PALE, linewidth=0.6, zorder=1)
@@ -211,7 +211,7 @@ def _envelope(time: Array, value: Array, points: int = 600) -> tuple[Array, Arra
     return time[np.minimum(begins + stride // 2, len(time) - 1)], np.maximum.reduceat(value, begins)
 
 
-def _plan(axis: Axes, report: Report) -> dict[str, Any]:
+def _plan(axis: Axes, report: RunData) -> dict[str, Any]:
     """Draw the tracks from above, north up, relative to the start of the truth."""
     tracks = [_track(result) for result in report.results]
     colours = [COLOURS[i % len(COLOURS)] for i, track in enumerate(tracks) if track is not None]

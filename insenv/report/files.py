@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,7 @@ from insenv.files.output import staged
 from insenv.installing import install_extra
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable, save
-
-if TYPE_CHECKING:
-    from insenv.report.run_report import Report
+from insenv.report.run_data import RunData
 
 FORMAT = "insenv-results"
 VERSION = 1
@@ -77,7 +75,7 @@ class OutputFolder:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
 
-def write_files(report: Report, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+def write_files(report: RunData, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write NAME.npz, NAME.json and, if `figure` and matplotlib is installed, NAME.png and NAME.svg; NAME is the scenario's.
 
     Raises `InsenvError` if that fails; then none of them is written.
@@ -113,7 +111,7 @@ def file_name(scenario: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.") or "run"
 
 
-def collect(report: Report) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
+def collect(report: RunData) -> tuple[dict[str, NDArray[Any]], dict[str, dict[str, Any]]]:
     """All arrays of a report by key, and {"unit", "frame", "shape", "meaning"} by key."""
     arrays: dict[str, NDArray[Any]] = {}
     described: dict[str, dict[str, Any]] = {}

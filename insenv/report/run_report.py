@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from insenv.errors import InputError, InsenvError, nearest
-from insenv.evaluation.errors import Result, Track
 from insenv.report.figures import draw, drawable
 from insenv.report.files import NOTHING_TO_DRAW, FilesWritten, OutputFolder, write_files
 from insenv.report.notebook import HtmlTable, data_frame, html_document, require_matplotlib
+from insenv.report.run_data import RunData
 from insenv.report.tables import ERROR_COLUMNS, ESTIMATE_COLUMNS, error_rows, estimate_rows, facts, number
 
 if TYPE_CHECKING:
@@ -18,44 +17,13 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-@dataclass(frozen=True, repr=False)
-class Report:
+class Report(RunData):
     """A whole run or replay: the truth (or reference) at the recorded times, and the result of each estimator.
 
-    scenario: its name, or the path of a log. seed: None for a replay. imu_samples: number of inertial samples.
-    published: name and RMS by channel of published results for the same log.
+    scenario: its name, or the path of a log.  title, seed (None for a replay), duration_s (s), imu_samples (number of inertial
+    samples).  truth: `Track`.  results: a `Result` for each estimator.  notes: sentences for the reader.  published: name and
+    RMS by channel of published results for the same log.
     """
-
-    scenario: str
-    title: str
-    seed: int | None
-    duration_s: float
-    imu_samples: int
-    truth: Track
-    results: tuple[Result, ...]
-    notes: tuple[str, ...] = ()
-    published: tuple[tuple[str, dict[str, float]], ...] = field(default=())
-
-    def as_json(self) -> dict[str, Any]:
-        """The documented JSON form."""
-        return {
-            "scenario": self.scenario,
-            "seed": self.seed,
-            "duration_s": self.duration_s,
-            "imu_samples": self.imu_samples,
-            "results": [
-                {
-                    "estimator": r.estimator,
-                    **r.statistics(),
-                    "limit": r.limit,
-                    "us_per_sample": r.us_per_sample,
-                    "statistics_from_s": r.from_s,
-                    "notes": list(r.notes),
-                }
-                for r in self.results
-            ],
-            "notes": list(self.notes),
-        }
 
     def plot(self) -> Figure:
         """The figure of all estimators: errors over time with their limits, and the track.

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
+from insenv.report.run_data import RunData
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from insenv.report.run_report import Report
 
 WIDTH = 80
 _CHANNEL, _NUMBER, _GAP = 13, 8, 2
@@ -40,7 +40,7 @@ def number(value: float | None) -> str:
     return f"{value:.{digits}f}"
 
 
-def comparison(report: Report) -> Iterator[RenderableType]:
+def comparison(report: RunData) -> Iterator[RenderableType]:
     """The printed lines and tables of a run, top to bottom: heading, one table per estimator, notes.
 
     No line is longer than `WIDTH`, unless a single word is.
@@ -62,7 +62,7 @@ def comparison(report: Report) -> Iterator[RenderableType]:
         yield Text(f"note: {note}")
 
 
-def facts(report: Report) -> list[str]:
+def facts(report: RunData) -> list[str]:
     """Seed (of a simulation), duration and number of samples."""
     seed = [] if report.seed is None else [f"seed {report.seed}"]
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
@@ -82,7 +82,7 @@ def error_rows(result: Result) -> list[tuple[str, list[float | None]]]:
     return rows
 
 
-def _of_result(result: Result, report: Report) -> Iterator[RenderableType]:
+def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
     from rich.text import Text
 
     line = Text(result.estimator, "bold")

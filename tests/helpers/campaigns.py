@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from insenv.campaigns import make_plan
-from insenv.report.campaign import campaign_arrays
+from insenv.campaigns.presentation import campaign_arrays
 from insenv.scenario import load
 
 

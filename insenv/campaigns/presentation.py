@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.statistics import Statistics
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
@@ -23,19 +24,18 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.console import RenderableType
 
-    from insenv.campaigns import Summary
 
 NAME = "campaign"
 NAMED = 10
 """Largest number of seeds of diverged runs that are printed; the files hold all."""
 
 
-def campaign_document(found: Summary, files: Sequence[str] = ()) -> dict[str, Any]:
+def campaign_document(found: Statistics, files: Sequence[str] = ()) -> dict[str, Any]:
     """The documented JSON form; with `files` (paths written) if there are any."""
     return finite({**found.as_json(), **({"files": list(files)} if files else {})})
 
 
-def campaign_tables(found: Summary) -> Iterator[RenderableType]:
+def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     """The printed lines and tables, top to bottom."""
     from rich.text import Text
 
@@ -74,7 +74,7 @@ def campaign_tables(found: Summary) -> Iterator[RenderableType]:
         yield Text(f"note: {note}")
 
 
-def campaign_facts(found: Summary) -> str:
+def campaign_facts(found: Statistics) -> str:
     """Runs, duration, seeds and samples in one line."""
     plan = found.plan
     seeds = f"seeds {plan.first_seed} to {plan.first_seed + plan.runs - 1}" if plan.runs > 1 else f"seed {plan.first_seed}"
@@ -84,7 +84,7 @@ def campaign_facts(found: Summary) -> str:
 CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")
 
 
-def campaign_rows(found: Summary) -> list[tuple[str, list[float | None]]]:
+def campaign_rows(found: Statistics) -> list[tuple[str, list[float | None]]]:
     """By error, its label and the values of `CAMPAIGN_COLUMNS`."""
     rows = []
     for name, row in found.figures().items():
@@ -93,7 +93,7 @@ def campaign_rows(found: Summary) -> list[tuple[str, list[float | None]]]:
     return rows
 
 
-def campaign_html(found: Summary) -> str:
+def campaign_html(found: Statistics) -> str:
     """A table of the errors, with the figure, for a notebook."""
     rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
     tables = [("errors", CAMPAIGN_COLUMNS, rows)]
@@ -103,7 +103,7 @@ def campaign_html(found: Summary) -> str:
     )
 
 
-def campaign_frame(found: Summary) -> DataFrame:
+def campaign_frame(found: Statistics) -> DataFrame:
     """The courses as a DataFrame indexed by time; see `Summary.to_dataframe`."""
     columns: dict[str, NDArray[np.float64]] = {}
     for name, course in found.courses.items():
@@ -117,7 +117,7 @@ def campaign_frame(found: Summary) -> DataFrame:
     return data_frame(found.time, columns)
 
 
-def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg."""
     note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
@@ -133,7 +133,7 @@ def write_campaign(found: Summary, folder: OutputFolder, figure: bool = True) ->
     return FilesWritten(paths, note)
 
 
-def campaign_arrays(found: Summary) -> dict[str, NDArray[Any]]:
+def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
     """All arrays of a campaign by key (docs/campaigns.md)."""
     arrays: dict[str, NDArray[Any]] = {"time": found.time, "percentiles": np.array(found.percentile_levels)}
     for name, course in found.courses.items():
@@ -154,7 +154,7 @@ def campaign_arrays(found: Summary) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def draw_campaign(found: Summary) -> Figure:
+def draw_campaign(found: Statistics) -> Figure:
     """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -205,7 +205,7 @@ def draw_campaign(found: Summary) -> Figure:
         return figure
 
 
-def _course(axis: Axes, found: Summary, name: str, from_s: float) -> dict[str, Any]:
+def _course(axis: Axes, found: Statistics, name: str, from_s: float) -> dict[str, Any]:
     """Draw one channel from `from_s` on; return the legend's handles by their text."""
     course, late = found.courses[name], found.time >= from_s - 1e-9
     time = found.time[late]
@@ -227,7 +227,7 @@ def _course(axis: Axes, found: Summary, name: str, from_s: float) -> dict[str, A
     return handles | set_scale(axis, [np.concatenate([low, high]) if from_s > 0 else np.stack([low, high], 1).ravel()], [reach])
 
 
-def _nees(axis: Axes, found: Summary, from_s: float) -> None:
+def _nees(axis: Axes, found: Statistics, from_s: float) -> None:
     """Draw the mean NEES with the bounds of a consistent estimator."""
     assert found.nees is not None
     late = found.time >= from_s - 1e-9

@@ -1,0 +1,130 @@
+"""The statistics of a campaign: of the errors over the runs, along time and at the end, with the theoretical limit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.campaigns.plan import Plan
+
+Array = NDArray[np.float64]
+
+PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
+FAR = 10.0
+"""A run whose error is at least this many times that of the median run is listed as far off."""
+BOUNDS = (0.025, 0.975)
+"""Probabilities that bound the mean NEES of a consistent estimator."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Statistics of one channel at the recorded times (records,), over the runs whose errors are finite there.
+
+    mean: mean error.
+    rms: root mean square of all evaluations since the previous record.
+    percentiles: (5, records), of the errors.
+    limit: root mean square of the limit over the runs, or None.
+    stated: root mean square of the standard deviations that the estimator states, or None.
+    """
+
+    mean: Array
+    rms: Array
+    percentiles: Array
+    limit: Array | None
+    stated: Array | None
+
+
+@dataclass(frozen=True)
+class NeesCourse:
+    """NEES at the recorded times: its mean over the runs (records,), degrees of freedom, 95 % bounds of the mean."""
+
+    mean: Array
+    degrees: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, repr=False)
+class Statistics:
+    """The statistics of a campaign.
+
+    time (records,) s; courses by channel; nees or None; from_s: time from which the statistics of a whole run are
+    taken.
+    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no
+    limit).
+    diverged: seeds of runs with a number that is not finite.
+    far: seeds of runs whose rms is `FAR` times the median.
+    """
+
+    plan: Plan
+    time: Array
+    courses: dict[str, Course]
+    nees: NeesCourse | None
+    from_s: float
+    seeds: Array
+    values: Array
+    final: Array
+    rms: Array
+    limit: Array
+    diverged: tuple[int, ...]
+    far: tuple[int, ...]
+    percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the errors."""
+        return tuple(self.courses)
+
+    def figures(self) -> dict[str, dict[str, Any]]:
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on."""
+        kept = ~np.isin(self.seeds, self.diverged)
+        found = {}
+        for place, (name, course) in enumerate(self.courses.items()):
+            limit = float(rms_of(self.limit[kept, place])) if course.limit is not None and kept.any() else None
+            late = self.time >= self.from_s - 1e-9
+            found[name] = {
+                "mean": float(course.mean[-1]),
+                "rms": float(rms_of(self.rms[kept, place])) if kept.any() else float("nan"),
+                "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
+                "limit": limit,
+                "stated": None if course.stated is None else float(rms_of(course.stated[late])),
+            }
+        return found
+
+    def as_json(self) -> dict[str, Any]:
+        """The documented JSON form."""
+        plan, nees = self.plan, None
+        if self.nees is not None:
+            late = self.time >= self.from_s - 1e-9
+            nees = {
+                "mean": float(np.mean(self.nees.mean[late])),
+                "degrees_of_freedom": self.nees.degrees,
+                "low": self.nees.low,
+                "high": self.nees.high,
+                "share_inside": float(
+                    np.mean((self.nees.mean[late] >= self.nees.low) & (self.nees.mean[late] <= self.nees.high))
+                ),
+            }
+        return {
+            "scenario": plan.name,
+            "estimator": plan.estimator,
+            "runs": plan.runs,
+            "first_seed": plan.first_seed,
+            "duration_s": plan.duration_s,
+            "imu_samples": plan.runs * plan.samples,
+            "varied": [{"key": v.key, "low": v.low, "high": v.high} for v in plan.variations],
+            "statistics_from_s": self.from_s,
+            "errors": self.figures(),
+            "nees": nees,
+            "diverged": list(self.diverged),
+            "far": list(self.far),
+            "notes": list(plan.notes),
+        }
+
+
+def rms_of(values: Array) -> Array:
+    """Root mean square along the first axis."""
+    return np.sqrt(np.mean(values**2, axis=0))
