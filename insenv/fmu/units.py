@@ -74,7 +74,6 @@ UNITS = {
 }
 """Every unit of the tables, by its name in FMUs."""
 
-_SAME = {"rad/sqrt(s)": "rad/s^0.5", "m/s/sqrt(s)": "m/s^1.5"}
 _SMALL = ("bias", "sigma", "drift", "instability")
 
 _QUANTITIES = {
@@ -100,7 +99,7 @@ def parts(row: Row) -> tuple[str, ...]:
     """The units of the equal parts of a row: one, several (an innovation in m, then m/s), or none if the row is mixed."""
     if row.unit == "SI":
         return ()
-    return tuple(_SAME.get(unit, unit) for unit in row.unit.split(", "))
+    return tuple(row.unit.split(", "))
 
 
 def quantity(row: Row, unit: str) -> Quantity:

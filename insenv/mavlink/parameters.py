@@ -37,9 +37,7 @@ _SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "rad/s": ("deg/h", units.deg_h_to_rad_s),
     "m/s^2": ("ug", units.ug_to_m_s2),
     "rad/s^0.5": ("deg/sqrt(h)", units.deg_sqrt_h_to_rad_sqrt_s),
-    "rad/sqrt(s)": ("deg/sqrt(h)", units.deg_sqrt_h_to_rad_sqrt_s),
     "m/s^1.5": ("ug/sqrt(Hz)", units.ug_sqrt_hz_to_m_s_sqrt_s),
-    "m/s/sqrt(s)": ("ug/sqrt(Hz)", units.ug_sqrt_hz_to_m_s_sqrt_s),
 }
 """Unit shown and its conversion to SI, by SI unit."""
 

@@ -36,7 +36,7 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
             + 2 * motion**2 / units.HOUR
         )
         sigma = max(variance**0.5, floor)
-        notes[white] = max(largest["random_walk"], floor)
+        notes[white] = max(float(np.max(np.abs(rows.get(white, 0.0)))), floor)
         notes[f"{triad}_bias_sigma"] = sigma
         notes[f"{triad}_correlation_time"] = 2 * sigma**2 / max(drive, 2 * sigma**2 / CONSTANT)
     return SensorNotes(**notes)
@@ -45,6 +45,6 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
 CONSTANT = 1e9
 """Correlation time (s) of a bias that does not change."""
 _NOTED = (
-    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "random_walk", "scale_factor_sigma",
+    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "scale_factor_sigma",
     "misalignment_sigma",
 )  # fmt: skip

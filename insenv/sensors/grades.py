@@ -79,8 +79,8 @@ class ImuGrade:
             # a row can be given in several ways: those not used are 0
             rows[row] = value if row not in rows or np.any(value) else rows[row]
         for figure, row, convert in (
-            ("gyro_white_deg_h", "gyro_random_walk", units.deg_h_to_rad_s),
-            ("accel_white_ug", "accel_random_walk", units.ug_to_m_s2),
+            ("gyro_white_deg_h", "angle_random_walk", units.deg_h_to_rad_s),
+            ("accel_white_ug", "velocity_random_walk", units.ug_to_m_s2),
         ):
             if getattr(self, figure):
                 rows[row] = units.density_from_sample_std(convert(getattr(self, figure)), 1.0 / self.white_rate_hz)
@@ -95,7 +95,7 @@ def _same(value: Any) -> Any:
 CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "gyro_bias_deg_h": ("gyro_bias", units.deg_h_to_rad_s),
     "gyro_bias_sigma_deg_h": ("gyro_bias_sigma", units.deg_h_to_rad_s),
-    "gyro_arw_deg_sqrt_h": ("gyro_random_walk", units.deg_sqrt_h_to_rad_sqrt_s),
+    "gyro_arw_deg_sqrt_h": ("angle_random_walk", units.deg_sqrt_h_to_rad_sqrt_s),
     "gyro_instability_deg_h": ("gyro_instability_sigma", units.deg_h_to_rad_s),
     "gyro_instability_time_s": ("gyro_instability_time", _same),
     "gyro_rrw_deg_h_sqrt_h": ("gyro_rate_random_walk", units.deg_h_sqrt_h_to_rad_s_sqrt_s),
@@ -107,8 +107,8 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "gyro_range_deg_s": ("gyro_range", units.deg_to_rad),
     "accel_bias_ug": ("accel_bias", units.ug_to_m_s2),
     "accel_bias_sigma_ug": ("accel_bias_sigma", units.ug_to_m_s2),
-    "accel_vrw_ug_sqrt_hz": ("accel_random_walk", units.ug_sqrt_hz_to_m_s_sqrt_s),
-    "accel_vrw_m_s_sqrt_h": ("accel_random_walk", units.m_s_sqrt_h_to_m_s_sqrt_s),
+    "accel_vrw_ug_sqrt_hz": ("velocity_random_walk", units.ug_sqrt_hz_to_m_s_sqrt_s),
+    "accel_vrw_m_s_sqrt_h": ("velocity_random_walk", units.m_s_sqrt_h_to_m_s_sqrt_s),
     "accel_instability_ug": ("accel_instability_sigma", units.ug_to_m_s2),
     "accel_instability_time_s": ("accel_instability_time", _same),
     "accel_rrw_ug_sqrt_h": ("accel_rate_random_walk", units.ug_sqrt_h_to_m_s2_sqrt_s),

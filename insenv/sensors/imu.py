@@ -101,7 +101,7 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     state: dict[str, Any] = {"imu_valid": arrives}
     for triad, own, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
         bias = _of(x, triad, "bias_s") + _of(x, triad, "bias_step_s")
-        sensed = _sensed(p, x, triad, bias) + _of(p, triad, "random_walk") * root_dt * own
+        sensed = _sensed(p, x, triad, bias) + getattr(p, triad.white) * root_dt * own
         counted, residual = _count(p, x, triad, sensed)
         state[f"{triad.name}_bias_s"] = bias
         state[f"{triad.name}_bias_true"] = _of(x, triad, "bias_true") + _of(x, triad, "bias_step_b")

@@ -16,18 +16,19 @@ class Triad:
     """Three orthogonal sensors of one kind, with the units of what they measure.
 
     name: prefix of its rows; what: name in the meanings of the rows; increment, rate: units of the increment and of the
-        rate.
+        rate; white, white_unit: the row of its white noise and its unit.
     """
 
     name: str
     what: str
     increment: str
     rate: str
+    white: str
+    white_unit: str
 
     def parameters(self) -> tuple[Row, ...]:
         """Parameter rows, all in sensor axes and with start values that mean "no error"."""
         name, what, unit = self.name, self.what, self.rate
-        root = f"{self.increment}/sqrt(s)"
         pairs = "axis couplings xy, xz, yx, yz, zx, zy (measuring axis first)"
         return (
             Row(f"{name}_bias", f"{what} turn-on bias, fixed part", unit, (3,), "s"),
@@ -39,7 +40,7 @@ class Triad:
                 "s",
                 lower=0.0,
             ),
-            Row(f"{name}_random_walk", f"{what} white noise density", root, (3,), "s", lower=0.0),
+            Row(self.white, f"{what} white noise density", self.white_unit, (3,), "s", lower=0.0),
             Row(
                 f"{name}_instability_sigma",
                 f"{what} in-run bias (Gauss-Markov), standard deviation",
@@ -121,8 +122,8 @@ class Triad:
         )
 
 
-GYRO = Triad("gyro", "Gyro", "rad", "rad/s")
-ACCEL = Triad("accel", "Accelerometer", "m/s", "m/s^2")
+GYRO = Triad("gyro", "Gyro", "rad", "rad/s", "angle_random_walk", "rad/s^0.5")
+ACCEL = Triad("accel", "Accelerometer", "m/s", "m/s^2", "velocity_random_walk", "m/s^1.5")
 
 _KELVIN: dict[str, Any] = {"start": 293.15, "lower": 1.0, "upper": 1000.0}
 

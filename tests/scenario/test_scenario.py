@@ -115,7 +115,7 @@ def test_static_ecef_has_the_papers_numbers() -> None:
     plant = build(load("static-ecef"), duration_s=1.0)
     np.testing.assert_allclose(plant.parameters["gyro_bias"], 0.002 * DEG / 3600)
     np.testing.assert_allclose(plant.parameters["accel_bias"], 2e-4)
-    assert not np.any(plant.parameters["gyro_random_walk"])
+    assert not np.any(plant.parameters["angle_random_walk"])
     out = make_runner(plant.model, plant.parameters, backend="interpreter").run(1)
     np.testing.assert_allclose(plant.model.outputs.unpack(out)["q_nb"][0], [1, 0, 0, 0], atol=1e-15)
     known = plant.knowledge
@@ -216,11 +216,11 @@ def test_noise_written_either_way() -> None:
     data["rate_hz"] = 100.0
     data["imu"] = {"grade": "paper-quaternion", "gyro_arw_deg_sqrt_h": 0.01, "accel_white_ug": 30.0}
     rows = build(parse(data)).parameters
-    np.testing.assert_allclose(rows["gyro_random_walk"], 0.01 * DEG / 60)  # and not the grade's white noise
-    np.testing.assert_allclose(rows["accel_random_walk"], 30e-6 * 9.80665 * 0.1)  # per sample of this scenario
+    np.testing.assert_allclose(rows["angle_random_walk"], 0.01 * DEG / 60)  # and not the grade's white noise
+    np.testing.assert_allclose(rows["velocity_random_walk"], 30e-6 * 9.80665 * 0.1)  # per sample of this scenario
     data["imu"] = {"grade": "paper-quaternion", "gyro_bias_deg_h": [1.0, 2.0, 3.0]}
     rows = build(parse(data)).parameters
-    np.testing.assert_allclose(rows["accel_random_walk"], 50e-6 * 9.80665 / math.sqrt(200))  # per sample of the paper
+    np.testing.assert_allclose(rows["velocity_random_walk"], 50e-6 * 9.80665 / math.sqrt(200))  # per sample of the paper
     np.testing.assert_allclose(rows["gyro_bias"], np.array([1, 2, 3]) * DEG / 3600)
 
 

@@ -119,7 +119,6 @@ def all_errors() -> dict[str, Any]:
         for row in (
             "bias",
             "bias_sigma",
-            "random_walk",
             "instability_sigma",
             "rate_random_walk",
             "temperature_slope",
@@ -132,6 +131,7 @@ def all_errors() -> dict[str, Any]:
             f"{name}_quantum": scale * 1e-3,
             f"{name}_range": scale * 1e3,
         }
+    rows |= {"angle_random_walk": 1e-3, "velocity_random_walk": 1e-1}
     rows |= {"gyro_g_sensitivity": 1e-4, "q_bs": (0.5, 0.5, 0.5, 0.5), "mounting_error_sigma": 0.3}
     rows |= {"imu_drop_probability": 0.1, "drift_interval": 0.1, "imu_temperature_initial": 250.0}
     rows |= {
@@ -167,10 +167,10 @@ def test_the_output_of_a_perfect_imu_is_the_truth_to_the_last_bit() -> None:
 
 def test_white_noise_has_the_stated_density_and_is_white() -> None:
     n, dt = 20000, 0.01
-    density = {"gyro_random_walk": (1e-4, 2e-4, 3e-4), "accel_random_walk": (1e-3, 2e-3, 3e-3)}
+    density = {"angle_random_walk": (1e-4, 2e-4, 3e-4), "velocity_random_walk": (1e-3, 2e-3, 3e-3)}
     out = simulate(n, {**density, "sample_interval": dt, "seed": 3})
     both = np.hstack([out["delta_angle"], out["delta_velocity"]])
-    for i, one in enumerate((*density["gyro_random_walk"], *density["accel_random_walk"])):
+    for i, one in enumerate((*density["angle_random_walk"], *density["velocity_random_walk"])):
         assert_variance(both[:, i], one**2 * dt)
         # Allan variance at 1 s: density^2 / tau; degrees of freedom of neighbouring clusters, white noise
         clusters = both[:, i].reshape(-1, 100).sum(axis=1) / 1.0
@@ -187,7 +187,7 @@ def test_white_noise_can_be_written_as_a_standard_deviation_per_sample() -> None
     dt, std = 0.005, 2e-5
     density = units.density_from_sample_std(std, dt)
     assert density == pytest.approx(std * math.sqrt(dt), rel=1e-15)
-    out = simulate(20000, {"gyro_random_walk": density, "sample_interval": dt})
+    out = simulate(20000, {"angle_random_walk": density, "sample_interval": dt})
     assert_variance(out["delta_angle"] / dt, std**2)
 
 
@@ -493,14 +493,14 @@ def test_every_grade_fits_the_tables_and_every_figure_has_a_source() -> None:
 def test_grades_in_si() -> None:
     paper = imu_grade("paper-quaternion").parameters()
     # 0.01 deg/h and 50 ug per sample at 200 Hz
-    assert paper["gyro_random_walk"] / math.sqrt(0.005) == pytest.approx(4.848e-8, rel=1e-4)
-    assert paper["accel_random_walk"] / math.sqrt(0.005) == pytest.approx(4.903e-4, rel=1e-3)
+    assert paper["angle_random_walk"] / math.sqrt(0.005) == pytest.approx(4.848e-8, rel=1e-4)
+    assert paper["velocity_random_walk"] / math.sqrt(0.005) == pytest.approx(4.903e-4, rel=1e-3)
     assert paper["gyro_bias"] == pytest.approx([4.848e-8, 4.848e-8, -4.848e-8], rel=1e-4)
     assert IMU_PARAMETERS.pack(imu_grade("perfect").parameters()) == pytest.approx(IMU_PARAMETERS.start_vector())
     assert imu_grade("paper-ecef").parameters()["accel_bias"] == pytest.approx(2e-4, rel=1e-14)
     assert imu_grade("leador").parameters()["accel_instability_sigma"] == pytest.approx(15e-5, rel=1e-14)
-    assert imu_grade("leador").parameters()["accel_random_walk"] == pytest.approx(0.03 / 60.0)
-    assert imu_grade("navigation").parameters()["accel_random_walk"] == pytest.approx(20 * 9.80665e-6)
+    assert imu_grade("leador").parameters()["velocity_random_walk"] == pytest.approx(0.03 / 60.0)
+    assert imu_grade("navigation").parameters()["velocity_random_walk"] == pytest.approx(20 * 9.80665e-6)
     assert gnss_grade("centimetre").parameters()["gnss_position_noise"].tolist() == [0.01, 0.01, 0.02]
 
 
