@@ -21,8 +21,7 @@ from insenv.core.elementary import cos, maximum, minimum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import applicability, rows
 
 GRAVITY = 9.8  # m/s^2, in the stated accuracy
 LARGEST_SIGMA = math.pi  # rad: no heading at all
@@ -81,7 +80,7 @@ MODEL = Model(
     title="textbook static coarse alignment from mean specific force and rate",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=SAMPLE_INPUTS,
+    inputs=rows.SAMPLE_INPUTS,
     outputs=OUTPUTS,
     steps={"sample": Step(sample)},
     output=output,

@@ -24,8 +24,7 @@ from insenv.core.elementary import PI, clamp, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.parts import applicability, frozen_frame
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import applicability, frozen_frame, rows
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((
     Row("start_heading", "Heading told at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
@@ -89,7 +88,7 @@ MODEL = Model(
     title="classical alignment in place: levelling by velocity feedback, then the gyrocompass heading loop",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=SAMPLE_INPUTS,
+    inputs=rows.SAMPLE_INPUTS,
     outputs=frozen_frame.OUTPUTS,
     steps={
         "begin": Step(begin, when="begin"),

@@ -32,9 +32,8 @@ from insenv.core.elementary import PI, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, frozen_frame
+from insenv.estimators.parts import applicability, frozen_frame, rows
 from insenv.estimators.parts.fir import BLOCK_S, CASCADE, filtered
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
 
 TAPS = tuple(len(h) for h in CASCADE.filters)
 STRIDE = CASCADE.strides[-1]
@@ -90,8 +89,8 @@ def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample."""
-    rows = frozen_frame.sample(p, x, u)
-    return {**rows, "level_due": ca.logic_and(rows["block_due"], x.fixes > 0)}
+    changed = frozen_frame.sample(p, x, u)
+    return {**changed, "level_due": ca.logic_and(changed["block_due"], x.fixes > 0)}
 
 
 def level(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -209,7 +208,7 @@ MODEL = Model(
     title="alignment in place by gravity in the inertial frame behind FIR low-passes, then levelling",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=SAMPLE_INPUTS,
+    inputs=rows.SAMPLE_INPUTS,
     outputs=frozen_frame.OUTPUTS,
     steps={
         "begin": Step(begin, when="begin"),

@@ -34,9 +34,8 @@ import casadi as ca
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, inertial_vectors
+from insenv.estimators.parts import applicability, inertial_vectors, rows
 from insenv.estimators.parts.eigen import largest_eigenvector
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
 from insenv.estimators.parts.inertial_vectors import davenport
 
 FILTER = ((1.3291, 2.6805, 0.1230), (0.7494, 0.2960, 0.2768), (0.6543, 0.1962, 0.4056))
@@ -89,12 +88,12 @@ def start(p: Any) -> dict[str, Any]:
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample."""
-    rows, alpha, beta = inertial_vectors.carried(p, x, u)
+    changed, alpha, beta = inertial_vectors.carried(p, x, u)
     keep = p.memory_time / (p.memory_time + u.dt)
     product = (beta @ alpha.T) * u.dt
     age = x.smoothing_age + u.dt
     return {
-        **rows,
+        **changed,
         "early_profile": x.early_profile + x.weight[1] * product,
         "late_profile": keep * x.late_profile + x.weight[0] * product,
         "decay": keep * x.decay,
@@ -137,7 +136,7 @@ MODEL = Model(
     title="alignment in place by many vectors in the inertial frame (Wahba's problem)",
     parameters=inertial_vectors.PARAMETERS,
     state=STATE,
-    inputs=SAMPLE_INPUTS,
+    inputs=rows.SAMPLE_INPUTS,
     outputs=inertial_vectors.OUTPUTS,
     steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due")},
     output=output,

@@ -47,8 +47,7 @@ from insenv.core.elementary import maximum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, inertial_vectors
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import applicability, inertial_vectors, rows
 from insenv.estimators.parts.inertial_vectors import davenport
 
 MEMORY = 10.0  # the noise estimate remembers the last so-many-th part of the samples
@@ -158,21 +157,21 @@ def profile_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
 
 def vector_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample of `qakf`."""
-    rows = inertial_vectors.vectors(p, x, u)
-    H, residual = vector_observation(x.q_start, *inertial_vectors.latest(rows), x.rest_force_n[2])
-    return {**rows, **vector_update(x, H, residual)}
+    changed = inertial_vectors.vectors(p, x, u)
+    H, residual = vector_observation(x.q_start, *inertial_vectors.latest(changed), x.rest_force_n[2])
+    return {**changed, **vector_update(x, H, residual)}
 
 
 def profile_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample of `qakf-improved`."""
-    rows = inertial_vectors.vectors(p, x, u)
-    alpha, beta = inertial_vectors.latest(rows)
+    changed = inertial_vectors.vectors(p, x, u)
+    alpha, beta = inertial_vectors.latest(changed)
     profiles = inertial_vectors.profiles(p, x, alpha, beta, u.dt)
     keep = p.memory_time / (p.memory_time + u.dt)
     product = (ca.sumsqr(alpha) + ca.sumsqr(beta)) * u.dt
     early, late = x.early_spread + x.early_weight * product, keep * x.late_spread + product
     H, residual = profile_observation(x.q_start, profiles["early_profile"] + profiles["late_profile"], early + late)
-    return {**rows, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
+    return {**changed, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
 
 
 def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
@@ -196,7 +195,7 @@ def _estimator(
         title=title,
         parameters=PARAMETERS,
         state=inertial_vectors.STATE + further + STATE,
-        inputs=SAMPLE_INPUTS,
+        inputs=rows.SAMPLE_INPUTS,
         outputs=OUTPUTS,
         steps={"sample": Step(step)},
         output=lambda p, x: output(p, x, lags),

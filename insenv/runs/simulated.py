@@ -15,7 +15,7 @@ from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION, Report, Result, Track, errors, stated_sigma
 from insenv.plant.feeding import bridge_lost
 from insenv.runs.follower import Follower
-from insenv.runs.smoothing_follower import SmoothingFollower
+from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, Scenario, build
 from insenv.sensors import SENSOR_ERROR
 

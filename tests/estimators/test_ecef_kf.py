@@ -9,8 +9,8 @@ from insenv import attitude, geodesy
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
-from insenv.estimators import ecef_kf, ecef_model, get
-from insenv.estimators.parts import two_sample
+from insenv.estimators import ecef_kf, get
+from insenv.estimators.parts import kalman, two_sample
 from insenv.evaluation import limits
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
@@ -123,7 +123,7 @@ def _errors(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_error_model_against_differences(seed):
     C, force, F = _errors(seed)
-    A = ecef_model.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
+    A = ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
     assert np.allclose(np.array(ca.DM(A))[:6], F, atol=1e-8)
     assert not np.array(ca.DM(A))[6:].any()
 
@@ -134,13 +134,13 @@ def test_observation_of_a_mean_against_integration(seed):
     rng = np.random.default_rng(seed)
     C, force, _ = _errors(seed)
     T, n = 0.5, 500
-    F = np.array(ca.DM(ecef_model.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
+    F = np.array(ca.DM(ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
     x = rng.normal(size=12)
     mean = np.zeros(3)
     for _ in range(n):
         mean += (x + F @ x * T / n / 2)[:3] / n
         x = x + F @ x * (T / n) + F @ F @ x * (T / n) ** 2 / 2
-    H = np.array(ca.DM(ecef_model.observation(ecef_model.transition(ca.SX(T), ca.SX(C @ force * T), ca.SX(C * T)), 0.5)))
+    H = np.array(ca.DM(ecef_kf.observation(ecef_kf.transition(ca.SX(T), ca.SX(C @ force * T), ca.SX(C * T)), 0.5)))
     # what is left out: the drift of phi within the window, force T^2 / 6 b_g, and 2 omega_ie T / 2 dv
     assert np.abs(H @ x - mean).max() < 1.1 * np.linalg.norm(force) * T**2 / 6 * np.linalg.norm(x[9:]) + 1e-3
 
@@ -150,12 +150,12 @@ def test_propagation_and_observation_of_the_covariance():
     L = rng.normal(size=(12, 12))
     P, H = L @ L.T, rng.normal(size=(1, 12))
     A = np.array(
-        ca.DM(ecef_model.transition(ca.SX(1e-4), ca.SX(rng.normal(size=3) * 1e-3), ca.SX(rng.normal(size=(3, 3)) * 1e-4)))
+        ca.DM(ecef_kf.transition(ca.SX(1e-4), ca.SX(rng.normal(size=3) * 1e-3), ca.SX(rng.normal(size=(3, 3)) * 1e-4)))
     )
     noise, stored = rng.uniform(size=12), symmetric.triangle(ca.SX(P))
-    found = symmetric.full_array(np.array(ca.DM(ecef_model.propagate(stored, ca.sparsify(ca.SX(A)), ca.SX(noise)))).ravel(), 12)
+    found = symmetric.full_array(np.array(ca.DM(kalman.propagate(stored, ca.sparsify(ca.SX(A)), ca.SX(noise)))).ravel(), 12)
     assert np.allclose(found, (np.eye(12) + A) @ P @ (np.eye(12) + A).T + np.diag(noise), atol=1e-5)
-    stored, correction = ecef_model.observe(stored, ca.SX.zeros(12), ca.SX(H), 0.7, 0.3, 1)
+    stored, correction = kalman.measure(stored, ca.SX.zeros(12), ca.SX(H), 0.7, 0.3, 1)
     K = P @ H.T / (H @ P @ H.T + 0.3)
     assert np.allclose(np.array(ca.DM(correction)), K * 0.7)
     assert np.allclose(symmetric.full_array(np.array(ca.DM(stored)).ravel(), 12), P - K @ H @ P, atol=1e-10)

@@ -7,7 +7,7 @@ from insenv import attitude, geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import aqe_tables
+from insenv.estimators.parts import quaternion_error
 from insenv.plant.feeding import input_rows
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import COURSE_SIGMA
@@ -42,9 +42,9 @@ def fixes(count, dt, every):
 
 def smallest_eigenvalue(id, state):
     """Of the covariance over its standard deviations; of the quaternion filters on the tangent of the unit sphere."""
-    n = aqe_tables.N if id.startswith("aqe") else 15
+    n = quaternion_error.N if id.startswith("aqe") else 15
     P = symmetric.full_array(state["covariance"], n)
-    if n == aqe_tables.N:
+    if n == quaternion_error.N:
         onto = np.zeros((n, n - 1))
         onto[:4, :3] = np.linalg.svd(state["q_wb"][None])[2][1:].T
         onto[4:, 3:] = np.eye(12)

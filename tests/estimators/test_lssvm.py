@@ -11,8 +11,8 @@ from insenv.core.batch import make_batch
 from insenv.core.elementary import inexact_operations
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
-from insenv.estimators import get, lssvm, lssvm_file
-from insenv.estimators.lssvm_file import TrainedMachine
+from insenv.estimators import get, lssvm
+from insenv.estimators.lssvm import TrainedMachine
 from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
 from insenv.plant.feeding import input_rows
 from insenv.reproduce import large_misalignment
@@ -133,7 +133,7 @@ def test_a_fix_between_samples_and_late_is_taken_at_its_time():
 
 
 def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
-    trained = lssvm_file.shipped().seeds
+    trained = lssvm.shipped().seeds
     judged = {*large_misalignment.STARTS.values()}
     seeds = set(range(1, large_misalignment.SEEDS + 1))
     assert trained and all(trained.values())
@@ -151,7 +151,7 @@ def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
 
 def test_the_shipped_machine_is_of_the_scenario_as_it_is_now():
     training = pytest.importorskip("insenv.learning.training")
-    for run in lssvm_file.shipped().training["runs"]:
+    for run in lssvm.shipped().training["runs"]:
         assert run["digest"] == training.digest(load(run["scenario"]))
 
 
@@ -170,7 +170,7 @@ def machine(count=5):
 def test_file_keeps_every_bit(tmp_path):
     one = machine()
     one.save(tmp_path / "m.json")
-    other = lssvm_file.load(tmp_path / "m.json")
+    other = lssvm.load(tmp_path / "m.json")
     for name in ("support", "coefficients", "offset", "scale", "machine_sigma"):
         assert np.array_equal(getattr(one, name), getattr(other, name))
     assert other.training == one.training and other.insenv == "0.1.0" and other.seeds == {"x": {1, 2}}
@@ -199,7 +199,7 @@ def changed(**changes):
         (changed(version=2), "version 2: this insenv reads up to 1; use a newer insenv"),
         (changed(version="1"), "version '1': allowed is 1"),
         (changed(machine=None), "damaged: it lacks its machine"),
-        (changed(training={}), "damaged: it does not say which runs"),
+        (changed(training={}), "damaged: it does not list the runs"),
         (changed(machine__support=[[1.0, 2.0]]), r"damaged: machine.support has shape \(1, 2\)"),
         (changed(machine__offset=["a", 1, 2]), "damaged: machine.offset is not an array of numbers"),
         (changed(machine__scale=[1e999] * 6), "damaged: machine.scale .* not finite"),
@@ -212,7 +212,7 @@ def test_wrong_files_are_told(tmp_path, change, words):
     change(content)
     (tmp_path / "m.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=words):
-        lssvm_file.load(tmp_path / "m.json")
+        lssvm.load(tmp_path / "m.json")
 
 
 @pytest.mark.parametrize(
@@ -222,9 +222,9 @@ def test_wrong_files_are_told(tmp_path, change, words):
 def test_files_that_are_none(tmp_path, data, words):
     (tmp_path / "m.json").write_bytes(data)
     with pytest.raises(InputError, match=words):
-        lssvm_file.load(tmp_path / "m.json")
+        lssvm.load(tmp_path / "m.json")
     with pytest.raises(InputError, match="cannot read"):
-        lssvm_file.load(tmp_path / "n.json")
+        lssvm.load(tmp_path / "n.json")
     with pytest.raises(InputError, match=r"'lssvm'\.file: .*m\.json"):
         tuning("lssvm", {"file": str(tmp_path / "m.json")})
     with pytest.raises(InputError, match="allowed is the path of a file"):

@@ -12,7 +12,7 @@ from insenv.bench.truth import drift_ned
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import error_model
+from insenv.estimators.parts import error_model, kalman
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
@@ -117,7 +117,7 @@ def test_transition_against_differences_of_the_mechanization(seed, covariance_in
 def test_propagation_is_a_congruence_and_first_order_exact():
     rng = np.random.default_rng(1)
     stored, A = ca.SX.sym("P", 120), ca.SX.sym("A", error_model.N, error_model.N)
-    function = ca.Function("f", [stored, A], [error_model.propagate(stored, A, ca.SX.zeros(15))])
+    function = ca.Function("f", [stored, A], [kalman.propagate(stored, A, ca.SX.zeros(15))])
     L = rng.normal(size=(15, 15))
     P = L @ L.T
     small = rng.normal(size=(15, 15)) * 1e-5

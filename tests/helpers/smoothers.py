@@ -2,7 +2,7 @@
 
 They all start from the same record and are the same in exact arithmetic:
 
-bryson_frazier  the adjoint filter of `insenv.estimators.parts.smoother_backward`; inverts nothing.
+bryson_frazier  the adjoint filter of `insenv.estimators.smoother`; inverts nothing.
 two_filter      the paper's form: a filter run backward from no knowledge, combined with the one forward (Fraser, Potter 1969).
 rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed one after it.
 

@@ -16,7 +16,6 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import get, loosely_coupled, smoother
 from insenv.estimators.parts import error_model
-from insenv.estimators.parts import smoother_backward as backward
 from insenv.evaluation.errors import POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
@@ -145,13 +144,13 @@ def kept_pass(kept, p):
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
         covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
-        first = np.flatnonzero(block[:, backward.INPUTS.slice("carried").start])
+        first = np.flatnonzero(block[:, smoother.BACKWARD_INPUTS.slice("carried").start])
         assert len(instants) == len(first)
         for begin, last in zip(first, instants, strict=True):
-            rows = backward.INPUTS.unpack(block[begin : last + 1])
+            rows = smoother.BACKWARD_INPUTS.unpack(block[begin : last + 1])
             given = function(block[begin, -smoother.INTERVAL.size :]).full()
             Phi = np.eye(15)
-            for i in range(15):  # row after row, as error_model.propagate applies them
+            for i in range(15):  # row after row, as kalman.propagate applies them
                 E = np.eye(15)
                 E[i] = given[i] * (1 + given[i, i])
                 E[i, i] = 1 + given[i, i]
