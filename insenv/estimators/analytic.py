@@ -4,9 +4,10 @@ The mean specific force is minus gravity and the mean rate is the Earth's; down 
 
     down^b = -f^b / |f^b|,   east^b = down^b x omega^b / |down^b x omega^b|,   north^b = east^b x down^b,   C_nb = [N E D]^T
 
-Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), gravity being the trusted vector.  Any
-attitude, both hemispheres, not at the poles.  The attitude is taken to be constant: sway, people and engines go straight into
-the means, and the heading's noise falls only as the root of time.  The latitude serves the stated accuracy alone.
+Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), gravity being the trusted
+vector. Any attitude, both hemispheres, not at the poles. The attitude is taken to be constant: sway, people and engines
+go straight into the means, and the heading's noise falls only as the root of time. The latitude serves the stated
+accuracy alone.
 """
 
 from __future__ import annotations
@@ -26,23 +27,12 @@ from insenv.estimators.parts import applicability, rows
 GRAVITY = 9.8  # m/s^2, in the stated accuracy
 LARGEST_SIGMA = math.pi  # rad: no heading at all
 
-PARAMETERS = Table((
-    Row("latitude", "Geodetic latitude", "rad", lower=-math.pi / 2, upper=math.pi / 2),
-    Row("gyro_bias_sigma", "Gyro bias that the stated accuracy counts with", "rad/s", lower=0.0, upper=1.0),
-    Row("accel_bias_sigma", "Accelerometer bias that the stated accuracy counts with", "m/s^2", lower=0.0, upper=100.0),
-    Row("angle_random_walk", "White noise density of the gyros, likewise", "rad/s^0.5", lower=0.0, upper=1e3),
-    Row("velocity_random_walk", "White noise density of the accelerometers, likewise", "m/s^1.5", lower=0.0, upper=1e3),
-))  # fmt: skip
+PARAMETERS = rows.chosen(rows.PLACE, "latitude") + rows.NOISES
 
 STATE = Table((
     Row("angle", "Sum of the delta angles", "rad", (3,), "b"),
     Row("velocity", "Sum of the delta velocities", "m/s", (3,), "b"),
     Row("time", "Time since the start", "s"),
-))  # fmt: skip
-
-OUTPUTS = Table((
-    Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),
-    Row("attitude_sigma", "Stated accuracy about north, east, down: biases and white noise", "rad", (3,), "n"),
 ))  # fmt: skip
 
 
@@ -81,7 +71,7 @@ MODEL = Model(
     parameters=PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=OUTPUTS,
+    outputs=rows.ALIGNMENT,
     steps={"sample": Step(sample)},
     output=output,
 )

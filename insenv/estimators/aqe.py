@@ -6,23 +6,26 @@ Source: the LS-SVM large misalignment paper; the error model and its equations a
 
 `aqe-ekf` linearises it at the estimate: of (9) it keeps 2 Y^T(dQ) U(Q_hat) f.
 
-`aqe-sukf` is a simplified unscented Kalman filter: the measurement is linear, so only the time update uses sigma points. Only
-those that differ in dQ matter. With the Cholesky factor of the state begun at dQ, which has three dimensions on the tangent of
-the unit sphere, these are 6 of the 27 points of the paper's 13 states, and the centre; along the others the model is linear.
+`aqe-sukf` is a simplified unscented Kalman filter: the measurement is linear, so only the time update uses sigma
+points. Only those that differ in dQ matter. With the Cholesky factor of the state begun at dQ, which has three
+dimensions on the tangent of the unit sphere, these are 6 of the 27 points of the paper's 13 states, and the centre;
+along the others the model is linear.
 
 - The points lie at +-sqrt(3) times the columns of the factor (n + kappa = 3 matches the fourth moment of a normal
   distribution).
-- The last axis is the rotation about the specific force: it alone changes no velocity, so the regression preserves exactly
-  what is unobservable.
-- The covariance of the residual of the regression comes from second differences (Norgaard, Poulsen and Ravn, "New developments
-  in state estimation for nonlinear systems", Automatica 36 (2000)): no weight is negative, so it stays positive.
-- Three points between the axes show the products of two errors, which points on the axes do not: a tilt seen from an unknown
-  heading. Without them the filter becomes overconfident in its heading while it levels.
+- The last axis is the rotation about the specific force: it alone changes no velocity, so the regression preserves
+  exactly what is unobservable.
+- The covariance of the residual of the regression comes from second differences (Norgaard, Poulsen and Ravn, "New
+  developments in state estimation for nonlinear systems", Automatica 36 (2000)): no weight is negative, so it stays
+  positive.
+- Three points between the axes show the products of two errors, which points on the axes do not: a tilt seen from an
+  unknown heading. Without them the filter becomes overconfident in its heading while it levels.
 
-After a measurement the estimate is normalised and the covariance moved to its new tangent: dQ by left multiplication with the
-rotation from the old to the new estimate, dv and dr by its matrix, as errors that are fixed in the body. So the rotation about
-the specific force, which gravity cannot show, is still unknown after the correction. With a mere projection onto the new
-tangent the filter credits itself with a heading while it levels: the error is degrees at a stated tenth of a degree.
+After a measurement the estimate is normalised and the covariance moved to its new tangent: dQ by left multiplication
+with the rotation from the old to the new estimate, dv and dr by its matrix, as errors that are fixed in the body. So
+the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a mere
+projection onto the new tangent the filter credits itself with a heading while it levels: the error is degrees at a
+stated tenth of a degree.
 """
 
 from __future__ import annotations

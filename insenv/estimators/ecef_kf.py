@@ -1,34 +1,36 @@
 """`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place, with feedback.
 
 Source: the ECEF fine-alignment paper (numbers of its equations), with the two-sample quaternion recursion (28)-(34) of
-`insenv.estimators.parts.two_sample`. The first sample of a pair is held; outputs between the two samples are rotated on by it.
+`insenv.estimators.parts.two_sample`. The first sample of a pair is held; outputs between the two samples are rotated on
+by it.
 
-States: velocity error (m/s, e), misalignment phi (rad, e), accelerometer bias (m/s^2, b), gyro bias (rad/s, b). Errors are
-estimate minus truth, C_hat_eb = (I - [phi x]) C_eb; the biases are those still left in the measurements:
+States: velocity error (m/s, e), misalignment phi (rad, e), accelerometer bias (m/s^2, b), gyro bias (rad/s, b). Errors
+are estimate minus truth, C_hat_eb = (I - [phi x]) C_eb; the biases are those still left in the measurements:
 
     d(dv)/dt  = -2 omega_ie x dv + f^e x phi + C_eb b_a          (12)
     d(phi)/dt = -omega_ie x phi - C_eb b_g                       (22)
     d(b)/dt   = white noise (0 in the paper)                     (25)
 
-Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) contradicts the sign of its (8) and (12). With dv =
-estimate minus truth, z is +v_ins (minus the velocity known from outside).
+Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) contradicts the sign of its (8) and (12).
+With dv = estimate minus truth, z is +v_ins (minus the velocity known from outside).
 
-Start: from the given attitude or, where that is too uncertain for a linear filter, from a coarse alignment by the q-method over
-the first `coarse_time` seconds (any attitude, any sway).
+Start: from the given attitude or, where that is too uncertain for a linear filter, from a coarse alignment by the
+q-method over the first `coarse_time` seconds (any attitude, any sway).
 
-Observation: the mean velocity over a window, which is zero (or the velocity itself, against that of a fix). Attitude, velocity
-and biases are fed back at the end of a window only, so over T the mean error is H x with H = [I, -T/2 [f x], -T/2 C_eb, 0] of
-the state at its end. A parked vehicle has windows of `update_interval` and a velocity of zero within `velocity_sigma`. On a
-swaying base the velocity in excess of its prediction (`excess`, learnt as the filter runs) is not white: the mean of a sway
-that stays in place falls as 1/T, so the windows are then `sway_interval` long, and the sway counts with 2 (sway_time / T)^2 of
-its variance. A sway too gentle to be detected at the start may be taken for tilt: where sway is expected, set `sway_sigma`.
+Observation: the mean velocity over a window, which is zero (or the velocity itself, against that of a fix). Attitude,
+velocity and biases are fed back at the end of a window only, so over T the mean error is H x with H = [I, -T/2 [f x],
+-T/2 C_eb, 0] of the state at its end. A parked vehicle has windows of `update_interval` and a velocity of zero within
+`velocity_sigma`. On a swaying base the velocity in excess of its prediction (`excess`, learnt as the filter runs) is
+not white: the mean of a sway that stays in place falls as 1/T, so the windows are then `sway_interval` long, and the
+sway counts with 2 (sway_time / T)^2 of its variance. A sway too gentle to be detected at the start may be taken for
+tilt: where sway is expected, set `sway_sigma`.
 
-Jacobians: in place, the horizontal accelerometer biases cannot be separated from tilts, nor the east gyro's bias from heading.
-Matrices that follow each correction would pretend that they can. So f^e is minus gravity, and C_eb is taken at the heading of
-the start.
+Jacobians: in place, the horizontal accelerometer biases cannot be separated from tilts, nor the east gyro's bias from
+heading. Matrices that follow each correction would pretend that they can. So f^e is minus gravity, and C_eb is taken at
+the heading of the start.
 
-Moving base (`moving` = 1): the velocity of GNSS fixes in place of zero, used at its own time and corrected for the lever arm;
-latitude, longitude and height are those of the fixes, propagated by the filter's velocity between them.
+Moving base (`moving` = 1): the velocity of GNSS fixes in place of zero, used at its own time and corrected for the
+lever arm; latitude, longitude and height are those of the fixes, propagated by the filter's velocity between them.
 """
 
 from __future__ import annotations
@@ -284,7 +286,8 @@ def filter(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]:
     """State rows after the observation, component by component in e, at the end of a window.
 
-    moving: 1 for the velocity of a fix, 0 for zero velocity. stored (78), A (12x12): covariance now, transition of the window.
+    moving: 1 for the velocity of a fix, 0 for zero velocity. stored (78), A (12x12): covariance now, transition of the
+    window.
     """
     predicted = ca.vertcat(*[stored[symmetric.place(i, i)] for i in range(3)])
     floor, time = p.velocity_sigma**2, x.observing + x.window

@@ -1,14 +1,16 @@
 """`gyrocompass`: the classical alignment of a vehicle that stays in place, levelling by velocity feedback and then the
-gyrocompass heading loop.  It starts from a heading as told; from a wrong one it takes longer.
+gyrocompass heading loop. It starts from a heading as told; from a wrong one it takes longer.
 
-With phi the attitude error about n and velocity observed to be zero (v error of the integration, R horizontal Earth rate):
+With phi the attitude error about n and velocity observed to be zero (v error of the integration, R horizontal Earth
+rate):
 
     v_N' = -g phi_E - K1 v_N,   phi_E' = R phi_D + K2 v_N / g,   phi_D' = K3 v_N / (g R)
     v_E' =  g phi_N - K1 v_E,   phi_N' = -K2 v_E / g
 
-Levelling (the first `levelling_time`): K1 = 2/tau, K2 = 1/tau^2, K3 = 0: a double pole at -1/tau, tau = `levelling_constant`.
-Heading loop: K1 = 3/tau, K2 = 3/tau^2, K3 = 1/tau^3: a triple pole at -1/tau, tau = `heading_constant`.
-A sway of displacement d leaves a heading error d / (tau^3 g R): the time constant is chosen by the sway.
+Levelling (the first `levelling_time`): K1 = 2/tau, K2 = 1/tau^2, K3 = 0: a double pole at -1/tau, tau =
+`levelling_constant`. Heading loop: K1 = 3/tau, K2 = 3/tau^2, K3 = 1/tau^3: a triple pole at -1/tau, tau =
+`heading_constant`. A sway of displacement d leaves a heading error d / (tau^3 g R): the time constant is chosen by the
+sway.
 
 Source: Titterton and Weston (2004), section 10.5; Britting (1971), chapter 9; the baseline of the swaying-base paper.
 """
@@ -27,8 +29,8 @@ from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.parts import applicability, frozen_frame, rows
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((
-    Row("start_heading", "Heading told at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
-    Row("start_heading_sigma", "How good it is", "rad", start=0.1, lower=0.0, upper=math.pi),
+    rows.START["start_heading"],
+    Row("start_heading_sigma", "Its standard deviation", "rad", start=0.1, lower=0.0, upper=math.pi),
     Row("levelling_time", "Duration of levelling", "s", start=60.0, lower=0.0, upper=1e5),
     Row("levelling_constant", "Time constant of levelling", "s", start=10.0, lower=0.5, upper=1e4),
     Row("heading_constant", "Time constant of the heading loop", "s", start=60.0, lower=5.0, upper=1e4),
@@ -80,7 +82,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     rest = p.start_heading_sigma * (1 + s + s * s / 2) * decay
     heading = minimum(ca.sqrt(square + rest * rest), PI)
     level = ca.sqrt(tilt**2 + (p.gyro_bias_sigma * tau) ** 2)  # K1 / K2 times the drift
-    return {"q_nb": frozen_frame.q_nb(x), "attitude_sigma": ca.vertcat(level, level, heading)}
+    return {"q_nb": frozen_frame.q_nb(x, x.q_n0i), "attitude_sigma": ca.vertcat(level, level, heading)}
 
 
 MODEL = Model(
@@ -89,7 +91,7 @@ MODEL = Model(
     parameters=PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=frozen_frame.OUTPUTS,
+    outputs=rows.ALIGNMENT,
     steps={
         "begin": Step(begin, when="begin"),
         "sample": Step(frozen_frame.sample),
@@ -102,11 +104,8 @@ MODEL = Model(
 
 def prepare(known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known."""
-    return {
-        **frozen_frame.prepare(known),
-        "start_heading": known.heading,
-        "start_heading_sigma": min(known.heading_sigma, math.pi),
-    }
+    sigma = min(known.heading_sigma, math.pi)
+    return {**frozen_frame.prepare(known), "start_heading": known.heading, "start_heading_sigma": sigma}
 
 
 ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, applicability=applicability.notes)

@@ -1,22 +1,23 @@
 """`inertial-fir`: alignment of a vehicle that stays in place, at any attitude and on any sway, by gravity's cone in the
 inertial frame behind a cascade of linear-phase FIR low-passes; no coarse alignment.
 
-Specific force in the frozen frame i is minus gravity, which the Earth carries slowly along a cone, plus disturbances above
-1/15 Hz.  Means over blocks of 0.1 s pass three symmetric low-passes and two decimations (`fir_design.CASCADE`).  From the
-filtered vectors f at times t_M - D/2, t_M and t_M + D/2, with f = -g:
+Specific force in the frozen frame i is minus gravity, which the Earth carries slowly along a cone, plus disturbances
+above 1/15 Hz. Means over blocks of 0.1 s pass three symmetric low-passes and two decimations (`fir_design.CASCADE`).
+From the filtered vectors f at times t_M - D/2, t_M and t_M + D/2, with f = -g:
 
     U = f(t_M) / |f(t_M)|,   E along f(t_M + D/2) - f(t_M - D/2),   N = U x E                                     (3), (6)
     C_i^nM = [N E -U]^T  (the paper's n is north, up, east)                                                     (5)
     C_b^n = C_nM^n C_i^nM C_b^i,  C_nM^n by the Earth's turn during the delay, which is known exactly             (7), (8)
 
-This first fix comes after `SPAN` blocks, 180 s, and sets the attitude.  Then fine levelling by velocity feedback: velocity,
-which should stay near zero, corrects itself and the tilts with the gains of the two-state Kalman filter of one horizontal
-channel (velocity error' = g tilt), told how fast the vehicle may sway; a constant gain high enough to level within a minute
-would bring the sway of a moored boat into the tilts.  Later fixes, one every 2 s, go on being averaged into the heading,
-each with weight 1/k (insenv's addition; `heading_memory` = 0 keeps the first, as in the paper).
+This first fix comes after `SPAN` blocks, 180 s, and sets the attitude. Then fine levelling by velocity feedback:
+velocity, which should stay near zero, corrects itself and the tilts with the gains of the two-state Kalman filter of
+one horizontal channel (velocity error' = g tilt), told how fast the vehicle may sway; a constant gain high enough to
+level within a minute would bring the sway of a moored boat into the tilts. Later fixes, one every 2 s, go on being
+averaged into the heading, each with weight 1/k (insenv's addition; `heading_memory` = 0 keeps the first, as in the
+paper).
 
-What turns with the Earth passes the cascade with a gain 2.0e-7 below that of what does not: a tilt about east of at most
-1.0e-7 rad, not corrected.
+What turns with the Earth passes the cascade with a gain 2.0e-7 below that of what does not: a tilt about east of at
+most 1.0e-7 rad, not corrected.
 
 Source: the swaying-base paper (Lian, Tang, Wu, Hu 2007), numbers of its equations.
 """
@@ -50,8 +51,9 @@ def noise_times(averaged: Any) -> tuple[Any, Any]:
     """(s, s^3): the squared noise of heading, times the squared horizontal Earth rate, is N^2 over the first plus (V/g)^2
     over the second, N and V the gyros' and the accelerometers' random walks.
 
-    averaged: time over which fixes are averaged, s.  Fitted to the inverse integrals of the squares of the weights that
-    cascade, difference and average give to drift, and of these weights' slopes: within 6 and 25 % (a test integrates them).
+    averaged: time over which fixes are averaged, s. Fitted to the inverse integrals of the squares of the weights that
+    cascade, difference and average give to drift, and of these weights' slopes: within 6 and 25 % (a test integrates
+    them).
     """
     square = averaged * averaged
     return 40.0 + ca.sqrt(square + 78.85**2), 1.82e5 + 57.0 * square
@@ -186,7 +188,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     levelled = ca.sqrt(tilt**2 + x.tilt_variance + (p.gyro_bias_sigma * (DELAY * BLOCK_S)) ** 2)
     unknown = x.fixes == 0
     levelled, heading = select(unknown, 0.2, levelled), select(unknown, PI, minimum(heading, PI))
-    return {"q_nb": frozen_frame.q_nb(x), "attitude_sigma": ca.vertcat(levelled, levelled, heading)}
+    return {"q_nb": frozen_frame.q_nb(x, x.q_n0i), "attitude_sigma": ca.vertcat(levelled, levelled, heading)}
 
 
 def _pushed(buffer: Any, vector: Any) -> Any:
@@ -209,7 +211,7 @@ MODEL = Model(
     parameters=PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=frozen_frame.OUTPUTS,
+    outputs=rows.ALIGNMENT,
     steps={
         "begin": Step(begin, when="begin"),
         "sample": Step(sample),

@@ -4,8 +4,8 @@ Source: the airborne-navigation paper's GPS/SINS filter (15 states, first-order 
 wander-azimuth mechanization of `insenv.estimators.parts.strapdown` and the psi-angle error model of
 `insenv.estimators.parts.error_model`. A fix is used at its own time (`insenv.estimators.parts.gnss_fix`).
 
-The mechanization runs at every sample. The covariance is propagated once `covariance_interval` has passed or a measurement
-comes; the integrals of specific force and attitude over that interval are kept, so no motion is lost.
+The mechanization runs at every sample. The covariance is propagated once `covariance_interval` has passed or a
+measurement comes; the integrals of specific force and attitude over that interval are kept, so no motion is lost.
 """
 
 from __future__ import annotations

@@ -1,17 +1,18 @@
 """`lssvm`: large-misalignment alignment by a least-squares support vector machine trained on `aqe-sukf`.
 
-Source: the LS-SVM large misalignment paper, sections 3 and 4. The machine takes the place of the filter in the loop: from the
-differences between SINS and GNSS (`insenv.estimators.parts.sins_gnss_differences`) it infers the misalignment, which is fed
-back to the SINS.
+Source: the LS-SVM large misalignment paper, sections 3 and 4. The machine takes the place of the filter in the loop:
+from the differences between SINS and GNSS (`insenv.estimators.parts.sins_gnss_differences`) it infers the misalignment,
+which is fed back to the SINS.
 
     y(x) = sum over i of a_i K(x, x_i) + b,   K = exp(-|x - x_i|^2 / sigma^2)                                  (14)
 
-Outputs: the vector part of half of R - R^T about north, east, down: the axis of the misalignment times the sine of its angle.
-For small angles it is the rotation vector, and unlike that it has no discontinuity at 180 deg. Fed back at every fix it reduces
-any misalignment to zero in some steps, because the remainder appears at the next fix in the same differences.
+Outputs: the vector part of half of R - R^T about north, east, down: the axis of the misalignment times the sine of its
+angle. For small angles it is the rotation vector, and unlike that it has no discontinuity at 180 deg. Fed back at every
+fix it reduces any misalignment to zero in some steps, because the remainder appears at the next fix in the same
+differences.
 
-The exponential of the kernel is a Taylor polynomial at 1/64 of the argument, squared six times: exactly rounded operations, and
-`insenv.learning` trains with the same function.
+The exponential of the kernel is a Taylor polynomial at 1/64 of the argument, squared six times: exactly rounded
+operations, and `insenv.learning` trains with the same function.
 
 File of a trained machine: JSON, with the version of the format and the conditions of the training.
 
@@ -138,7 +139,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     start = ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma)
     answered = x.answers > 0
     return {
-        "q_nb": frozen_frame.q_nb(x),
+        "q_nb": frozen_frame.q_nb(x, x.q_n0i),
         "attitude_sigma": ca.vertcat(*[select(answered, minimum(sigma[i], start[i] + sigma[i]), start[i]) for i in range(3)]),
         "features": x.features,
         "ready": select(differences.heading_sigma(x) < READY, 1.0, 0.0),
@@ -166,8 +167,8 @@ MODEL = Model(
 class TrainedMachine:
     """A trained machine and how it was trained.
 
-    support (S, 6): support vectors over the kernel's width. coefficients (S, 3), offset (3): rad. scale (6): factors of the
-    inputs. machine_sigma (3): scatter about the training targets, rad. training: its conditions, as in the file.
+    support (S, 6): support vectors over the kernel's width. coefficients (S, 3), offset (3): rad. scale (6): factors of
+    the inputs. machine_sigma (3): scatter about the training targets, rad. training: its conditions, as in the file.
     insenv: version of insenv that trained it.
     """
 

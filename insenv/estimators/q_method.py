@@ -2,27 +2,29 @@
 inertial frame.
 
 The constant quaternion Q minimises the integral of w |beta - C(Q) alpha|^2 over the vectors of
-`insenv.estimators.parts.inertial_vectors`: it is the eigenvector of the largest eigenvalue of Davenport's 4x4 matrix, which is
-formed
-from the profile B, the integral of w beta alpha^T.  No start attitude, no singular one, nothing random.  Source: the quaternion
-adaptive-Kalman paper, section 2.1; Davenport's matrix: Markley and Crassidis (2014), section 5.3.
+`insenv.estimators.parts.inertial_vectors`: it is the eigenvector of the largest eigenvalue of Davenport's 4x4 matrix,
+which is formed from the profile B, the integral of w beta alpha^T.  No start attitude, no singular one, nothing random.
+Source: the quaternion adaptive-Kalman paper, section 2.1; Davenport's matrix: Markley and Crassidis (2014), section
+5.3.
 
-B is linear in alpha, so the accelerations of a swaying base are kept out by the weights w alone, whatever their size.  With h
-the step response of a low-pass and l its response to exp(-t / memory_time), the weights of the vectors at time t in a run of
-length T are
+B is linear in alpha, so the accelerations of a swaying base are kept out by the weights w alone, whatever their size.
+With h the step response of a low-pass and l its response to exp(-t / memory_time), the weights of the vectors at time t
+in a run of length T are
 
     w(t) = l(t) h(T - t) + 2 h(t) l(T - t)
 
-alike at both ends: each rises as smoothly as the filter does, and fades over `memory_time` (why: `inertial_vectors`).  The
-running form: an integral with weights l and one that forgets of vectors with weights h, their sum through the low-pass.  The
-integrals grow with each sample; h, l and the low-pass, which are slow, go on every `STRIDE` smoothing times.
+alike at both ends: each rises as smoothly as the filter does, and fades over `memory_time` (why: `inertial_vectors`).
+The running form: an integral with weights l and one that forgets of vectors with weights h, their sum through the
+low-pass. The integrals grow with each sample; h, l and the low-pass, which are slow, go on every `STRIDE` smoothing
+times.
 
-The low-pass has zeros on the frequencies of waves (`FILTER`), so it is earlier than a Butterworth filter that takes as much off
-periods of 5 to 10 s.  Its nine numbers minimise, at `smoothing_time` = 4 s and 30 deg of latitude, the heading error that
-white noise leaves after 150 and 300 s (`memory_time` 34 s; and with all weights alike), while of a horizontal sway of 0.5 m no
-more than 0.004 deg of heading should be left after 300 s at periods up to 8 s, 0.008 deg at 10 s, 0.012 deg at 11 s, 0.04 deg
-at 12 s (a penalty), and no section be damped by less than 0.15: ringing filters are earlier still, but not in short runs.
-With `smoothing_time` 0 and a large `memory_time` all weights are alike, which is the paper's integral.
+The low-pass has zeros on the frequencies of waves (`FILTER`), so it is earlier than a Butterworth filter that takes as
+much off periods of 5 to 10 s. Its nine numbers minimise, at `smoothing_time` = 4 s and 30 deg of latitude, the heading
+error that white noise leaves after 150 and 300 s (`memory_time` 34 s; and with all weights alike), while of a
+horizontal sway of 0.5 m no more than 0.004 deg of heading should be left after 300 s at periods up to 8 s, 0.008 deg at
+10 s, 0.012 deg at 11 s, 0.04 deg at 12 s (a penalty), and no section be damped by less than 0.15: ringing filters are
+earlier still, but not in short runs. With `smoothing_time` 0 and a large `memory_time` all weights are alike, which is
+the paper's integral.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ import casadi as ca
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, inertial_vectors, rows
+from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows
 from insenv.estimators.parts.eigen import largest_eigenvector
 from insenv.estimators.parts.inertial_vectors import davenport
 
@@ -65,8 +67,8 @@ STATE = inertial_vectors.CARRIED + Table((
 def low_pass(values: Any, rates: Any, value: Any, time_constant: Any, dt: Any) -> tuple[Any, Any, Any]:
     """States and their rates (sections x channels) after a step of dt, and the output at it, for an input (1 x channels).
 
-    Implicit midpoint rule, input and outputs being those of mid-step: the bilinear transform, which keeps the zeros on the
-    axis and is stable at any interval; with time constant 0 the output is the input and the states rest.
+    Implicit midpoint rule, input and outputs being those of mid-step: the bilinear transform, which keeps the zeros on
+    the axis and is stable at any interval; with time constant 0 the output is the input and the states rest.
     """
     after, slopes, half, step = [], [], dt / 2, (time_constant > 0) * dt
     for i, (a, b, c) in enumerate(FILTER):
@@ -126,7 +128,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     ends = x.time / ca.sqrt(4 + (x.time / p.memory_time) ** 2)
     age = (x.time - ends + LATE * ends) / (1 + LATE)
     return {
-        "q_nb": inertial_vectors.attitude_now(x, largest_eigenvector(davenport(x.profile))),
+        "q_nb": frozen_frame.q_nb(x, largest_eigenvector(davenport(x.profile))),
         "attitude_sigma": inertial_vectors.stated_sigma(p, x, DELAY * p.smoothing_time, age, age),
     }
 
@@ -137,7 +139,7 @@ MODEL = Model(
     parameters=inertial_vectors.PARAMETERS,
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
-    outputs=inertial_vectors.OUTPUTS,
+    outputs=rows.ALIGNMENT,
     steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due")},
     output=output,
     start=start,

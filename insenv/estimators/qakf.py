@@ -1,36 +1,37 @@
 """`qakf` and `qakf-improved`: alignment in place by a quaternion adaptive Kalman filter in the inertial frame.
 
-State Q (4), the constant quaternion from b at the start to n at the start, without process noise; vectors alpha, beta of
-`insenv.estimators.parts.inertial_vectors`. The observation is zero, 0 = H Q + v, with
+State Q (4), the constant quaternion from b at the start to n at the start, without process noise; vectors alpha, beta
+of `insenv.estimators.parts.inertial_vectors`. The observation is zero, 0 = H Q + v, with
 
     qakf:           H = M / (2 g),   M = [beta +] - [alpha -]
-    qakf-improved:  H = K / (2 S),   K = integral of w M^T M,   S = integral of w (|alpha|^2 + |beta|^2)
+    qakf-improved: H = K / (2 S),   K = integral of w M^T M,   S = integral of w (|alpha|^2 + |beta|^2)
 
 Source: the quaternion adaptive-Kalman paper, sections 2.2 and 3.2; its formulas are lost, the text fixes them so far.
 
 Normalisation: without errors M^T M has the eigenvalues 0, 0, 4 g^2, 4 g^2 and K has the trace 2 S. Divided as above the
-singular values of either H are at most 1, and all its elements are below 1 as the paper says of K's. H has then no unit,
-and one start covariance and one noise estimate serve every sensor and rate at all times; K undivided would grow with time.
+singular values of either H are at most 1, and all its elements are below 1 as the paper says of K's. H has then no
+unit, and one start covariance and one noise estimate serve every sensor and rate at all times; K undivided would grow
+with time.
 
-Renormalisation: the length of Q says nothing, so its error is kept in the tangent space of the sphere, dQ = [0, theta] Q
-with theta (3) half the attitude error about n at the start; P (3x3) is the covariance of theta. That is the 4x4 covariance
-projected off Q, carried along as Q turns; Q is scaled to one after each update. Multiplied by Q^-1 from the right the
-observation keeps its noise, and depends on a = C(Q) alpha only, so with d = beta - a, s = beta + a
+Renormalisation: the length of Q says nothing, so its error is kept in the tangent space of the sphere, dQ = [0, theta]
+Q with theta (3) half the attitude error about n at the start; P (3x3) is the covariance of theta. That is the 4x4
+covariance projected off Q, carried along as Q turns; Q is scaled to one after each update. Multiplied by Q^-1 from the
+right the observation keeps its noise, and depends on a = C(Q) alpha only, so with d = beta - a, s = beta + a
 
     qakf:           H theta = (-d . theta, s x theta) / (2 g),  residual (0, d) / (2 g)
-    qakf-improved:  the columns of K formed from B C(Q)^T: the first is the residual, the other three are H.
+    qakf-improved: the columns of K formed from B C(Q)^T: the first is the residual, the other three are H.
 
-Noise: in `qakf` v is white, R = r I. In `qakf-improved` it enters integrated and multiplied by M^T: the integral of M^T v
-has the covariance r K, so R = r K (R = r I would let the tilts' noise, a thousand times heading's, set the weight of
-heading). The v of successive K_k are nearly the same, so information fades over the last sixth of the time (`FADING`): else
-the filter would hold on to what early, poor K said. r is estimated from the innovations, r <- (1 - c) r + c max(|e|^2 -
-trace(H P H^T), |e|^2 / 4) / trace(R / r), with c = 10 / (k + 10) at the k-th sample: the practical (Sage-Husa) estimator
-with a memory of a tenth of the time so far, r positive.
+Noise: in `qakf` v is white, R = r I. In `qakf-improved` it enters integrated and multiplied by M^T: the integral of M^T
+v has the covariance r K, so R = r K (R = r I would let the tilts' noise, a thousand times heading's, set the weight of
+heading). The v of successive K_k are nearly the same, so information fades over the last sixth of the time (`FADING`):
+else the filter would hold on to what early, poor K said. r is estimated from the innovations, r <- (1 - c) r + c
+max(|e|^2 - trace(H P H^T), |e|^2 / 4) / trace(R / r), with c = 10 / (k + 10) at the k-th sample: the practical
+(Sage-Husa) estimator with a memory of a tenth of the time so far, r positive.
 
-Accuracy: `qakf-improved` comes to the q-method's, a sixth of the time later and smoother. `qakf` comes to it late and the
-later the more noise there is: M's own noise, squared, enters the information as if heading had been seen, so that heading
-errors fade as (t0 / t)^3 only, t0 the time at which the Earth's turn exceeds that noise. P takes residuals as independent
-that are not, so it is no measure of accuracy: `attitude_sigma` states the limit that the sensors set.
+Accuracy: `qakf-improved` comes to the q-method's, a sixth of the time later and smoother. `qakf` comes to it late and
+the later the more noise there is: M's own noise, squared, enters the information as if heading had been seen, so that
+heading errors fade as (t0 / t)^3 only, t0 the time at which the Earth's turn exceeds that noise. P takes residuals as
+independent that are not, so it is no measure of accuracy: `attitude_sigma` states the limit that the sensors set.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ from insenv.core.elementary import maximum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, inertial_vectors, rows
+from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows
 from insenv.estimators.parts.inertial_vectors import davenport
 
 MEMORY = 10.0  # the noise estimate remembers the last so-many-th part of the samples
@@ -75,7 +76,7 @@ SPREAD = Table((
     Row("late_spread", "The same with those of the late profile", "m^2/s^3"),
 ))  # fmt: skip
 
-OUTPUTS = inertial_vectors.OUTPUTS + Table((
+OUTPUTS = rows.ALIGNMENT + Table((
     Row("filter_sigma", "Standard deviation by the filter's covariance, about n at the start", "rad", (3,), "n at the start"),
     Row("noise_variance", "Estimated variance of the observation's noise", "1"),
 ))  # fmt: skip
@@ -102,8 +103,8 @@ def profile_observation(q: Any, profile: Any, spread: Any) -> tuple[Any, Any]:
 def filtered(x: Any, gained: Any, gradient: Any, predicted: Any, square: Any, samples: Any, fading: float) -> dict[str, Any]:
     """Rows of `STATE` after an update.
 
-    gained: H^T W H (3x3) and gradient: H^T W e (3) for residual e and noise r W^-1.  predicted, square: trace(H P H^T)
-    and |e|^2, each over the trace of W^-1.  samples: updates before this one.  fading: information is kept over the last
+    gained: H^T W H (3x3) and gradient: H^T W e (3) for residual e and noise r W^-1. predicted, square: trace(H P H^T)
+    and |e|^2, each over the trace of W^-1. samples: updates before this one. fading: information is kept over the last
     so-many-th part of the samples, what was there at the start always; 0: for good.
     """
     share = MEMORY / (samples + MEMORY)
@@ -180,7 +181,7 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     """
     lost = inertial_vectors.DELAY * p.smoothing_time
     return {
-        "q_nb": inertial_vectors.attitude_now(x, x.q_start),
+        "q_nb": frozen_frame.q_nb(x, x.q_start),
         "attitude_sigma": inertial_vectors.stated_sigma(p, x, lost, *(lag * x.time for lag in lags)),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,

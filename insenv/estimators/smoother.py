@@ -1,15 +1,17 @@
 """`smoother`: fixed-interval smoothing of a `loosely-coupled` run; the forward and the backward pass as two models.
 
-Forward (`MODEL`): the filter of `loosely-coupled`, step by step, which also outputs what the backward pass needs: each interval
-that the covariance was propagated over, and each scalar measurement with its gain. On its own it gives the filter's estimates.
+Forward (`MODEL`): the filter of `loosely-coupled`, step by step, which also outputs what the backward pass needs: each
+interval that the covariance was propagated over, and each scalar measurement with its gain. On its own it gives the
+filter's estimates.
 
-Backward (`BACKWARD`): Bryson and Frazier's adjoint filter. It carries the vector s (15) and the symmetric matrix L (15x15) of
-what the later measurements say about the error state,
+Backward (`BACKWARD`): Bryson and Frazier's adjoint filter. It carries the vector s (15) and the symmetric matrix L
+(15x15) of what the later measurements say about the error state,
 
     smoothed error state = P s,   its covariance = P - P L P        (P of the filter there, about the filter's corrected state)
 
-from s = 0, L = 0 at the end. To go back from an instant k, after its measurements, to k - 1, the model runs once for each
-scalar measurement, the last one first (once, if there is none); the last of these runs also goes over the transition:
+from s = 0, L = 0 at the end. To go back from an instant k, after its measurements, to k - 1, the model runs once for
+each scalar measurement, the last one first (once, if there is none); the last of these runs also goes over the
+transition:
 
     scalar measurement of sensitivity H, gain K, innovation e of variance S:
         s <- (I - K H)^T s + H^T e / S,   L <- (I - K H)^T L (I - K H) + H^T H / S
@@ -17,12 +19,12 @@ scalar measurement, the last one first (once, if there is none); the last of the
         s <- Phi^T s,   L <- Phi^T L Phi
 
 No covariance is inverted, and process noise does not appear (it is in P). The filter feeds its estimate back at each
-measurement, so its state jumps by what it has just learnt. s and L do not: they refer to innovations only, which are the same
-with and without feedback, and P s is the error of the state as corrected at that instant.
+measurement, so its state jumps by what it has just learnt. s and L do not: they refer to innovations only, which are
+the same with and without feedback, and P s is the error of the state as corrected at that instant.
 
-Sources: the airborne-navigation paper smooths by filters forward and backward; the form without an inverse is Bryson and
-Frazier's (1963) as modified for scalar measurements by Bierman (1973), "Fixed interval smoothing with discrete measurements",
-Int. J. Control 18, 65-75. `insenv.runs.smoothed` runs both passes.
+Sources: the airborne-navigation paper smooths by filters forward and backward; the form without an inverse is Bryson
+and Frazier's (1963) as modified for scalar measurements by Bierman (1973), "Fixed interval smoothing with discrete
+measurements", Int. J. Control 18, 65-75. `insenv.runs.smoothed` runs both passes.
 """
 
 from __future__ import annotations

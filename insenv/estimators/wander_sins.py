@@ -2,9 +2,10 @@
 
 Source: the airborne-navigation paper, equations (3)-(11). `wander-sins` has them in exact form
 (`insenv.estimators.parts.strapdown`), `wander-sins-plain` as printed, for comparison: no coning, sculling or rotation
-compensation, attitude and position of first order in the sample interval, and the paper's gravity formula. An inertial row of
-the paper is a rate and a specific force at its time; here it is the sample's increments divided by its interval, at the end of
-the sample. The paper's local axes are east, north, up; here n is north, east, down, and w is n at wander angle 0.
+compensation, attitude and position of first order in the sample interval, and the paper's gravity formula. An inertial
+row of the paper is a rate and a specific force at its time; here it is the sample's increments divided by its interval,
+at the end of the sample. The paper's local axes are east, north, up; here n is north, east, down, and w is n at wander
+angle 0.
 
 Nothing bounds the vertical channel: errors of height grow by a factor of e every 9.5 minutes.
 """

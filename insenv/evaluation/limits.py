@@ -1,23 +1,24 @@
 """Theoretical limits of alignment: what the sensors' errors leave, whatever the method.
 
 Whatever the sensors add on average turns the felt vertical and east: no algorithm that knows only the place can tell it
-from attitude.  With the mean errors' components in n (biases turn with the body),
+from attitude. With the mean errors' components in n (biases turn with the body),
 
     about north = -b_aE / g,   about east = b_aN / g,   about down = (b_aE / g) tan L - b_gE / (omega_ie cos L)
 
-in the sense of estimate minus truth.  This is (42) of the ECEF fine-alignment paper and (15) of the swaying-base paper, except
-that (42) gives the two parts of heading one sign: the balance omega_ie x phi = -b_g of its own error equation gives them
-opposite ones, and its simulated heading (-0.00944 deg) agrees with that limit (-0.0096), not with the one printed (-0.01195).
+in the sense of estimate minus truth. This is (42) of the ECEF fine-alignment paper and (15) of the swaying-base paper,
+except that (42) gives the two parts of heading one sign: the balance omega_ie x phi = -b_g of its own error equation
+gives them opposite ones, and its simulated heading (-0.00944 deg) agrees with that limit (-0.0096), not with the one
+printed (-0.01195).
 
 White noise adds, over an observation time T, with angle random walk N and velocity random walk V,
 
     about north = V / (g sqrt(T)),   about east = 2 V / (g sqrt(T)),
     about down = sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (omega_ie cos L)
 
-the best linear unbiased estimates of a drift from a Brownian path (N), and of a constant, a line's end and its slope from white
-noise (V): the tilt about east runs along a line whose slope is the heading error times the horizontal Earth rate.
-`noise_bound` is the Cramer-Rao bound of both noises together, at all times: the covariance of the optimal filter that knows the
-vehicle to be at rest, from the tilt rows of the navigation filters' own symbolic error model.
+the best linear unbiased estimates of a drift from a Brownian path (N), and of a constant, a line's end and its slope
+from white noise (V): the tilt about east runs along a line whose slope is the heading error times the horizontal Earth
+rate. `noise_bound` is the Cramer-Rao bound of both noises together, at all times: the covariance of the optimal filter
+that knows the vehicle to be at rest, from the tilt rows of the navigation filters' own symbolic error model.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ BOUND_STEPS = 3000
 def bias_tilts(gyro_error_n: Array, accel_error_n: Array, latitude: Any, height: Any) -> Array:
     """Attitude errors about north, east, down (..., 3, rad) that the sensors' mean errors in n leave (..., 3; rad/s, m/s^2).
 
-    latitude rad, height m (...).  The sign is that of the rotation vector of estimate times inverse truth, in n.
+    latitude rad, height m (...). The sign is that of the rotation vector of estimate times inverse truth, in n.
     """
     g = geodesy.numeric.normal_gravity(np.sin(latitude), height)
     north, east = -accel_error_n[..., 1] / g, accel_error_n[..., 0] / g
@@ -58,8 +59,9 @@ def noise_bound(angle_random_walk: Any, velocity_random_walk: Any, latitude: Any
     """Cramer-Rao bound of alignment at rest: standard deviations about north, east, down (..., n, 3, rad) at `times` (n, s,
     rising).
 
-    The vehicle is at rest and known to be; its specific force is measured with white noise V, its attitude is carried by
-    gyros with white noise N, and nothing is known of the attitude at time 0.  N, V, latitude and height broadcast (...).
+    The vehicle is at rest and known to be; its specific force is measured with white noise V, its attitude is carried
+    by gyros with white noise N, and nothing is known of the attitude at time 0. N, V, latitude and height broadcast
+    (...).
     """
     N, V, latitude, height = np.broadcast_arrays(angle_random_walk, velocity_random_walk, latitude, height)
     shape = N.shape

@@ -115,8 +115,8 @@ def smooth(
 def smoother_outputs(nominal: Array, corrections: Array, covariances: Array) -> dict[str, Array]:
     """Navigation and its standard deviations from the filter's states (n, NOMINAL.size) and smoothed error states.
 
-    Rows by name: q_nb, velocity_n, latitude, longitude, height, gyro_bias, accel_bias, position_sigma, velocity_sigma (n),
-    attitude_sigma (rad about n).
+    Rows by name: q_nb, velocity_n, latitude, longitude, height, gyro_bias, accel_bias, position_sigma, velocity_sigma
+    (n), attitude_sigma (rad about n).
     """
     values = smoother.NOMINAL.unpack(nominal)
     states = [values[name] for name in _NAVIGATION]

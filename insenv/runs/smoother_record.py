@@ -1,7 +1,7 @@
 """The record of a forward pass for the backward pass: in memory up to `MEMORY`, beyond that in a temporary file.
 
-A flight of 2 h at 200 Hz, with the covariance propagated 20 times per second, one fix per second and 3000 smoothed instants,
-takes 41 MB: 184 B for each of 144,000 instants, 1.5 kB per fix, 1.1 kB per smoothed instant.
+A flight of 2 h at 200 Hz, with the covariance propagated 20 times per second, one fix per second and 3000 smoothed
+instants, takes 41 MB: 184 B for each of 144,000 instants, 1.5 kB per fix, 1.1 kB per smoothed instant.
 """
 
 from __future__ import annotations
@@ -51,8 +51,9 @@ class Record:
     def backward(self) -> Iterator[tuple[Array, NDArray[np.intp], Array]]:
         """Blocks from the last to the first, each in order of time.
 
-        Yields the input rows of the backward pass (rows, its inputs.size), the index of the row with which the pass goes back
-        into each instant that is to be smoothed, and the filter's states at those instants (instants, NOMINAL.size).
+        Yields the input rows of the backward pass (rows, its inputs.size), the index of the row with which the pass
+        goes back into each instant that is to be smoothed, and the filter's states at those instants (instants,
+        NOMINAL.size).
         """
         end = self.size
         for shapes in reversed(self._blocks):
@@ -68,7 +69,8 @@ class Record:
 def _instants(events: Array, fixes: Array, rests: Array) -> tuple[Array, NDArray[np.intp]]:
     """Input rows of the backward pass in order of time, and the last row of each instant.
 
-    An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first row.
+    An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first
+    row.
     """
     with_fix, with_rest = (events[:, smoother.EVENTS.slice(name).start] != 0 for name in ("fix_used", "standing_now"))
     of_fix, of_rest = _scalars(smoother.FIX, fixes), _scalars(smoother.REST, rests)

@@ -4,9 +4,9 @@ A gyro error d about east, and a tilt about north that accelerometers good to b 
 
     d / (omega_ie cos L),   (b / g) tan L
 
-(`insenv.evaluation.limits`), whatever the method.  What an alignment is told of its gyros and accelerometers thus says before
-it starts
-whether its heading can mean anything; near a pole both grow without bound, and north itself turns from place to place.
+(`insenv.evaluation.limits`), whatever the method. What an alignment is told of its gyros and accelerometers thus says
+before it starts whether its heading can mean anything; near a pole both grow without bound, and north itself turns from
+place to place.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Cascades of linear-phase FIR low-passes with decimation: coefficients, exact delay and response.
 
-Each sub-filter is of odd length and symmetric, so its delay is exactly half its length at every frequency. The coefficients of
-`CASCADE` are those of the shortest sub-filters that keep the specification below, by the exchange of Parks and McClellan
-(SciPy 1.17.1), rounded to 1e-12. They are constants, so that results do not depend on the installed SciPy; the tests design
-them again and compare.
+Each sub-filter is of odd length and symmetric, so its delay is exactly half its length at every frequency. The
+coefficients of `CASCADE` are those of the shortest sub-filters that keep the specification below, by the exchange of
+Parks and McClellan (SciPy 1.17.1), rounded to 1e-12. They are constants, so that results do not depend on the installed
+SciPy; the tests design them again and compare.
 
 Source: the swaying-base paper, section 1: two decimations, three sub-filters, pass-band ripple 0.01, disturbances above
 1/15 Hz.

@@ -1,8 +1,8 @@
 """A GNSS fix at its own time, predicted from a navigation state in the wander-azimuth frame.
 
-A fix comes with its age: the time from its validity to the end of the last inertial sample, which need not be a whole number
-of samples. The position and velocity of the antenna at that time follow from the present state and the acceleration and rate
-of the last sample, so a fix may lie between two samples or be some tenths of a second late.
+A fix comes with its age: the time from its validity to the end of the last inertial sample, which need not be a whole
+number of samples. The position and velocity of the antenna at that time follow from the present state and the
+acceleration and rate of the last sample, so a fix may lie between two samples or be some tenths of a second late.
 """
 
 from __future__ import annotations
@@ -70,8 +70,9 @@ def present(u: Any) -> Any:
 def correlated_variance(p: Any, since: Any) -> Any:
     """Variance (3, m^2) to add to a fix's position because its slow error is partly that of the fix `since` seconds before.
 
-    Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first measurement and
-    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
+    Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first
+    measurement and (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1
+    + r) / (1 - r).
     """
     r = exp(-since / p.fix_wander_time)
     return p.fix_wander_sigma**2 * (2 * r / (1 - r + 1e-12))

@@ -1,7 +1,7 @@
 """Rotation and velocity change of an inertial sample: coning, sculling and rotation compensation.
 
-Rate and specific force of the body are taken as linear in time over the present sample and the one before; the results are of
-third order in the sample interval.
+Rate and specific force of the body are taken as linear in time over the present sample and the one before; the results
+are of third order in the sample interval.
 
 Sources: Savage, "Strapdown inertial navigation integration algorithm design", J. Guidance 21 (1998), part 1 for coning,
 part 2 for sculling and rotation compensation; the last product of rotation compensation is the second-order term of a

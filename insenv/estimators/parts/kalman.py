@@ -1,8 +1,8 @@
 """Kalman filter algebra over CasADi symbols, for any number n of states.
 
-A covariance P (n x n) is stored as its upper triangle (`insenv.core.symmetric`). Measurements are scalar, z = H x + v, and
-are processed one after another: the estimate of the error state accumulates and is fed back to the navigation state at the
-end. An `accept` of 0 leaves covariance and estimate unchanged, so a measurement may be absent without a branch.
+A covariance P (n x n) is stored as its upper triangle (`insenv.core.symmetric`). Measurements are scalar, z = H x + v,
+and are processed one after another: the estimate of the error state accumulates and is fed back to the navigation state
+at the end. An `accept` of 0 leaves covariance and estimate unchanged, so a measurement may be absent without a branch.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from insenv.core import symmetric
 def propagate(stored: Any, A: Any, noise: Any) -> Any:
     """Covariance triangle after an interval: Phi P Phi^T + diag(noise).
 
-    stored: triangle of P. A (n x n): integral of the error dynamics over the interval. noise (n): variances that the driving
-    white noise adds, isotropic in each vector of three, so that they are the same in every frame.
+    stored: triangle of P. A (n x n): integral of the error dynamics over the interval. noise (n): variances that the
+    driving white noise adds, isotropic in each vector of three, so that they are the same in every frame.
 
-    Phi is the product, row after row of A, of the elementary matrices that add A[i, :] times the other states to state i and
-    scale state i by 1 + A[i, i]. It equals exp(A) to first order as I + A does, it is a congruence (P stays positive definite),
-    and it touches one row and column at a time: two thirds of the operations of the matrix product.
+    Phi is the product, row after row of A, of the elementary matrices that add A[i, :] times the other states to state
+    i and scale state i by 1 + A[i, i]. It equals exp(A) to first order as I + A does, it is a congruence (P stays
+    positive definite), and it touches one row and column at a time: two thirds of the operations of the matrix product.
     """
     n = A.shape[0]
     P = [[stored[symmetric.place(i, j)] for j in range(n)] for i in range(n)]

@@ -10,18 +10,18 @@ Hamilton quaternions, scalar first; n and b are any right-handed frames, Q takes
     d(dv)/dt = dC f_hat + C b_a - (2 w_ie + w_ew) x dv - dw_ew x v + gravity gradient                             (7)
     dC = C_hat - C = 2 Y^T(dQ) U(Q_hat) - Y^T(dQ) U(dQ)                                                           (8), (9)
 
-Frames: the paper's n is east, north, up and its b right, forward, up. Here n is north, east, down turned by the wander angle
-(frame w of `insenv.estimators.parts.strapdown`), b is forward, right, down, and Q = q_wb. The equations hold in any pair of
-right-handed frames; only the order and signs of the components differ. Corrections to the paper: (1) to (3) print <w_in>,
-(6) has [w_in], which is the left multiplication; (7) prints w_ie + w_in, it is 2 w_ie + w_en. Neglected: the change of the
-Earth's rate with the position error, 1e-11 rad/s per metre.
+Frames: the paper's n is east, north, up and its b right, forward, up. Here n is north, east, down turned by the wander
+angle (frame w of `insenv.estimators.parts.strapdown`), b is forward, right, down, and Q = q_wb. The equations hold in
+any pair of right-handed frames; only the order and signs of the components differ. Corrections to the paper: (1) to (3)
+print <w_in>, (6) has [w_in], which is the left multiplication; (7) prints w_ie + w_in, it is 2 w_ie + w_en. Neglected:
+the change of the Earth's rate with the position error, 1e-11 rad/s per metre.
 
 States: dQ (4), gyro bias (3), accelerometer bias (3), dv (3) as in the paper, and dr (3), the position error in metres.
 
-Over an interval, (6) without its inputs is an isometry, dQ(T) = conj(q_n) (x) dQ(0) (x) q_b, with q_n the rotation of the
-navigation frame and q_b that of the body, and the velocity error is C(Q_hat) - C(Q) applied to the integral of the specific
-force in the body axes at the start of the interval. So a time update evaluates the nonlinear function once, however many
-inertial samples it covers and however the vehicle moves.
+Over an interval, (6) without its inputs is an isometry, dQ(T) = conj(q_n) (x) dQ(0) (x) q_b, with q_n the rotation of
+the navigation frame and q_b that of the body, and the velocity error is C(Q_hat) - C(Q) applied to the integral of the
+specific force in the body axes at the start of the interval. So a time update evaluates the nonlinear function once,
+however many inertial samples it covers and however the vehicle moves.
 
 Norm: Q = Q_hat - dQ is a unit quaternion. The covariance of dQ lies on the tangent Y(Q_hat) of the unit sphere: start
 covariance and noise do, and (6) keeps it there.

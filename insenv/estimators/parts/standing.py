@@ -1,15 +1,15 @@
 """Whether a vehicle is at rest, from its inertial unit over a window and from the estimated velocity.
 
-At rest the specific force is gravity, constant except for white noise and the vibration that an engine, wind and people cause,
-and the rate is that of the same vibration. With these as normal noise of variance s_f^2 and s_w^2 per axis, the generalised
-likelihood ratio of rest against any motion reduces to (Skog, Haendel, Nilsson, Rantakokko, "Zero-velocity detection - an
-algorithm evaluation", IEEE Trans. Biomed. Eng. 57 (2010))
+At rest the specific force is gravity, constant except for white noise and the vibration that an engine, wind and people
+cause, and the rate is that of the same vibration. With these as normal noise of variance s_f^2 and s_w^2 per axis, the
+generalised likelihood ratio of rest against any motion reduces to (Skog, Haendel, Nilsson, Rantakokko, "Zero-velocity
+detection - an algorithm evaluation", IEEE Trans. Biomed. Eng. 57 (2010))
 
     L = mean |f - mean f|^2 / (3 s_f^2) + mean |w|^2 / (3 s_w^2) < THRESHOLD
 
-An inertial unit alone cannot distinguish rest from a smooth straight ride. So two more conditions must hold: over the window
-the estimated velocity has changed by at most `GATE` standard deviations of what tilt and bias errors cause, and zero lies
-within `GATE` of the filter's own standard deviations of its velocity.
+An inertial unit alone cannot distinguish rest from a smooth straight ride. So two more conditions must hold: over the
+window the estimated velocity has changed by at most `GATE` standard deviations of what tilt and bias errors cause, and
+zero lies within `GATE` of the filter's own standard deviations of its velocity.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Strapdown mechanization in the wander-azimuth frame, shared by every navigating estimator.
 
-Frame w is NED turned about Down by the wander angle and moves with the vehicle without rotation about Down, so nothing is
-singular at the poles. Position is the quaternion q_ew (w components to e components) and the height. No trigonometry is
-evaluated.
+Frame w is NED turned about Down by the wander angle and moves with the vehicle without rotation about Down, so nothing
+is singular at the poles. Position is the quaternion q_ew (w components to e components) and the height. No trigonometry
+is evaluated.
 
-Increments are compensated to third order in the sample interval (`insenv.estimators.parts.increments`), and Earth terms are
-those of the middle of the interval. Source of the wander-azimuth form: Groves (2013), section 5.5.
+Increments are compensated to third order in the sample interval (`insenv.estimators.parts.increments`), and Earth terms
+are those of the middle of the interval. Source of the wander-azimuth form: Groves (2013), section 5.5.
 """
 
 from __future__ import annotations
@@ -126,8 +126,8 @@ def navigation_outputs(x: Any) -> dict[str, Any]:
 def navigation_error_w(x: Values, truth: Values) -> tuple[Any, Any, Any, Any]:
     """Errors of a state with the rows of `STATE`, estimate minus truth, in w.
 
-    Position (3, m), velocity (3, m/s), rotation of the estimate relative to the truth as seen from e (3, rad), and rotation of
-    the computed frame that the position error causes (3, rad).
+    Position (3, m), velocity (3, m/s), rotation of the estimate relative to the truth as seen from e (3, rad), and
+    rotation of the computed frame that the position error causes (3, rad).
     """
     latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
     offset_n = geodesy.ned_offset(latitude, longitude, x.height, truth.latitude, truth.longitude, truth.height)
