@@ -2,12 +2,13 @@
 
 The mean specific force is minus gravity and the mean rate is the Earth's; down and east follow:
 
-    down^b = -f^b / |f^b|,   east^b = down^b x omega^b / |down^b x omega^b|,   north^b = east^b x down^b,   C_nb = [N E D]^T
+    down^b = -f^b / |f^b|,   east^b = down^b x omega^b / |down^b x omega^b|,   north^b = east^b x down^b
+    C_nb = [north^b east^b down^b]^T
 
-Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), gravity being the trusted
-vector. Any attitude, both hemispheres, not at the poles. The attitude is taken to be constant: sway, people and engines
-go straight into the means, and the heading's noise falls only as the root of time. The latitude serves the stated
-accuracy alone.
+Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), with gravity as the trusted
+vector. Any attitude, both hemispheres, not at the poles. The attitude is assumed constant: sway, people and engines
+enter the means directly, and the noise of heading falls only as the square root of time. The latitude is used by the
+stated accuracy only.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, rows
 
 GRAVITY = 9.8  # m/s^2, in the stated accuracy
-LARGEST_SIGMA = math.pi  # rad: no heading at all
+LARGEST_SIGMA = math.pi  # rad: heading unknown
 
 PARAMETERS = rows.chosen(rows.PLACE, "latitude") + rows.NOISES
 
@@ -42,7 +43,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def triad(force_b: Any, rate_b: Any) -> Any:
-    """C_nb (3x3) from specific force and rate at rest (3 each, b, any unit)."""
+    """C_nb (3x3) from specific force and angular rate at rest (3 each, b, any unit)."""
     down = -_unit(force_b)
     east = _unit(ca.cross(down, rate_b))
     return ca.horzcat(ca.cross(east, down), east, down).T

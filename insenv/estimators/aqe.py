@@ -97,7 +97,7 @@ def start(p: Any) -> dict[str, Any]:
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample: mechanization with the estimated quaternion and biases, and the integrals over the interval."""
+    """One inertial sample: mechanization with the estimated quaternion and biases, and integrals over the interval."""
     delta_angle = u.delta_angle - x.gyro_bias * u.dt
     delta_velocity = u.delta_velocity - x.accel_bias * u.dt
     moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
@@ -176,7 +176,7 @@ def unscented(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:
 
 
 def cholesky(P: Any) -> tuple[Any, list[Any]]:
-    """Lower factor (n x n) of a positive semidefinite matrix and the inverses of its diagonal; 0 for a vanishing pivot."""
+    """Lower factor (n x n) of a positive semidefinite matrix, and the inverses of its diagonal (0 for a zero pivot)."""
     n = P.shape[0]
     L, inverse = ca.SX(n, n), []
     for j in range(n):

@@ -1,4 +1,4 @@
-"""`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place, with feedback.
+"""`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place.
 
 Source: the ECEF fine-alignment paper (numbers of its equations), with the two-sample quaternion recursion (28)-(34) of
 `insenv.estimators.parts.two_sample`. The first sample of a pair is held; outputs between the two samples are rotated on
@@ -151,7 +151,7 @@ def transition(duration: Any, delta_velocity_e: Any, C_integral: Any) -> Any:
 
 
 def observation(A: Any, lag: Any) -> Any:
-    """H (3x12) of the mean velocity error over a window with respect to the state at its end: I - lag A, with A of the window.
+    """H (3x12) of the mean velocity error over a window, for the state at its end: I - lag A, with A of the window.
 
     lag: 1/2 for the mean (the velocity error grows evenly), 0 for the velocity at the end.
     """

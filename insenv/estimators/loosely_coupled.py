@@ -1,4 +1,4 @@
-"""`loosely-coupled`: strapdown navigation aided by GNSS positions and velocities, a 15-state Kalman filter with full feedback.
+"""`loosely-coupled`: strapdown navigation with GNSS positions and velocities, a 15-state filter with full feedback.
 
 Source: the airborne-navigation paper's GPS/SINS filter (15 states, first-order Gauss-Markov drift and bias), with the
 wander-azimuth mechanization of `insenv.estimators.parts.strapdown` and the psi-angle error model of
@@ -28,7 +28,7 @@ from insenv.estimators.parts.kalman import innovation_variance, measure, propaga
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
 GRAVITY = 9.8  # m/s^2, in the gravity gradient of the error model
-# errors proportional to the motion accumulate within a manoeuvre and reverse with the next: white noise over one of this size
+# errors proportional to the motion accumulate in a manoeuvre and reverse in the next: white over one of this size
 COHERENT_ANGLE = 1.0  # rad
 COHERENT_SPEED = 10.0  # m/s
 

@@ -17,7 +17,7 @@ operations, and `insenv.learning` trains with the same function.
 File of a trained machine: JSON, with the version of the format and the conditions of the training.
 
     {"format": "insenv-lssvm", "version": 1, "insenv": "0.1.0",
-     "training": {"runs": [{"scenario", "digest", "seeds", "duration_s"}], "filter", "samples", "parameters", "scores", ...},
+     "training": {"runs": [{"scenario", "digest", "seeds", "duration_s"}], "filter", "samples", "scores", ...},
      "machine": {"support", "coefficients", "offset", "scale", "machine_sigma"}}
 
 The numbers of `machine` are the rows of `MACHINE`, float64 to the last bit.
@@ -89,7 +89,7 @@ OUTPUTS = rows.ALIGNMENT + Table((
 
 
 def kernel(square: Any) -> Any:
-    """exp(-square) of a squared distance (SX or array): relative error 1e-7 where it exceeds 1e-6, absolute 1e-17 below."""
+    """exp(-square) of a squared distance (SX or array): relative error 1e-7 above 1e-6, absolute error 1e-17 below."""
     clipped = minimum(square, LARGEST_ARGUMENT) if isinstance(square, (float, ca.SX)) else square.clip(max=LARGEST_ARGUMENT)
     value = polynomial(clipped * (-1 / 64), _EXP)
     for _ in range(6):
@@ -124,7 +124,7 @@ def infer(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
-    """Attitude, and what noises, biases and the scatter of the machine leave; before the first answer the start errors."""
+    """Attitude, and its error from noise, biases and the machine's scatter; until the first answer the start's."""
     horizontal = geodesy.OMEGA_IE * (ca.fabs(x.axis_n[0]) + 1e-12)
     by_bias = p.accel_bias_sigma / x.gravity
     tilt, heading = differences.tilt_sigma(x), differences.heading_sigma(x)

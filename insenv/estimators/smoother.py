@@ -7,7 +7,7 @@ filter's estimates.
 Backward (`BACKWARD`): Bryson and Frazier's adjoint filter. It carries the vector s (15) and the symmetric matrix L
 (15x15) of what the later measurements say about the error state,
 
-    smoothed error state = P s,   its covariance = P - P L P        (P of the filter there, about the filter's corrected state)
+    smoothed error state = P s,   its covariance = P - P L P     (P of the filter at that instant, after correction)
 
 from s = 0, L = 0 at the end. To go back from an instant k, after its measurements, to k - 1, the model runs once for
 each scalar measurement, the last one first (once, if there is none); the last of these runs also goes over the

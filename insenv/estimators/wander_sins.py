@@ -38,7 +38,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def plain_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample: (3), (4)-(7), (8) in this order, each with the newest values available."""
-    axis_w = attitude.to_dcm(x.q_ew)[2, :].T  # the Earth's axis: third row of C_ew, whose last element is -sin(latitude)
+    axis_w = attitude.to_dcm(x.q_ew)[2, :].T  # the Earth's axis: its last component is -sin(latitude)
     omega_ie = geodesy.OMEGA_IE * axis_w
     omega_ew = geodesy.transport_rate_about_axis(x.velocity_w, axis_w, x.height)
 
@@ -75,7 +75,7 @@ def _estimator(id: str, title: str, state: Table, step: Callable[[Any, Any, Any]
         inputs=rows.SAMPLE_INPUTS,
         outputs=rows.NAVIGATION,
         steps={"sample": Step(step)},
-        output=lambda p, x: strapdown.navigation_outputs(x),  # (8)-(11) by quaternions: no attitude and no place is singular
+        output=lambda p, x: strapdown.navigation_outputs(x),  # (8)-(11), by quaternions
         start=strapdown.start_state,
     )
     return Estimator(model, kind="navigation")

@@ -55,7 +55,7 @@ class Smoother:
             self.record.add(outputs, wanted[part])
 
     def smoothed(self) -> dict[str, Array]:
-        """The smoothed run so far at the wanted samples, by row as `smoother_outputs` gives them, time along the first axis."""
+        """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
         corrections, covariances, nominal = self.error_states()
         return smoother_outputs(nominal, corrections, covariances)
 
@@ -74,7 +74,7 @@ class Smoother:
 
 
 class SmoothingFollower(Follower):
-    """The smoother along a run or a replay: it follows as its filter does, and smooths when its outputs are asked for."""
+    """The smoother along a run or a replay: its filter follows the samples, `named` smooths."""
 
     smoother: Smoother
 
@@ -87,7 +87,7 @@ class SmoothingFollower(Follower):
         return follower
 
     def follow(self, columns: dict[str, Array], count: int) -> None:
-        """Filter `count` samples (a multiple of `every`). Raises `InsenvError` when the estimate is no longer finite."""
+        """Filter `count` samples (a multiple of `every`). Raises `InsenvError` if the estimate is no longer finite."""
         begin = time.process_time()
         self.smoother.take(columns, (np.arange(count) + 1) % self.every == 0)
         self.seconds += time.process_time() - begin
@@ -103,7 +103,7 @@ class SmoothingFollower(Follower):
 def smooth(
     parameters: Mapping[str, Any] | Vector, columns: Mapping[str, Array], every: int = 1, backend: str | None = None
 ) -> dict[str, Array]:
-    """The smoothed run of `loosely-coupled` with `parameters` over the samples in `columns`, at every `every`-th of them.
+    """The smoothed run of `loosely-coupled` over the samples in `columns`, at every `every`-th of them.
 
     Rows by name as `smoother_outputs` gives them, time along the first axis.
     """

@@ -31,7 +31,7 @@ class Record:
         self._blocks: list[list[tuple[int, int]]] = []
 
     def add(self, outputs: Array, wanted: Array) -> None:
-        """Add the outputs of the forward pass after some samples (one row each); `wanted` (bool): which are to be smoothed."""
+        """Add outputs of the forward pass (one row per sample); `wanted` (bool): the samples to be smoothed."""
         due, fix, rest = (outputs[:, _OUTPUTS.slice(name)][:, 0] != 0 for name in smoother.EVENTS.names)
         parts = (
             np.column_stack([_rows(outputs[due], smoother.EVENTS + smoother.INTERVAL), wanted[due]]),

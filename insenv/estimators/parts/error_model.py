@@ -1,9 +1,9 @@
 """The 15-state error model of inertial navigation in the wander-azimuth frame.
 
 States: position error (m, w), velocity error (m/s, w), misalignment psi (rad, w), gyro bias (rad/s, b), accelerometer
-bias (m/s^2, b): the errors of position and velocity are estimate minus truth, psi is the turn from the computed frame
-(w at the computed position) to the platform, C_hat_wb = (I - [psi x]) C_wb, and the biases are what is still left in
-the measured rates:
+bias (m/s^2, b): the errors of position and velocity are estimate minus truth, psi is the rotation from the computed
+frame (w at the computed position) to the platform, C_hat_wb = (I - [psi x]) C_wb, and the biases are what is still left
+in the measured rates:
 
     d(dr)/dt   = dv - omega_ew x dr
     d(dv)/dt   = f x psi + C_wb b_a - (2 omega_ie + omega_ew) x dv + g / R (-dr_x, -dr_y, 2 dr_z)
@@ -31,7 +31,7 @@ EARTH_RADIUS = 6371e3  # m: the gravity gradient needs no better
 
 @dataclass(frozen=True)
 class Interval:
-    """What the error model needs of a stretch of motion, possibly many samples long.
+    """An interval of motion as the error model needs it; it may be many samples long.
 
     duration: s. delta_velocity_w: integral of the specific force in w (3, m/s). C_integral: integral of C_wb (3x3, s).
     omega_ie_w, omega_ew_w: Earth and transport rate (3, rad/s).

@@ -80,7 +80,7 @@ def turned(half_turn: Any, dt: Any) -> Any:
 
 
 def q_n0n(half_turn: Any, axis_n: Any) -> Any:
-    """The Earth's rotation since the start (4x1): takes n components to n0 components. For the rotation in a delay: (7)."""
+    """The Earth's rotation since the start (4x1): takes n components to n0 components; (7) for that in a delay."""
     return ca.vertcat(half_turn[0], half_turn[1] * axis_n)
 
 

@@ -43,7 +43,7 @@ def antenna(p: Any, x: Any, age: Any) -> Antenna:
     arm, acceleration = p.antenna_lever_arm, x.acceleration_w
     swing = ca.cross(x.previous_delta_angle / x.dt, arm)
     arm_then = arm - age * swing
-    down = geodesy.earth_rate_w(x.q_ew)[2] / geodesy.OMEGA_IE  # the Earth's axis along Down: minus the sine of the latitude
+    down = geodesy.earth_rate_w(x.q_ew)[2] / geodesy.OMEGA_IE  # minus the sine of the latitude
     return Antenna(
         offset_w=-x.velocity_w * age + acceleration * (age**2 / 2) + C_wb @ arm_then,
         velocity_w=x.velocity_w - acceleration * age + C_wb @ swing,
@@ -55,7 +55,7 @@ def antenna(p: Any, x: Any, age: Any) -> Antenna:
 
 
 def innovation(x: Any, u: Any, predicted: Antenna) -> Any:
-    """Predicted minus measured position (m) and velocity (m/s) of the antenna, (6) in n. u: rows of `rows.FIX_INPUTS`."""
+    """Predicted minus measured position (m) and velocity (m/s) of the antenna (6, n). u: rows of `rows.FIX_INPUTS`."""
     C_nw = strapdown.C_nw(x.q_ew)
     latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
     measured = geodesy.ned_offset(u.gnss_latitude, u.gnss_longitude, u.gnss_height, latitude, longitude, x.height)
@@ -68,7 +68,7 @@ def present(u: Any) -> Any:
 
 
 def correlated_variance(p: Any, since: Any) -> Any:
-    """Variance (3, m^2) to add to a fix's position because its slow error is partly that of the fix `since` seconds before.
+    """Variance (3, m^2) to add to a position because its slow error is partly that of the fix `since` seconds before.
 
     Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first
     measurement and (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1

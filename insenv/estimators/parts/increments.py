@@ -30,8 +30,8 @@ def compensated(x: Any, delta_angle: Any, delta_velocity: Any) -> tuple[Any, Any
 
     x: rows of `MEMORY`. delta_angle, delta_velocity: increments with known errors subtracted.
     """
-    # The first sample has no predecessor, so the second counts twice: by the same fit of linear rates to the two samples, the
-    # coning and sculling of the first equal those of the second.
+    # the first sample has no predecessor, so the second counts twice: by the same linear fit to the two samples, coning
+    # and sculling of the first equal those of the second
     weight = select(x.samples == 1, 2 / 12, 1 / 12)
     before_angle, before_velocity = x.previous_delta_angle, x.previous_delta_velocity
     rotation = delta_angle + weight * ca.cross(before_angle, delta_angle)

@@ -45,7 +45,7 @@ from insenv.estimators.parts.increments import MEMORY
 DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butterworth, sixth order: cos 15, 45, 75 deg
 SECTIONS = len(DAMPING)
 FADE_IN = 7.5  # smoothing times
-DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost at both ends: middle of the fade-in, delay of the filter
+DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
 LEAST_MEMORY = 30.0  # s: shorter windows would show waves
 LEAST_SIGMA_TIME = 1e-3  # s
 LARGEST_HEADING_SIGMA = math.pi / math.sqrt(3.0)  # rad: heading unknown

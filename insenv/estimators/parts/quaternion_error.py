@@ -1,14 +1,15 @@
-"""The additive-quaternion-error (AQE) model of large misalignment: algebra, transition, process noise, start covariance.
+"""The additive-quaternion-error (AQE) model of large misalignment: algebra, transition, noise, start covariance.
 
 Source: the LS-SVM large misalignment paper, equations (1)-(9). All three misalignment angles may be large: the attitude
 error is the difference of two unit quaternions, dQ = Q_hat - Q, and no angle is assumed to be small.
 
 Hamilton quaternions, scalar first; n and b are any right-handed frames, Q takes b components to n components:
 
-    [p] q = p (x) q,   <w> q = q (x) w,   U(q) u = q (x) (0, u),   Y(q) u = (0, u) (x) q,   Y^T U = C, Y^T q = U^T q = 0
-    d(dQ)/dt = 1/2 <w_ib> dQ - 1/2 [w_in] dQ + 1/2 U(Q_hat) b_g - 1/2 Y(Q_hat) dw_in                              (6)
-    d(dv)/dt = dC f_hat + C b_a - (2 w_ie + w_ew) x dv - dw_ew x v + gravity gradient                             (7)
-    dC = C_hat - C = 2 Y^T(dQ) U(Q_hat) - Y^T(dQ) U(dQ)                                                           (8), (9)
+    [p] q = p (x) q,   <w> q = q (x) w,   U(q) u = q (x) (0, u),   Y(q) u = (0, u) (x) q                    (4)
+    Y^T U = C,   Y^T q = U^T q = 0                                                                             (5)
+    d(dQ)/dt = 1/2 <w_ib> dQ - 1/2 [w_in] dQ + 1/2 U(Q_hat) b_g - 1/2 Y(Q_hat) dw_in                           (6)
+    d(dv)/dt = dC f_hat + C b_a - (2 w_ie + w_ew) x dv - dw_ew x v + gravity gradient                          (7)
+    dC = C_hat - C = 2 Y^T(dQ) U(Q_hat) - Y^T(dQ) U(dQ)                                                        (8), (9)
 
 Frames: the paper's n is east, north, up and its b right, forward, up. Here n is north, east, down turned by the wander
 angle (frame w of `insenv.estimators.parts.strapdown`), b is forward, right, down, and Q = q_wb. The equations hold in

@@ -1,4 +1,4 @@
-"""Rows that several estimators declare alike, each declared once: places, inertial samples, fixes, outputs, sensor errors.
+"""Rows that several estimators share: places, start, sensor errors, inertial samples, fixes, outputs.
 
 An estimator takes whole tables, or some of their rows with its own start values by `chosen`.
 """
@@ -23,7 +23,7 @@ def chosen(table: Table, *names: str, **start: Any) -> Table:
 
 
 def known_rows(known: Knowledge, table: Table) -> dict[str, Any]:
-    """Values of those rows of `table` that are named like a field of `Knowledge` or `SensorNotes`, or ``start_`` + that."""
+    """Values of the rows of `table` that `Knowledge.rows` has: the default of `Estimator.prepare`."""
     return {name: known.rows[name] for name in table.names if name in known.rows}
 
 

@@ -39,7 +39,7 @@ FEATURES = 6
 READY = 0.005
 """rad: the heading is in the features once the standard deviation from noise is below this."""
 LEAST_BIAS = 1e-12  # rad/s
-_LARGEST_START = (100.0, 10.0, 25.0, 2e-3)  # start sigmas of the differences: m, m/s, m/s^2, m/s^3; nothing is known of them
+_LARGEST_START = (100.0, 10.0, 25.0, 2e-3)  # start sigmas of the differences, large: m, m/s, m/s^2, m/s^3
 
 PARAMETERS = (
     rows.PLACE

@@ -35,7 +35,7 @@ class Moved:
     """Result of one sample of the mechanization: the new state and the terms of error models.
 
     q_wb, velocity_w, q_ew, height: the new state.
-    delta_velocity_w: integral of the specific force over the sample in w, m/s. C_wb: attitude at the start of the sample.
+    delta_velocity_w: integral of the specific force over the sample in w, m/s. C_wb: attitude at its start.
     omega_ie_w, omega_ew_w: Earth and transport rate at mid-sample, rad/s.
     """
 
