@@ -202,13 +202,13 @@ def test_any_attitude_in_both_hemispheres(q, latitude_deg):
 
 
 @pytest.mark.parametrize("q", ATTITUDES)
-def test_told_attitude_with_errors(q):
+def test_start_attitude_with_errors(q):
     q, latitude = np.array(q) / np.linalg.norm(q), -0.6
     wrong = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.005, -0.004, 0.02])), q)
     names = ("start_roll", "start_pitch", "start_heading")
-    told = dict(zip(names, map(float, attitude.numeric.to_euler(wrong)), strict=True))
+    start = dict(zip(names, map(float, attitude.numeric.to_euler(wrong)), strict=True))
     parameters = {
-        **told,
+        **start,
         "accel_bias_sigma": 1e-5,
         "gyro_bias_sigma": 1e-9,
         "velocity_random_walk": 1e-5,
@@ -250,7 +250,7 @@ def test_covariance_is_consistent_in_the_laboratory():
     assert low < mean.min() <= mean.max() < high
 
 
-def test_swaying_ship_from_told_attitude():
+def test_swaying_ship_from_a_given_attitude():
     found = ensemble(load("ship-swaying"), ["ecef-kf"], range(8))
     errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
     assert np.abs(errors[:, :2]).max() < 0.02

@@ -13,7 +13,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import get, lssvm
 from insenv.estimators.lssvm import TrainedMachine
-from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
+from insenv.estimators.parts import sins_gnss_differences
 from insenv.plant.feeding import input_rows
 from insenv.reproduce import large_misalignment
 from insenv.runs.ensemble import ensemble
@@ -79,9 +79,9 @@ def test_inputs_against_closed_form(phi_deg):
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     numeric = attitude.numeric
     turn = numeric.from_rotation_vector(np.radians(phi_deg))
-    told = numeric.to_euler(numeric.multiply(turn, columns["q_nb"][0]))
+    given = numeric.to_euler(numeric.multiply(turn, columns["q_nb"][0]))
     known = get("lssvm").parameters(plant.knowledge) | dict(
-        zip(("start_roll", "start_pitch", "start_heading"), told, strict=True)
+        zip(("start_roll", "start_pitch", "start_heading"), given, strict=True)
     )
     runner = make_runner(MODEL, known | EMPTY)
     y = MODEL.outputs.unpack(runner.run(plant.samples, input_rows(MODEL, columns, plant.samples), plant.samples))
@@ -95,7 +95,7 @@ def test_inputs_against_closed_form(phi_deg):
 
 
 def test_sway_shows_the_heading():
-    """With a gyro bias told to be large the share of the sway grows, and the share of the rate falls as much."""
+    """With a large stated gyro bias the share of the sway grows, and the share of the rate falls as much."""
     parameters, rows, columns = fed(150.0, gyro_bias_sigma=1e-5, **EMPTY)
     y = MODEL.outputs.unpack(make_runner(MODEL, parameters).run(len(rows), rows, len(rows)))
     numeric = attitude.numeric
@@ -116,7 +116,7 @@ def test_the_shipped_machine_aligns_from_any_error():
     assert np.abs(error[:, 2]).max() < 0.6
     assert (np.abs(error[:, 2]) < 4 * sigma[:, 2]).all() and (sigma[:, 2] < 0.4).all()
     first = np.degrees(found.outputs["lssvm"]["attitude_sigma"][:, 0])
-    assert np.allclose(first, [60, 60, 150])  # what was told, until the machine has been asked
+    assert np.allclose(first, [60, 60, 150])  # the start sigmas, until the first answer
 
 
 def test_a_fix_between_samples_and_late_is_taken_at_its_time():
@@ -206,7 +206,7 @@ def changed(**changes):
         (changed(machine__coefficients=[[1.0, 2.0, 3.0]]), "damaged: 5 support vectors, 1 coefficients"),
     ],
 )
-def test_wrong_files_are_told(tmp_path, change, words):
+def test_wrong_files_are_errors(tmp_path, change, words):
     machine().save(tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text())
     change(content)
@@ -249,7 +249,7 @@ def test_chain_covariance_is_that_of_the_differences():
     columns["dt"] = np.full(12000, 0.01)
     rows, sigma = input_rows(MODEL, columns, 12000), []
     x = ca.SX.sym("x", MODEL.state.size)
-    function = ca.Function("s", [x], [lssvm_differences.heading_sigma(MODEL.state.symbols(x))])
+    function = ca.Function("s", [x], [sins_gnss_differences.heading_sigma(MODEL.state.symbols(x))])
     for part in (rows[:8000], rows[8000:]):
         runner.run(len(part), part, 0)
         sigma.append(float(function(runner.x)))

@@ -43,7 +43,7 @@ class Scalars:
 class Pass:
     """A filter's pass over K instants of a system of n states.
 
-    transition (K, n, n), noise (K, n, n): of the stretch that *ends* at each instant, so that transition[k] takes the error
+    transition (K, n, n), noise (K, n, n): of the interval that *ends* at each instant, so that transition[k] takes the error
     state at k - 1 to k; that of the first instant is not used.  covariance (K, n, n): after each instant's measurements.
     scalars: of each instant.
     """

@@ -203,7 +203,7 @@ def test_neither_the_blocks_nor_the_file_nor_the_runner_matter(monkeypatch):
         assert np.array_equal(value, whole[name]), name
 
 
-def test_a_record_is_as_small_as_said():
+def test_size_of_the_record():
     """Some 45 MB for 2 h at 200 Hz, a fix a second and 3000 smoothed instants."""
     _, columns, p = drive(duration_s=36.0, outages=())
     run_ = Smoother(p)

@@ -20,8 +20,8 @@ def drift(id, rate_hz, scenario="car-city-drive", duration_s=120.0):
     truth = plant.model.outputs.unpack(simulator.run(plant.samples))
     roll, pitch, heading = attitude.numeric.to_euler(start["q_nb"])
     model = get(id).model
-    told = {f"start_{name}": start[name] for name in ("latitude", "longitude", "height", "velocity_n")}
-    runner = make_runner(model, {**told, "start_roll": roll, "start_pitch": pitch, "start_heading": heading})
+    given = {f"start_{name}": start[name] for name in ("latitude", "longitude", "height", "velocity_n")}
+    runner = make_runner(model, {**given, "start_roll": roll, "start_pitch": pitch, "start_heading": heading})
     columns = {name: truth[f"true_{name}"] for name in ("delta_angle", "delta_velocity")}
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     found = model.outputs.unpack(runner.run(plant.samples, input_rows(model, columns, plant.samples)))
