@@ -1,6 +1,4 @@
-"""Large misalignment: the additive-quaternion algebra against scipy, Jacobians against differences, and how both filters
-converge.
-"""
+"""Large misalignment: quaternion algebra against scipy, Jacobians against differences, convergence of both filters."""
 
 from functools import cache
 
@@ -114,7 +112,7 @@ def random_state(rng):
 
 
 def with_error(x, error):
-    """The state of an estimate off from the state x by `error` (16): estimate less truth, biases what is left of them."""
+    """The state of an estimate with `error` (16) relative to state x: estimate minus truth."""
     s = MODEL.state.unpack(x)
     q = s["q_wb"] + error[DQ]
     theta = geodesy.numeric.transport_rate_w(error[POSITION], s["q_ew"], s["height"])
@@ -169,14 +167,14 @@ def test_transition_against_differences_of_the_mechanization(seed):
         step = directions[:, j] * scale[j]
         up, down = moved(with_error(x, step)), moved(with_error(x, -step))
         difference = (error_state(up, end) - error_state(down, end)) / 2
-        # what a second leaves out: products of the Earth's rate and the motion, some 1e-3 of the largest
+        # neglected over a second: products of the Earth's rate and the motion, some 1e-3 of the largest
         size = np.concatenate([np.full(n, np.abs(difference[part]).max()) for part, n in
                                ((DQ, 4), (GYRO, 3), (ACCEL, 3), (VELOCITY, 3), (POSITION, 3))])  # fmt: skip
         assert (np.abs(Phi @ step - difference) < 0.03 * size + 2e-4 * SCALE).all(), j
 
 
-def test_errors_of_any_size_go_by_the_closed_form():
-    """An attitude wrong by 100 deg: its quaternion error and its velocity error after a second."""
+def test_errors_of_any_size_follow_the_closed_form():
+    """An attitude wrong by about 100 deg: its quaternion error and its velocity error after a second."""
     rng = np.random.default_rng(5)
     x = random_state(rng)
     s = MODEL.state.unpack(x)
@@ -254,7 +252,7 @@ def test_sigma_points_against_monte_carlo():
     [("large-misalignment", "aqe-ekf"), ("large-misalignment", "aqe-sukf"), ("large-misalignment-extreme", "aqe-sukf")],
 )
 def test_alignment_from_large_errors(scenario, id):
-    """Within two minutes level to the accelerometer's bias and heading to some tenths of a degree, as stated."""
+    """After two minutes tilt is within the accelerometer bias and heading within some tenths of a degree, as stated."""
     found = ensemble(load(scenario), [id], range(8), duration_s=120.0, records=120)
     error, sigma = found.attitude_errors_deg(id)[:, -1], np.degrees(found.outputs[id]["attitude_sigma"][:, -1])
     assert np.abs(error[:, :2]).max() < 0.01
@@ -287,7 +285,7 @@ def test_covariance_stays_positive(id):
     assert np.linalg.eigvalsh(P / np.outer(D, D)).min() > 0
 
 
-def test_a_vehicle_that_stands_is_levelled_without_fixes():
+def test_a_vehicle_at_rest_is_levelled_without_fixes():
     model, dt, count = get("aqe-sukf").model, 0.01, 4000
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.05, -0.1, 2.0))
     rate = C_nb.T @ geodesy.numeric.earth_rate_n(-0.7)

@@ -1,4 +1,4 @@
-"""ecef-kf and analytic: the paper's recursion against its matrices and scipy, Jacobians, table 1, starts, moving base."""
+"""ecef-kf and analytic: the recursion against the paper and scipy, Jacobians, table 1, starts, moving base."""
 
 import casadi as ca
 import numpy as np
@@ -46,13 +46,13 @@ def paper_dcm(q):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_recursion_is_the_papers_and_turns_as_scipy_does(seed):
+def test_recursion_is_the_papers_and_agrees_with_scipy(seed):
     rng = np.random.default_rng(seed)
     start = Rotation.random(random_state=seed)
     conjugate = start.as_quat(scalar_first=True) * [1, -1, -1, -1]
     assert np.allclose(paper_dcm(conjugate), start.as_matrix(), atol=1e-15)  # (31) and (35) go together
 
-    # a rate that grows linearly in time, integrated finely by scipy: the error falls with the fourth power of the interval
+    # a rate linear in time, integrated finely by scipy: the error falls with the fourth power of the interval
     rate, growth, steps, errors = rng.normal(size=3), rng.normal(size=3) * 3, 1000, []
     for h in (0.04, 0.02):
         t = (np.arange(steps) + 0.5) * 2 * h / steps
@@ -162,7 +162,7 @@ def test_propagation_and_observation_of_the_covariance():
 
 
 def test_table_1():
-    """With a prior wide enough not to count; the prior of the data sheet moves pitch by 0.00013 deg."""
+    """With a prior wide enough to have no effect; the prior of the data sheet changes pitch by 0.00013 deg."""
     prior = {"tilt_sigma": np.radians(1), "heading_sigma": np.radians(10), "gyro_bias_sigma": 5e-8}
     found = ensemble(load("static-ecef"), ["ecef-kf"], [1], tuning={"ecef-kf": prior}, records=10)
     roll, pitch, heading = found.attitude_errors_deg("ecef-kf")[0, -1]
@@ -174,7 +174,7 @@ def test_table_1():
 
 
 def at_rest(id, q_nb, latitude, duration=100.0, dt=0.05, parameters=None):
-    """Attitude error (rotation vector in n, rad) after `duration` at rest without sensor errors, and the stated sigma."""
+    """Attitude error (rotation vector in n, rad) after `duration` at rest with perfect sensors, and its sigma."""
     C_nb = attitude.numeric.to_dcm(q_nb)
     rate, force = (
         C_nb.T @ geodesy.numeric.earth_rate_n(latitude),
@@ -219,7 +219,7 @@ def test_start_attitude_with_errors(q):
     assert abs(error[2]) < 3 * sigma[2] < 0.003
 
 
-def test_analytic_has_the_error_that_biases_leave():
+def test_analytic_has_the_error_of_the_biases():
     result = run(load("static-ecef"), ["analytic"], duration_s=60.0).results[0]
     final = result.statistics()["final"]
     for name, value in final.items():
@@ -257,8 +257,8 @@ def test_swaying_ship_from_a_given_attitude():
     assert np.sqrt(np.mean((errors / sigma) ** 2)) < 1.5
 
 
-def test_irregular_sea_that_is_expected():
-    """A sway too gentle at the start to be seen would be taken for tilt: `sway_sigma` says that it is there."""
+def test_irregular_sea_with_expected_sway():
+    """A sway too gentle to be detected at the start would be taken for tilt; `sway_sigma` announces it."""
     found = ensemble(load("ship-irregular-sea"), ["ecef-kf"], range(6), tuning={"ecef-kf": {"sway_sigma": 0.3}})
     errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
     assert np.abs(errors[:, 2]).max() < 0.3
@@ -302,7 +302,7 @@ def test_observation_of_a_fix_against_differences(seed, age):
     }
 
     def innovation(error):
-        """Of an estimate off by `error`: C_hat = exp(-phi) C, rates and forces with what is left of the biases in them."""
+        """Innovation of an estimate with `error`: C_hat = exp(-phi) C, rates and forces with the remaining biases."""
         dv, phi, accel, gyro = error.reshape(4, 3)
         turn, force = Rotation.from_rotvec(-phi), values["acceleration_e"] - values["gravity_e"]
         off = {

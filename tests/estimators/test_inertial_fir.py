@@ -1,4 +1,4 @@
-"""inertial-fir and gyrocompass: the cascade's specification and exact delay, any attitude, both hemispheres, rates, limits."""
+"""inertial-fir and gyrocompass: specification and delay of the cascade, any attitude and rate, limits."""
 
 import casadi as ca
 import numpy as np
@@ -39,7 +39,7 @@ def lowpass(rate, pass_edge, stop_edge, pass_ripple, stop_db):
 
 
 def design(decimation=(5, 4)):
-    """The cascade of the specification: each sub-filter stops what its decimation would fold onto the final pass-band."""
+    """The cascade of the specification: a sub-filter stops what its decimation would fold onto the pass-band."""
     rates = 1 / fir.BLOCK_S / np.concatenate([[1], np.cumprod(decimation)])
     # a sub-filter stops all that its decimation would fold below STOP_HZ; the last one stops the rest
     edges = [*(later - fir.STOP_HZ for later in rates[1:]), fir.STOP_HZ]
@@ -57,7 +57,7 @@ def impulse_response(cascade):
     return total
 
 
-def test_the_frozen_coefficients_are_those_of_the_design():
+def test_the_stored_coefficients_are_those_of_the_design():
     designed = design()
     assert designed.decimation == CASCADE.decimation
     assert [len(h) for h in designed.filters] == [len(h) for h in CASCADE.filters] == [21, 19, 31]
@@ -78,7 +78,7 @@ def test_two_decimations_three_symmetric_subfilters_within_specification():
         assert 20 * np.log10(stopped.max()) <= -fir.STOP_DB + 0.01
 
 
-def test_the_whole_cascade_stops_all_that_sways_and_delays_by_half_its_span():
+def test_the_cascade_attenuates_sway_and_delays_by_half_its_span():
     h = impulse_response(CASCADE)
     assert len(h) == CASCADE.span == 711
     f = np.linspace(fir.STOP_HZ, 5, 40_000)
@@ -90,7 +90,7 @@ def test_the_whole_cascade_stops_all_that_sways_and_delays_by_half_its_span():
     assert abs(inertial_fir.SPAN * fir.BLOCK_S - 180.0) < 1e-9
 
 
-def test_a_ramp_leaves_the_model_later_by_exactly_the_stated_delay():
+def test_a_ramp_is_delayed_by_exactly_the_stated_delay():
     """Specific force rising linearly along body z, no rotation: every filtered vector is the ramp at its own time."""
     dt, n = 0.05, 2600
     end = dt * np.arange(1, n + 1)
@@ -152,7 +152,7 @@ def test_any_attitude_in_both_hemispheres(q, latitude_deg):
     q = np.array(q) / np.linalg.norm(q)
     latitude = np.radians(latitude_deg)
     error = at_rest("inertial-fir", q, latitude, duration=180.0)
-    # what turns with the Earth passes the cascade a little less than what does not: gravity seems that much closer to the axis
+    # the cascade attenuates what rotates with the Earth a little: gravity appears that much closer to the axis
     gain = np.abs(freqz(impulse_response(CASCADE), worN=[geodesy.OMEGA_IE], fs=2 * np.pi / 0.1)[1][0])
     tilt = np.sin(2 * latitude) / 2 * (1 - gain)
     assert abs(tilt) < 1.2e-7
@@ -162,7 +162,7 @@ def test_any_attitude_in_both_hemispheres(q, latitude_deg):
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 125.0, 200.0, 400.0])
 def test_one_model_serves_all_rates(rate):
-    """Also where 0.1 s is no whole number of samples: the delay is counted in the blocks' own length."""
+    """Also where 0.1 s is not a whole number of samples: the delay uses the actual length of a block."""
     known = {"block_samples": max(1, round(0.1 * rate))}
     error = at_rest("inertial-fir", attitude.numeric.from_euler(0.1, -0.2, 2.0), 0.5, dt=1 / rate, **known)
     assert np.abs(error).max() < 2e-7
@@ -171,8 +171,8 @@ def test_one_model_serves_all_rates(rate):
 @pytest.mark.parametrize("latitude_deg", [-50.0, 28.2, 70.0])
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize(("id", "duration"), [("inertial-fir", 240.0), ("gyrocompass", 1200.0)])
-def test_biases_leave_the_error_that_theory_says(id, duration, latitude_deg, axis):
-    """(15) of the paper and the accelerometers' part, by `limits.bias_tilts`; body on n."""
+def test_errors_from_biases_are_those_of_theory(id, duration, latitude_deg, axis):
+    """(15) of the paper and the part of the accelerometers, by `limits.bias_tilts`; body aligned with n."""
     latitude, identity = np.radians(latitude_deg), np.array([1.0, 0, 0, 0])
     gyro, accel = np.zeros(3), np.zeros(3)
     gyro[axis], accel[axis] = np.radians(0.008) / 3600, 5e-5 * 9.8
@@ -186,15 +186,15 @@ def test_biases_leave_the_error_that_theory_says(id, duration, latitude_deg, axi
 
 
 @pytest.mark.parametrize("heading_error_deg", [0.0, 5.0, -60.0, -150.0])
-def test_gyrocompass_comes_to_the_truth_from_any_heading(heading_error_deg):
+def test_gyrocompass_converges_from_any_heading(heading_error_deg):
     q = attitude.numeric.from_euler(0.05, -0.1, 1.0)
     start = 1.0 + np.radians(heading_error_deg)
     error = at_rest("gyrocompass", q, -0.5, duration=1500.0, start_heading=start)
     assert np.abs(error).max() < 2e-6
 
 
-def test_the_feedback_stands_on_the_right_derivatives():
-    """Velocity error of a block by a turn phi in n: (-g phi_E, g phi_N) T; at random attitudes, by differences."""
+def test_derivatives_of_the_feedback():
+    """Velocity error of a block from a rotation phi in n, (-g phi_E, g phi_N) T, at random attitudes."""
     model = get("inertial-fir").model
     p, x = (ca.SX.sym(n, t.size) for n, t in zip("px", (model.parameters, model.state), strict=True))
     turn, named = ca.SX.sym("turn", 3), model.state.symbols(x)
@@ -238,16 +238,16 @@ def test_a_day_at_rest(id):
         assert v > 0 and t > 0 and vt * vt < v * t
 
 
-def test_inertial_fir_does_not_see_what_the_start_was_said_to_be():
+def test_inertial_fir_does_not_depend_on_the_given_start():
     prepared = get("inertial-fir").model.parameters.names
     assert not {"start_heading", "start_roll", "start_pitch"} & set(prepared)
 
 
 @pytest.mark.parametrize("name", ["ship-moored-paper", "car-parked-paper", "ship-swaying"])
-def test_four_minutes_on_a_swaying_base_come_near_the_limit(name):
-    """Twelve seeds: heading RMS over what biases and the method's own noise leave, and over the stated accuracy.
+def test_four_minutes_on_a_swaying_base_are_near_the_limit(name):
+    """Twelve seeds: RMS heading over the error from biases and the noise of the method, and over the stated accuracy.
 
-    The short weights of the stop-band make the heading's noise 1.4 times that of the best four minutes (docs/estimators); an
+    The short weights of the stop-band make the heading noise 1.4 times the optimum (docs/estimators); an
     RMS of twelve seeds has a standard deviation of 20 %.
     """
     scenario = load(name)

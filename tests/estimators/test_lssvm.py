@@ -1,4 +1,4 @@
-"""`lssvm` in the loop: its inputs against closed forms, the same bits in every runner, its file, and what it was trained on."""
+"""`lssvm`: its inputs against closed forms, bit-identical runners, its file, and its training data."""
 
 import json
 
@@ -37,7 +37,7 @@ def test_only_exactly_rounded_operations():
         assert inexact_operations(kernel.function) == set()
 
 
-def test_the_same_bits_in_every_runner():
+def test_every_runner_is_bit_identical():
     parameters, rows, _ = fed(60.0)
     one = make_runner(MODEL, parameters, "interpreter").run(len(rows), rows, 100)
     assert np.abs(MODEL.outputs.unpack(one)["ready"]).max() == 1.0  # the machine has been asked
@@ -61,7 +61,7 @@ def test_machine_is_the_sum_over_its_support_vectors():
 
 @pytest.mark.parametrize("phi_deg", [(0.0, 0.0, 0.0), (0.5, -0.3, 2.0), (20.0, 10.0, -60.0), (50.0, -40.0, 140.0)])
 def test_inputs_against_closed_form(phi_deg):
-    """Perfect sensors at rest: acceleration difference (R - I)(-down), its rate (R - I) east, whatever the misalignment R."""
+    """Perfect sensors at rest: acceleration difference (R - I)(-down), its rate (R - I) east, for any R."""
     scenario = load("large-misalignment")
     still = {"roll": [], "pitch": [], "yaw": [], "north": [], "east": [], "down": []}
     sway = scenario.vehicle.sway.model_copy(update=still)
@@ -106,7 +106,7 @@ def test_sway_shows_the_heading():
 
 
 def test_the_shipped_machine_aligns_from_any_error():
-    """As the filter that it learnt from: tilt to the accelerometer's bias, heading to the gyro's; and as it states."""
+    """As the filter it was trained on: tilt within the accelerometer bias, heading within the gyro bias, as stated."""
     scenario = load("large-misalignment-extreme")
     drawn = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"))
     scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=drawn)})
@@ -119,7 +119,7 @@ def test_the_shipped_machine_aligns_from_any_error():
     assert np.allclose(first, [60, 60, 150])  # the start sigmas, until the first answer
 
 
-def test_a_fix_between_samples_and_late_is_taken_at_its_time():
+def test_a_fix_between_samples_and_late_is_used_at_its_time():
     scenario = load("large-misalignment")
     gnss = scenario.gnss.model_copy(update={"latency_s": 0.2, "epoch_offset_s": 0.004})
     found = [
@@ -132,7 +132,7 @@ def test_a_fix_between_samples_and_late_is_taken_at_its_time():
 # --- trained and judged ----------------------------------------------------------------------------
 
 
-def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
+def test_training_and_evaluation_have_other_scenarios_and_seeds():
     trained = lssvm.shipped().seeds
     judged = {*large_misalignment.STARTS.values()}
     seeds = set(range(1, large_misalignment.SEEDS + 1))
@@ -146,10 +146,10 @@ def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
             differs = {key for key, value in plain[ours].items() if value != plain[theirs][key]}
             assert {"start", "vehicle", "imu", "knowledge"} <= differs
     biases = plain["large-misalignment-training"]["imu"]
-    assert biases["gyro_bias_deg_h"] == (0.0, 0.0, 0.0) and biases["gyro_bias_sigma_deg_h"] == 0.05  # none to learn by heart
+    assert biases["gyro_bias_deg_h"] == (0.0, 0.0, 0.0) and biases["gyro_bias_sigma_deg_h"] == 0.05  # drawn
 
 
-def test_the_shipped_machine_is_of_the_scenario_as_it_is_now():
+def test_the_shipped_machine_belongs_to_the_present_scenario():
     training = pytest.importorskip("insenv.learning.training")
     for run in lssvm.shipped().training["runs"]:
         assert run["digest"] == training.digest(load(run["scenario"]))
@@ -219,7 +219,7 @@ def test_wrong_files_are_errors(tmp_path, change, words):
     ("data", "words"),
     [(b"", "not JSON"), (b"\xff\xfe\x00", "not JSON"), (b"[1]", "not a trained machine"), (b'{"format":', "not JSON")],
 )
-def test_files_that_are_none(tmp_path, data, words):
+def test_files_of_another_kind(tmp_path, data, words):
     (tmp_path / "m.json").write_bytes(data)
     with pytest.raises(InputError, match=words):
         lssvm.load(tmp_path / "m.json")
@@ -234,7 +234,7 @@ def test_files_that_are_none(tmp_path, data, words):
 
 
 def test_chain_covariance_is_that_of_the_differences():
-    """White noises alone: the scatter of the inputs about their mean is what the chain states."""
+    """White noise alone: the scatter of the inputs about their mean is that of the chain's covariance."""
     scenario = load("large-misalignment")
     right = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)
     scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=right)})

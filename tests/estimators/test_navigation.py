@@ -136,7 +136,7 @@ def test_fix_sensitivities_against_differences(seed, age):
     p = MODEL.parameters.pack({"antenna_lever_arm": rng.normal(size=3) * 3})
 
     def predicted(error):
-        """The antenna's place and velocity as an estimate with that error sees them, about the true place."""
+        """Position and velocity of the antenna predicted with that error, relative to the true position."""
         state = with_error(x, error)
         s = MODEL.state.unpack(state)
         # a bias error is also one of the rate and the force of the last sample
@@ -197,9 +197,7 @@ def position_error(columns, y):
     ],
 )
 def test_a_fix_between_samples_or_late_is_as_good_as_one_on_time(timing):
-    """At 12 to 20 m/s a fix taken 3.7 ms off would be wrong by some 5 cm, one 0.2 s late by metres: the fixes are good to 2
-    cm.
-    """
+    """At 12 to 20 m/s a time error of 3.7 ms is about 5 cm, one of 0.2 s is metres; the fixes are good to 2 cm."""
     exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
 
     def rms(**gnss):
@@ -236,8 +234,8 @@ def test_outliers_are_gated():
     assert errors[5.0] < 0.3 < 5 < errors[0.0]
 
 
-def test_a_filter_that_refuses_everything_comes_to_listen():
-    """Started 500 m off and sure of it: after ten refused fixes the gate opens."""
+def test_a_filter_that_rejects_every_fix_opens_its_gate():
+    """Started 500 m off with a small sigma: after ten rejected fixes the gate opens."""
     exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
     lost = {"start_latitude": np.radians(47.0745), "position_sigma": 0.01, "velocity_sigma": 1e-3, "tilt_sigma": 1e-4}
     _, columns, runner, y = next(navigated("car-city-drive", exact, parameters=lost, duration_s=100.0))

@@ -1,4 +1,4 @@
-"""The airborne paper's plain formulas beside the exact mechanization."""
+"""The plain formulas of the airborne paper against the exact mechanization."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_the_plain_form_is_of_first_order_and_the_exact_one_far_better():
     assert drift("wander-sins", 200.0).max() < 1e-3
 
 
-def test_gravity_of_the_paper_is_all_that_moves_it_at_rest():
+def test_only_the_papers_gravity_moves_it_at_rest():
     """Its formula (5) differs from normal gravity: half the difference times the square of the time."""
     runner_error = drift("wander-sins-plain", 200.0, "aircraft-parked", 60.0)
     latitude = np.radians(load("aircraft-parked").start.latitude_deg)
