@@ -24,8 +24,8 @@ along the others the model is linear.
 After a measurement the estimate is normalised and the covariance moved to its new tangent: dQ by left multiplication
 with the rotation from the old to the new estimate, dv and dr by its matrix, as errors that are fixed in the body. So
 the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a mere
-projection onto the new tangent the filter credits itself with a heading while it levels: the error is degrees at a
-stated tenth of a degree.
+projection onto the new tangent the filter becomes overconfident in its heading while it levels: errors of degrees at
+a stated tenth of a degree.
 """
 
 from __future__ import annotations

@@ -198,7 +198,7 @@ def coarse(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The filter starts where the coarse alignment ends."""
+    """Start the filter from the result of the coarse alignment."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     return {**_filter_start(p, q_en, COARSE.output(p, x)["q_nb"]), "coarse": 0, "coarse_over": 0, "holding": 0, "pair_due": 0}
 
@@ -217,7 +217,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """A fix waits for the end of its pair."""
+    """Hold a fix until the end of its pair."""
     use = p.moving * u.gnss_velocity_valid
     return {
         "place": select(p.moving, ca.vertcat(u.gnss_latitude, u.gnss_longitude, u.gnss_height), x.place),
@@ -266,7 +266,7 @@ def carry(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {"place": place, "gravity_e": _gravity_e(place[0], place[1], place[2])}
 
 
-def filter(p: Any, x: Any, u: Any) -> dict[str, Any]:
+def observe_window(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Propagate the covariance over the window since the last observation, then observe and feed back."""
     noise = ca.vertcat(
         ca.repmat(p.velocity_random_walk**2, 3, 1),
@@ -387,7 +387,7 @@ MODEL = Model(
         "fix": Step(fix, when="gnss_valid"),
         "pair": Step(pair, when="pair_due"),
         "carry": Step(carry, when="carry_due"),
-        "filter": Step(filter, when="filter_due"),
+        "filter": Step(observe_window, when="filter_due"),
     },
     output=output,
     start=start,

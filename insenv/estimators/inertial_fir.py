@@ -155,7 +155,7 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     north = _unit(ca.cross(up, (x.filtered[0, :] - x.filtered[BASELINE, :]).T))
     east = ca.cross(north, up)
     q_nMi = attitude.from_dcm(ca.horzcat(north, east, -up).T)
-    # the Earth's turn from the start to t_M; a block's length as it was on average
+    # the Earth's rotation from the start to t_M, with the mean length of a block
     delay = DELAY * x.time / x.blocks
     s, c = sin_cos(geodesy.OMEGA_IE * (x.time - delay) / 2)
     q_n0i = attitude.multiply(frozen_frame.q_n0n(ca.vertcat(c, s), x.axis_n), q_nMi)

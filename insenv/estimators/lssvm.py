@@ -124,7 +124,7 @@ def infer(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
-    """Attitude, and its error from noise, biases and the machine's scatter; until the first answer the start's."""
+    """Attitude, and the stated error from noise, biases and the machine's scatter (that of the start at first)."""
     horizontal = geodesy.OMEGA_IE * (ca.fabs(x.axis_n[0]) + 1e-12)
     by_bias = p.accel_bias_sigma / x.gravity
     tilt, heading = differences.tilt_sigma(x), differences.heading_sigma(x)

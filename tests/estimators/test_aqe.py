@@ -272,10 +272,10 @@ def test_covariance_stays_positive(id):
     runner = make_runner(plant.model, plant.parameters, "interpreter")
     columns = plant.model.outputs.unpack(runner.run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    filter = make_runner(estimator.model, estimator.parameters(plant.knowledge), "interpreter")
-    filter.run(plant.samples, input_rows(estimator.model, columns, plant.samples), 0)
-    P = symmetric.full_array(filter.state["covariance"], N)
-    q = filter.state["q_wb"]
+    follower = make_runner(estimator.model, estimator.parameters(plant.knowledge), "interpreter")
+    follower.run(plant.samples, input_rows(estimator.model, columns, plant.samples), 0)
+    P = symmetric.full_array(follower.state["covariance"], N)
+    q = follower.state["q_wb"]
     assert np.abs(P[DQ, DQ] @ q).max() < 1e-9 * np.sqrt(P[DQ, DQ].max())  # on the tangent of the unit sphere
     onto = np.zeros((N, N - 1))
     onto[DQ, :3] = np.linalg.svd(q[None])[2][1:].T
