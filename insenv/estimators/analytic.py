@@ -2,11 +2,13 @@
 
 The mean specific force is minus gravity and the mean rate is the Earth's; down and east follow:
 
-    down^b = -f^b / |f^b|,   east^b = down^b x omega^b / |down^b x omega^b|,   north^b = east^b x down^b,   C_nb = [N E D]^T
+    down^b = -f^b / |f^b|,   east^b = down^b x omega^b / |down^b x omega^b|,   north^b = east^b x down^b
+    C_nb = [north^b east^b down^b]^T
 
-Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), gravity being the trusted vector.  Any
-attitude, both hemispheres, not at the poles.  The attitude is taken to be constant: sway, people and engines go straight into
-the means, and the heading's noise falls only as the root of time.  The latitude serves the stated accuracy alone.
+Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), with gravity as the trusted
+vector. Any attitude, both hemispheres, not at the poles. The attitude is assumed constant: sway, people and engines
+enter the means directly, and the noise of heading falls only as the square root of time. The latitude is used by the
+stated accuracy only.
 """
 
 from __future__ import annotations
@@ -21,28 +23,16 @@ from insenv.core.elementary import cos, maximum, minimum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import applicability, rows
 
-LARGEST_SIGMA = math.pi  # rad: no heading at all
+LARGEST_SIGMA = math.pi  # rad: heading unknown
 
-PARAMETERS = Table((
-    Row("latitude", "Geodetic latitude", "rad", lower=-math.pi / 2, upper=math.pi / 2),
-    Row("gyro_bias_sigma", "Gyro bias that the stated accuracy counts with", "rad/s", lower=0.0, upper=1.0),
-    Row("accel_bias_sigma", "Accelerometer bias that the stated accuracy counts with", "m/s^2", lower=0.0, upper=100.0),
-    Row("angle_random_walk", "White noise density of the gyros, likewise", "rad/s^0.5", lower=0.0, upper=1e3),
-    Row("velocity_random_walk", "White noise density of the accelerometers, likewise", "m/s^1.5", lower=0.0, upper=1e3),
-))  # fmt: skip
+PARAMETERS = rows.chosen(rows.PLACE, "latitude") + rows.NOISES
 
 STATE = Table((
     Row("angle", "Sum of the delta angles", "rad", (3,), "b"),
     Row("velocity", "Sum of the delta velocities", "m/s", (3,), "b"),
     Row("time", "Time since the start", "s"),
-))  # fmt: skip
-
-OUTPUTS = Table((
-    Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),
-    Row("attitude_sigma", "Stated accuracy about north, east, down: biases and white noise", "rad", (3,), "n"),
 ))  # fmt: skip
 
 
@@ -52,7 +42,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def triad(force_b: Any, rate_b: Any) -> Any:
-    """C_nb (3x3) from specific force and rate at rest (3 each, b, any unit)."""
+    """C_nb (3x3) from specific force and angular rate at rest (3 each, b, any unit)."""
     down = -_unit(force_b)
     east = _unit(ca.cross(down, rate_b))
     return ca.horzcat(ca.cross(east, down), east, down).T
@@ -80,8 +70,8 @@ MODEL = Model(
     title="textbook static coarse alignment from mean specific force and rate",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=SAMPLE_INPUTS,
-    outputs=OUTPUTS,
+    inputs=rows.SAMPLE_INPUTS,
+    outputs=rows.ALIGNMENT,
     steps={"sample": Step(sample)},
     output=output,
 )

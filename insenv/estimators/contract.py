@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from insenv.core.model import Model, Values
-from insenv.core.tables import Vector
+from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 
 _ZERO = np.zeros(3)
@@ -68,6 +68,10 @@ class Knowledge:
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sensors"}
         sheet = {f.name: getattr(self.sensors, f.name) for f in fields(self.sensors)}
         return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet}
+
+    def rows_of(self, table: Table) -> dict[str, Any]:
+        """The values of those rows of a table that are in `rows`."""
+        return {name: self.rows[name] for name in table.names if name in self.rows}
 
 
 @dataclass(frozen=True)
@@ -182,7 +186,7 @@ class Estimator:
     def _from(self, known: Knowledge) -> Mapping[str, Any]:
         if self.prepare is not None:
             return self.prepare(known)
-        return {name: known.rows[name] for name in self.model.parameters.names if name in known.rows}
+        return known.rows_of(self.model.parameters)
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""

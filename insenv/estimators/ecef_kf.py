@@ -1,25 +1,36 @@
-"""`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place, with feedback.
+"""`ecef-kf`: fine alignment in the Earth frame, a 12-state Kalman filter on the velocity of a vehicle in place.
 
-Source: the ECEF fine-alignment paper: error model and observation (12), (22), (25), (26) (`insenv.estimators.ecef_model`),
-two-sample quaternion recursion (28)-(34) (`insenv.estimators.parts.two_sample`); attitude, velocity and biases are fed back.
-The first sample of a pair is held; outputs in between are turned on by it.
+Source: the ECEF fine-alignment paper (numbers of its equations), with the two-sample quaternion recursion (28)-(34) of
+`insenv.estimators.parts.two_sample`. The first sample of a pair is held; outputs between the two samples are rotated on
+by it.
 
-Start: from the attitude told, or, where none good enough for a linear filter is known, from a coarse alignment of its own, the
+States: velocity error (m/s, e), misalignment phi (rad, e), accelerometer bias (m/s^2, b), gyro bias (rad/s, b). Errors
+are estimate minus truth, C_hat_eb = (I - [phi x]) C_eb; the biases are those still left in the measurements:
+
+    d(dv)/dt  = -2 omega_ie x dv + f^e x phi + C_eb b_a          (12)
+    d(phi)/dt = -omega_ie x phi - C_eb b_g                       (22)
+    d(b)/dt   = white noise (0 in the paper)                     (25)
+
+Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) contradicts the sign of its (8) and (12).
+With dv = estimate minus truth, z is +v_ins (minus the velocity known from outside).
+
+Start: from the given attitude or, where that is too uncertain for a linear filter, from a coarse alignment by the
 q-method over the first `coarse_time` seconds (any attitude, any sway).
 
-Observation: the mean velocity over a window, which is zero (or the velocity itself, seen by a fix).  Feedback comes at a
-window's end only, so over T the mean error is H x with H = [I, -T/2 [f x], -T/2 C_eb, 0] of the state at its end.  A parked
-vehicle has windows of `update_interval` and keeps zero within `velocity_sigma`.  On a swaying base the velocity beyond its
-own prediction (`excess`, learnt as it goes) is not white: the mean of a sway that stays in place falls as 1/T, so the windows
-are then of `sway_interval`, and the sway counts as 2 (sway_time / T)^2 of its variance.  A sway too gentle to be seen at the
-start may be taken for tilt: where sway is expected, say so by `sway_sigma`.
+Observation: the mean velocity over a window, which is zero (or the velocity itself, against that of a fix). Attitude,
+velocity and biases are fed back at the end of a window only, so over T the mean error is H x with H = [I, -T/2 [f x],
+-T/2 C_eb, 0] of the state at its end. A parked vehicle has windows of `update_interval` and a velocity of zero within
+`velocity_sigma`. On a swaying base the velocity in excess of its prediction (`excess`, learnt as the filter runs) is
+not white: the mean of a sway that stays in place falls as 1/T, so the windows are then `sway_interval` long, and the
+sway counts with 2 (sway_time / T)^2 of its variance. A sway too gentle to be detected at the start may be taken for
+tilt: where sway is expected, set `sway_sigma`.
 
-Jacobians: in place the horizontal biases and the tilts that go with them cannot be told apart, nor can the east gyro's bias and
-heading.  Matrices that follow each correction would pretend that they can.  So f^e is minus gravity, and C_eb is taken about
+Jacobians: in place, the horizontal accelerometer biases cannot be separated from tilts, nor the east gyro's bias from
+heading. Matrices that follow each correction would pretend that they can. So f^e is minus gravity, and C_eb is taken at
 the heading of the start.
 
-Moving base (`moving` = 1): the velocity of GNSS fixes in place of zero, fused at its own time, lever arm taken off; latitude,
-longitude and height are those of the fixes, carried on by the filter's velocity in between.
+Moving base (`moving` = 1): the velocity of GNSS fixes in place of zero, used at its own time and corrected for the
+lever arm; latitude, longitude and height are those of the fixes, propagated by the filter's velocity between them.
 """
 
 from __future__ import annotations
@@ -34,24 +45,125 @@ from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select, sin_cos
 from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
 from insenv.estimators import q_method
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.ecef_model import ACCEL, GYRO, TILT, VELOCITY, N, observation, observe, propagate, transition
-from insenv.estimators.ecef_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
-from insenv.estimators.parts import applicability, inertial_vectors, two_sample
+from insenv.estimators.parts import applicability, inertial_vectors, rows, two_sample
+from insenv.estimators.parts.kalman import measure, propagate
 
 COARSE = q_method.MODEL
 _COARSE_START = COARSE.start or (lambda p: {})
 AXIS_E = ca.SX([0, 0, geodesy.OMEGA_IE])  # rad/s
-LARGE_TILT, LARGE_HEADING = 0.05, 0.1  # rad: a start attitude told no better than this is not used
-GATE = 3.0  # a velocity beyond so many standard deviations is sway at once
-SWAYING = 5.0  # a velocity of so many times its sigma asks for long windows
-COARSE_TIME = 120.0  # s: the q-method's filters have settled in 80
-COARSE_TILT, COARSE_HEADING = 0.0005, 0.005  # rad: what sway leaves of it
+LARGE_TILT, LARGE_HEADING = 0.05, 0.1  # rad: a start attitude of this uncertainty or more is not used
+GATE = 3.0  # a velocity beyond this many standard deviations counts as sway at once
+SWAYING = 5.0  # sway of this many times velocity_sigma selects the long windows
+COARSE_TIME = 120.0  # s: the q-method's filters have settled after 80
+COARSE_TILT, COARSE_HEADING = 0.0005, 0.005  # rad: the error that sway leaves in the coarse alignment
+
+N = 12
+VELOCITY, TILT, ACCEL, GYRO = (slice(i, i + 3) for i in range(0, N, 3))
+
+
+def _new(table: Table, others: Table) -> Table:
+    """`table`, and those rows of `others` that have other names."""
+    return table + Table(tuple(row for row in others if row.name not in table))
+
+
+PARAMETERS = _new(
+    rows.PLACE + rows.START_ATTITUDE + rows.START_VELOCITY
+    + rows.chosen(rows.START_SIGMAS, "tilt_sigma", "heading_sigma", tilt_sigma=0.01, heading_sigma=0.05)
+    + Table((
+        Row("coarse_time", "Duration of the coarse alignment; 0: start from the given attitude", "s", lower=0),
+        Row("moving", "0: the velocity is known to be zero; 1: it is that of the fixes", lower=0, upper=1),
+        Row("velocity_sigma", "Standard deviation of the velocity from zero", "m/s", start=3e-4, lower=1e-9, upper=1e3),
+        Row("velocity_sigma_start", "Standard deviation of the velocity at the start", "m/s", start=0.1, lower=1e-9, upper=1e3),
+        Row("sway_sigma", "Standard deviation of an expected sway's velocity; detected sway is added", "m/s", lower=0),
+        Row("sway_time", "Displacement of a sway over its velocity: a period over 2 pi", "s", start=1.5, lower=0, upper=1e3),
+        Row("sway_interval", "Time between observations on a swaying base", "s", start=10.0, lower=0, upper=60.0),
+        Row("learning_time", "Time over which the variance of sway is learnt", "s", start=60.0, lower=0.1, upper=1e6),
+        Row("update_interval", "Time between observations; 0: every two samples", "s", start=0.1, lower=0, upper=1.0),
+    )) + rows.chosen(
+        rows.SENSORS, "angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma",
+        "gyro_correlation_time", "accel_correlation_time", angle_random_walk=1e-6, velocity_random_walk=1e-4,
+        gyro_bias_sigma=1e-7, accel_bias_sigma=1e-3, gyro_correlation_time=1e9, accel_correlation_time=1e9,
+    ) + rows.LEVER_ARM,
+    COARSE.parameters,
+)  # fmt: skip
+
+INPUTS = rows.SAMPLE_INPUTS + rows.chosen(
+    rows.FIX_INPUTS, *[name for name in rows.FIX_INPUTS.names if name != "gnss_position_sigma"]
+) + rows.STANDING_INPUT  # fmt: skip
+
+STATE = _new(Table((
+    Row("q_eb", "Attitude after the last pair: takes b components to e components", "1", (4,), "e", (1, 0, 0, 0)),
+    Row("velocity_e", "Velocity over the Earth after the last pair", "m/s", (3,), "e"),
+    rows.BIASES["accel_bias"],
+    rows.BIASES["gyro_bias"],
+    Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
+    Row("place", "Latitude, longitude, height", "rad, rad, m", (3,)),
+    Row("gravity_e", "Gravity there", "m/s^2", (3,), "e"),
+    Row("coarse", "1 during the coarse alignment"),
+    Row("coarse_spent", "Time since its start", "s"),
+    Row("coarse_over", "1 at its last sample"),
+    Row("held_delta_angle", "Delta angle of a pair's first sample", "rad", (3,), "b"),
+    Row("held_delta_velocity", "Its delta velocity", "m/s", (3,), "b"),
+    Row("held_dt", "Its interval", "s"),
+    Row("holding", "1 when a first sample waits for its second"),
+    Row("pair_due", "1 when the sample completes a pair"),
+    Row("window", "Time since the last observation", "s"),
+    Row("window_force_e", "Integral of specific force over it", "m/s", (3,), "e"),
+    Row("window_velocity_e", "Integral of velocity over it", "m", (3,), "e"),
+    Row("window_C_eb", "Integral of the attitude matrix over it", "s", (3, 3), "e"),
+    Row("acceleration_e", "Acceleration in the last pair", "m/s^2", (3,), "e"),
+    Row("rate_b", "Angular rate in it, relative to e", "rad/s", (3,), "b"),
+    Row("filter_due", "1 when the filter is to run"),
+    Row("fix_waiting", "1 when a fix waits for the filter"),
+    Row("fix_age", "Its age when the filter runs", "s"),
+    Row("fix_velocity_n", "Its velocity", "m/s", (3,), "n"),
+    Row("fix_sigma", "Standard deviation of that velocity (root mean square of the components)", "m/s"),
+    Row("carry_due", "1 when the place is to be propagated"),
+    Row("misalignment_e", "Rotation that feedback has removed since the start of the filter", "rad", (3,), "e"),
+    Row("excess", "Learnt variance of the velocity from zero", "m^2/s^2", (3,), "e"),
+    Row("observing", "Time of all observations", "s"),
+    Row("swaying", "1 when sway is detected"),
+    Row("innovation", "Last innovation of velocity", "m/s", (3,), "e"),
+)), COARSE.state)  # fmt: skip
+
+OUTPUTS = rows.ALIGNMENT + Table((
+    Row("attitude_covariance", "Covariance of the attitude error", "rad^2", (3, 3), "n"),
+    STATE["misalignment_e"],
+)) + rows.BIASES + Table((STATE["innovation"],))  # fmt: skip
+
+
+def transition(duration: Any, delta_velocity_e: Any, C_integral: Any) -> Any:
+    """A (12x12) = integral of F over an interval, (12) and (22).
+
+    duration: s. delta_velocity_e: integral of the specific force (3, m/s, e). C_integral: integral of C_eb (3x3, s).
+    """
+    A = ca.SX(N, N)
+    turn = ca.sparsify(skew(AXIS_E)) * duration
+    A[VELOCITY, VELOCITY] = -2 * turn
+    A[VELOCITY, TILT] = skew(delta_velocity_e)
+    A[VELOCITY, ACCEL] = C_integral
+    A[TILT, TILT] = -turn
+    A[TILT, GYRO] = -C_integral
+    return A
+
+
+def observation(A: Any, lag: Any) -> Any:
+    """H (3x12) of the mean velocity error over a window, for the state at its end: I - lag A, with A of the window.
+
+    lag: 1/2 for the mean (the velocity error grows evenly), 0 for the velocity at the end.
+    """
+    H = ca.SX(3, N)
+    H[:, VELOCITY] = ca.SX.eye(3)
+    H[:, TILT] = -lag * A[VELOCITY, TILT]
+    H[:, ACCEL] = -lag * A[VELOCITY, ACCEL]
+    return H
 
 
 def start(p: Any) -> dict[str, Any]:
-    """Attitude and covariance as told, and the place."""
+    """The given attitude, its covariance, and the place."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     return {
         **_COARSE_START(p),
@@ -64,7 +176,7 @@ def start(p: Any) -> dict[str, Any]:
 
 
 def _filter_start(p: Any, q_en: Any, q_nb: Any) -> dict[str, Any]:
-    """Rows of a filter that starts with attitude q_nb where n has attitude q_en."""
+    """State rows of a filter that starts with attitude q_nb where n has attitude q_en."""
     C_en = attitude.to_dcm(q_en)
     P = ca.SX(N, N)
     P[VELOCITY, VELOCITY] = ca.SX.eye(3) * p.velocity_sigma_start**2
@@ -86,13 +198,13 @@ def coarse(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The filter starts where the coarse alignment ends."""
+    """Start the filter from the result of the coarse alignment."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
     return {**_filter_start(p, q_en, COARSE.output(p, x)["q_nb"]), "coarse": 0, "coarse_over": 0, "holding": 0, "pair_due": 0}
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample: held, if it is a pair's first."""
+    """One inertial sample: held, if it is the first of a pair."""
     aligning, first = 1 - x.coarse, 1 - x.holding
     return {
         "held_delta_angle": select(first, u.delta_angle, x.held_delta_angle),
@@ -105,7 +217,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """A fix waits for the end of its pair."""
+    """Hold a fix until the end of its pair."""
     use = p.moving * u.gnss_velocity_valid
     return {
         "place": select(p.moving, ca.vertcat(u.gnss_latitude, u.gnss_longitude, u.gnss_height), x.place),
@@ -144,7 +256,7 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def carry(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The place moves on by the velocity since the last time."""
+    """Propagate the place by the velocity since the last time."""
     latitude, longitude, height = ca.vertsplit(x.place)
     sine, cosine = sin_cos(latitude)
     meridian, normal = geodesy.radii(sine)
@@ -154,15 +266,15 @@ def carry(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {"place": place, "gravity_e": _gravity_e(place[0], place[1], place[2])}
 
 
-def filter(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Covariance over the window since the last observation, then the observation, and feedback."""
+def observe_window(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Propagate the covariance over the window since the last observation, then observe and feed back."""
     noise = ca.vertcat(
         ca.repmat(p.velocity_random_walk**2, 3, 1),
         ca.repmat(p.angle_random_walk**2, 3, 1),
         ca.repmat(2 * p.accel_bias_sigma**2 / p.accel_correlation_time, 3, 1),
         ca.repmat(2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time, 3, 1),
     )
-    # Jacobians about the heading of the start, and in place about the known specific force: see the module's docstring
+    # Jacobians at the heading of the start, and in place with the known specific force: see the docstring of the module
     down = x.gravity_e / ca.sqrt(ca.sumsqr(x.gravity_e))
     back = attitude.to_dcm(attitude.from_small_rotation_vector(-ca.dot(down, x.misalignment_e) * down))
     moving = p.moving * (1 - u.standing)
@@ -172,15 +284,16 @@ def filter(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]:
-    """The observation, component by component in e, at the end of a window.
+    """State rows after the observation, component by component in e, at the end of a window.
 
-    moving: 1 for the velocity of a fix, 0 for zero velocity.  stored (78), A (12x12): covariance now, transition of the window.
+    moving: 1 for the velocity of a fix, 0 for zero velocity. stored (78), A (12x12): covariance now, transition of the
+    window.
     """
     predicted = ca.vertcat(*[stored[symmetric.place(i, i)] for i in range(3)])
     floor, time = p.velocity_sigma**2, x.observing + x.window
     beyond = maximum(x.velocity_e**2 - GATE**2 * (predicted + floor), 0.0)
     excess = x.excess + (beyond - x.excess) * (x.window / minimum(time, p.learning_time))
-    sway = p.sway_sigma**2 + ca.sum1(maximum(excess, beyond))  # in one direction there is sway in all
+    sway = p.sway_sigma**2 + ca.sum1(maximum(excess, beyond))  # sway in one direction counts in all
     variance = floor + sway * minimum(2 * (p.sway_time / x.window) ** 2, 1.0) + (p.velocity_random_walk**2 / 3) * x.window
     variance = select(moving, ca.repmat(x.fix_sigma**2, 3, 1), variance)
     fix_innovation, fix_H = fix_observation(p, x)
@@ -188,7 +301,7 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
     accept, correction = select(moving, x.fix_waiting, 1.0), ca.SX.zeros(N)
     H = select(moving, fix_H, observation(A, 0.5))
     for i in range(3):
-        stored, correction = observe(stored, correction, H[i, :], innovation[i], variance[i], accept)
+        stored, correction = measure(stored, correction, H[i, :], innovation[i], variance[i], accept)
     return {
         **corrected(x, correction),
         "covariance": stored,
@@ -205,7 +318,7 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
 
 
 def fix_observation(p: Any, x: Any) -> tuple[Any, Any]:
-    """Innovation (3, m/s, e) of the velocity at a fix's antenna and time, and its derivative (3x12) to the error state."""
+    """Innovation (3, m/s, e) of the velocity of a fix, at its antenna and time, and its sensitivity (3x12)."""
     q_en = geodesy.q_ew_from_geodetic(x.place[0], x.place[1], 0)
     C_eb = attitude.to_dcm(x.q_eb)
     swing = C_eb @ ca.cross(x.rate_b, p.antenna_lever_arm)
@@ -232,10 +345,10 @@ def corrected(x: Any, correction: Any) -> dict[str, Any]:
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
-    """Attitude now and its covariance; during the coarse alignment the q-method's."""
+    """Attitude now and its covariance; during the coarse alignment those of the q-method."""
     rough = COARSE.output(p, x)
     q_en = geodesy.q_ew_from_geodetic(x.place[0], x.place[1], 0)
-    # a sample that waits for its second turns the attitude on
+    # a held sample rotates the attitude on
     ahead = x.held_delta_angle - (attitude.rotate_inverse(x.q_eb, AXIS_E) + x.gyro_bias) * x.held_dt
     q_eb = attitude.multiply(x.q_eb, attitude.from_small_rotation_vector(x.holding * ahead))
     fine = attitude.normalize(attitude.multiply(attitude.conjugate(q_en), q_eb))
@@ -274,7 +387,7 @@ MODEL = Model(
         "fix": Step(fix, when="gnss_valid"),
         "pair": Step(pair, when="pair_due"),
         "carry": Step(carry, when="carry_due"),
-        "filter": Step(filter, when="filter_due"),
+        "filter": Step(observe_window, when="filter_due"),
     },
     output=output,
     start=start,
@@ -282,31 +395,21 @@ MODEL = Model(
 
 
 def prepare(known: Knowledge) -> dict[str, Any]:
-    """Parameters from what is known; a coarse alignment where the attitude told is too uncertain for a linear filter."""
+    """Parameters from what is known; a coarse alignment where the attitude is too uncertain for a linear filter."""
     sensors = known.sensors
+    given = {**known.rows_of(PARAMETERS), **inertial_vectors.prepare(known)}
+    del given["velocity_sigma"]  # the row of that name is about a velocity of zero
+    given |= {"coarse_time": 0.0, "velocity_sigma_start": float(known.velocity_sigma.max())}
+    if known.tilt_sigma <= LARGE_TILT and known.heading_sigma < LARGE_HEADING:
+        return given
     earth = max(float(geodesy.numeric.earth_rate_n(known.latitude)[0]), 1e-3 * geodesy.OMEGA_IE)
-    unknown = known.tilt_sigma > LARGE_TILT or known.heading_sigma >= LARGE_HEADING
     drift = sensors.gyro_bias_sigma * COARSE_TIME / 2  # the q-method's vertical is at most half as old as the alignment
-    tilt = hypot(COARSE_TILT, sensors.accel_bias_sigma / geodesy.NOMINAL_GRAVITY, drift)
-    heading = hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth)
-    return {
-        **inertial_vectors.prepare(known),
-        "longitude": known.longitude,
-        "start_roll": known.roll,
-        "start_pitch": known.pitch,
-        "start_heading": known.heading,
-        "start_velocity_n": (0.0, 0.0, 0.0) if unknown else known.velocity_n,
-        "tilt_sigma": tilt if unknown else known.tilt_sigma,
-        "heading_sigma": min(heading, 1.0) if unknown else known.heading_sigma,
-        "coarse_time": COARSE_TIME if unknown else 0.0,
-        "velocity_sigma_start": 1.0 if unknown else float(known.velocity_sigma.max()),
-        "angle_random_walk": sensors.angle_random_walk,
-        "velocity_random_walk": sensors.velocity_random_walk,
-        "gyro_bias_sigma": sensors.gyro_bias_sigma,
-        "accel_bias_sigma": sensors.accel_bias_sigma,
-        "gyro_correlation_time": sensors.gyro_correlation_time,
-        "accel_correlation_time": sensors.accel_correlation_time,
-        "antenna_lever_arm": known.antenna_lever_arm,
+    return given | {
+        "coarse_time": COARSE_TIME,
+        "start_velocity_n": (0.0, 0.0, 0.0),
+        "velocity_sigma_start": 1.0,
+        "tilt_sigma": hypot(COARSE_TILT, sensors.accel_bias_sigma / geodesy.NOMINAL_GRAVITY, drift),
+        "heading_sigma": min(hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth), 1.0),
     }
 
 

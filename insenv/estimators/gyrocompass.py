@@ -1,14 +1,15 @@
-"""`gyrocompass`: the classical alignment of a vehicle that stays in place, levelling by velocity feedback and then the
-gyrocompass heading loop.  It starts from a heading as told; from a wrong one it takes longer.
+"""`gyrocompass`: the classical alignment of a vehicle in place: levelling by velocity feedback, then the heading loop.
 
-With phi the attitude error about n and velocity observed to be zero (v error of the integration, R horizontal Earth rate):
+It starts from a given heading; the larger the error of that, the longer it takes. With phi the attitude error about n,
+v the error of the integrated velocity (the true one is zero) and R the horizontal Earth rate:
 
     v_N' = -g phi_E - K1 v_N,   phi_E' = R phi_D + K2 v_N / g,   phi_D' = K3 v_N / (g R)
     v_E' =  g phi_N - K1 v_E,   phi_N' = -K2 v_E / g
 
-Levelling (the first `levelling_time`): K1 = 2/tau, K2 = 1/tau^2, K3 = 0: a double pole at -1/tau, tau = `levelling_constant`.
-Heading loop: K1 = 3/tau, K2 = 3/tau^2, K3 = 1/tau^3: a triple pole at -1/tau, tau = `heading_constant`.
-A sway of displacement d leaves a heading error d / (tau^3 g R): the time constant is chosen by the sway.
+Levelling (the first `levelling_time`) has K1 = 2/tau, K2 = 1/tau^2, K3 = 0: a double pole at -1/tau, with tau =
+`levelling_constant`. The heading loop has K1 = 3/tau, K2 = 3/tau^2, K3 = 1/tau^3: a triple pole at -1/tau, with tau =
+`heading_constant`. A sway of displacement d leaves a heading error d / (tau^3 g R), so the sway determines the time
+constant.
 
 Source: Titterton and Weston (2004), section 10.5; Britting (1971), chapter 9; the baseline of the swaying-base paper.
 """
@@ -24,12 +25,11 @@ from insenv.core.elementary import PI, clamp, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.parts import applicability, frozen_frame
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import applicability, frozen_frame, rows
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((
-    Row("start_heading", "Heading told at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
-    Row("start_heading_sigma", "How good it is", "rad", start=0.1, lower=0.0, upper=math.pi),
+    rows.START["start_heading"],
+    Row("start_heading_sigma", "Its standard deviation", "rad", start=0.1, lower=0.0, upper=math.pi),
     Row("levelling_time", "Duration of levelling", "s", start=60.0, lower=0.0, upper=1e5),
     Row("levelling_constant", "Time constant of levelling", "s", start=10.0, lower=0.5, upper=1e4),
     Row("heading_constant", "Time constant of the heading loop", "s", start=60.0, lower=5.0, upper=1e4),
@@ -41,12 +41,12 @@ STATE = frozen_frame.STATE + Table((
 
 
 def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Level by the first sample, at the heading told."""
+    """Level by the first sample, at the given heading."""
     return frozen_frame.levelled(u, p.start_heading)
 
 
 def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Velocity feedback by the block."""
+    """Velocity feedback, once per block."""
     T, g = x.block_time, x.gravity
     levelling = x.time <= p.levelling_time
     rate = 1 / select(levelling, p.levelling_constant, p.heading_constant)
@@ -54,7 +54,7 @@ def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
     K3 = select(levelling, 0.0, rate**3)
     velocity = x.velocity_n + frozen_frame.block_velocity_n(x)
     north, east = velocity[0], velocity[1]
-    # in one block at most 0.01 rad: at a pole the loop has no meaning, and must not run wild
+    # at most 0.01 rad per block: at a pole the loop has no meaning and must not diverge
     heading_turn = clamp(K3 * north / frozen_frame.horizontal_earth_rate(x) / g * T, -0.01, 0.01)
     turn = ca.vertcat(-K2 * east / g * T, K2 * north / g * T, heading_turn)
     return {
@@ -65,15 +65,15 @@ def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
-    """Attitude now, and the limits of biases and white noise with what the loop has not yet taken from the start's error."""
+    """Attitude now, and the limit of biases and white noise with the remainder of the start heading error."""
     g, earth_rate = x.gravity, frozen_frame.horizontal_earth_rate(x)
     tau = p.heading_constant
     tilt = p.accel_bias_sigma / g
-    # white noise through the loop from rate to heading, s^-3 t^2/2 exp(-t/tau): integrals of its square and its slope's
+    # impulse response of the loop tau^-3 t^2/2 exp(-t/tau): integrals of its square and of its slope's square
     noise = p.angle_random_walk**2 * (0.1875 / tau) + (p.velocity_random_walk / g) ** 2 / (16 * tau**3)
     slope = x.axis_n[2] / (x.axis_n[0] + 1e-12)
     square = (p.gyro_bias_sigma**2 + noise) / earth_rate**2 + (tilt * slope) ** 2
-    # the start's heading error decays as (1 + s + s^2/2) exp(-s), s in time constants; exp(-s) as (1 + s/64)^-64
+    # the start heading error decays as (1 + s + s^2/2) exp(-s), s in time constants; exp(-s) as (1 + s/64)^-64
     s = select(x.time > p.levelling_time, (x.time - p.levelling_time) / tau, 0.0)
     decay = 1 / (1 + s / 64)
     for _ in range(6):
@@ -81,7 +81,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     rest = p.start_heading_sigma * (1 + s + s * s / 2) * decay
     heading = minimum(ca.sqrt(square + rest * rest), PI)
     level = ca.sqrt(tilt**2 + (p.gyro_bias_sigma * tau) ** 2)  # K1 / K2 times the drift
-    return {"q_nb": frozen_frame.q_nb(x), "attitude_sigma": ca.vertcat(level, level, heading)}
+    return {"q_nb": frozen_frame.q_nb(x, x.q_n0i), "attitude_sigma": ca.vertcat(level, level, heading)}
 
 
 MODEL = Model(
@@ -89,8 +89,8 @@ MODEL = Model(
     title="classical alignment in place: levelling by velocity feedback, then the gyrocompass heading loop",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=SAMPLE_INPUTS,
-    outputs=frozen_frame.OUTPUTS,
+    inputs=rows.SAMPLE_INPUTS,
+    outputs=rows.ALIGNMENT,
     steps={
         "begin": Step(begin, when="begin"),
         "sample": Step(frozen_frame.sample),
@@ -103,11 +103,8 @@ MODEL = Model(
 
 def prepare(known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known."""
-    return {
-        **frozen_frame.prepare(known),
-        "start_heading": known.heading,
-        "start_heading_sigma": min(known.heading_sigma, math.pi),
-    }
+    sigma = min(known.heading_sigma, math.pi)
+    return {**frozen_frame.prepare(known), "start_heading": known.heading, "start_heading_sigma": sigma}
 
 
 ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, applicability=applicability.notes)

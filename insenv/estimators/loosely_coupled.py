@@ -1,16 +1,11 @@
-"""`loosely-coupled`: strapdown navigation aided by GNSS positions and velocities, a 15-state Kalman filter with full feedback.
+"""`loosely-coupled`: strapdown navigation with GNSS positions and velocities, a 15-state filter with full feedback.
 
 Source: the airborne-navigation paper's GPS/SINS filter (15 states, first-order Gauss-Markov drift and bias), with the
 wander-azimuth mechanization of `insenv.estimators.parts.strapdown` and the psi-angle error model of
-`insenv.estimators.parts.error_model`.
+`insenv.estimators.parts.error_model`. A fix is used at its own time (`insenv.estimators.parts.gnss_fix`).
 
-A GNSS fix is fused at its own time.  It comes with its age: the time from its validity to the end of the last inertial
-sample, which need not be a whole number of samples.  The antenna's place and velocity at that time follow from the present
-state and the present specific force, with the sensitivities that belong to them, so the fix may lie between two samples or
-be late by some tenths of a second.
-
-The mechanization runs at every sample, the covariance when `covariance_interval` has passed or a measurement comes: in
-between the integrals of specific force and attitude are kept, so nothing of the motion is lost.
+The mechanization runs at every sample. The covariance is propagated once `covariance_interval` has passed or a
+measurement comes; the integrals of specific force and attitude over that interval are kept, so no motion is lost.
 """
 
 from __future__ import annotations
@@ -23,34 +18,66 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
-from insenv.core.elementary import exp, select
+from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
+from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.loosely_coupled_tables import INPUTS, OUTPUTS, PARAMETERS, STATE
-from insenv.estimators.parts import standing, strapdown
-from insenv.estimators.parts.error_model import (
-    ACCEL,
-    GYRO,
-    POSITION,
-    TILT,
-    VELOCITY,
-    Interval,
-    N,
-    innovation_variance,
-    measure,
-    propagate,
-    transition,
-)
-from insenv.estimators.parts.navigation_error import navigation_error_w
+from insenv.estimators.parts import gnss_fix, rows, standing, strapdown
+from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
+from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 
-PATIENCE = 10  # fixes refused in a row before the gate opens
-# errors proportional to the motion add up within a manoeuvre and come back with the next: as if white over such a one
+PATIENCE = 10  # fixes rejected in a row before the gate opens
+# errors proportional to the motion accumulate in a manoeuvre and reverse in the next: white over one of this size
 COHERENT_ANGLE = 1.0  # rad
 COHERENT_SPEED = 10.0  # m/s
 
+PARAMETERS = (
+    rows.AIDED_PARAMETERS
+    + Table((
+        Row("covariance_interval", "Longest interval between covariance propagations", "s", start=0.05, lower=0, upper=1),
+        Row("innovation_gate", "Innovations beyond this many standard deviations are rejected; 0: none is",
+            start=5.0, lower=0, upper=1e12),
+    ))
+    + standing.PARAMETERS
+    + Table((
+        Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
+        Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
+        Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
+        Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
+            lower=0, upper=1.0),
+    ))
+)  # fmt: skip
+
+STATE = (
+    strapdown.STATE
+    + rows.BIASES
+    + Table((
+        Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
+        Row("dt", "Interval of the last sample", "s", start=1.0),
+        Row("stretch", "Time since the covariance was propagated", "s"),
+        Row("stretch_velocity_w", "Integral of the specific force over that time", "m/s", (3,), "w"),
+        Row("stretch_C_wb", "Integral of the attitude matrix over that time", "s", (3, 3), "w"),
+        Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
+        Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
+        Row("covariance_due", "1 when the covariance is to be propagated"),
+        Row("stretch_angle", "Rotation over that time", "rad", (3,), "b"),
+        Row("stretch_change_w", "Change of velocity over that time", "m/s", (3,), "w"),
+    ))
+    + standing.STATE
+    + Table((
+        Row("since_fix", "Time since the last fix", "s", start=1e9),
+        Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
+    ))
+    + rows.FIX_RESIDUALS
+    + Table((
+        Row("rejected", "Scalar measurements rejected by the gate", "1"),
+        Row("refusals", "Fixes in a row with an innovation beyond the gate", "1"),
+    ))
+)  # fmt: skip
+
 
 def start(p: Any) -> dict[str, Any]:
-    """The start as given; w is NED there, so the covariance needs no turning."""
+    """The given start; frame w is NED there, so the covariance needs no rotation."""
     sigma = ca.vertcat(
         p.position_sigma,
         p.velocity_sigma,
@@ -69,7 +96,7 @@ def start(p: Any) -> dict[str, Any]:
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample: mechanization with the estimated biases taken off."""
+    """One inertial sample: mechanization with the estimated biases subtracted."""
     delta_angle = u.delta_angle - x.gyro_bias * u.dt
     delta_velocity = u.delta_velocity - x.accel_bias * u.dt
     moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
@@ -97,7 +124,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The covariance over the stretch of samples since the last time."""
+    """Propagate the covariance over the samples since the last time."""
     interval = Interval(x.stretch, x.stretch_velocity_w, x.stretch_C_wb, x.omega_ie_w, x.omega_ew_w)
     A = transition(interval, geodesy.NOMINAL_GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
     turned, pushed = ca.sqrt(ca.sumsqr(x.stretch_angle)), ca.sqrt(ca.sumsqr(x.stretch_change_w))
@@ -118,40 +145,27 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
-def predicted_fix(p: Any, x: Any, age: Any) -> tuple[Any, Any, Any, Any]:
-    """What an antenna would have shown `age` ago, and its sensitivities.
-
-    Returns (offset_w, velocity_w, H_position, H_velocity): the antenna's place relative to the present one of the inertial unit
-    (m, w), its velocity (m/s, w), and the derivatives (3x15) of the two with respect to the error state.
-    """
-    C_wb = attitude.to_dcm(x.q_wb)
-    force = x.acceleration_w  # of the vehicle; gravity's part does not tilt with psi
-    specific_force = x.acceleration_w - ca.vertcat(0, 0, geodesy.normal_gravity(-_down(x), x.height))
-    rate_b = x.previous_delta_angle / x.dt
-    arm = p.antenna_lever_arm
-    arm_then = arm - age * ca.cross(rate_b, arm)  # the arm as it stood `age` ago, in present b components
-    swing = ca.cross(rate_b, arm)
-    offset = -x.velocity_w * age + force * (age**2 / 2) + C_wb @ arm_then
-    velocity = x.velocity_w - force * age + C_wb @ swing
-    H_position, H_velocity = ca.SX(3, N), ca.SX(3, N)
-    H_position[:, POSITION] = ca.SX.eye(3)
-    H_position[:, VELOCITY] = -age * ca.SX.eye(3)
-    H_position[:, TILT] = skew(C_wb @ arm_then) + skew(specific_force) * (age**2 / 2)
-    H_position[:, GYRO] = age * (C_wb @ skew(arm))
-    H_position[:, ACCEL] = C_wb * (age**2 / 2)
-    H_velocity[:, VELOCITY] = ca.SX.eye(3)
-    H_velocity[:, TILT] = skew(C_wb @ swing) - skew(specific_force) * age
-    H_velocity[:, GYRO] = -(C_wb @ skew(arm))
-    H_velocity[:, ACCEL] = -C_wb * age
-    return offset, velocity, H_position, H_velocity
+def fix_sensitivity(p: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
+    """Derivative (6x15) of the antenna's position and velocity in w with respect to the error state."""
+    C_wb, arm = antenna.C_wb, p.antenna_lever_arm
+    H = ca.SX(6, N)
+    H[:3, POSITION] = H[3:, VELOCITY] = ca.SX.eye(3)
+    H[:3, VELOCITY] = -age * ca.SX.eye(3)
+    H[:3, TILT] = skew(C_wb @ antenna.arm_b) + skew(antenna.specific_force_w) * (age**2 / 2)
+    H[:3, GYRO] = age * (C_wb @ skew(arm))
+    H[:3, ACCEL] = C_wb * (age**2 / 2)
+    H[3:, TILT] = skew(C_wb @ antenna.swing_b) - skew(antenna.specific_force_w) * age
+    H[3:, GYRO] = -(C_wb @ skew(arm))
+    H[3:, ACCEL] = -C_wb * age
+    return H
 
 
 @dataclass(frozen=True)
 class Scalar:
     """One scalar measurement as it was used.
 
-    stored: covariance triangle before it.  H: row (1x15).  left: innovation less what the scalars before it explained.
-    variance: of its noise.  accept: 1 if it was used, 0 if not.
+    stored: covariance triangle before it. H: row (1x15). left: innovation minus what the scalars before it explained.
+    variance: of its noise. accept: 1 if it was used, 0 if not.
     """
 
     stored: Any
@@ -171,58 +185,46 @@ class Update:
 
 
 def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
-    """One fix: position, and velocity if it has one, component by component in n, gated; and the rows that report it."""
-    offset, velocity, H_position, H_velocity = predicted_fix(p, x, u.gnss_age)
+    """One fix, position and, where it has one, velocity, component by component in n, gated; and its state rows."""
+    antenna = gnss_fix.antenna(p, x, u.gnss_age)
     C_nw = strapdown.C_nw(x.q_ew)
-    latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
-    measured = geodesy.ned_offset(u.gnss_latitude, u.gnss_longitude, u.gnss_height, latitude, longitude, x.height)
-    innovation = ca.vertcat(C_nw @ offset - measured, C_nw @ velocity - u.gnss_velocity_n)
-    H = ca.vertcat(C_nw @ H_position, C_nw @ H_velocity)
+    innovation = gnss_fix.innovation(x, u, antenna)
+    H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, u.gnss_age, antenna)
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
-    weighed = variance + ca.vertcat(repeated(p, x.since_fix), ca.SX.zeros(3))
-    present = ca.vertcat(1, 1, 1, *[u.gnss_velocity_valid] * 3)
+    inflated = variance + ca.vertcat(gnss_fix.correlated_variance(p, x.since_fix), ca.SX.zeros(3))
+    present = gnss_fix.present(u)
 
     stored, correction = x.covariance, ca.SX.zeros(N)
-    # A filter that finds fix after fix wrong is itself wrong: then it must listen, until fixes and estimate agree again
-    deaf = select(x.refusals < PATIENCE, 1.0, 0.0)
+    # a filter that rejects fix after fix is itself wrong: the gate stays open until fixes and estimate agree again
+    gated = select(x.refusals < PATIENCE, 1.0, 0.0)
     scalars, ratios, outside = [], [], ca.SX(0)
     for i in range(6):
         left = innovation[i] - H[i, :] @ correction
         ratio = present[i] * left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
         beyond = select(ca.logic_and(p.innovation_gate > 0, ca.fabs(ratio) > p.innovation_gate), 1.0, 0.0)
-        accept = present[i] * (1 - deaf * beyond)
-        scalars.append(Scalar(stored, H[i, :], left, weighed[i], accept))
-        stored, correction = measure(stored, correction, H[i, :], innovation[i], weighed[i], accept)
+        accept = present[i] * (1 - gated * beyond)
+        scalars.append(Scalar(stored, H[i, :], left, inflated[i], accept))
+        stored, correction = measure(stored, correction, H[i, :], innovation[i], inflated[i], accept)
         ratios.append(ratio)
         outside = outside + beyond
-    told = {
+    reported = {
         "innovation": innovation * present,
         "test_ratio": ca.vertcat(*ratios),
-        "rejected": x.rejected + deaf * outside,
+        "rejected": x.rejected + gated * outside,
         "refusals": select(outside > 0, x.refusals + 1, 0),
         "since_fix": u.gnss_age,
     }
-    return Update(tuple(scalars), correction, stored), told
-
-
-def repeated(p: Any, since: Any) -> Any:
-    """Variance (3, m^2) that a fix's position takes on top, because its slow error is partly that of the fix `since` before.
-
-    Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first look and
-    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
-    """
-    r = exp(-since / p.fix_wander_time)
-    return p.fix_wander_sigma**2 * (2 * r / (1 - r + 1e-12))
+    return Update(tuple(scalars), correction, stored), reported
 
 
 def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One fix, with feedback."""
-    update, told = gnss_update(p, x, u)
-    return {**corrected(x, update.correction), "covariance": update.stored, **told}
+    update, reported = gnss_update(p, x, u)
+    return {**corrected(x, update.correction), "covariance": update.stored, **reported}
 
 
 def standing_update(p: Any, x: Any) -> Update:
-    """The vehicle stands: its velocity is zero within `standing_sigma`."""
+    """The vehicle is at rest: its velocity is zero within `standing_sigma`."""
     stored, correction = x.covariance, ca.SX.zeros(N)
     scalars = []
     for i in range(3):
@@ -275,9 +277,11 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     }
 
 
-def _down(x: Any) -> Any:
-    """Component of the Earth's axis along Down: minus the sine of the latitude."""
-    return geodesy.earth_rate_w(x.q_ew)[2] / geodesy.OMEGA_IE
+def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
+    """Errors of position, velocity and psi, and their covariance (9x9)."""
+    offset, velocity, turn, _ = strapdown.navigation_error_w(x, truth)
+    P = symmetric.full(x.covariance, N)[:9, :9]
+    return ca.vertcat(offset, velocity, -turn), P
 
 
 MODEL = Model(
@@ -285,8 +289,8 @@ MODEL = Model(
     title="GNSS/INS, 15 states, position and velocity of GNSS loosely coupled",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=INPUTS,
-    outputs=OUTPUTS,
+    inputs=rows.AIDED_INPUTS,
+    outputs=rows.AIDED_OUTPUTS,
     steps={
         "sample": Step(sample),
         "still": Step(standing.found, when="still_due"),
@@ -297,13 +301,5 @@ MODEL = Model(
     output=output,
     start=start,
 )
-
-
-def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
-    """Position, velocity and psi (9) of the estimate, and their covariance."""
-    offset, velocity, turn, _ = navigation_error_w(x, truth)
-    P = symmetric.full(x.covariance, N)[:9, :9]
-    return ca.vertcat(offset, velocity, -turn), P
-
 
 ESTIMATOR = Estimator(MODEL, kind="navigation", sensors=("gnss",), error=consistency_error)

@@ -1,40 +1,62 @@
-"""`lssvm`: large-misalignment alignment by a least-squares support vector machine that has learnt from `aqe-sukf`.
+"""`lssvm`: large-misalignment alignment by a least-squares support vector machine trained on `aqe-sukf`.
 
-Source: the LS-SVM large misalignment paper, sections 3 and 4.  In the loop the machine takes the place of the filter: from the
-differences of SINS and GNSS (`insenv.estimators.parts.sins_gnss_differences`) it tells the misalignment, which is fed back to
-the SINS.
+Source: the LS-SVM large misalignment paper, sections 3 and 4. The machine takes the place of the filter in the loop:
+from the differences between SINS and GNSS (`insenv.estimators.parts.sins_gnss_differences`) it infers the misalignment,
+which is fed back to the SINS.
 
     y(x) = sum over i of a_i K(x, x_i) + b,   K = exp(-|x - x_i|^2 / sigma^2)                                  (14)
 
-Outputs: the vector part of half of R - R^T about north, east, down: the misalignment's axis times the sine of its angle.  It
-is the rotation vector for small angles, and unlike that has no jump at 180 deg.  Fed back at every fix it brings any
-misalignment to nothing in some steps, for what remains is seen at the next fix in the same differences, turned.
+Outputs: the vector part of half of R - R^T about north, east, down: the axis of the misalignment times the sine of its
+angle. For small angles it is the rotation vector, and unlike that it has no discontinuity at 180 deg. Fed back at every
+fix it reduces any misalignment to zero in some steps, because the remainder appears at the next fix in the same
+differences.
 
-The kernel's exponential is a Taylor polynomial at 1/64 of the argument, squared six times: exactly rounded operations, and
-`insenv.learning` learns with the same.
+The exponential of the kernel is a Taylor polynomial at 1/64 of the argument, squared six times: exactly rounded
+operations, and `insenv.learning` trains with the same function.
+
+File of a trained machine: JSON, with the version of the format and the conditions of the training.
+
+    {"format": "insenv-lssvm", "version": 1, "insenv": "0.1.0",
+     "training": {"runs": [{"scenario", "digest", "seeds", "duration_s"}], "filter", "samples", "scores", ...},
+     "machine": {"support", "coefficients", "offset", "scale", "machine_sigma"}}
+
+The numbers of `machine` are the rows of `MACHINE`, float64 to the last bit.
 """
 
 from __future__ import annotations
 
+import functools
+import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.core.elementary import minimum, polynomial, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators import lssvm_file
+from insenv.errors import InputError, InsenvError
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.loosely_coupled_tables import INPUTS as AIDED_INPUTS
-from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
+from insenv.estimators.parts import frozen_frame, rows
+from insenv.estimators.parts import sins_gnss_differences as differences
 from insenv.estimators.parts.sins_gnss_differences import FEATURES, READY
+from insenv.files.output import atomic
 
+Array = NDArray[np.float64]
+
+FORMAT = "insenv-lssvm"
+VERSION = 1
+LARGEST_FILE = 20_000_000
 SUPPORT = 96
-"""Support vectors that the model has room for; a machine with fewer leaves the rest at coefficient 0."""
+"""Support vectors that the model has room for; a machine with fewer has coefficient 0 in the rest."""
 LARGEST_ARGUMENT = 40.0
 _EXP = tuple(1 / math.factorial(k) for k in range(10))
 
@@ -42,35 +64,31 @@ MACHINE = Table((
     Row("support", "Support vectors, over the kernel's width", "1", (SUPPORT, FEATURES), lower=-1e9, upper=1e9),
     Row("coefficients", "Coefficient of each in each output", "rad", (SUPPORT, 3), lower=-1e12, upper=1e12),
     Row("offset", "Constant term of each output", "rad", (3,), "n", lower=-1e12, upper=1e12),
-    Row("scale", "What the inputs are multiplied by: 1 / the kernel's width", "1", (FEATURES,), lower=0.0, upper=1e12),
-    Row("machine_sigma", "Scatter of the machine's output about that of the filter that it learnt from", "rad", (3,), "n",
+    Row("scale", "Factor of the inputs: 1 / the kernel's width", "1", (FEATURES,), lower=0.0, upper=1e12),
+    Row("machine_sigma", "Scatter of the machine's output about that of the filter it was trained on", "rad", (3,), "n",
         lower=0.0, upper=10.0),
 ))  # fmt: skip
-"""The machine as parameter rows: all zero, it leaves the SINS as it is told."""
+"""The machine as parameter rows: all zero, it leaves the SINS at its start attitude."""
+_SHAPES = {"support": (-1, FEATURES), "coefficients": (-1, 3), "offset": (3,), "scale": (FEATURES,), "machine_sigma": (3,)}
 
-PARAMETERS = lssvm_differences.PARAMETERS + Table((
-    Row("tilt_sigma", "Standard deviation of the start roll and pitch", "rad", start=1.0, lower=0.0, upper=10.0),
-    Row("heading_sigma", "Standard deviation of the start heading", "rad", start=1.0, lower=0.0, upper=10.0),
-)) + MACHINE  # fmt: skip
+PARAMETERS = differences.PARAMETERS + rows.chosen(
+    rows.START_SIGMAS, "tilt_sigma", "heading_sigma", tilt_sigma=1.0, heading_sigma=1.0
+) + MACHINE  # fmt: skip
 
-INPUTS = Table(tuple(row for row in AIDED_INPUTS if row.name != "standing"))
-
-STATE = lssvm_differences.STATE + Table((
+STATE = differences.STATE + Table((
     Row("features", "The machine's inputs at the last fix", "1", (FEATURES,), "n"),
-    Row("infer_due", "1 when the machine is to be asked"),
-    Row("answers", "How often it has been asked", "1"),
+    Row("infer_due", "1 when the machine is to be evaluated"),
+    Row("answers", "Number of its evaluations", "1"),
 ))  # fmt: skip
 
-OUTPUTS = Table((
-    Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),
-    Row("attitude_sigma", "Stated accuracy about north, east, down", "rad", (3,), "n"),
-    Row("features", "The machine's inputs at the last fix", "1", (FEATURES,), "n"),
-    Row("ready", "1 when the heading shows in them", "1"),
+OUTPUTS = rows.ALIGNMENT + Table((
+    STATE["features"],
+    Row("ready", "1 when they show the heading", "1"),
 ))  # fmt: skip
 
 
 def kernel(square: Any) -> Any:
-    """exp(-square) of a squared distance (SX, or an array), to 1e-7 of the value where that exceeds 1e-6, 1e-17 below."""
+    """exp(-square) of a squared distance (SX or array): relative error 1e-7 above 1e-6, absolute error 1e-17 below."""
     clipped = minimum(square, LARGEST_ARGUMENT) if isinstance(square, (float, ca.SX)) else square.clip(max=LARGEST_ARGUMENT)
     value = polynomial(clipped * (-1 / 64), _EXP)
     for _ in range(6):
@@ -88,27 +106,27 @@ def machine(p: Any, x: Any) -> Any:
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample."""
-    return {**lssvm_differences.sample(p, x, u), "infer_due": 0}
+    return {**differences.sample(p, x, u), "infer_due": 0}
 
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One fix: the differences, and the machine's inputs."""
-    rows = lssvm_differences.fix(p, x, u)
-    after = SimpleNamespace(**{**vars(x), **rows})
-    ready = select(lssvm_differences.heading_sigma(after) < READY, 1.0, 0.0)
-    return {**rows, "features": lssvm_differences.features(p, after), "infer_due": ready}
+    """One fix: the differences, and the inputs of the machine."""
+    changed = differences.fix(p, x, u)
+    after = SimpleNamespace(**{**vars(x), **changed})
+    ready = select(differences.heading_sigma(after) < READY, 1.0, 0.0)
+    return {**changed, "features": differences.features(p, after), "infer_due": ready}
 
 
 def infer(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The machine asked, and its answer fed back."""
-    return {"q_n0i": lssvm_differences.turned_back(x, machine(p, x.features)), "answers": x.answers + 1}
+    """Evaluate the machine and feed its answer back."""
+    return {"q_n0i": differences.turned_back(x, machine(p, x.features)), "answers": x.answers + 1}
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
-    """Attitude, and what noises, biases and the machine's own scatter leave; before the first answer what was told."""
+    """Attitude, and the stated error from noise, biases and the machine's scatter (that of the start at first)."""
     horizontal = geodesy.OMEGA_IE * (ca.fabs(x.axis_n[0]) + 1e-12)
     by_bias = p.accel_bias_sigma / x.gravity
-    tilt, heading = lssvm_differences.tilt_sigma(x), lssvm_differences.heading_sigma(x)
+    tilt, heading = differences.tilt_sigma(x), differences.heading_sigma(x)
     sigma = ca.sqrt(
         ca.vertcat(
             tilt**2 + by_bias**2,
@@ -117,22 +135,22 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         )
         + p.machine_sigma**2
     )
-    told = ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma)
-    asked = x.answers > 0
+    start = ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma)
+    answered = x.answers > 0
     return {
-        "q_nb": lssvm_differences.q_nb(x),
-        "attitude_sigma": ca.vertcat(*[select(asked, minimum(sigma[i], told[i] + sigma[i]), told[i]) for i in range(3)]),
+        "q_nb": frozen_frame.q_nb(x, x.q_n0i),
+        "attitude_sigma": ca.vertcat(*[select(answered, minimum(sigma[i], start[i] + sigma[i]), start[i]) for i in range(3)]),
         "features": x.features,
-        "ready": select(lssvm_differences.heading_sigma(x) < READY, 1.0, 0.0),
+        "ready": select(differences.heading_sigma(x) < READY, 1.0, 0.0),
     }
 
 
 MODEL = Model(
     id="lssvm",
-    title="large misalignment in place: least-squares support vector machine that has learnt from aqe-sukf",
+    title="large misalignment in place: least-squares support vector machine trained on aqe-sukf",
     parameters=PARAMETERS,
     state=STATE,
-    inputs=INPUTS,
+    inputs=rows.SAMPLE_INPUTS + rows.FIX_INPUTS,
     outputs=OUTPUTS,
     steps={
         "sample": Step(sample),
@@ -140,39 +158,135 @@ MODEL = Model(
         "infer": Step(infer, when="infer_due"),
     },
     output=output,
-    start=lssvm_differences.start,
+    start=differences.start,
 )
+
+
+@dataclass(frozen=True)
+class TrainedMachine:
+    """A trained machine and how it was trained.
+
+    support (S, 6): support vectors over the kernel's width. coefficients (S, 3), offset (3): rad. scale (6): factors of
+    the inputs. machine_sigma (3): scatter about the training targets, rad. training: its conditions, as in the file.
+    insenv: version of insenv that trained it.
+    """
+
+    support: Array
+    coefficients: Array
+    offset: Array
+    scale: Array
+    machine_sigma: Array
+    training: Mapping[str, Any]
+    insenv: str
+
+    def rows(self, room: int) -> dict[str, Any]:
+        """Parameter rows for a model with room for `room` support vectors. Raises `InputError` if there are more."""
+        count = len(self.support)
+        if count > room:
+            raise InputError(f"machine of {count} support vectors: allowed is up to {room}")
+        support, coefficients = np.zeros((room, FEATURES)), np.zeros((room, 3))
+        support[:count], coefficients[:count] = self.support, self.coefficients
+        rest = {name: getattr(self, name) for name in ("offset", "scale", "machine_sigma")}
+        return {"support": support, "coefficients": coefficients, **rest}
+
+    @property
+    def seeds(self) -> dict[str, set[int]]:
+        """Seeds it was trained on, by scenario."""
+        found: dict[str, set[int]] = {}
+        for run in self.training["runs"]:
+            found.setdefault(run["scenario"], set()).update(run["seeds"])
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write the file, under a temporary name first. Raises `InsenvError` if it cannot be written."""
+        path = Path(path)
+        machine = {name: np.asarray(getattr(self, name)).tolist() for name in _SHAPES}
+        content = {"format": FORMAT, "version": VERSION, "insenv": self.insenv, "training": self.training, "machine": machine}
+        try:
+            with atomic(path) as stream:
+                stream.write(_text(content).encode())
+        except OSError as error:
+            raise InsenvError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
+
+
+def load(path: str | Path) -> TrainedMachine:
+    """The machine of a file. Raises `InputError` if it is missing, no trained machine, damaged or of a newer insenv."""
+    name = str(path)
+    try:
+        if Path(path).stat().st_size > LARGEST_FILE:
+            raise InputError(f"{name!r} is larger than {LARGEST_FILE} bytes: not a trained machine")
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {name!r}: {error.strerror or error}") from None
+    except (UnicodeDecodeError, ValueError, RecursionError):
+        raise InputError(f"{name!r} is not JSON: damaged, or not written by `insenv train`") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{name!r} is not a trained machine: its format is not {FORMAT!r}")
+    version = content.get("version")
+    if isinstance(version, int) and version > VERSION:
+        raise InputError(f"{name!r} has version {version}: this insenv reads up to {VERSION}; use a newer insenv")
+    if version != VERSION:
+        raise InputError(f"{name!r} has version {version!r}: allowed is {VERSION}")
+    machine, training = content.get("machine"), content.get("training")
+    if not isinstance(machine, dict) or not isinstance(training, dict):
+        raise InputError(f"{name!r} is damaged: it lacks its machine or the conditions of its training")
+    try:
+        runs = training["runs"]
+        for run in runs:
+            str(run["scenario"]), [int(seed) for seed in run["seeds"]]
+    except (KeyError, TypeError, ValueError):
+        raise InputError(f"{name!r} is damaged: it does not list the runs it was trained on") from None
+    arrays = {key: _array(name, machine, key, shape) for key, shape in _SHAPES.items()}
+    if len(arrays["support"]) != len(arrays["coefficients"]):
+        raise InputError(
+            f"{name!r} is damaged: {len(arrays['support'])} support vectors, {len(arrays['coefficients'])} coefficients"
+        )
+    return TrainedMachine(**arrays, training=training, insenv=str(content.get("insenv", "")))
+
+
+@functools.cache
+def shipped() -> TrainedMachine:
+    """The machine that insenv ships."""
+    return load(str(files("insenv.estimators") / "data" / "lssvm.json"))
+
+
+def _array(name: str, machine: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+    try:
+        array = np.array(machine[key], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        raise InputError(f"{name!r} is damaged: machine.{key} is not an array of numbers") from None
+    rows = array.shape[0] if array.ndim else 0
+    expected = tuple(rows if n == -1 else n for n in shape)
+    if array.shape != expected or not np.isfinite(array).all():
+        raise InputError(f"{name!r} is damaged: machine.{key} has shape {array.shape} or numbers that are not finite")
+    return array
+
+
+def _text(content: Mapping[str, Any]) -> str:
+    """JSON with one row of numbers per line."""
+    machine = content["machine"]
+    rest = json.dumps({k: v for k, v in content.items() if k != "machine"}, indent=1, ensure_ascii=True, allow_nan=False)
+    parts = []
+    for key, value in machine.items():
+        nested = bool(value) and isinstance(value[0], list)
+        shown = "[\n" + ",\n".join(json.dumps(row) for row in value) + "]" if nested else json.dumps(value)
+        parts.append(f'"{key}": {shown}')
+    return rest[:-2] + ',\n "machine": {\n' + ",\n".join(parts) + "}\n}\n"
 
 
 def prepare(known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known, with the machine that insenv ships."""
-    sensors = known.sensors
     return {
-        "latitude": known.latitude,
-        "longitude": known.longitude,
-        "height": known.height,
-        "start_roll": known.roll,
-        "start_pitch": known.pitch,
-        "start_heading": known.heading,
+        **known.rows_of(PARAMETERS),
         "tilt_sigma": min(known.tilt_sigma, math.pi),
         "heading_sigma": min(known.heading_sigma, 2 * math.pi),
-        "gyro_bias_sigma": sensors.gyro_bias_sigma,
-        "accel_bias_sigma": sensors.accel_bias_sigma,
-        "angle_random_walk": sensors.angle_random_walk,
-        "velocity_random_walk": sensors.velocity_random_walk,
-        "antenna_lever_arm": known.antenna_lever_arm,
-        **shipped(),
+        **shipped().rows(SUPPORT),
     }
 
 
 def read_file(path: str) -> Mapping[str, Any]:
-    """Rows of `MACHINE` of a file that `insenv train lssvm` wrote.  Raises `InputError`."""
-    return lssvm_file.load(path).rows(SUPPORT)
-
-
-def shipped() -> Mapping[str, Any]:
-    """Rows of `MACHINE` of the file that insenv ships."""
-    return lssvm_file.shipped().rows(SUPPORT)
+    """Rows of `MACHINE` of a file that `insenv train lssvm` wrote. Raises `InputError`."""
+    return load(path).rows(SUPPORT)
 
 
 ESTIMATOR = Estimator(MODEL, kind="alignment", sensors=("gnss",), prepare=prepare, read_file=read_file)

@@ -1,36 +1,39 @@
 """`qakf` and `qakf-improved`: alignment in place by a quaternion adaptive Kalman filter in the inertial frame.
 
-State Q (4), the constant quaternion from b at the start to n at the start, without process noise; vectors alpha, beta of
-`insenv.estimators.parts.inertial_vectors`. The observation is zero, 0 = H Q + v, with
+State: Q (4), the constant quaternion from b at the start to n at the start, without process noise. Vectors: alpha, beta
+of `insenv.estimators.parts.inertial_vectors`. The observation is zero, 0 = H Q + v, with
 
     qakf:           H = M / (2 g),   M = [beta +] - [alpha -]
-    qakf-improved:  H = K / (2 S),   K = integral of w M^T M,   S = integral of w (|alpha|^2 + |beta|^2)
+    qakf-improved: H = K / (2 S),   K = integral of w M^T M,   S = integral of w (|alpha|^2 + |beta|^2)
 
-Source: the quaternion adaptive-Kalman paper, sections 2.2 and 3.2; its formulas are lost, the text fixes them so far.
+Source: the quaternion adaptive-Kalman paper, sections 2.2 and 3.2. Its formulas are lost; they are rebuilt from its
+text.
 
-Normalisation: without errors M^T M has the eigenvalues 0, 0, 4 g^2, 4 g^2 and K has the trace 2 S. Divided as above the
-singular values of either H are at most 1, and all its elements are below 1 as the paper says of K's. H has then no unit,
-and one start covariance and one noise estimate serve every sensor and rate at all times; K undivided would grow with time.
+Normalisation: without errors M^T M has the eigenvalues 0, 0, 4 g^2, 4 g^2 and K has the trace 2 S. Divided as above,
+the singular values of either H are at most 1, and all its elements are below 1, as the paper says of K's. H then has no
+unit, so one start covariance and one noise estimate serve every sensor, rate and time; K undivided would grow with
+time.
 
-Renormalisation: the length of Q says nothing, so its error is kept in the tangent space of the sphere, dQ = [0, theta] Q
-with theta (3) half the attitude error about n at the start; P (3x3) is the covariance of theta. That is the 4x4 covariance
-projected off Q, carried along as Q turns; Q is scaled to one after each update. Multiplied by Q^-1 from the right the
-observation keeps its noise, and depends on a = C(Q) alpha only, so with d = beta - a, s = beta + a
+Renormalisation: the length of Q has no meaning, so its error is kept in the tangent space of the unit sphere, dQ = [0,
+theta] Q, with theta (3) half the attitude error about n at the start and P (3x3) the covariance of theta. This is the
+4x4 covariance projected off Q and rotated with it; Q is normalised after each update. Multiplied by Q^-1 from the
+right, the observation keeps its noise and depends only on a = C(Q) alpha. With d = beta - a, s = beta + a:
 
     qakf:           H theta = (-d . theta, s x theta) / (2 g),  residual (0, d) / (2 g)
-    qakf-improved:  the columns of K formed from B C(Q)^T: the first is the residual, the other three are H.
+    qakf-improved: the columns of K formed from B C(Q)^T: the first is the residual, the other three are H
 
-Noise: in `qakf` v is white, R = r I. In `qakf-improved` it enters integrated and multiplied by M^T: the integral of M^T v
-has the covariance r K, so R = r K (R = r I would let the tilts' noise, a thousand times heading's, set the weight of
-heading). The v of successive K_k are nearly the same, so information fades over the last sixth of the time (`FADING`): else
-the filter would hold on to what early, poor K said. r is estimated from the innovations, r <- (1 - c) r + c max(|e|^2 -
-trace(H P H^T), |e|^2 / 4) / trace(R / r), with c = 10 / (k + 10) at the k-th sample: the practical (Sage-Husa) estimator
-with a memory of a tenth of the time so far, r positive.
+Noise: in `qakf` v is white, R = r I. In `qakf-improved` it enters integrated and multiplied by M^T: the integral of
+M^T v has the covariance r K, so R = r K. (With R = r I the noise of the tilts, a thousand times that of heading, would
+set the weight of heading.) Successive K_k contain nearly the same v, so information fades over the last sixth of the
+time (`FADING`); otherwise the filter would keep what early, inaccurate K contributed. r is estimated from the
+innovations by the practical (Sage-Husa) estimator with a memory of a tenth of the time so far, which keeps r positive:
+r <- (1 - c) r + c max(|e|^2 - trace(H P H^T), |e|^2 / 4) / trace(R / r), c = 10 / (k + 10) at the k-th sample.
 
-Accuracy: `qakf-improved` comes to the q-method's, a sixth of the time later and smoother. `qakf` comes to it late and the
-later the more noise there is: M's own noise, squared, enters the information as if heading had been seen, so that heading
-errors fade as (t0 / t)^3 only, t0 the time at which the Earth's turn exceeds that noise. P takes residuals as independent
-that are not, so it is no measure of accuracy: `attitude_sigma` states the limit that the sensors set.
+Accuracy: `qakf-improved` reaches that of the q-method, a sixth of the time later, and is smoother. `qakf` reaches it
+later, the more noise there is: the square of M's own noise enters the information as if it were information on heading,
+so heading errors decay only as (t0 / t)^3, t0 being the time at which the Earth's rotation exceeds that noise. P treats
+correlated residuals as independent, so it is no measure of accuracy: `attitude_sigma` states the limit that the sensors
+set.
 """
 
 from __future__ import annotations
@@ -47,19 +50,18 @@ from insenv.core.elementary import maximum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, inertial_vectors
-from insenv.estimators.parts.increments import SAMPLE_INPUTS
+from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows
 from insenv.estimators.parts.inertial_vectors import davenport
 
-MEMORY = 10.0  # the noise estimate remembers the last so-many-th part of the samples
-FADING = 6.0  # the improved filter keeps its information over the last so-many-th part of the samples
-LEAST_SHARE = 0.25  # of an innovation's square that is always noise
+MEMORY = 10.0  # the noise estimate has a memory of 1 / MEMORY of the samples so far
+FADING = 6.0  # the improved filter keeps its information over the last 1 / FADING of the samples
+LEAST_SHARE = 0.25  # share of an innovation's square that always counts as noise
 LEAST_NOISE = 1e-26
 START_INFORMATION = 1.0  # rad^-2, of theta: nothing known
 START_TRIANGLE = symmetric.triangle_of_diagonal([START_INFORMATION] * 3)
 
 PARAMETERS = inertial_vectors.PARAMETERS + Table((
-    Row("start_quaternion", "Q to start from, of any length but zero", "1", (4,), "n at the start", (1, 0, 0, 0)),
+    Row("start_quaternion", "Start value of Q, of any length except zero", "1", (4,), "n at the start", (1, 0, 0, 0)),
 ))  # fmt: skip
 
 STATE = Table((
@@ -73,29 +75,29 @@ STATE = Table((
 
 SPREAD = Table((
     Row("early_spread", "Integral of |alpha|^2 + |beta|^2 with the weights of the early profile", "m^2/s^3"),
-    Row("late_spread", "The same with those of the late profile", "m^2/s^3"),
+    Row("late_spread", "The same with the weights of the late profile", "m^2/s^3"),
 ))  # fmt: skip
 
-OUTPUTS = inertial_vectors.OUTPUTS + Table((
+OUTPUTS = rows.ALIGNMENT + Table((
     Row("filter_sigma", "Standard deviation by the filter's covariance, about n at the start", "rad", (3,), "n at the start"),
     Row("noise_variance", "Estimated variance of the observation's noise", "1"),
 ))  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
-    """What the place determines, and Q as told."""
+    """The rows that the place determines, and the given Q."""
     return {**inertial_vectors.start(p), "q_start": attitude.normalize(p.start_quaternion)}
 
 
 def vector_observation(q: Any, alpha: Any, beta: Any, gravity: Any) -> tuple[Any, Any]:
-    """H (4x3) and residual (4) of `qakf`, in the components that multiplication by Q^-1 leaves."""
+    """H (4x3) and residual (4) of `qakf`, multiplied by Q^-1 from the right."""
     turned = attitude.rotate(q, alpha)
     d, s = (beta - turned) / (2 * gravity), (beta + turned) / (2 * gravity)
     return ca.vertcat(-d.T, skew(s)), ca.vertcat(0, d)
 
 
 def profile_observation(q: Any, profile: Any, spread: Any) -> tuple[Any, Any]:
-    """H (4x3) and residual (4) of `qakf-improved`, likewise."""
+    """H (4x3) and residual (4) of `qakf-improved`, multiplied by Q^-1 from the right."""
     K = ca.SX.eye(4) / 2 - davenport(profile @ attitude.to_dcm(q).T) / (spread + 1e-300)
     return K[:, 1:], K[:, 0]
 
@@ -103,9 +105,9 @@ def profile_observation(q: Any, profile: Any, spread: Any) -> tuple[Any, Any]:
 def filtered(x: Any, gained: Any, gradient: Any, predicted: Any, square: Any, samples: Any, fading: float) -> dict[str, Any]:
     """Rows of `STATE` after an update.
 
-    gained: H^T W H (3x3) and gradient: H^T W e (3) for residual e and noise r W^-1.  predicted, square: trace(H P H^T)
-    and |e|^2, each over the trace of W^-1.  samples: updates before this one.  fading: information is kept over the last
-    so-many-th part of the samples, what was there at the start always; 0: for good.
+    gained: H^T W H (3x3) and gradient: H^T W e (3) for residual e and noise r W^-1. predicted, square: trace(H P H^T)
+    and |e|^2, each over the trace of W^-1. samples: updates before this one. fading: information beyond that of the
+    start is kept over the last 1 / fading of the samples; 0: all of it is kept.
     """
     share = MEMORY / (samples + MEMORY)
     noise = (1 - share) * x.noise_variance + share * maximum(square - predicted, LEAST_SHARE * square)
@@ -129,7 +131,7 @@ def trace_of_product(stored: Any, matrix: Any) -> Any:
 
 
 def inverse(information: Any) -> Any:
-    """Triangle of the inverse of a positive definite 3x3 matrix given as its triangle: by L D L^T, so positive definite too."""
+    """Triangle of the inverse of a positive definite 3x3 matrix given as its triangle, by L D L^T."""
     a, b, c, d, e, f = ca.vertsplit(information)  # (0,0) (0,1) (1,1) (0,2) (1,2) (2,2)
     l10, l20 = b / a, d / a
     d1 = c - l10 * b
@@ -149,7 +151,7 @@ def vector_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
 
 
 def profile_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
-    """Rows of `STATE` after the update of `qakf-improved`: noise r K in the tangent space, so that H^T (r K)^-1 H = K / r."""
+    """Rows of `STATE` after the update of `qakf-improved`: tangent-space noise r K, so H^T (r K)^-1 H = K / r."""
     K, e = H[1:, :], residual[1:]
     scale = ca.trace(K)
     predicted = trace_of_product(x.covariance, K.T @ K) / scale
@@ -158,30 +160,32 @@ def profile_update(x: Any, H: Any, residual: Any) -> dict[str, Any]:
 
 def vector_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample of `qakf`."""
-    rows = inertial_vectors.vectors(p, x, u)
-    H, residual = vector_observation(x.q_start, *inertial_vectors.latest(rows), x.rest_force_n[2])
-    return {**rows, **vector_update(x, H, residual)}
+    changed = inertial_vectors.vectors(p, x, u)
+    H, residual = vector_observation(x.q_start, *inertial_vectors.latest(changed), x.rest_force_n[2])
+    return {**changed, **vector_update(x, H, residual)}
 
 
 def profile_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample of `qakf-improved`."""
-    rows = inertial_vectors.vectors(p, x, u)
-    alpha, beta = inertial_vectors.latest(rows)
+    changed = inertial_vectors.vectors(p, x, u)
+    alpha, beta = inertial_vectors.latest(changed)
     profiles = inertial_vectors.profiles(p, x, alpha, beta, u.dt)
     keep = p.memory_time / (p.memory_time + u.dt)
     product = (ca.sumsqr(alpha) + ca.sumsqr(beta)) * u.dt
     early, late = x.early_spread + x.early_weight * product, keep * x.late_spread + product
     H, residual = profile_observation(x.q_start, profiles["early_profile"] + profiles["late_profile"], early + late)
-    return {**rows, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
+    return {**changed, **profiles, "early_spread": early, "late_spread": late, **profile_update(x, H, residual)}
 
 
 def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
-    """Attitude now; the age of the vertical is `lags` of the time: at worst, where large gyro biases make the filter late, and
-    as a mean.
+    """Attitude now.
+
+    lags: age of the estimated vertical as a share of the time, at worst (large gyro biases delay the filter) and on
+    average.
     """
     lost = inertial_vectors.DELAY * p.smoothing_time
     return {
-        "q_nb": inertial_vectors.attitude_now(x, x.q_start),
+        "q_nb": frozen_frame.q_nb(x, x.q_start),
         "attitude_sigma": inertial_vectors.stated_sigma(p, x, lost, *(lag * x.time for lag in lags)),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
@@ -196,7 +200,7 @@ def _estimator(
         title=title,
         parameters=PARAMETERS,
         state=inertial_vectors.STATE + further + STATE,
-        inputs=SAMPLE_INPUTS,
+        inputs=rows.SAMPLE_INPUTS,
         outputs=OUTPUTS,
         steps={"sample": Step(step)},
         output=lambda p, x: output(p, x, lags),

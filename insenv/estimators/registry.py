@@ -17,10 +17,8 @@ MODULES = (
     "gyrocompass",
     "qakf",
     "wander_sins",
-    "wander_sins_plain",
     "loosely_coupled",
-    "aqe_ekf",
-    "aqe_sukf",
+    "aqe",
     "lssvm",
     "smoother",
 )

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, InsenvError
-from insenv.estimators.lssvm import SUPPORT
-from insenv.estimators.lssvm_file import TrainedMachine
+from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.installing import install_extra
 from insenv.scenario import Scenario, load
 

@@ -16,7 +16,7 @@ from insenv.evaluation.errors import POSITION, Result, Track, errors, stated_sig
 from insenv.plant.feeding import bridge_lost
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.smoothing_follower import SmoothingFollower
+from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.sensors import SENSOR_ERROR
 

@@ -1,7 +1,8 @@
-"""Fixed-interval smoothing of a `loosely-coupled` run: forward once with a record, backward once."""
+"""Fixed-interval smoothing of a `loosely-coupled` run: one forward pass with a record, one backward pass."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
@@ -15,47 +16,46 @@ from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.errors import InsenvError
-from insenv.estimators import loosely_coupled, smoother
-from insenv.estimators.parts import smoother_backward as backward
-from insenv.estimators.parts import strapdown
+from insenv.estimators import Estimator, loosely_coupled, smoother
+from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, N
 from insenv.plant.feeding import input_rows
+from insenv.runs.follower import Follower
 from insenv.runs.smoother_record import Record
 
 Array = NDArray[np.float64]
 
-STRETCH = 2000  # samples between looks at the filter: 7 MB
+BLOCK = 2000  # samples filtered at a time: 7 MB
 
 
 class Smoother:
     """A run of the filter that can be smoothed: `take` samples, then `smoothed`.
 
-    parameters: of `loosely-coupled`, by row name.  backend: as for `make_runner`.
+    parameters: of `loosely-coupled`, by row name. backend: as for `make_runner`.
     """
 
     def __init__(self, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> None:
         self.forward = make_runner(smoother.MODEL, parameters, backend)
         table = smoother.MODEL.parameters
-        shared = {name: self.forward.p[table.slice(name)][0] for name in backward.MODEL.parameters.names}
-        self._backward = make_runner(backward.MODEL, shared, backend)
+        shared = {name: self.forward.p[table.slice(name)][0] for name in smoother.BACKWARD.parameters.names}
+        self._backward = make_runner(smoother.BACKWARD, shared, backend)
         self.record = Record()
 
     def take(self, columns: Mapping[str, Array], wanted: Array) -> None:
-        """Filter samples; `columns` as `loosely-coupled` takes them, (samples, ...) by name; `wanted` (samples, bool): which to
-        smooth.
+        """Filter samples. Raises `InsenvError` when the filter's estimate is no longer finite.
 
-        Raises `InsenvError` when the filter's estimate is no longer finite.
+        columns: inputs of `loosely-coupled`, (samples, ...) by name. wanted (samples, bool): which samples to smooth.
         """
-        rows = input_rows(smoother.MODEL, {**columns, "smoothed": wanted.astype(np.float64)}, len(wanted))
-        for begin in range(0, len(wanted), STRETCH):
-            part = slice(begin, begin + STRETCH)
-            outputs = self.forward.run(len(rows[part]), rows[part])
+        inputs = input_rows(smoother.MODEL, {**columns, "smoothed": wanted.astype(np.float64)}, len(wanted))
+        for begin in range(0, len(wanted), BLOCK):
+            part = slice(begin, begin + BLOCK)
+            outputs = self.forward.run(len(inputs[part]), inputs[part])
             if not np.isfinite(outputs[-1]).all():
                 raise InsenvError("the filter under the smoother diverged: its outputs are no longer finite numbers")
             self.record.add(outputs, wanted[part])
 
     def smoothed(self) -> dict[str, Array]:
-        """The smoothed run so far at the wanted samples: the rows of `smoother_outputs`, time along the first axis."""
+        """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
         corrections, covariances, nominal = self.error_states()
         return smoother_outputs(nominal, corrections, covariances)
 
@@ -63,20 +63,47 @@ class Smoother:
         """Smoothed error states (n, 15), their covariances (n, 15, 15), and the filter's states (n, NOMINAL.size)."""
         found: list[tuple[Array, Array, Array]] = []
         self._backward.start()
-        for rows, instants, nominal in self.record.backward():
-            # what stands before the pass goes back into an instant is what the measurements after it say
-            said = np.concatenate([self._backward.output()[None], self._backward.run(len(rows), rows[::-1])])[-2::-1]
-            told = backward.STATE.unpack(said[instants])
-            found.append((*_smoothed_errors(nominal, told["adjoint"], told["information"]), nominal))
+        for inputs, instants, nominal in self.record.backward():
+            # the state before the pass goes back into an instant holds the measurements after it
+            states = np.concatenate([self._backward.output()[None], self._backward.run(len(inputs), inputs[::-1])])[-2::-1]
+            later = smoother.BACKWARD_STATE.unpack(states[instants])
+            found.append((*_smoothed_errors(nominal, later["adjoint"], later["information"]), nominal))
         found.reverse()
         corrections, covariances, nominals = (np.concatenate(part) for part in zip(*found, strict=True))
         return corrections, covariances, nominals
 
 
+class SmoothingFollower(Follower):
+    """The smoother along a run or a replay: its filter follows the samples, `named` smooths."""
+
+    smoother: Smoother
+
+    @classmethod
+    def started(cls, estimator: Estimator, parameters: Mapping[str, Any], every: int) -> SmoothingFollower:
+        """The smoother started with `parameters` (SI, by row name); outputs every `every` samples."""
+        smoother = Smoother(parameters)
+        follower = cls(estimator, smoother.forward, every)
+        follower.smoother = smoother
+        return follower
+
+    def follow(self, columns: dict[str, Array], count: int) -> None:
+        """Filter `count` samples (a multiple of `every`). Raises `InsenvError` if the estimate is no longer finite."""
+        begin = time.process_time()
+        self.smoother.take(columns, (np.arange(count) + 1) % self.every == 0)
+        self.seconds += time.process_time() - begin
+
+    def named(self) -> dict[str, Array]:
+        """All outputs so far by row name, time along the first axis, smoothed."""
+        begin = time.process_time()
+        outputs = self.smoother.smoothed()
+        self.seconds += time.process_time() - begin
+        return outputs
+
+
 def smooth(
     parameters: Mapping[str, Any] | Vector, columns: Mapping[str, Array], every: int = 1, backend: str | None = None
 ) -> dict[str, Array]:
-    """The smoothed run of `loosely-coupled` with `parameters` over the samples in `columns`, after each `every` of them.
+    """The smoothed run of `loosely-coupled` over the samples in `columns`, at every `every`-th of them.
 
     Rows by name as `smoother_outputs` gives them, time along the first axis.
     """
@@ -88,13 +115,13 @@ def smooth(
 def smoother_outputs(nominal: Array, corrections: Array, covariances: Array) -> dict[str, Array]:
     """Navigation and its standard deviations from the filter's states (n, NOMINAL.size) and smoothed error states.
 
-    Rows by name: q_nb, velocity_n, latitude, longitude, height, gyro_bias, accel_bias, position_sigma, velocity_sigma (n),
-    attitude_sigma (rad about n).
+    Rows by name: q_nb, velocity_n, latitude, longitude, height, gyro_bias, accel_bias, position_sigma, velocity_sigma
+    (n), attitude_sigma (rad about n).
     """
     values = smoother.NOMINAL.unpack(nominal)
     states = [values[name] for name in _NAVIGATION]
-    *rows, C_nw = _corrected_outputs(*states, corrections)
-    named = dict(zip((*strapdown.OUTPUTS.names, "gyro_bias", "accel_bias"), rows, strict=True))
+    *shown, C_nw = _corrected_outputs(*states, corrections)
+    named = dict(zip((*rows.NAVIGATION.names, "gyro_bias", "accel_bias"), shown, strict=True))
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
         named[name] = np.sqrt(np.einsum("nij,njk,nik->ni", C_nw, covariances[:, part, part], C_nw))
     return named
@@ -114,7 +141,7 @@ def _corrected(*arguments: Any) -> tuple[Any, ...]:
     x = SimpleNamespace(**dict(zip(_NAVIGATION, states, strict=True)))
     changed = SimpleNamespace(**loosely_coupled.corrected(x, correction))
     outputs = strapdown.navigation_outputs(changed)
-    shown = [outputs[name] for name in strapdown.OUTPUTS.names]
+    shown = [outputs[name] for name in rows.NAVIGATION.names]
     return (*shown, changed.gyro_bias, changed.accel_bias, ca.SX(strapdown.C_nw(changed.q_ew)))
 
 

@@ -1,7 +1,7 @@
-"""What a forward pass leaves for the backward pass: in memory up to a bound, beyond it in a temporary file.
+"""The record of a forward pass for the backward pass: in memory up to `MEMORY`, beyond that in a temporary file.
 
-At 200 Hz with the covariance carried 20 times a second, a fix a second and 3000 smoothed instants, a flight of 2 h takes 41 MB:
-184 B for each of 144,000 instants, 1.5 kB a fix, 1.1 kB a smoothed instant.
+A flight of 2 h at 200 Hz, with the covariance propagated 20 times per second, one fix per second and 3000 smoothed
+instants, takes 41 MB: 184 B for each of 144,000 instants, 1.5 kB per fix, 1.1 kB per smoothed instant.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from insenv.core.tables import Table
 from insenv.estimators import smoother
-from insenv.estimators.parts import smoother_backward as backward
 
 Array = NDArray[np.float64]
 
@@ -32,7 +31,7 @@ class Record:
         self._blocks: list[list[tuple[int, int]]] = []
 
     def add(self, outputs: Array, wanted: Array) -> None:
-        """Outputs of the forward pass after each of some samples, and which of them are to be smoothed (bool)."""
+        """Add outputs of the forward pass (one row per sample); `wanted` (bool): the samples to be smoothed."""
         due, fix, rest = (outputs[:, _OUTPUTS.slice(name)][:, 0] != 0 for name in smoother.EVENTS.names)
         parts = (
             np.column_stack([_rows(outputs[due], smoother.EVENTS + smoother.INTERVAL), wanted[due]]),
@@ -52,8 +51,9 @@ class Record:
     def backward(self) -> Iterator[tuple[Array, NDArray[np.intp], Array]]:
         """Blocks from the last to the first, each in order of time.
 
-        Gives the input rows of the backward pass (rows, its inputs.size), the row with which the pass goes back into each
-        instant that is to be smoothed, and the filter's state at those instants (rows of `NOMINAL`).
+        Yields the input rows of the backward pass (rows, its inputs.size), the index of the row with which the pass
+        goes back into each instant that is to be smoothed, and the filter's states at those instants (instants,
+        NOMINAL.size).
         """
         end = self.size
         for shapes in reversed(self._blocks):
@@ -69,7 +69,8 @@ class Record:
 def _instants(events: Array, fixes: Array, rests: Array) -> tuple[Array, NDArray[np.intp]]:
     """Input rows of the backward pass in order of time, and the last row of each instant.
 
-    An instant has a row for each scalar measurement, and one if it has none; the transition to it goes with the first.
+    An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first
+    row.
     """
     with_fix, with_rest = (events[:, smoother.EVENTS.slice(name).start] != 0 for name in ("fix_used", "standing_now"))
     of_fix, of_rest = _scalars(smoother.FIX, fixes), _scalars(smoother.REST, rests)
@@ -77,7 +78,7 @@ def _instants(events: Array, fixes: Array, rests: Array) -> tuple[Array, NDArray
     length = np.maximum(count, 1)
     first = np.cumsum(length) - length
 
-    inputs = backward.INPUTS
+    inputs = smoother.BACKWARD_INPUTS
     rows = np.zeros((length.sum(), inputs.size))
     rows[:, inputs.slice("scalar_used").start] = np.repeat(count > 0, length)
     rows[first, inputs.slice("carried").start] = 1
@@ -93,11 +94,11 @@ def _instants(events: Array, fixes: Array, rests: Array) -> tuple[Array, NDArray
 
 
 def _scalars(table: Table, rows: Array) -> Array:
-    """Rows of `FIX` or `REST` as (instants, scalars, H and gain and weight and left)."""
+    """Rows of `FIX` or `REST` as (instants, scalars, 32): H, gain, weight and left of each scalar measurement."""
     H, gain, weight, left = table.unpack(rows).values()
     return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1)
 
 
 def _rows(outputs: Array, table: Table) -> Array:
-    """The columns of the forward pass's outputs that `table` names, in its order."""
+    """The columns of the outputs of the forward pass that `table` names, in its order."""
     return np.concatenate([outputs[:, _OUTPUTS.slice(name)] for name in table.names], axis=1)

@@ -19,8 +19,8 @@ from insenv.core.numeric import vectorized
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import get
 from insenv.estimators import loosely_coupled as lc
-from insenv.estimators.parts import aqe_tables
-from insenv.estimators.parts.aqe_algebra import Y
+from insenv.estimators.parts import quaternion_error
+from insenv.estimators.parts.quaternion_error import Y
 from insenv.evaluation import limits
 from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
@@ -192,7 +192,7 @@ def test_nees_of_the_15_state_filter_is_that_of_its_own_error_state():
 def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
     """Small correlated errors, added to the truth and described by the covariance."""
     rng = np.random.default_rng(7)
-    model, place = get("aqe-ekf").model, aqe_tables
+    model, place = get("aqe-ekf").model, quaternion_error
     for _ in range(5):
         base = lc.MODEL.state.unpack(random_state(rng))
         shared = {n: base[n] for n in ("q_wb", "velocity_w", "q_ew", "height")}

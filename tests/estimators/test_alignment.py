@@ -1,4 +1,4 @@
-"""q-method: any attitude, both hemispheres, its limit; and the eigenvectors under it."""
+"""q-method: any attitude, both hemispheres, its limit; and the eigenvectors that it uses."""
 
 import casadi as ca
 import numpy as np
@@ -40,7 +40,7 @@ def test_eigenvector_of_equal_and_zero_values(A):
 
 
 def test_eigenvector_resolves_close_values():
-    """The gap that heading has after a minute: some 1e-6 of the largest value."""
+    """The gap between eigenvalues from which heading follows after a minute: about 1e-6 of the largest value."""
     Q, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))
     found = eigenvector(Q @ np.diag([1.0, 1 - 2e-6, 0.2, 0.1]) @ Q.T)
     assert np.linalg.norm(found - Q[:, 0] * (found @ Q[:, 0])) < 1e-8
@@ -77,7 +77,7 @@ def test_identity_half_turns_and_vertical(q):
 
 @pytest.mark.parametrize("latitude_deg", [-50.0, 10.0, 45.0, 70.0])
 @pytest.mark.parametrize("axis", range(3))
-def test_biases_leave_the_error_that_theory_says(latitude_deg, axis):
+def test_errors_from_biases_are_those_of_theory(latitude_deg, axis):
     """Body on n: equations (42) of the ECEF paper. Gyro bias alone, then accelerometer bias alone."""
     latitude, q = np.radians(latitude_deg), np.array([1.0, 0, 0, 0])
     gyro, accel = np.zeros(3), np.zeros(3)
@@ -96,8 +96,8 @@ def test_biases_leave_the_error_that_theory_says(latitude_deg, axis):
     assert np.allclose(by_accel, expected, atol=1.1 * lag)
 
 
-def test_noise_limits_are_those_of_a_straight_line_and_a_brownian_path():
-    """Against a Monte Carlo of the best estimators that the formulas stand for."""
+def test_noise_limits_are_those_of_a_line_and_a_brownian_path():
+    """Against a Monte Carlo of the best linear unbiased estimators of the formulas."""
     rng = np.random.default_rng(2)
     T, dt, runs = 300.0, 0.5, 4000
     t = np.arange(dt, T + dt, dt)
@@ -116,8 +116,8 @@ def test_noise_limits_are_those_of_a_straight_line_and_a_brownian_path():
 @pytest.mark.parametrize(
     ("name", "ratio"), [("ship-swaying", 1.6), ("car-parked", 1.6), ("aircraft-parked", 1.6), ("turntable-quaternion", 1.6)]
 )
-def test_alignment_in_place_comes_to_its_limit(name, ratio):
-    """Every vehicle, over eight seeds: root mean square of heading error over root mean square of the limit."""
+def test_alignment_in_place_reaches_its_limit(name, ratio):
+    """Every vehicle, over eight seeds: RMS heading error over RMS limit."""
     found, limit = [], []
     for seed in range(8):
         result = run(load(name), ["q-method"], seed=seed).results[0]
@@ -142,7 +142,7 @@ def test_profile_and_davenport_signs():
 
 
 @pytest.mark.parametrize(("N", "V"), [(1e-5, 1e-9), (1e-12, 1e-3)])
-def test_the_bound_is_the_closed_form_where_one_noise_rules(N, V):
+def test_the_bound_is_the_closed_form_where_one_noise_dominates(N, V):
     times = np.array([100.0, 300.0])
     bound = limits.noise_bound(N, V, 0.6, 0.0, times)
     for row, time in zip(bound, times, strict=True):
@@ -152,8 +152,8 @@ def test_the_bound_is_the_closed_form_where_one_noise_rules(N, V):
             assert row[:2] == pytest.approx(expected[:2], rel=0.03)
 
 
-def test_no_estimator_beats_the_bound_and_q_method_comes_near_it():
-    """White noise alone, no bias, at rest: scatter of heading over 200 seeds at 100 s beside the bound."""
+def test_q_method_is_near_the_bound_and_not_below_it():
+    """White noise alone, no bias, at rest: scatter of heading over 200 seeds at 100 s against the bound."""
     rng, dt, n, rows = np.random.default_rng(8), 0.1, 1000, 200
     N, V, latitude = 2e-6, 3e-5, 0.6
     rate, g = geodesy.numeric.earth_rate_n(latitude), float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))

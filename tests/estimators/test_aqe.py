@@ -1,6 +1,4 @@
-"""Large misalignment: the additive-quaternion algebra against scipy, Jacobians against differences, and how both filters
-converge.
-"""
+"""Large misalignment: quaternion algebra against scipy, Jacobians against differences, convergence of both filters."""
 
 from functools import cache
 
@@ -12,36 +10,36 @@ from scipy.spatial.transform import Rotation
 from insenv import attitude, geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
-from insenv.estimators import aqe_ekf, aqe_sukf, get
-from insenv.estimators.parts import aqe_algebra as algebra
-from insenv.estimators.parts import quaternion_error as aqe_model
-from insenv.estimators.parts.aqe_tables import ACCEL, DQ, GYRO, POSITION, VELOCITY, N
+from insenv.estimators import aqe, get
+from insenv.estimators.parts import gnss_fix, quaternion_error
+from insenv.estimators.parts.quaternion_error import ACCEL, DQ, GYRO, POSITION, VELOCITY, N
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, load
 
-MODEL = aqe_ekf.ESTIMATOR.model
+MODEL = get("aqe-ekf").model
 SCALE = np.concatenate([np.full(4, 1e-5), np.full(3, 1e-6), np.full(3, 1e-4), np.full(3, 1e-2), np.full(3, 1.0)])
 
 
 @cache
 def functions():
-    q, dq, v = ca.SX.sym("q", 4), ca.SX.sym("dq", 4), ca.SX.sym("v", 3)
+    q, v = ca.SX.sym("q", 4), ca.SX.sym("v", 3)
     P, d = ca.SX.sym("P", 4, 4), ca.SX.sym("d", 3)
     p, x = ca.SX.sym("p", MODEL.parameters.size), ca.SX.sym("x", MODEL.state.size)
     age = ca.SX.sym("age")
     named = MODEL.parameters.symbols(p), MODEL.state.symbols(x)
-    part = aqe_ekf.linearised(named[1].stretch_q_wb, None, named[1].stretch_velocity, named[1].stretch_distance)
-    found = aqe_sukf.unscented(q, P, v, d)
+    part = aqe.linearised(named[1].stretch_q_wb, None, named[1].stretch_velocity, named[1].stretch_distance)
+    found = aqe.unscented(q, P, v, d)
+    antenna = gnss_fix.antenna(*named, age)
+    H = aqe.fix_sensitivity(named[0], named[1], age, antenna)
     return {
-        "U": ca.Function("U", [q], [algebra.U(q)]),
-        "Y": ca.Function("Y", [q], [algebra.Y(q)]),
-        "left": ca.Function("left", [q], [algebra.left(q)]),
-        "right": ca.Function("right", [q], [algebra.right(q)]),
-        "delta_C": ca.Function("delta_C", [dq, q], [algebra.delta_C(dq, q)]),
-        "sensitivity": ca.Function("sensitivity", [q, v], [algebra.sensitivity(q, v)]),
-        "Phi": ca.Function("Phi", [x], [aqe_model.transition(named[1], part)]),
-        "fix": ca.Function("fix", [p, x, age], list(aqe_model.predicted_fix(*named, age))),
+        "U": ca.Function("U", [q], [quaternion_error.U(q)]),
+        "Y": ca.Function("Y", [q], [quaternion_error.Y(q)]),
+        "left": ca.Function("left", [q], [quaternion_error.left(q)]),
+        "right": ca.Function("right", [q], [quaternion_error.right(q)]),
+        "sensitivity": ca.Function("sensitivity", [q, v], [quaternion_error.sensitivity(q, v)]),
+        "Phi": ca.Function("Phi", [x], [quaternion_error.transition(named[1], part)]),
+        "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H]),
         "unscented": ca.Function("unscented", [q, P, v, d], [found.G, found.mean, found.extra, found.C]),
     }
 
@@ -49,6 +47,11 @@ def functions():
 def call(name, *arguments):
     result = functions()[name](*arguments)
     return [r.full() for r in result] if isinstance(result, (list, tuple)) else result.full()
+
+
+def delta_C(dQ, q_hat):
+    """C_hat - C (3x3) from dQ = Q_hat - Q, both of unit length, (9)."""
+    return 2 * call("Y", dQ).T @ call("U", q_hat) - call("Y", dQ).T @ call("U", dQ)
 
 
 def unit(rng):
@@ -65,7 +68,7 @@ def test_difference_of_attitude_matrices_is_exact_for_errors_of_any_size(seed):
     rng = np.random.default_rng(seed)
     q_hat, q = unit(rng), unit(rng)
     dQ = q_hat - q
-    assert np.allclose(call("delta_C", dQ, q_hat), dcm(q_hat) - dcm(q), atol=1e-14)  # (8), (9)
+    assert np.allclose(delta_C(dQ, q_hat), dcm(q_hat) - dcm(q), atol=1e-14)  # (8), (9)
     other = 2 * call("Y", dQ).T @ call("U", q) + call("Y", dQ).T @ call("U", dQ)  # the second line of (9)
     assert np.allclose(other, dcm(q_hat) - dcm(q), atol=1e-14)
 
@@ -109,7 +112,7 @@ def random_state(rng):
 
 
 def with_error(x, error):
-    """The state of an estimate off from the state x by `error` (16): estimate less truth, biases what is left of them."""
+    """The state of an estimate with `error` (16) relative to state x: estimate minus truth."""
     s = MODEL.state.unpack(x)
     q = s["q_wb"] + error[DQ]
     theta = geodesy.numeric.transport_rate_w(error[POSITION], s["q_ew"], s["height"])
@@ -164,14 +167,14 @@ def test_transition_against_differences_of_the_mechanization(seed):
         step = directions[:, j] * scale[j]
         up, down = moved(with_error(x, step)), moved(with_error(x, -step))
         difference = (error_state(up, end) - error_state(down, end)) / 2
-        # what a second leaves out: products of the Earth's rate and the motion, some 1e-3 of the largest
+        # neglected over a second: products of the Earth's rate and the motion, some 1e-3 of the largest
         size = np.concatenate([np.full(n, np.abs(difference[part]).max()) for part, n in
                                ((DQ, 4), (GYRO, 3), (ACCEL, 3), (VELOCITY, 3), (POSITION, 3))])  # fmt: skip
         assert (np.abs(Phi @ step - difference) < 0.03 * size + 2e-4 * SCALE).all(), j
 
 
-def test_errors_of_any_size_go_by_the_closed_form():
-    """An attitude wrong by 100 deg: its quaternion error and its velocity error after a second."""
+def test_errors_of_any_size_follow_the_closed_form():
+    """An attitude wrong by about 100 deg: its quaternion error and its velocity error after a second."""
     rng = np.random.default_rng(5)
     x = random_state(rng)
     s = MODEL.state.unpack(x)
@@ -188,7 +191,7 @@ def test_errors_of_any_size_go_by_the_closed_form():
         runner.run(100, u, 0)
         ends.append(runner.state)
     dQ = wrong - s["q_wb"]
-    expected = call("delta_C", dQ, wrong) @ ends[0]["stretch_velocity"]
+    expected = delta_C(dQ, wrong) @ ends[0]["stretch_velocity"]
     assert np.allclose(ends[0]["velocity_w"] - ends[1]["velocity_w"], expected, atol=1e-3 * np.linalg.norm(expected))
     rate = ends[0]["omega_ie_w"] + ends[0]["omega_ew_w"]
     carried = attitude.numeric.multiply(np.r_[1, -rate / 2], attitude.numeric.multiply(dQ, ends[0]["stretch_turn"]))
@@ -249,7 +252,7 @@ def test_sigma_points_against_monte_carlo():
     [("large-misalignment", "aqe-ekf"), ("large-misalignment", "aqe-sukf"), ("large-misalignment-extreme", "aqe-sukf")],
 )
 def test_alignment_from_large_errors(scenario, id):
-    """Within two minutes level to the accelerometer's bias and heading to some tenths of a degree, as stated."""
+    """After two minutes tilt is within the accelerometer bias and heading within some tenths of a degree, as stated."""
     found = ensemble(load(scenario), [id], range(8), duration_s=120.0, records=120)
     error, sigma = found.attitude_errors_deg(id)[:, -1], np.degrees(found.outputs[id]["attitude_sigma"][:, -1])
     assert np.abs(error[:, :2]).max() < 0.01
@@ -269,10 +272,10 @@ def test_covariance_stays_positive(id):
     runner = make_runner(plant.model, plant.parameters, "interpreter")
     columns = plant.model.outputs.unpack(runner.run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    filter = make_runner(estimator.model, estimator.parameters(plant.knowledge), "interpreter")
-    filter.run(plant.samples, input_rows(estimator.model, columns, plant.samples), 0)
-    P = symmetric.full_array(filter.state["covariance"], N)
-    q = filter.state["q_wb"]
+    follower = make_runner(estimator.model, estimator.parameters(plant.knowledge), "interpreter")
+    follower.run(plant.samples, input_rows(estimator.model, columns, plant.samples), 0)
+    P = symmetric.full_array(follower.state["covariance"], N)
+    q = follower.state["q_wb"]
     assert np.abs(P[DQ, DQ] @ q).max() < 1e-9 * np.sqrt(P[DQ, DQ].max())  # on the tangent of the unit sphere
     onto = np.zeros((N, N - 1))
     onto[DQ, :3] = np.linalg.svd(q[None])[2][1:].T
@@ -282,8 +285,8 @@ def test_covariance_stays_positive(id):
     assert np.linalg.eigvalsh(P / np.outer(D, D)).min() > 0
 
 
-def test_a_vehicle_that_stands_is_levelled_without_fixes():
-    model, dt, count = aqe_sukf.ESTIMATOR.model, 0.01, 4000
+def test_a_vehicle_at_rest_is_levelled_without_fixes():
+    model, dt, count = get("aqe-sukf").model, 0.01, 4000
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.05, -0.1, 2.0))
     rate = C_nb.T @ geodesy.numeric.earth_rate_n(-0.7)
     force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(-0.7), 0.0))]

@@ -1,4 +1,4 @@
-"""ecef-kf and analytic: the paper's recursion against its matrices and scipy, Jacobians, table 1, starts, moving base."""
+"""ecef-kf and analytic: the recursion against the paper and scipy, Jacobians, table 1, starts, moving base."""
 
 import casadi as ca
 import numpy as np
@@ -9,8 +9,8 @@ from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
-from insenv.estimators import ecef_kf, ecef_model, get
-from insenv.estimators.parts import two_sample
+from insenv.estimators import ecef_kf, get
+from insenv.estimators.parts import kalman, two_sample
 from insenv.evaluation import limits
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
@@ -45,13 +45,13 @@ def paper_dcm(q):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_recursion_is_the_papers_and_turns_as_scipy_does(seed):
+def test_recursion_is_the_papers_and_agrees_with_scipy(seed):
     rng = np.random.default_rng(seed)
     start = Rotation.random(random_state=seed)
     conjugate = start.as_quat(scalar_first=True) * [1, -1, -1, -1]
     assert np.allclose(paper_dcm(conjugate), start.as_matrix(), atol=1e-15)  # (31) and (35) go together
 
-    # a rate that grows linearly in time, integrated finely by scipy: the error falls with the fourth power of the interval
+    # a rate linear in time, integrated finely by scipy: the error falls with the fourth power of the interval
     rate, growth, steps, errors = rng.normal(size=3), rng.normal(size=3) * 3, 1000, []
     for h in (0.04, 0.02):
         t = (np.arange(steps) + 0.5) * 2 * h / steps
@@ -122,7 +122,7 @@ def _errors(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_error_model_against_differences(seed):
     C, force, F = _errors(seed)
-    A = ecef_model.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
+    A = ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))
     assert np.allclose(np.array(ca.DM(A))[:6], F, atol=1e-8)
     assert not np.array(ca.DM(A))[6:].any()
 
@@ -133,13 +133,13 @@ def test_observation_of_a_mean_against_integration(seed):
     rng = np.random.default_rng(seed)
     C, force, _ = _errors(seed)
     T, n = 0.5, 500
-    F = np.array(ca.DM(ecef_model.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
+    F = np.array(ca.DM(ecef_kf.transition(ca.SX(1.0), ca.SX(C @ force), ca.SX(C))))
     x = rng.normal(size=12)
     mean = np.zeros(3)
     for _ in range(n):
         mean += (x + F @ x * T / n / 2)[:3] / n
         x = x + F @ x * (T / n) + F @ F @ x * (T / n) ** 2 / 2
-    H = np.array(ca.DM(ecef_model.observation(ecef_model.transition(ca.SX(T), ca.SX(C @ force * T), ca.SX(C * T)), 0.5)))
+    H = np.array(ca.DM(ecef_kf.observation(ecef_kf.transition(ca.SX(T), ca.SX(C @ force * T), ca.SX(C * T)), 0.5)))
     # what is left out: the drift of phi within the window, force T^2 / 6 b_g, and 2 omega_ie T / 2 dv
     assert np.abs(H @ x - mean).max() < 1.1 * np.linalg.norm(force) * T**2 / 6 * np.linalg.norm(x[9:]) + 1e-3
 
@@ -149,19 +149,19 @@ def test_propagation_and_observation_of_the_covariance():
     L = rng.normal(size=(12, 12))
     P, H = L @ L.T, rng.normal(size=(1, 12))
     A = np.array(
-        ca.DM(ecef_model.transition(ca.SX(1e-4), ca.SX(rng.normal(size=3) * 1e-3), ca.SX(rng.normal(size=(3, 3)) * 1e-4)))
+        ca.DM(ecef_kf.transition(ca.SX(1e-4), ca.SX(rng.normal(size=3) * 1e-3), ca.SX(rng.normal(size=(3, 3)) * 1e-4)))
     )
     noise, stored = rng.uniform(size=12), symmetric.triangle(ca.SX(P))
-    found = symmetric.full_array(np.array(ca.DM(ecef_model.propagate(stored, ca.sparsify(ca.SX(A)), ca.SX(noise)))).ravel(), 12)
+    found = symmetric.full_array(np.array(ca.DM(kalman.propagate(stored, ca.sparsify(ca.SX(A)), ca.SX(noise)))).ravel(), 12)
     assert np.allclose(found, (np.eye(12) + A) @ P @ (np.eye(12) + A).T + np.diag(noise), atol=1e-5)
-    stored, correction = ecef_model.observe(stored, ca.SX.zeros(12), ca.SX(H), 0.7, 0.3, 1)
+    stored, correction = kalman.measure(stored, ca.SX.zeros(12), ca.SX(H), 0.7, 0.3, 1)
     K = P @ H.T / (H @ P @ H.T + 0.3)
     assert np.allclose(np.array(ca.DM(correction)), K * 0.7)
     assert np.allclose(symmetric.full_array(np.array(ca.DM(stored)).ravel(), 12), P - K @ H @ P, atol=1e-10)
 
 
 def test_table_1():
-    """With a prior wide enough not to count; the prior of the data sheet moves pitch by 0.00013 deg."""
+    """With a prior wide enough to have no effect; the prior of the data sheet changes pitch by 0.00013 deg."""
     prior = {"tilt_sigma": np.radians(1), "heading_sigma": np.radians(10), "gyro_bias_sigma": 5e-8}
     found = ensemble(load("static-ecef"), ["ecef-kf"], [1], tuning={"ecef-kf": prior}, records=10)
     roll, pitch, heading = found.attitude_errors_deg("ecef-kf")[0, -1]
@@ -173,7 +173,7 @@ def test_table_1():
 
 
 def at_rest(id, q_nb, latitude, duration=100.0, dt=0.05, parameters=None):
-    """Attitude error (rotation vector in n, rad) after `duration` at rest without sensor errors, and the stated sigma."""
+    """Attitude error (rotation vector in n, rad) after `duration` at rest with perfect sensors, and its sigma."""
     C_nb = attitude.numeric.to_dcm(q_nb)
     rate, force = (
         C_nb.T @ geodesy.numeric.earth_rate_n(latitude),
@@ -201,13 +201,13 @@ def test_any_attitude_in_both_hemispheres(q, latitude_deg):
 
 
 @pytest.mark.parametrize("q", ATTITUDES)
-def test_told_attitude_with_errors(q):
+def test_start_attitude_with_errors(q):
     q, latitude = np.array(q) / np.linalg.norm(q), -0.6
     wrong = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.005, -0.004, 0.02])), q)
     names = ("start_roll", "start_pitch", "start_heading")
-    told = dict(zip(names, map(float, attitude.numeric.to_euler(wrong)), strict=True))
+    start = dict(zip(names, map(float, attitude.numeric.to_euler(wrong)), strict=True))
     parameters = {
-        **told,
+        **start,
         "accel_bias_sigma": 1e-5,
         "gyro_bias_sigma": 1e-9,
         "velocity_random_walk": 1e-5,
@@ -218,7 +218,7 @@ def test_told_attitude_with_errors(q):
     assert abs(error[2]) < 3 * sigma[2] < 0.003
 
 
-def test_analytic_has_the_error_that_biases_leave():
+def test_analytic_has_the_error_of_the_biases():
     result = run(load("static-ecef"), ["analytic"], duration_s=60.0).results[0]
     final = result.statistics()["final"]
     for name, value in final.items():
@@ -249,15 +249,15 @@ def test_covariance_is_consistent_in_the_laboratory():
     assert low < mean.min() <= mean.max() < high
 
 
-def test_swaying_ship_from_told_attitude():
+def test_swaying_ship_from_a_given_attitude():
     found = ensemble(load("ship-swaying"), ["ecef-kf"], range(8))
     errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
     assert np.abs(errors[:, :2]).max() < 0.02
     assert np.sqrt(np.mean((errors / sigma) ** 2)) < 1.5
 
 
-def test_irregular_sea_that_is_expected():
-    """A sway too gentle at the start to be seen would be taken for tilt: `sway_sigma` says that it is there."""
+def test_irregular_sea_with_expected_sway():
+    """A sway too gentle to be detected at the start would be taken for tilt; `sway_sigma` announces it."""
     found = ensemble(load("ship-irregular-sea"), ["ecef-kf"], range(6), tuning={"ecef-kf": {"sway_sigma": 0.3}})
     errors, sigma = found.attitude_errors_deg("ecef-kf")[:, -1], np.degrees(found.outputs["ecef-kf"]["attitude_sigma"][:, -1])
     assert np.abs(errors[:, 2]).max() < 0.3
@@ -301,7 +301,7 @@ def test_observation_of_a_fix_against_differences(seed, age):
     }
 
     def innovation(error):
-        """Of an estimate off by `error`: C_hat = exp(-phi) C, rates and forces with what is left of the biases in them."""
+        """Innovation of an estimate with `error`: C_hat = exp(-phi) C, rates and forces with the remaining biases."""
         dv, phi, accel, gyro = error.reshape(4, 3)
         turn, force = Rotation.from_rotvec(-phi), values["acceleration_e"] - values["gravity_e"]
         off = {

@@ -1,4 +1,4 @@
-"""A day of simulated time leaves covariances positive definite; a recorded input replayed gives the run to the bit."""
+"""A day of simulated time leaves covariances positive definite; a replayed recording is bit-identical to the run."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from insenv import attitude, geodesy, replay
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import aqe_tables
+from insenv.estimators.parts import quaternion_error
 from insenv.plant.feeding import input_rows
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import COURSE_SIGMA
@@ -40,10 +40,10 @@ def fixes(count, dt, every):
 
 
 def smallest_eigenvalue(id, state):
-    """Of the covariance over its standard deviations; of the quaternion filters on the tangent of the unit sphere."""
-    n = aqe_tables.N if id.startswith("aqe") else 15
+    """Smallest eigenvalue of the correlation matrix; of the quaternion filters on the tangent of the unit sphere."""
+    n = quaternion_error.N if id.startswith("aqe") else 15
     P = symmetric.full_array(state["covariance"], n)
-    if n == aqe_tables.N:
+    if n == quaternion_error.N:
         onto = np.zeros((n, n - 1))
         onto[:4, :3] = np.linalg.svd(state["q_wb"][None])[2][1:].T
         onto[4:, 3:] = np.eye(12)
@@ -55,7 +55,7 @@ def smallest_eigenvalue(id, state):
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "aqe-ekf", "aqe-sukf"])
 def test_a_day_keeps_the_covariance_positive_definite(id):
-    """One sample a second, a fix every ten, a third of the day without any but standing; looked at every hour."""
+    """One sample per second, a fix every ten, a third of the day with rest instead of fixes; checked every hour."""
     model, dt, hour = get(id).model, 1.0, 3600
     columns = fixes(DAY, dt, 10)
     columns["gnss_valid"][DAY // 3 : DAY * 2 // 3] = 0.0
@@ -75,7 +75,7 @@ def test_a_day_keeps_the_covariance_positive_definite(id):
 
 @pytest.fixture(scope="module")
 def recorded():
-    """(plant, columns by name) of a minute of sway; a rate whose interval is a binary fraction, as time stamps must tell it."""
+    """(plant, columns by name) of a minute of sway; its interval is a binary fraction, exact in time stamps."""
     plant = build(load("ship-swaying").model_copy(update={"rate_hz": 64.0}), seed=9, duration_s=60.0)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
@@ -85,8 +85,8 @@ def recorded():
 ALIGNMENTS = ["q-method", "qakf-improved", "ecef-kf", "gyrocompass", "inertial-fir", "analytic"]
 
 
-def test_a_recorded_log_replayed_gives_the_run_to_the_bit(recorded, tmp_path):
-    """Increments written as text and read back by `replay`, against the same estimators on the plant's own outputs."""
+def test_a_replayed_log_is_bit_identical_to_the_run(recorded, tmp_path):
+    """Increments written as text and read by `replay`, against the same estimators on the outputs of the plant."""
     plant, columns = recorded
     table = np.column_stack([columns["time"], columns["delta_angle"], columns["delta_velocity"]])
     lines = [",".join(repr(float(value)) for value in row) for row in table]
@@ -111,7 +111,7 @@ def test_a_recorded_log_replayed_gives_the_run_to_the_bit(recorded, tmp_path):
             assert np.array_equal(value, result.outputs[name]), (result.estimator, name)
 
 
-def test_inputs_kept_in_a_file_give_the_same_run_to_the_bit(tmp_path):
+def test_inputs_from_a_file_give_a_bit_identical_run(tmp_path):
     """A drive with fixes: NumPy's file of columns, both backends."""
     plant = build(load("car-city-drive"), seed=4, duration_s=40.0)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))

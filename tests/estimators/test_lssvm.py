@@ -1,4 +1,4 @@
-"""`lssvm` in the loop: its inputs against closed forms, the same bits in every runner, its file, and what it was trained on."""
+"""`lssvm`: its inputs against closed forms, bit-identical runners, its file, and its training data."""
 
 import json
 
@@ -11,9 +11,9 @@ from insenv import attitude
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
-from insenv.estimators import get, lssvm, lssvm_file
-from insenv.estimators.lssvm_file import TrainedMachine
-from insenv.estimators.parts import sins_gnss_differences as lssvm_differences
+from insenv.estimators import get, lssvm
+from insenv.estimators.lssvm import TrainedMachine
+from insenv.estimators.parts import sins_gnss_differences
 from insenv.plant.feeding import input_rows
 from insenv.reproduce import large_misalignment
 from insenv.runs.ensemble import ensemble
@@ -37,7 +37,7 @@ def test_only_exactly_rounded_operations():
         assert inexact_operations(kernel.function) == set()
 
 
-def test_the_same_bits_in_every_runner():
+def test_every_runner_is_bit_identical():
     parameters, rows, _ = fed(60.0)
     one = make_runner(MODEL, parameters, "interpreter").run(len(rows), rows, 100)
     assert np.abs(MODEL.outputs.unpack(one)["ready"]).max() == 1.0  # the machine has been asked
@@ -61,7 +61,7 @@ def test_machine_is_the_sum_over_its_support_vectors():
 
 @pytest.mark.parametrize("phi_deg", [(0.0, 0.0, 0.0), (0.5, -0.3, 2.0), (20.0, 10.0, -60.0), (50.0, -40.0, 140.0)])
 def test_inputs_against_closed_form(phi_deg):
-    """Perfect sensors at rest: acceleration difference (R - I)(-down), its rate (R - I) east, whatever the misalignment R."""
+    """Perfect sensors at rest: acceleration difference (R - I)(-down), its rate (R - I) east, for any R."""
     scenario = load("large-misalignment")
     still = {"roll": [], "pitch": [], "yaw": [], "north": [], "east": [], "down": []}
     sway = scenario.vehicle.sway.model_copy(update=still)
@@ -79,9 +79,9 @@ def test_inputs_against_closed_form(phi_deg):
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     numeric = attitude.numeric
     turn = numeric.from_rotation_vector(np.radians(phi_deg))
-    told = numeric.to_euler(numeric.multiply(turn, columns["q_nb"][0]))
+    given = numeric.to_euler(numeric.multiply(turn, columns["q_nb"][0]))
     known = get("lssvm").parameters(plant.knowledge) | dict(
-        zip(("start_roll", "start_pitch", "start_heading"), told, strict=True)
+        zip(("start_roll", "start_pitch", "start_heading"), given, strict=True)
     )
     runner = make_runner(MODEL, known | EMPTY)
     y = MODEL.outputs.unpack(runner.run(plant.samples, input_rows(MODEL, columns, plant.samples), plant.samples))
@@ -95,7 +95,7 @@ def test_inputs_against_closed_form(phi_deg):
 
 
 def test_sway_shows_the_heading():
-    """With a gyro bias told to be large the share of the sway grows, and the share of the rate falls as much."""
+    """With a large stated gyro bias the share of the sway grows, and the share of the rate falls as much."""
     parameters, rows, columns = fed(150.0, gyro_bias_sigma=1e-5, **EMPTY)
     y = MODEL.outputs.unpack(make_runner(MODEL, parameters).run(len(rows), rows, len(rows)))
     numeric = attitude.numeric
@@ -106,7 +106,7 @@ def test_sway_shows_the_heading():
 
 
 def test_the_shipped_machine_aligns_from_any_error():
-    """As the filter that it learnt from: tilt to the accelerometer's bias, heading to the gyro's; and as it states."""
+    """As the filter it was trained on: tilt within the accelerometer bias, heading within the gyro bias, as stated."""
     scenario = load("large-misalignment-extreme")
     drawn = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"))
     scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=drawn)})
@@ -116,10 +116,10 @@ def test_the_shipped_machine_aligns_from_any_error():
     assert np.abs(error[:, 2]).max() < 0.6
     assert (np.abs(error[:, 2]) < 4 * sigma[:, 2]).all() and (sigma[:, 2] < 0.4).all()
     first = np.degrees(found.outputs["lssvm"]["attitude_sigma"][:, 0])
-    assert np.allclose(first, [60, 60, 150])  # what was told, until the machine has been asked
+    assert np.allclose(first, [60, 60, 150])  # the start sigmas, until the first answer
 
 
-def test_a_fix_between_samples_and_late_is_taken_at_its_time():
+def test_a_fix_between_samples_and_late_is_used_at_its_time():
     scenario = load("large-misalignment")
     gnss = scenario.gnss.model_copy(update={"latency_s": 0.2, "epoch_offset_s": 0.004})
     found = [
@@ -132,8 +132,8 @@ def test_a_fix_between_samples_and_late_is_taken_at_its_time():
 # --- trained and judged ----------------------------------------------------------------------------
 
 
-def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
-    trained = lssvm_file.shipped().seeds
+def test_training_and_evaluation_have_other_scenarios_and_seeds():
+    trained = lssvm.shipped().seeds
     judged = {*large_misalignment.STARTS.values()}
     seeds = set(range(1, large_misalignment.SEEDS + 1))
     assert trained and all(trained.values())
@@ -146,12 +146,12 @@ def test_trained_on_other_scenarios_and_seeds_than_it_is_judged_on():
             differs = {key for key, value in plain[ours].items() if value != plain[theirs][key]}
             assert {"start", "vehicle", "imu", "knowledge"} <= differs
     biases = plain["large-misalignment-training"]["imu"]
-    assert biases["gyro_bias_deg_h"] == (0.0, 0.0, 0.0) and biases["gyro_bias_sigma_deg_h"] == 0.05  # none to learn by heart
+    assert biases["gyro_bias_deg_h"] == (0.0, 0.0, 0.0) and biases["gyro_bias_sigma_deg_h"] == 0.05  # drawn
 
 
-def test_the_shipped_machine_is_of_the_scenario_as_it_is_now():
+def test_the_shipped_machine_belongs_to_the_present_scenario():
     training = pytest.importorskip("insenv.learning.training")
-    for run in lssvm_file.shipped().training["runs"]:
+    for run in lssvm.shipped().training["runs"]:
         assert run["digest"] == training.digest(load(run["scenario"]))
 
 
@@ -170,7 +170,7 @@ def machine(count=5):
 def test_file_keeps_every_bit(tmp_path):
     one = machine()
     one.save(tmp_path / "m.json")
-    other = lssvm_file.load(tmp_path / "m.json")
+    other = lssvm.load(tmp_path / "m.json")
     for name in ("support", "coefficients", "offset", "scale", "machine_sigma"):
         assert np.array_equal(getattr(one, name), getattr(other, name))
     assert other.training == one.training and other.insenv == "0.1.0" and other.seeds == {"x": {1, 2}}
@@ -199,32 +199,32 @@ def changed(**changes):
         (changed(version=2), "version 2: this insenv reads up to 1; use a newer insenv"),
         (changed(version="1"), "version '1': allowed is 1"),
         (changed(machine=None), "damaged: it lacks its machine"),
-        (changed(training={}), "damaged: it does not say which runs"),
+        (changed(training={}), "damaged: it does not list the runs"),
         (changed(machine__support=[[1.0, 2.0]]), r"damaged: machine.support has shape \(1, 2\)"),
         (changed(machine__offset=["a", 1, 2]), "damaged: machine.offset is not an array of numbers"),
         (changed(machine__scale=[1e999] * 6), "damaged: machine.scale .* not finite"),
         (changed(machine__coefficients=[[1.0, 2.0, 3.0]]), "damaged: 5 support vectors, 1 coefficients"),
     ],
 )
-def test_wrong_files_are_told(tmp_path, change, words):
+def test_wrong_files_are_errors(tmp_path, change, words):
     machine().save(tmp_path / "m.json")
     content = json.loads((tmp_path / "m.json").read_text())
     change(content)
     (tmp_path / "m.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=words):
-        lssvm_file.load(tmp_path / "m.json")
+        lssvm.load(tmp_path / "m.json")
 
 
 @pytest.mark.parametrize(
     ("data", "words"),
     [(b"", "not JSON"), (b"\xff\xfe\x00", "not JSON"), (b"[1]", "not a trained machine"), (b'{"format":', "not JSON")],
 )
-def test_files_that_are_none(tmp_path, data, words):
+def test_files_of_another_kind(tmp_path, data, words):
     (tmp_path / "m.json").write_bytes(data)
     with pytest.raises(InputError, match=words):
-        lssvm_file.load(tmp_path / "m.json")
+        lssvm.load(tmp_path / "m.json")
     with pytest.raises(InputError, match="cannot read"):
-        lssvm_file.load(tmp_path / "n.json")
+        lssvm.load(tmp_path / "n.json")
     with pytest.raises(InputError, match=r"'lssvm'\.file: .*m\.json"):
         tuning("lssvm", {"file": str(tmp_path / "m.json")})
     with pytest.raises(InputError, match="allowed is the path of a file"):
@@ -234,7 +234,7 @@ def test_files_that_are_none(tmp_path, data, words):
 
 
 def test_chain_covariance_is_that_of_the_differences():
-    """White noises alone: the scatter of the inputs about their mean is what the chain states."""
+    """White noise alone: the scatter of the inputs about their mean is that of the chain's covariance."""
     scenario = load("large-misalignment")
     right = dict.fromkeys(("roll_error_deg", "pitch_error_deg", "heading_error_deg"), 0.0)
     scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=right)})
@@ -249,7 +249,7 @@ def test_chain_covariance_is_that_of_the_differences():
     columns["dt"] = np.full(12000, 0.01)
     rows, sigma = input_rows(MODEL, columns, 12000), []
     x = ca.SX.sym("x", MODEL.state.size)
-    function = ca.Function("s", [x], [lssvm_differences.heading_sigma(MODEL.state.symbols(x))])
+    function = ca.Function("s", [x], [sins_gnss_differences.heading_sigma(MODEL.state.symbols(x))])
     for part in (rows[:8000], rows[8000:]):
         runner.run(len(part), part, 0)
         sigma.append(float(function(runner.x)))

@@ -12,7 +12,7 @@ from insenv.bench.truth import drift_ned
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import error_model
+from insenv.estimators.parts import error_model, kalman
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
@@ -117,7 +117,7 @@ def test_transition_against_differences_of_the_mechanization(seed, covariance_in
 def test_propagation_is_a_congruence_and_first_order_exact():
     rng = np.random.default_rng(1)
     stored, A = ca.SX.sym("P", 120), ca.SX.sym("A", error_model.N, error_model.N)
-    function = ca.Function("f", [stored, A], [error_model.propagate(stored, A, ca.SX.zeros(15))])
+    function = ca.Function("f", [stored, A], [kalman.propagate(stored, A, ca.SX.zeros(15))])
     L = rng.normal(size=(15, 15))
     P = L @ L.T
     small = rng.normal(size=(15, 15)) * 1e-5
@@ -136,7 +136,7 @@ def test_fix_sensitivities_against_differences(seed, age):
     p = MODEL.parameters.pack({"antenna_lever_arm": rng.normal(size=3) * 3})
 
     def predicted(error):
-        """The antenna's place and velocity as an estimate with that error sees them, about the true place."""
+        """Position and velocity of the antenna predicted with that error, relative to the true position."""
         state = with_error(x, error)
         s = MODEL.state.unpack(state)
         # a bias error is also one of the rate and the force of the last sample
@@ -197,9 +197,7 @@ def position_error(columns, y):
     ],
 )
 def test_a_fix_between_samples_or_late_is_as_good_as_one_on_time(timing):
-    """At 12 to 20 m/s a fix taken 3.7 ms off would be wrong by some 5 cm, one 0.2 s late by metres: the fixes are good to 2
-    cm.
-    """
+    """At 12 to 20 m/s a time error of 3.7 ms is about 5 cm, one of 0.2 s is metres; the fixes are good to 2 cm."""
     exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
 
     def rms(**gnss):
@@ -236,8 +234,8 @@ def test_outliers_are_gated():
     assert errors[5.0] < 0.3 < 5 < errors[0.0]
 
 
-def test_a_filter_that_refuses_everything_comes_to_listen():
-    """Started 500 m off and sure of it: after ten refused fixes the gate opens."""
+def test_a_filter_that_rejects_every_fix_opens_its_gate():
+    """Started 500 m off with a small sigma: after ten rejected fixes the gate opens."""
     exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
     lost = {"start_latitude": np.radians(47.0745), "position_sigma": 0.01, "velocity_sigma": 1e-3, "tilt_sigma": 1e-4}
     _, columns, runner, y = next(navigated("car-city-drive", exact, parameters=lost, duration_s=100.0))

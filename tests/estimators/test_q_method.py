@@ -1,4 +1,4 @@
-"""q-method's low-pass and weights: what of a sway they leave, and what they cost."""
+"""Low-pass and weights of the q-method: residual sway and cost."""
 
 import casadi as ca
 import numpy as np
@@ -39,7 +39,7 @@ def test_time_constant_zero_is_no_low_pass():
     assert np.allclose(found, signal, rtol=1e-15) and not values.any() and not rates.any()
 
 
-def test_the_weights_are_those_of_the_windows_alike_at_both_ends():
+def test_the_weights_are_those_of_the_windows():
     """Unit vectors one at a time through `sample`'s recursion: l(t) h(T - t) + 2 h(t) l(T - t) by convolution."""
     dt, n, memory = 0.25, 240, 20.0
     step = passed(np.ones(n), 4.0, dt)[0]
@@ -56,7 +56,7 @@ def test_the_weights_are_those_of_the_windows_alike_at_both_ends():
 
 
 def test_sway_alone_leaves_little():
-    """A perfect unit on the swaying ship, weights as for its marine unit: a twentieth of what that unit's noise leaves."""
+    """A perfect unit on the swaying ship, weights of its marine unit: a twentieth of the error from its noise."""
     scenario = load("ship-swaying")
     scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": "perfect"})})
     e = ensemble(scenario, ["q-method"], [1], records=60, tuning={"q-method": {"memory_time": 34.4}})

@@ -21,7 +21,7 @@ PLAIN = {"smoothing_time": 0.0, "memory_time": 1e9}
 
 
 def at_rest(id, q_nb, latitude, duration=120.0, dt=0.05, accel_noise=0.0, **parameters):
-    """Runner after `duration` at rest, noise (m/s^2 a sample) from a fixed seed."""
+    """Runner after `duration` at rest, noise (m/s^2 per sample) from a fixed seed."""
     C_nb, n = attitude.numeric.to_dcm(q_nb), round(duration / dt)
     rate = C_nb.T @ geodesy.numeric.earth_rate_n(latitude)
     force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))]
@@ -74,7 +74,7 @@ def _observations():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_observation_and_its_jacobian_against_the_paper_s_matrices(seed):
-    """H theta and the residual, turned back by Q, against M Q and K Q of the definition and their differences."""
+    """H theta and the residual, multiplied by Q, against M Q and K Q of the definition and their differences."""
     rng = np.random.default_rng(seed)
     q, alpha, beta, function = rng.normal(size=4), rng.normal(size=3) * 9, rng.normal(size=3) * 9, _observations()
     q /= np.linalg.norm(q)
@@ -113,7 +113,7 @@ def test_covariance_stays_positive_definite_over_a_day(id):
 
 
 def test_low_pass_gain_delay_and_bypass():
-    """Unit gain, the delay that the stated accuracy counts with, the Butterworth cut-off; time constant 0 changes nothing."""
+    """Unit gain, the delay used by the stated accuracy, the Butterworth cut-off; time constant 0 changes nothing."""
     dt, tau, n = 0.02, 2.0, 10000
     values, rates, value = ca.SX.sym("v", 3, 3), ca.SX.sym("r", 3, 3), ca.SX.sym("x", 3)
     step = ca.Function("f", [values, rates, value], inertial_vectors.low_pass(values, rates, value, tau, dt))

@@ -1,4 +1,4 @@
-"""Standing found from the inertial unit and the filter's velocity: never while moving, nearly always at rest."""
+"""Detection of rest from the inertial unit and the filter's velocity: never in motion, nearly always at rest."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ WINDOW = 200  # samples: one second
 
 
 def drive(seed, duration_s=260.0, **tuning):
-    """(largest speed, whether standing was found) by windows of a second, and the errors of velocity by sample (n, 3)."""
+    """(largest speed, whether rest was detected) by windows of a second, and velocity errors by sample (n, 3)."""
     plant = build(load("car-city-drive"), seed=seed, duration_s=duration_s)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
@@ -32,7 +32,7 @@ def drive(seed, duration_s=260.0, **tuning):
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_stops_are_found_and_motion_is_never_taken_for_one(seed):
+def test_stops_are_detected_and_motion_never_is(seed):
     speed, found, _ = drive(seed)
     at_rest = speed < 0.02
     assert at_rest.sum() > 40 and (~at_rest).sum() > 150
@@ -40,7 +40,7 @@ def test_stops_are_found_and_motion_is_never_taken_for_one(seed):
     assert not found[speed > 0.05].any()
 
 
-def test_standing_bounds_the_velocity():
+def test_detected_rest_bounds_the_velocity():
     speed, found, error = drive(3)
     _, none, free = drive(3, standing_window=0.0)
     assert found.any() and not none.any()
@@ -50,7 +50,7 @@ def test_standing_bounds_the_velocity():
 
 
 def still(count, dt, velocity_n=(0.0, 0.0, 0.0), vibration=0.0, **parameters):
-    """The flag after `count` samples of a level unit carried at a constant velocity, with specific force shaken (m/s^2)."""
+    """The flag after `count` samples of a level unit at a constant velocity, with vibration (m/s^2)."""
     latitude = 0.6
     rng = np.random.default_rng(2)
     force = np.array([0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))])
@@ -69,10 +69,8 @@ def still(count, dt, velocity_n=(0.0, 0.0, 0.0), vibration=0.0, **parameters):
     return runner.x[FLAG] != 0
 
 
-def test_what_is_taken_for_standing():
-    """100 Hz, the window's last sample: rest; a smooth ride at 5 m/s, which the unit cannot tell from it; shaking beyond
-    allowance.
-    """
+def test_conditions_of_rest():
+    """100 Hz, last sample of the window: rest; a smooth ride at 5 m/s, which looks like it; too large a vibration."""
     assert still(100, 0.01)
     assert not still(100, 0.01, velocity_n=(5.0, 0.0, 0.0))
     assert still(100, 0.01, vibration=0.04)

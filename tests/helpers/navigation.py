@@ -7,7 +7,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.estimators import loosely_coupled as lc
-from insenv.estimators.parts import strapdown
+from insenv.estimators.parts import gnss_fix, strapdown
 
 MODEL = lc.MODEL
 
@@ -19,10 +19,11 @@ def _functions():
     rows = dict(vars(named[1]))
     corrected = MODEL.state.assemble({**rows, **lc.corrected(named[1], error)})
     age = ca.SX.sym("age")
-    fix = lc.predicted_fix(named[0], named[1], age)
+    antenna = gnss_fix.antenna(named[0], named[1], age)
+    H = lc.fix_sensitivity(named[0], age, antenna)
     return {
         "corrected": ca.Function("corrected", [x, error], [corrected]),
-        "fix": ca.Function("fix", [p, x, age], list(fix)),
+        "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H[:3, :], H[3:, :]]),
         "C_nw": ca.Function("C_nw", [x], [strapdown.C_nw(named[1].q_ew)]),
     }
 

@@ -1,14 +1,15 @@
-"""Three fixed-interval smoothers of a filter's recorded pass, in NumPy: what the compiled one is checked against.
+"""Three fixed-interval smoothers of a filter's recorded pass, in NumPy, as a reference for the compiled one.
 
-They all start from the same record and are the same in exact arithmetic:
+They start from the same record and are equal in exact arithmetic:
 
-bryson_frazier  the adjoint filter of `insenv.estimators.parts.smoother_backward`; inverts nothing.
-two_filter      the paper's form: a filter run backward from no knowledge, combined with the one forward (Fraser, Potter 1969).
-rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed one after it.
+bryson_frazier  the adjoint filter of `insenv.estimators.smoother`; inverts nothing.
+two_filter      the paper's form: a backward filter that starts without information, combined with the forward filter
+                (Fraser, Potter 1969).
+rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed state after it.
 
-The error state is that of the filter's state as fed back: just after an instant's measurements its estimate is 0, and at a
-measurement the state it refers to jumps by the correction fed back.  A filter without feedback is the same: its estimate is the
-state and its correction the jump.
+The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is
+0, and at a measurement the state that it refers to jumps by the correction fed back. A filter without feedback is the same
+case: its estimate is the state and its correction the jump.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scalars:
-    """The scalar measurements of one instant in the order used: sensitivities H (m, n), gains (m, n), inverse variances of
-    their innovations `weight` (m,; 0 with a gain of 0: not used), and innovations `left` (m,) less what those before explained.
+    """The scalar measurements of one instant in the order used.
+
+    H (m, n): sensitivities. gain (m, n). weight (m): inverse variances of the innovations; 0 with a gain of 0: not used.
+    left (m): innovations minus what the measurements before them explained.
     """
 
     H: Array
@@ -43,8 +46,8 @@ class Scalars:
 class Pass:
     """A filter's pass over K instants of a system of n states.
 
-    transition (K, n, n), noise (K, n, n): of the stretch that *ends* at each instant, so that transition[k] takes the error
-    state at k - 1 to k; that of the first instant is not used.  covariance (K, n, n): after each instant's measurements.
+    transition (K, n, n), noise (K, n, n): of the interval that *ends* at each instant, so transition[k] takes the error
+    state at k - 1 to k; that of the first instant is not used. covariance (K, n, n): after the measurements of each instant.
     scalars: of each instant.
     """
 

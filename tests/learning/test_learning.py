@@ -17,7 +17,7 @@ from sklearn.utils.estimator_checks import estimator_checks_generator  # noqa: E
 from insenv import attitude  # noqa: E402
 from insenv.cli.train import seed_range  # noqa: E402
 from insenv.errors import InputError  # noqa: E402
-from insenv.estimators import lssvm, lssvm_file  # noqa: E402
+from insenv.estimators import lssvm  # noqa: E402
 from insenv.estimators.lssvm import kernel  # noqa: E402
 from insenv.learning import training  # noqa: E402
 from insenv.learning.regressor import LSSVMRegressor, pivots, rbf  # noqa: E402
@@ -203,7 +203,7 @@ def test_a_trained_machine_aligns_what_it_has_not_seen(trained):
 
 def test_conditions_are_kept(trained):
     machine, path, told = trained
-    loaded = lssvm_file.load(path)
+    loaded = lssvm.load(path)
     assert loaded.seeds == {TRAINING: set(range(500, 510))}
     run = loaded.training["runs"][0]
     assert run["duration_s"] == 180.0 and run["digest"] == digest(load(TRAINING))

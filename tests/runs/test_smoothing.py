@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing: against dense least squares on a time-varying system, and one form against another on a flight."""
+"""Fixed-interval smoothing: against dense least squares on a time-varying system, and form against form on a flight."""
 
 import importlib.util
 from dataclasses import replace
@@ -16,7 +16,6 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import get, smoother
 from insenv.estimators.parts import error_model
-from insenv.estimators.parts import smoother_backward as backward
 from insenv.evaluation.errors import POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
@@ -33,7 +32,7 @@ FORMS = {"bryson-frazier": bryson_frazier, "two-filter": two_filter, "rts": rts}
 
 
 def linear_problem(seed, instants=40, n=4):
-    """(transitions, noises, sensitivities, variances, measurements, start covariance): every one another at every instant."""
+    """(transitions, noises, sensitivities, variances, measurements, start covariance), different at every instant."""
     rng = np.random.default_rng(seed)
     Phi = 0.95 * np.array([np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(instants)])
     G = rng.normal(size=(instants, n, 2))  # noise of rank 2
@@ -105,7 +104,7 @@ def test_every_form_is_the_least_squares_solution_of_a_time_varying_system(form,
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_transition_taken_one_instant_off_would_be_seen(form):
+def test_a_transition_one_instant_off_is_detected(form):
     problem = linear_problem(0)
     kept, estimates = filtered(problem)
     shifted = replace(kept, transition=np.roll(kept.transition, 1, axis=0))
@@ -116,7 +115,7 @@ def test_a_transition_taken_one_instant_off_would_be_seen(form):
 
 
 def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), seed=0, **gnss):
-    """(plant, columns, parameters of the filter) of a simulated run whose unit has the errors that the filter models."""
+    """(plant, columns, parameters of the filter) of a simulated run with the sensor errors that the filter models."""
     loaded = load(scenario)
     changed = {"grade": "rtk", "outages_s": outages, "outlier_probability": 0.0, **gnss}
     loaded = loaded.model_copy(update={"gnss": loaded.gnss.model_copy(update=changed)})
@@ -131,7 +130,7 @@ def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), s
 
 
 def kept_pass(kept, p):
-    """The record of a forward pass, every instant of it smoothed, as a `Pass`: transitions rebuilt from the error model."""
+    """The record of a forward pass, every instant smoothed, as a `Pass`; transitions from the error model."""
     flat = ca.SX.sym("i", smoother.INTERVAL.size)
     rows = smoother.INTERVAL.symbols(flat)
     interval = error_model.Interval(*[getattr(rows, name) for name in smoother.INTERVAL.names])
@@ -144,13 +143,13 @@ def kept_pass(kept, p):
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
         covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
-        first = np.flatnonzero(block[:, backward.INPUTS.slice("carried").start])
+        first = np.flatnonzero(block[:, smoother.BACKWARD_INPUTS.slice("carried").start])
         assert len(instants) == len(first)
         for begin, last in zip(first, instants, strict=True):
-            rows = backward.INPUTS.unpack(block[begin : last + 1])
+            rows = smoother.BACKWARD_INPUTS.unpack(block[begin : last + 1])
             given = function(block[begin, -smoother.INTERVAL.size :]).full()
             Phi = np.eye(15)
-            for i in range(15):  # row after row, as error_model.propagate applies them
+            for i in range(15):  # row after row, as kalman.propagate applies them
                 E = np.eye(15)
                 E[i] = given[i] * (1 + given[i, i])
                 E[i, i] = 1 + given[i, i]
@@ -166,7 +165,7 @@ def test_all_forms_agree_on_a_drive_with_an_outage_and_a_stop():
     _, columns, p = drive()
     wanted = np.arange(len(columns["dt"])) % 5 == 4
     columns["standing"][wanted] = (columns["time"][wanted] > 30) & (columns["time"][wanted] < 31)
-    columns["gnss_latitude"] = columns["gnss_latitude"] + 1e-4 * (np.arange(len(wanted)) == 1999)  # one that the gate refuses
+    columns["gnss_latitude"] = columns["gnss_latitude"] + 1e-4 * (np.arange(len(wanted)) == 1999)  # one is rejected
     run_ = Smoother(p)
     run_.take(columns, wanted)
     states, covariances, _ = run_.error_states()
@@ -180,7 +179,7 @@ def test_all_forms_agree_on_a_drive_with_an_outage_and_a_stop():
         assert np.abs((other_covariances - covariances) / unit).max() < bound, form
 
 
-def test_the_forward_pass_is_the_filter_to_the_bit_and_the_last_state_is_the_filters():
+def test_the_forward_pass_is_bit_identical_to_the_filter():
     _, columns, p = drive()
     models = [get(id).model for id in ("loosely-coupled", "smoother")]
     rows = [input_rows(m, columns, len(columns["dt"])) for m in models]
@@ -192,7 +191,7 @@ def test_the_forward_pass_is_the_filter_to_the_bit_and_the_last_state_is_the_fil
         assert np.allclose(smoothed[name][0], runs[0][name][-1], rtol=1e-12, atol=1e-12), name
 
 
-def test_neither_the_blocks_nor_the_file_nor_the_runner_matter(monkeypatch):
+def test_blocks_file_and_runner_do_not_change_the_result(monkeypatch):
     _, columns, p = drive(duration_s=12.0, outages=())
     whole = smooth(p, columns, every=60)
     monkeypatch.setattr(record, "MEMORY", 1000)
@@ -203,15 +202,15 @@ def test_neither_the_blocks_nor_the_file_nor_the_runner_matter(monkeypatch):
         assert np.array_equal(value, whole[name]), name
 
 
-def test_a_record_is_as_small_as_said():
-    """Some 45 MB for 2 h at 200 Hz, a fix a second and 3000 smoothed instants."""
+def test_size_of_the_record():
+    """About 45 MB for 2 h at 200 Hz, a fix per second and 3000 smoothed instants."""
     _, columns, p = drive(duration_s=36.0, outages=())
     run_ = Smoother(p)
     run_.take(columns, (np.arange(7200) + 1) % 480 == 0)
     assert run_.record.size * 200 < 50e6
 
 
-def test_smoothed_errors_are_what_the_covariance_says_over_seeds():
+def test_smoothed_errors_agree_with_their_covariance():
     """Normalised errors in mid-run over 24 seeds inside the 99.9 % chi-square bounds."""
     total, count = 0.0, 0
     for seed in range(24):
@@ -243,7 +242,7 @@ def strapdown_turn(run_):
 
 
 def test_four_outages_of_a_minute_smoothed():
-    """The airborne paper's: within 0.3 m in every channel, the largest error in mid-outage, no jump at the ends."""
+    """As in the airborne paper: within 0.3 m in every channel, the largest error in mid-outage, no jump at the ends."""
     report = run(load("aircraft-survey"), ["smoother", "loosely-coupled"], seed=1, duration_s=1300.0)
     smoothed, aided = report.results
     assert smoothed.estimator == "smoother" and set(smoothed.limit) == set(aided.limit)

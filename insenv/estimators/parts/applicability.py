@@ -1,12 +1,12 @@
-"""Where alignment is not applicable: heading by the Earth's rotation needs gyros better than its horizontal part.
+"""Where alignment is not applicable: heading by the Earth's rotation needs gyros better than its horizontal component.
 
-A gyro error d about east, and a tilt about north that accelerometers good to b leave, look like a heading error of
+A gyro error d about east, and a tilt about north that an accelerometer error b leaves, cause a heading error of
 
     d / (omega_ie cos L),   (b / g) tan L
 
-(`insenv.evaluation.limits`), whatever the method.  What an alignment is told of its gyros and accelerometers thus says before
-it starts
-whether its heading can mean anything; near a pole both grow without bound, and north itself turns from place to place.
+(`insenv.evaluation.limits`), whatever the method. So the data sheet of gyros and accelerometers shows in advance
+whether the heading can have a meaning. Near a pole both errors grow without bound, and the direction of north changes
+from place to place.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import Any
 from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
 
 DOUBTFUL = 0.1
-"""rad: from such a heading error on a note is made; as a fraction, that of gyro error over horizontal Earth rate."""
+"""rad: a larger heading error gives a note; as a ratio, gyro error over horizontal Earth rate."""
 HOPELESS = 1.0
-"""rad: from here on the linear formula says that there is no heading at all."""
+"""rad: with a heading error of this size or more there is no heading."""
 NEAR_POLE = 0.5 * pi / 180
 """rad of latitude, 56 km."""
 
@@ -28,8 +28,8 @@ NEAR_POLE = 0.5 * pi / 180
 def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
     """Sentences about the heading of an alignment by the Earth's rotation, after `duration_s` of data.
 
-    parameters: SI, by row name: `latitude`, `gyro_bias_sigma`, `accel_bias_sigma`, `angle_random_walk`, and `moving` where
-    there is one (the vehicle has GNSS velocity and moves: no sentence).
+    parameters: SI, by row name: `latitude`, `gyro_bias_sigma`, `accel_bias_sigma`, `angle_random_walk`, and `moving` if
+    there is one (1: the vehicle moves and has GNSS velocity, so there is no sentence).
     """
     if float(parameters.get("moving", 0.0)) != 0.0:
         return ()
@@ -39,8 +39,8 @@ def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
     to_pole = pi / 2 - abs(latitude)
     if to_pole < NEAR_POLE:
         found.append(
-            f"{degrees(to_pole):.2g} deg ({A * to_pole / 1000:.3g} km) from a pole: north turns from place to place, and "
-            "heading means little; a navigating estimator works there, in wander azimuth"
+            f"{degrees(to_pole):.2g} deg ({A * to_pole / 1000:.3g} km) from a pole: the direction of north changes from "
+            "place to place, so heading has little meaning; use a navigating estimator (wander azimuth) there"
         )
     horizontal = OMEGA_IE * max(cos(latitude), 1e-9)
     rate = hypot(bias, walk / sqrt(max(duration_s, 1.0)))
@@ -54,11 +54,12 @@ def _doubt(by_gyro: float, by_tilt: float, rate: float, horizontal: float, latit
     hourly = degrees(1) * 3600
     if by_gyro >= by_tilt:
         why = (
-            f"gyros told to be good to {rate * hourly:.3g} deg/h are {by_gyro:.2g} of the horizontal Earth rate, "
-            f"{horizontal * hourly:.3g} deg/h at {degrees(latitude):.4g} deg"
+            f"a gyro error of {rate * hourly:.3g} deg/h is {by_gyro:.2g} times the horizontal Earth rate of "
+            f"{horizontal * hourly:.3g} deg/h at {degrees(latitude):.4g} deg of latitude"
         )
     else:
-        why = f"accelerometers that level to {degrees(by_tilt / abs(tan(latitude))):.2g} deg, at {degrees(latitude):.4g} deg"
+        level = degrees(by_tilt / abs(tan(latitude)))
+        why = f"the accelerometers level to {level:.2g} deg, at {degrees(latitude):.4g} deg of latitude"
     size = hypot(by_gyro, by_tilt)
     if size >= HOPELESS:
         return f"not applicable for heading: {why}"

@@ -1,7 +1,8 @@
 """Eigenvectors of small symmetric matrices over CasADi symbols, by cyclic Jacobi rotations.
 
-A fixed number of sweeps: no branches, no start vector that could be orthogonal to the answer, the same operations every time.
-Convergence is quadratic; five sweeps of a 4x4 matrix reach rounding.  Source: Golub and Van Loan (2013), section 8.5.
+A fixed number of sweeps: no branches, no start vector that could be orthogonal to the result, always the same
+operations. Convergence is quadratic; five sweeps of a 4x4 matrix reach rounding. Source: Golub and Van Loan (2013),
+section 8.5.
 """
 
 from __future__ import annotations

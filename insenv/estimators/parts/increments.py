@@ -1,7 +1,7 @@
-"""From a sample's increments to its rotation and its velocity change: coning, sculling and rotation compensation.
+"""Rotation and velocity change of an inertial sample: coning, sculling and rotation compensation.
 
-The body's rate and specific force are taken as linear in time over the present sample and the one before; the results are
-then of third order in the sample interval.
+Rate and specific force of the body are taken as linear in time over the present sample and the one before; the results
+are of third order in the sample interval.
 
 Sources: Savage, "Strapdown inertial navigation integration algorithm design", J. Guidance 21 (1998), part 1 for coning,
 part 2 for sculling and rotation compensation; the last product of rotation compensation is the second-order term of a
@@ -17,28 +17,21 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
 
-SAMPLE_INPUTS = Table((
-    Row("delta_angle", "Integral of the measured angular rate over the sample", "rad", (3,), "b", lower=-1e3, upper=1e3),
-    Row("delta_velocity", "Integral of the measured specific force over the sample", "m/s", (3,), "b", lower=-1e5, upper=1e5),
-    Row("dt", "Sample interval", "s", start=0.005, lower=1e-6, upper=10.0),
-))  # fmt: skip
-"""What every estimator takes with each inertial sample."""
-
 MEMORY = Table((
-    Row("previous_delta_angle", "Compensated delta angle of the sample before", "rad", (3,), "b"),
-    Row("previous_delta_velocity", "Compensated delta velocity of the sample before", "m/s", (3,), "b"),
-    Row("samples", "Number of samples taken", "1"),
+    Row("previous_delta_angle", "Bias-corrected delta angle of the previous sample", "rad", (3,), "b"),
+    Row("previous_delta_velocity", "Bias-corrected delta velocity of the previous sample", "m/s", (3,), "b"),
+    Row("samples", "Number of samples so far", "1"),
 ))  # fmt: skip
-"""What is remembered of the sample before."""
+"""State rows: the previous sample."""
 
 
 def compensated(x: Any, delta_angle: Any, delta_velocity: Any) -> tuple[Any, Any]:
     """Rotation vector of the sample and its velocity change in the body axes at its start (3, rad; 3, m/s; b).
 
-    x: rows of `MEMORY`.  delta_angle, delta_velocity: increments with known errors taken off.
+    x: rows of `MEMORY`. delta_angle, delta_velocity: increments with known errors subtracted.
     """
-    # The first sample has no predecessor; the second makes up for it: by the same fit of linear rates to the two samples, the
-    # coning and sculling of the first equal its own.
+    # the first sample has no predecessor, so the second counts twice: by the same linear fit to the two samples, coning
+    # and sculling of the first equal those of the second
     weight = select(x.samples == 1, 2 / 12, 1 / 12)
     before_angle, before_velocity = x.previous_delta_angle, x.previous_delta_velocity
     rotation = delta_angle + weight * ca.cross(before_angle, delta_angle)

@@ -1,75 +1,64 @@
-"""What `lssvm` sees: velocity and position of a free-running SINS less those of GNSS, and how they grow.
+"""The inputs of `lssvm`: velocity and position of a free-running SINS minus those of GNSS, and how they grow.
 
-Frames: i is b at the start, frozen; n0 is n at the start, frozen.  Gyros carry q_ib, the Earth's known rate q_n0n, and the
-constant q_n0i is the attitude at the start as the SINS takes it.  Its error, the misalignment R = C_hat C^T, is constant
-but for what gyros do wrong, however large it is.  The vehicle stays within metres of the place it is told, so
+Frames (`insenv.estimators.parts.frozen_frame`): i is b at the start, n0 is n at the start, both frozen. The constant
+q_n0i is the start attitude that the SINS assumes. Its error, the misalignment R = C_hat C^T, is constant except for
+gyro errors, however large it is. The vehicle stays within metres of the known place, so
 
-    SINS:  velocity and position of it are the integrals A of the specific force, R beta
-    GNSS:  those of it are the integrals B of the specific force at rest, and C_n0n times the displacement that GNSS shows
-    difference:  A - B = (R - I) times the integrals of beta, to within what the displacement itself is misaligned by
+    SINS:  its velocity and position are the integrals A of the specific force, R beta
+    GNSS:  its velocity and position are the integrals B of the specific force at rest, and C_n0n times the displacement
+    difference: A - B = (R - I) times the integrals of beta, up to the misalignment of the displacement itself
 
-(R - I) beta turns with the Earth: its value now is the tilt's, its rate ((R - I) (omega_ie x beta)) the heading's.  A Kalman
-filter of a chain of integrators - difference of position, of velocity, acceleration and its rate - with the white noises of
-the unit and of the fixes takes them out of the differences.  All axes share one covariance.  The filter is linear, so it
-runs on A in i and on B in n0, each by itself with the same gains, and a correction of q_n0i turns all that is past with it.
+(R - I) beta rotates with the Earth: its present value shows the tilt, its rate (R - I) (omega_ie x beta) the heading. A
+Kalman filter of a chain of integrators - difference of position, of velocity, acceleration and its rate - with the
+white noises of the inertial unit and of the fixes estimates them from the differences. All axes share one covariance.
+The filter is linear, so it runs on A in i and on B in n0 separately with the same gains, and a correction of q_n0i
+rotates its whole past.
 
-A gyro bias about east makes the same rate as a heading error, and the same second rate.  What tells them apart is the sway: the
-chain's innovations show the vehicle's own motion, by the SINS and by GNSS, turned by R against one another.  Their profile
-matrix (sum of products, as in Wahba's problem) gives a second heading, noisy but free of the bias.  Its weight is its
-information D against that of the other, (omega_ie cos L / gyro bias sigma)^2.
+A gyro bias about east causes the same rate as a heading error, and the same second rate. The sway separates them: the
+innovations of the chains are the vehicle's own motion, by the SINS and by GNSS, rotated by R relative to one another.
+Their profile matrix (sum of products, as in Wahba's problem) gives a second heading, noisy but free of the bias. Its
+weight is its information relative to that of the other, (omega_ie cos L / gyro bias sigma)^2.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core import symmetric
-from insenv.core.elementary import select, sin_cos
+from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts.frozen_frame import q_n0n, turned
-from insenv.estimators.parts.increments import MEMORY, compensated, remembered
+from insenv.estimators.parts import frozen_frame, rows
+from insenv.estimators.parts.frozen_frame import horizontal_earth_rate, q_n0n, turned
+from insenv.estimators.parts.increments import MEMORY
 
 CHAIN = 4
 FEATURES = 6
 READY = 0.005
-"""rad: the differences show the heading from the fix on at which noises leave less than that of it."""
+"""rad: the heading is in the features once the standard deviation from noise is below this."""
 LEAST_BIAS = 1e-12  # rad/s
-_LARGEST_START = (100.0, 10.0, 25.0, 2e-3)  # of the differences: m, m/s, m/s^2, m/s^3; nothing is known of them
+_LARGEST_START = (100.0, 10.0, 25.0, 2e-3)  # start sigmas of the differences, large: m, m/s, m/s^2, m/s^3
 
-PARAMETERS = Table((
-    Row("latitude", "Geodetic latitude", "rad", lower=-math.pi / 2, upper=math.pi / 2),
-    Row("longitude", "Longitude", "rad", lower=-2 * math.pi, upper=2 * math.pi),
-    Row("height", "Height over the ellipsoid", "m", lower=-12e3, upper=1e5),
-    Row("start_roll", "Roll at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
-    Row("start_pitch", "Pitch at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
-    Row("start_heading", "Heading at the start", "rad", lower=-2 * math.pi, upper=2 * math.pi),
-    Row("gyro_bias_sigma", "Standard deviation of the gyro bias", "rad/s", start=1e-6, lower=0.0, upper=1.0),
-    Row("accel_bias_sigma", "Accelerometer bias that the stated accuracy counts with", "m/s^2", lower=0.0, upper=100.0),
-    Row("angle_random_walk", "White noise of the gyros", "rad/s^0.5", start=1e-6, lower=0.0, upper=1.0),
-    Row("velocity_random_walk", "White noise of the accelerometers", "m/s^1.5", start=1e-4, lower=0.0, upper=100.0),
-    Row("antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),
-))  # fmt: skip
+PARAMETERS = (
+    rows.PLACE
+    + rows.START_ATTITUDE
+    + rows.chosen(rows.NOISES, gyro_bias_sigma=1e-6, angle_random_walk=1e-6, velocity_random_walk=1e-4)
+    + rows.LEVER_ARM
+)
 
-STATE = Table((
-    Row("q_ib", "Attitude since the start: takes b components to components in b at the start", "1", (4,), "i", (1, 0, 0, 0)),
-    Row("q_n0i", "Attitude at the start: takes i components to components in n at the start", "1", (4,), "n0", (1, 0, 0, 0)),
-    Row("axis_n", "The Earth's axis", "1", (3,), "n"),
-    Row("gravity", "Normal gravity", "m/s^2"),
-    Row("half_turn", "Cosine and sine of half the angle that the Earth has turned since the start", "1", (2,), start=(1, 0)),
+STATE = frozen_frame.FRAME + Table((
     Row("velocity_i", "Integral of the specific force", "m/s", (3,), "i"),
     Row("position_i", "Its integral", "m", (3,), "i"),
     Row("force_i", "Specific force of the last sample", "m/s^2", (3,), "i"),
     Row("rest_velocity", "Integral of the specific force at rest, to the last fix's epoch", "m/s", (3,), "n0"),
     Row("rest_position", "Its integral", "m", (3,), "n0"),
-    Row("rest_half_turn", "As half_turn, at the last fix's epoch", "1", (2,), start=(1, 0)),
+    Row("rest_half_turn", "Row half_turn at the last fix's epoch", "1", (2,), start=(1, 0)),
     Row("dt", "Interval of the last sample", "s", start=1.0),
     Row("stretch", "Time since the last fix's epoch", "s"),
-    Row("chain_sins", "Chain of the SINS's position, velocity, acceleration and its rate", "SI", (CHAIN, 3), "i"),
-    Row("chain_gnss", "The same of GNSS", "SI", (CHAIN, 3), "n0"),
+    Row("chain_sins", "Chain of the SINS: position, velocity, acceleration and its rate", "SI", (CHAIN, 3), "i"),
+    Row("chain_gnss", "Chain of GNSS", "SI", (CHAIN, 3), "n0"),
     Row("chain_covariance", "Covariance of the chain of one axis, upper triangle by columns", "SI",
         (symmetric.triangle_size(CHAIN),)),
     Row("sway", "Sum of products of the two chains' innovations in position over their variance", "1", (3, 3), "i, n0"),
@@ -77,35 +66,30 @@ STATE = Table((
 
 
 def start(p: Any) -> dict[str, Any]:
-    """The start as told, and what the place determines."""
-    sin_latitude, cos_latitude = sin_cos(p.latitude)
+    """The given start attitude, and the rows that the place determines."""
     sigma = ca.vertcat(*_LARGEST_START)
     return {
-        "axis_n": ca.vertcat(cos_latitude, 0, -sin_latitude),
-        "gravity": geodesy.normal_gravity(sin_latitude, p.height),
+        **frozen_frame.start(p),
         "q_n0i": attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading),
         "chain_covariance": symmetric.triangle(ca.diag(sigma * sigma)),
     }
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample: attitude since the start, and the SINS's velocity and position."""
-    rotation, increment = compensated(x, u.delta_angle, u.delta_velocity)
-    gained = attitude.rotate(x.q_ib, increment)
+    """One inertial sample: attitude since the start, and velocity and position of the SINS."""
+    changed, gained = frozen_frame.advanced(x, u)
     return {
-        "q_ib": attitude.renormalize(attitude.multiply(x.q_ib, attitude.from_small_rotation_vector(rotation))),
-        "half_turn": turned(x.half_turn, u.dt),
+        **changed,
         "velocity_i": x.velocity_i + gained,
         "position_i": x.position_i + (x.velocity_i + gained / 2) * u.dt,
         "force_i": gained / u.dt,
         "dt": u.dt,
         "stretch": x.stretch + u.dt,
-        **remembered(x, u.delta_angle, u.delta_velocity),
     }
 
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One fix, at its own epoch: the chains of SINS and GNSS, carried there and corrected."""
+    """One fix, at its own epoch: propagate the chains of SINS and GNSS to it and correct them."""
     T, age = x.stretch - u.gnss_age, u.gnss_age
     rest_velocity, rest_position = _rest(x, T)
     half_turn = turned(x.half_turn, -age)
@@ -129,7 +113,7 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     settled = heading_sigma(x) < READY
     sway = x.sway
     for place, present in ((0, 1), (1, u.gnss_velocity_valid)):
-        variance = (sigmas[place][0] ** 2 + sigmas[place][1] ** 2) / 2  # of a horizontal axis: that is where heading shows
+        variance = (sigmas[place][0] ** 2 + sigmas[place][1] ** 2) / 2  # of a horizontal axis, which shows the heading
         per_variance = 1 / (P[place, place] + variance)
         left = computed[place].T - sins[place, :], shown[place].T - gnss[place, :]
         if place == 0:
@@ -151,10 +135,11 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def features(p: Any, x: Any) -> Any:
-    """The inputs of the machine (6), pure numbers of the size of the misalignment phi about n (rad) where it is small:
+    """The inputs of the machine (6), dimensionless; for a small misalignment phi about n (rad):
 
-    acceleration difference over gravity, north, east, down (-phi_E, phi_N, 0); its rate over gravity and horizontal Earth
-    rate, north (-phi_D (1 - w)) and east (0); heading by the sway (phi_D w), w the sway's share of the information.
+    acceleration difference over gravity, north, east, down (-phi_E, phi_N, 0); its rate over gravity and horizontal
+    Earth rate, north (-phi_D (1 - w)) and east (0); heading by the sway (phi_D w), w the share of the sway in the
+    information.
     """
     back = attitude.conjugate(q_n0n(x.half_turn, x.axis_n))
     into_n = attitude.multiply(back, x.q_n0i)
@@ -162,7 +147,7 @@ def features(p: Any, x: Any) -> Any:
     def difference(place: int) -> Any:
         return attitude.rotate(into_n, x.chain_sins[place, :].T) - attitude.rotate(back, x.chain_gnss[place, :].T)
 
-    horizontal = _horizontal_rate(x)
+    horizontal = horizontal_earth_rate(x)
     profile = attitude.to_dcm(into_n) @ x.sway @ attitude.to_dcm(back).T
     across, along = profile[1, 0] - profile[0, 1], profile[0, 0] + profile[1, 1]
     by_rate = (horizontal / (p.gyro_bias_sigma + LEAST_BIAS)) ** 2
@@ -172,30 +157,24 @@ def features(p: Any, x: Any) -> Any:
 
 
 def heading_sigma(x: Any) -> Any:
-    """What the noises leave of the heading in the features, rad."""
+    """Standard deviation of the heading in the features from noise, rad."""
     place = symmetric.place(3, 3)
-    return ca.sqrt(x.chain_covariance[place]) / (x.gravity * _horizontal_rate(x))
+    return ca.sqrt(x.chain_covariance[place]) / (x.gravity * horizontal_earth_rate(x))
 
 
 def tilt_sigma(x: Any) -> Any:
-    """The same of roll and pitch, rad."""
+    """Standard deviation of roll and pitch in the features from noise, rad."""
     return ca.sqrt(x.chain_covariance[symmetric.place(2, 2)]) / x.gravity
 
 
 def turned_back(x: Any, tilt: Any) -> Any:
-    """q_n0i without a misalignment whose rotation vector in n now is `tilt` (3, rad), to third order."""
+    """q_n0i with a misalignment of rotation vector `tilt` in n now (3, rad) removed, to third order."""
     turn = attitude.rotate(q_n0n(x.half_turn, x.axis_n), tilt)
     return attitude.normalize(attitude.multiply(ca.vertcat(1, -turn / 2), x.q_n0i))
 
 
-def q_nb(x: Any) -> Any:
-    """Attitude now."""
-    back = attitude.conjugate(q_n0n(x.half_turn, x.axis_n))
-    return attitude.normalize(attitude.multiply(back, attitude.multiply(x.q_n0i, x.q_ib)))
-
-
 def _rest(x: Any, T: Any) -> tuple[Any, Any]:
-    """Integrals of the specific force at rest in n0, carried over T (s) by its series in the Earth's turn."""
+    """Integrals of the specific force at rest in n0, extended over T (s) by its series in the Earth's rotation."""
     q, rate = q_n0n(x.rest_half_turn, x.axis_n), geodesy.OMEGA_IE * x.axis_n
     terms = [ca.vertcat(0, 0, -x.gravity)]
     for _ in range(4):
@@ -211,13 +190,8 @@ def _rest(x: Any, T: Any) -> tuple[Any, Any]:
     )
 
 
-def _horizontal_rate(x: Any) -> Any:
-    """Of the Earth, rad/s; at a pole, where there is no heading, a trace of it."""
-    return geodesy.OMEGA_IE * (ca.fabs(x.axis_n[0]) + 1e-12)
-
-
 def _transition(T: Any) -> Any:
-    """Phi (4x4) over T: a chain of integrators."""
+    """Phi (4x4) of a chain of integrators over T (s)."""
     Phi, factor = ca.SX.eye(CHAIN), ca.SX(1)
     for order in range(1, CHAIN):
         factor = factor * T / order
@@ -227,7 +201,7 @@ def _transition(T: Any) -> Any:
 
 
 def _noise(p: Any, x: Any, T: Any) -> Any:
-    """Covariance (4x4) that the white noises add over T: of the accelerometers in velocity, of the gyros in tilt."""
+    """Covariance (4x4) that white noise adds over T (s): of the accelerometers in velocity, of the gyros in tilt."""
     force, tilt = p.velocity_random_walk**2, (x.gravity * p.angle_random_walk) ** 2
     Q = ca.SX(CHAIN, CHAIN)
     Q[0, 0] = force * T**3 / 3 + tilt * T**5 / 20

@@ -1,15 +1,15 @@
-"""Whether a vehicle stands, from what its inertial unit shows over a window and from the velocity estimated.
+"""Whether a vehicle is at rest, from its inertial unit over a window and from the estimated velocity.
 
-At rest the specific force is gravity, constant but for white noise and what an engine, the wind and people shake, and the
-rate is that of the same shaking.  With these as normal noise of variance s_f^2 and s_w^2 an axis, the generalised likelihood
-ratio of standing against any motion comes down to (Skog, Haendel, Nilsson, Rantakokko, "Zero-velocity detection - an
-algorithm evaluation", IEEE Trans. Biomed. Eng. 57 (2010))
+At rest the specific force is gravity, constant except for white noise and the vibration that an engine, wind and people
+cause, and the rate is that of the same vibration. With these as normal noise of variance s_f^2 and s_w^2 per axis, the
+generalised likelihood ratio of rest against any motion reduces to (Skog, Haendel, Nilsson, Rantakokko, "Zero-velocity
+detection - an algorithm evaluation", IEEE Trans. Biomed. Eng. 57 (2010))
 
     L = mean |f - mean f|^2 / (3 s_f^2) + mean |w|^2 / (3 s_w^2) < THRESHOLD
 
-An inertial unit alone cannot tell standing from a smooth straight ride.  So it must also hold that the velocity carried has not
-changed over the window by more than `GATE` standard deviations of what tilt and bias errors make of it, and that zero lies
-within `GATE` of the filter's own standard deviations of its velocity.
+An inertial unit alone cannot distinguish rest from a smooth straight ride. So two more conditions must hold: over the
+window the estimated velocity has changed by at most `GATE` standard deviations of what tilt and bias errors cause, and
+zero lies within `GATE` of the filter's own standard deviations of its velocity.
 """
 
 from __future__ import annotations
@@ -20,15 +20,34 @@ import casadi as ca
 
 from insenv.core import symmetric
 from insenv.core.elementary import select
+from insenv.core.tables import Row, Table
+from insenv.estimators.parts import rows
 from insenv.estimators.parts.error_model import ACCEL, TILT, VELOCITY
 from insenv.geodesy import NOMINAL_GRAVITY
 
 THRESHOLD = 1.5
 GATE = 3.0
 
+PARAMETERS = rows.STANDING_SIGMA + Table((
+    Row("standing_window", "Window over which rest is detected; 0: no detection", "s", start=1.0, lower=0, upper=60.0),
+    Row("standing_rate", "Angular rate that engine, wind and people cause at rest", "rad/s", start=5e-3, lower=0, upper=10.0),
+    Row("standing_force", "Specific force that they cause", "m/s^2", start=0.05, lower=0, upper=100.0),
+))  # fmt: skip
+
+STATE = Table((
+    Row("still_samples", "Samples in the window of the detection of rest"),
+    Row("still_time", "Length of that window so far", "s"),
+    Row("still_angle_square", "Sum of its squared delta angles", "rad^2"),
+    Row("still_velocity", "Sum of its delta velocities", "m/s", (3,), "b"),
+    Row("still_velocity_square", "Sum of their squares", "m^2/s^2"),
+    Row("still_change_w", "Change of velocity over it", "m/s", (3,), "w"),
+    Row("still_due", "1 when the window is full"),
+    Row("standing_now", "1 when the vehicle is known or detected to be at rest"),
+))  # fmt: skip
+
 
 def watched(p: Any, x: Any, delta_angle: Any, delta_velocity: Any, change_w: Any, dt: Any) -> dict[str, Any]:
-    """Rows of the window after one more sample; it begins anew after the one that filled it."""
+    """Rows of the window after one more sample; a new window starts after the sample that filled it."""
     goes_on = 1 - x.still_due
     time = goes_on * x.still_time + dt
     return {
@@ -43,7 +62,7 @@ def watched(p: Any, x: Any, delta_angle: Any, delta_velocity: Any, change_w: Any
 
 
 def likelihood(p: Any, x: Any) -> Any:
-    """L of the full window."""
+    """The likelihood ratio L of the full window."""
     n, dt = x.still_samples, x.still_time / x.still_samples
     scatter = x.still_velocity_square - ca.sumsqr(x.still_velocity) / n
     force = scatter / (n * dt * dt) / (3 * (p.velocity_random_walk**2 / dt + p.standing_force**2))
@@ -52,7 +71,7 @@ def likelihood(p: Any, x: Any) -> Any:
 
 
 def found(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The full window judged: `standing_now` stays 1 where it was said."""
+    """`standing_now` after a full window; it stays 1 where the vehicle is known to be at rest."""
     steady = ca.sumsqr(x.still_change_w) < GATE**2 * (p.standing_sigma**2 + x.still_time**2 * _force_variance(x))
     quiet = ca.logic_and(likelihood(p, x) < THRESHOLD, steady)
     for i in range(VELOCITY.start, VELOCITY.stop):
@@ -62,6 +81,6 @@ def found(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def _force_variance(x: Any) -> Any:
-    """Variance (m^2/s^4) of the acceleration that the estimate sees at rest: of its tilts and accelerometer biases."""
+    """Variance (m^2/s^4) of the apparent acceleration at rest, from the errors of tilt and accelerometer bias."""
     tilt = sum(x.covariance[symmetric.place(i, i)] for i in range(TILT.start, TILT.start + 2))
     return NOMINAL_GRAVITY**2 * tilt + sum(x.covariance[symmetric.place(i, i)] for i in range(ACCEL.start, ACCEL.stop))

@@ -1,11 +1,11 @@
-"""Strapdown mechanization in the wander-azimuth frame: the one shared by every navigating estimator.
+"""Strapdown mechanization in the wander-azimuth frame, shared by every navigating estimator.
 
-Frame w is NED turned about Down by the wander angle and is carried along with zero rate about Down, so nothing is singular
-at the poles; position is the quaternion q_ew (w components to e components) and the height.  No trigonometry is evaluated.
+Frame w is NED turned about Down by the wander angle and moves with the vehicle without rotation about Down, so nothing
+is singular at the poles. Position is the quaternion q_ew (w components to e components) and the height. No trigonometry
+is evaluated.
 
-Increments are compensated to third order in the sample interval (`insenv.estimators.parts.increments`), and Earth terms stand
-at the
-middle of the interval.  Source of the wander-azimuth form: Groves (2013), section 5.5.
+Increments are compensated to third order in the sample interval (`insenv.estimators.parts.increments`), and Earth terms
+are those of the middle of the interval. Source of the wander-azimuth form: Groves (2013), section 5.5.
 """
 
 from __future__ import annotations
@@ -17,51 +17,25 @@ import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core.elementary import select
+from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts.increments import MEMORY, compensated, remembered
 
-START = Table(
-    (
-        Row("start_latitude", "Geodetic latitude at the start", "rad", lower=-1.5707963267948966, upper=1.5707963267948966),
-        Row("start_longitude", "Longitude at the start", "rad", lower=-6.283185307179586, upper=6.283185307179586),
-        Row("start_height", "Height over the ellipsoid at the start", "m", lower=-12e3, upper=1e6),
-        Row("start_velocity_n", "Velocity at the start", "m/s", (3,), "n", lower=-1e4, upper=1e4),
-        Row("start_roll", "Roll at the start", "rad", lower=-6.283185307179586, upper=6.283185307179586),
-        Row("start_pitch", "Pitch at the start", "rad", lower=-6.283185307179586, upper=6.283185307179586),
-        Row("start_heading", "Heading at the start", "rad", lower=-6.283185307179586, upper=6.283185307179586),
-    )
-)
-"""The start that every navigating estimator is given."""
-
-STATE = (
-    Table(
-        (
-            Row("q_wb", "Attitude: takes b components to w components", "1", (4,), "w", start=(1, 0, 0, 0)),
-            Row("velocity_w", "Velocity over the Earth", "m/s", (3,), "w"),
-            Row("q_ew", "Position and wander angle: takes w components to e components", "1", (4,), "e", start=(1, 0, 0, 0)),
-            Row("height", "Height over the ellipsoid", "m"),
-        )
-    )
-    + MEMORY
-)
-
-OUTPUTS = Table(
-    (
-        Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", start=(1, 0, 0, 0)),
-        Row("velocity_n", "Velocity over the Earth", "m/s", (3,), "n"),
-        Row("latitude", "Geodetic latitude", "rad"),
-        Row("longitude", "Longitude", "rad"),
-        Row("height", "Height over the ellipsoid", "m"),
-    )
-)
+NAVIGATION_STATE = Table((
+    Row("q_wb", "Attitude: takes b components to w components", "1", (4,), "w", start=(1, 0, 0, 0)),
+    Row("velocity_w", "Velocity over the Earth", "m/s", (3,), "w"),
+    Row("q_ew", "Position and wander angle: takes w components to e components", "1", (4,), "e", start=(1, 0, 0, 0)),
+    Row("height", "Ellipsoidal height", "m"),
+))  # fmt: skip
+STATE = NAVIGATION_STATE + MEMORY
 
 
 @dataclass(frozen=True)
 class Moved:
-    """Result of one mechanization step: new state and what error models need.
+    """Result of one sample of the mechanization: the new state and the terms of error models.
 
     q_wb, velocity_w, q_ew, height: the new state.
-    delta_velocity_w: integral of the specific force over the sample in w, m/s.  C_wb: attitude at the sample's start.
+    delta_velocity_w: integral of the specific force over the sample in w, m/s. C_wb: attitude at its start.
     omega_ie_w, omega_ew_w: Earth and transport rate at mid-sample, rad/s.
     """
 
@@ -76,7 +50,7 @@ class Moved:
 
 
 def start_state(p: Any) -> dict[str, Any]:
-    """State rows of a start given as in `START`; the wander angle is 0 there, so w is NED at the start."""
+    """State rows of a start with the rows `rows.START`; the wander angle is 0 there, so w is NED at the start."""
     return {
         "q_wb": attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading),
         "velocity_w": p.start_velocity_n,
@@ -91,7 +65,7 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
     C_wb = attitude.to_dcm(x.q_wb)
     increment_w = C_wb @ increment_b
 
-    # Height, place (the Earth's axis as seen from it) and velocity at mid-sample, predicted from the sample's start
+    # height, the Earth's axis and velocity at mid-sample, predicted from the start of the sample
     axis = _axis_w(x.q_ew)
     rough_rate = ca.vertcat(x.velocity_w[1], -x.velocity_w[0], 0) * (1 / geodesy.A)
     axis = axis + ca.cross(axis, rough_rate) * (dt / 2)
@@ -103,7 +77,7 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
     omega_ew = geodesy.transport_rate_about_axis(middle, axis, height_middle)
     coriolis = ca.cross(2 * omega_ie + omega_ew, middle)
 
-    # The w frame turns by `turn` in the sample: on average the increment is seen from half-way
+    # frame w turns by `turn` in the sample: on average the increment is seen from half of that
     turn = (omega_ie + omega_ew) * dt
     change = increment_w - ca.cross(turn, increment_w) / 2 + (gravity_w - coriolis) * dt
     velocity = x.velocity_w + change
@@ -126,7 +100,7 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
 
 
 def moved_rows(moved: Moved, x: Any, delta_angle: Any, delta_velocity: Any) -> dict[str, Any]:
-    """State rows after a step."""
+    """State rows after a sample."""
     return {
         "q_wb": moved.q_wb,
         "velocity_w": moved.velocity_w,
@@ -137,7 +111,7 @@ def moved_rows(moved: Moved, x: Any, delta_angle: Any, delta_velocity: Any) -> d
 
 
 def navigation_outputs(x: Any) -> dict[str, Any]:
-    """Rows of `OUTPUTS` from the state."""
+    """Output rows `rows.NAVIGATION` from the state."""
     latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
     q_nw = wander_quaternion(x.q_ew)
     return {
@@ -149,14 +123,30 @@ def navigation_outputs(x: Any) -> dict[str, Any]:
     }
 
 
+def navigation_error_w(x: Values, truth: Values) -> tuple[Any, Any, Any, Any]:
+    """Errors of a state with the rows of `STATE`, estimate minus truth, in w.
+
+    Position (3, m), velocity (3, m/s), rotation of the estimate relative to the truth as seen from e (3, rad), and
+    rotation of the computed frame that the position error causes (3, rad).
+    """
+    latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
+    offset_n = geodesy.ned_offset(latitude, longitude, x.height, truth.latitude, truth.longitude, truth.height)
+    offset = attitude.rotate_inverse(wander_quaternion(x.q_ew), offset_n)
+    q_en = geodesy.q_ew_from_geodetic(truth.latitude, truth.longitude, 0.0)
+    q_wn = attitude.multiply(attitude.conjugate(x.q_ew), q_en)  # from n at the true place to w at the computed one
+    velocity = x.velocity_w - attitude.rotate(q_wn, truth.velocity_n)
+    turn = attitude.error_rotation_vector(x.q_wb, attitude.multiply(q_wn, truth.q_nb))
+    return offset, velocity, turn, geodesy.transport_rate_w(offset, x.q_ew, x.height)
+
+
 def C_nw(q_ew: Any) -> Any:
-    """The turn about Down by the wander angle, 3x3: takes w components to n components (identity at a pole)."""
+    """Rotation about Down by the wander angle (3x3): takes w components to n components; the identity at a pole."""
     cos_wander, sin_wander = _wander(q_ew)
     return ca.vertcat(ca.horzcat(cos_wander, -sin_wander, 0), ca.horzcat(sin_wander, cos_wander, 0), ca.horzcat(0, 0, 1))
 
 
 def wander_quaternion(q_ew: Any) -> Any:
-    """q_nw, the same turn as a quaternion."""
+    """q_nw, the same rotation as a quaternion."""
     return attitude.from_dcm(C_nw(q_ew))
 
 

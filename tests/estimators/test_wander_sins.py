@@ -1,4 +1,4 @@
-"""The airborne paper's plain formulas beside the exact mechanization."""
+"""The plain formulas of the airborne paper against the exact mechanization."""
 
 import numpy as np
 import pytest
@@ -20,8 +20,8 @@ def drift(id, rate_hz, scenario="car-city-drive", duration_s=120.0):
     truth = plant.model.outputs.unpack(simulator.run(plant.samples))
     roll, pitch, heading = attitude.numeric.to_euler(start["q_nb"])
     model = get(id).model
-    told = {f"start_{name}": start[name] for name in ("latitude", "longitude", "height", "velocity_n")}
-    runner = make_runner(model, {**told, "start_roll": roll, "start_pitch": pitch, "start_heading": heading})
+    given = {f"start_{name}": start[name] for name in ("latitude", "longitude", "height", "velocity_n")}
+    runner = make_runner(model, {**given, "start_roll": roll, "start_pitch": pitch, "start_heading": heading})
     columns = {name: truth[f"true_{name}"] for name in ("delta_angle", "delta_velocity")}
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     found = model.outputs.unpack(runner.run(plant.samples, input_rows(model, columns, plant.samples)))
@@ -35,7 +35,7 @@ def test_the_plain_form_is_of_first_order_and_the_exact_one_far_better():
     assert drift("wander-sins", 200.0).max() < 1e-3
 
 
-def test_gravity_of_the_paper_is_all_that_moves_it_at_rest():
+def test_only_the_papers_gravity_moves_it_at_rest():
     """Its formula (5) differs from normal gravity: half the difference times the square of the time."""
     runner_error = drift("wander-sins-plain", 200.0, "aircraft-parked", 60.0)
     latitude = np.radians(load("aircraft-parked").start.latitude_deg)

@@ -1,0 +1,352 @@
+"""`aqe-ekf`, `aqe-sukf`: GNSS-aided alignment and navigation from any misalignment, by the additive quaternion error.
+
+Source: the LS-SVM large misalignment paper; the error model and its equations are in
+`insenv.estimators.parts.quaternion_error`. The two filters share everything but the time update of the nonlinear part,
+[C(Q_hat) - C(Q)] times the integrals of the specific force.
+
+`aqe-ekf` linearises it at the estimate: of (9) it keeps 2 Y^T(dQ) U(Q_hat) f.
+
+`aqe-sukf` is a simplified unscented Kalman filter: the measurement is linear, so only the time update uses sigma
+points. Only those that differ in dQ matter. With the Cholesky factor of the state begun at dQ, which has three
+dimensions on the tangent of the unit sphere, these are 6 of the 27 points of the paper's 13 states, and the centre;
+along the others the model is linear.
+
+- The points lie at +-sqrt(3) times the columns of the factor (n + kappa = 3 matches the fourth moment of a normal
+  distribution).
+- The last axis is the rotation about the specific force: it alone changes no velocity, so the regression preserves
+  exactly what is unobservable.
+- The covariance of the residual of the regression comes from second differences (Norgaard, Poulsen and Ravn, "New
+  developments in state estimation for nonlinear systems", Automatica 36 (2000)): no weight is negative, so it stays
+  positive.
+- Three points between the axes show the products of two errors, which points on the axes do not: a tilt seen from an
+  unknown heading. Without them the filter becomes overconfident in its heading while it levels.
+
+After a measurement the estimate is normalised and the covariance moved to its new tangent: dQ by left multiplication
+with the rotation from the old to the new estimate, dv and dr by its matrix, as errors that are fixed in the body. So
+the rotation about the specific force, which gravity cannot show, is still unknown after the correction. With a mere
+projection onto the new tangent the filter becomes overconfident in its heading while it levels: errors of degrees at
+a stated tenth of a degree.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude, geodesy
+from insenv.core import symmetric
+from insenv.core.elementary import select
+from insenv.core.model import Model, Step, Values
+from insenv.core.tables import Row, Table
+from insenv.estimators.contract import Estimator
+from insenv.estimators.parts import gnss_fix, rows, strapdown
+from insenv.estimators.parts.increments import compensated
+from insenv.estimators.parts.kalman import measure_joseph
+from insenv.estimators.parts.quaternion_error import (
+    ACCEL,
+    DQ,
+    GYRO,
+    POSITION,
+    VELOCITY,
+    N,
+    Nonlinear,
+    Spread,
+    U,
+    Y,
+    left,
+    process_noise,
+    sensitivity,
+    start_covariance,
+    transition,
+)
+
+SPREAD = 3.0  # n + kappa
+_ROOT = 1.7320508075688772
+
+PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + Table((
+    Row("filter_interval", "Longest interval between time updates", "s", start=1.0, lower=0.0, upper=10.0),
+))  # fmt: skip
+
+STATE = strapdown.STATE + rows.BIASES + Table((
+    Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(N),)),
+    Row("dt", "Interval of the last sample", "s", start=1.0),
+    Row("stretch", "Time since the last time update", "s"),
+    Row("stretch_q_wb", "Attitude at the last time update", "1", (4,), "w", (1, 0, 0, 0)),
+    Row("stretch_turn", "Rotation since: takes b components to components in b then", "1", (4,), "b then", (1, 0, 0, 0)),
+    Row("stretch_velocity", "Integral of the specific force since", "m/s", (3,), "b then"),
+    Row("stretch_distance", "Its integral", "m", (3,), "b then"),
+    Row("stretch_C", "Integral of the matrix of that rotation", "s", (3, 3), "b then"),
+    Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
+    Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
+    Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
+    Row("predict_due", "1 when the time update is due"),
+)) + rows.FIX_RESIDUALS  # fmt: skip
+
+
+def start(p: Any) -> dict[str, Any]:
+    """The given start; frame w is NED there."""
+    given = strapdown.start_state(p)
+    return {
+        **given,
+        "stretch_q_wb": given["q_wb"],
+        "gyro_bias": p.start_gyro_bias,
+        "accel_bias": p.start_accel_bias,
+        "covariance": symmetric.triangle(start_covariance(p, given["q_wb"])),
+    }
+
+
+def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One inertial sample: mechanization with the estimated quaternion and biases, and integrals over the interval."""
+    delta_angle = u.delta_angle - x.gyro_bias * u.dt
+    delta_velocity = u.delta_velocity - x.accel_bias * u.dt
+    moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
+    rotation, increment = compensated(x, delta_angle, delta_velocity)
+    C = attitude.to_dcm(x.stretch_turn)
+    turn = attitude.renormalize(attitude.multiply(x.stretch_turn, attitude.from_small_rotation_vector(rotation)))
+    gained = C @ increment
+    stretch = x.stretch + u.dt
+    due = ca.logic_or(stretch + u.dt / 2 > p.filter_interval, ca.logic_or(u.gnss_valid, u.standing))
+    return {
+        **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+        "dt": u.dt,
+        "stretch": stretch,
+        "stretch_turn": turn,
+        "stretch_velocity": x.stretch_velocity + gained,
+        "stretch_distance": x.stretch_distance + (x.stretch_velocity + gained / 2) * u.dt,
+        "stretch_C": x.stretch_C + (C + attitude.to_dcm(turn)) * (u.dt / 2),
+        "omega_ie_w": moved.omega_ie_w,
+        "omega_ew_w": moved.omega_ew_w,
+        "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+        "predict_due": select(due, 1.0, 0.0),
+    }
+
+
+def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
+    """The time update over the samples since the last one."""
+    P = symmetric.full(x.covariance, N)
+    part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
+    Phi = transition(x, part)
+    P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb)
+    moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
+    P[moving, moving] = P[moving, moving] + part.extra
+    return {
+        **_placed(x, x.velocity_w - part.mean[:3], -part.mean[3:]),
+        "covariance": symmetric.triangle(P),
+        **_interval_start(x.q_wb),
+    }
+
+
+def linearised(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:
+    """The nonlinear part by its derivative at the estimate."""
+    G = ca.vertcat(sensitivity(q_hat, velocity), sensitivity(q_hat, distance))
+    return Nonlinear(G, ca.SX.zeros(6), ca.SX(6, 6), attitude.to_dcm(q_hat))
+
+
+def unscented(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:
+    """The nonlinear part by sigma points in dQ, each normalised."""
+    axes = U(q_hat) @ basis(velocity)  # 4x3: dQ of rotations about the body's axes, up to a factor
+    L, inverse = cholesky(axes.T @ P @ axes)
+    C_hat = attitude.to_dcm(q_hat)
+
+    def error(dQ: Any) -> tuple[Any, Any]:
+        C = attitude.to_dcm(attitude.normalize(q_hat - dQ))
+        return ca.vertcat((C_hat - C) @ velocity, (C_hat - C) @ distance), C
+
+    first, ahead, extra, mean, C_mean = [], [], ca.SX(6, 6), ca.SX.zeros(6), C_hat
+    for i in range(3):
+        point = _ROOT * axes @ L[:, i]
+        (plus, C_plus), (minus, C_minus) = error(point), error(-point)
+        ahead.append(plus)
+        first.append((plus - minus) / (2 * _ROOT))
+        second = plus + minus  # that of the centre is 0
+        mean = mean + second / (2 * SPREAD)
+        C_mean = C_mean + (C_plus + C_minus - 2 * C_hat) / (2 * SPREAD)
+        extra = extra + (SPREAD - 1) / (4 * SPREAD**2) * (second @ second.T)
+    # products of two errors: a tilt seen from an unknown heading
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        both = error(_ROOT * axes @ (L[:, i] + L[:, j]))[0]
+        product = (both - ahead[i] - ahead[j]) / SPREAD
+        extra = extra + product @ product.T
+    # regression G L = [first]: back substitution
+    G: list[Any] = [None] * 3
+    for j in reversed(range(3)):
+        G[j] = (first[j] - sum((G[k] * L[k, j] for k in range(j + 1, 3)), ca.SX.zeros(6))) * inverse[j]
+    return Nonlinear(ca.horzcat(*G) @ axes.T, mean, extra, C_mean)
+
+
+def cholesky(P: Any) -> tuple[Any, list[Any]]:
+    """Lower factor (n x n) of a positive semidefinite matrix, and the inverses of its diagonal (0 for a zero pivot)."""
+    n = P.shape[0]
+    L, inverse = ca.SX(n, n), []
+    for j in range(n):
+        pivot = P[j, j] - ca.sumsqr(L[j, :j]) if j else P[j, j]
+        regular = pivot > 1e-12 * P[j, j]
+        inverse.append(select(regular, 1 / ca.sqrt(select(regular, pivot, 1.0)), 0.0))
+        for i in range(j, n):
+            L[i, j] = (P[i, j] - (L[i, :j] @ L[j, :j].T if j else 0)) * inverse[j]
+    return L, inverse
+
+
+def basis(direction: Any) -> Any:
+    """Orthonormal axes (3x3, columns), the last along `direction`; without branches.
+
+    Duff et al., "Building an orthonormal basis, revisited", J. Computer Graphics Techniques 6 (2017).
+    """
+    direction = direction + ca.vertcat(0, 0, 1e-9)
+    x, y, z = ca.vertsplit(direction / ca.sqrt(ca.sumsqr(direction)))
+    sign = select(z < 0, -1.0, 1.0)
+    a = -1 / (sign + z)
+    b = x * y * a
+    return ca.horzcat(
+        ca.vertcat(1 + sign * x * x * a, sign * b, -sign * x), ca.vertcat(b, sign + y * y * a, -y), ca.vertcat(x, y, z)
+    )
+
+
+def fix_sensitivity(p: Any, x: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
+    """Derivative (6x16) of the antenna's position and velocity in w with respect to the error state."""
+    q, C_wb = x.q_wb, antenna.C_wb
+    force_b = C_wb.T @ antenna.specific_force_w
+    H = ca.SX(6, N)
+    H[:3, POSITION] = H[3:, VELOCITY] = ca.SX.eye(3)
+    H[:3, VELOCITY] = -age * ca.SX.eye(3)
+    H[:3, DQ] = sensitivity(q, antenna.arm_b + force_b * (age**2 / 2))
+    H[3:, DQ] = sensitivity(q, antenna.swing_b - force_b * age)
+    H[:3, GYRO] = age * (C_wb @ attitude.skew(p.antenna_lever_arm))
+    H[3:, GYRO] = -(C_wb @ attitude.skew(p.antenna_lever_arm))
+    H[:3, ACCEL] = C_wb * (age**2 / 2)
+    H[3:, ACCEL] = -C_wb * age
+    return H
+
+
+def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One fix, position and, where it has one, velocity, component by component in n, with feedback."""
+    antenna = gnss_fix.antenna(p, x, u.gnss_age)
+    C_nw = strapdown.C_nw(x.q_ew)
+    innovation = gnss_fix.innovation(x, u, antenna)
+    H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, x, u.gnss_age, antenna)
+    P = symmetric.full(x.covariance, N)[DQ, DQ]
+    variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
+    present = gnss_fix.present(u)
+    changed, test_ratio = fused(x, innovation, H, variance, present)
+    return {**changed, "innovation": innovation * present, "test_ratio": test_ratio}
+
+
+def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """The vehicle is known to be at rest: its velocity is zero within `standing_sigma`."""
+    H = ca.SX(3, N)
+    H[:, VELOCITY] = ca.SX.eye(3)
+    return fused(x, x.velocity_w, H, ca.repmat(p.standing_sigma**2, 3, 1), [1, 1, 1])[0]
+
+
+def _curvature(p: Any, antenna: gnss_fix.Antenna, P: Any) -> Any:
+    """Variances (6) of what the linear sensitivity to dQ omits of the lever arm's rotation.
+
+    For normal dQ with covariance P (4x4): |Y^T(dQ) U(dQ) a|^2 <= |dQ|^4 |a|^2.
+    """
+    fourth = ca.trace(P) ** 2 + 2 * ca.sumsqr(P)
+    position, velocity = fourth * ca.sumsqr(p.antenna_lever_arm), fourth * ca.sumsqr(antenna.swing_b)
+    return ca.vertcat(*[position] * 3, *[velocity] * 3)
+
+
+def fused(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple[dict[str, Any], Any]:
+    """State rows after the measurements `innovation` = H error + noise with feedback, and the test ratios.
+
+    The measurements are processed one after another, those with `present` 1.
+    """
+    P = symmetric.full(x.covariance, N)
+    correction, ratios = ca.SX.zeros(N), []
+    for i in range(H.shape[0]):
+        P, correction, ratio = measure_joseph(P, correction, H[i, :], innovation[i], variance[i], present[i])
+        ratios.append(ratio)
+    q_wb = attitude.normalize(x.q_wb - correction[DQ])
+    step = attitude.multiply(q_wb, attitude.conjugate(x.q_wb))
+    turn = attitude.to_dcm(step)
+    for part, matrix in ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)):
+        P[part, :] = matrix @ P[part, :]
+        P[:, part] = P[:, part] @ matrix.T
+    changed = {
+        **_placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
+        **_interval_start(q_wb),
+        "q_wb": q_wb,
+        "gyro_bias": x.gyro_bias + correction[GYRO],
+        "accel_bias": x.accel_bias + correction[ACCEL],
+        "covariance": symmetric.triangle(P),
+    }
+    return changed, ca.vertcat(*ratios)
+
+
+def _interval_start(q_wb: Any) -> dict[str, Any]:
+    """State rows of a new interval that starts with attitude q_wb."""
+    return {
+        "stretch": 0,
+        "stretch_q_wb": q_wb,
+        "stretch_turn": ca.vertcat(1, 0, 0, 0),
+        "stretch_velocity": ca.SX.zeros(3),
+        "stretch_distance": ca.SX.zeros(3),
+        "stretch_C": ca.SX.zeros(3, 3),
+    }
+
+
+def _placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
+    """State rows of a velocity and of a position moved by `move_w` (m, w)."""
+    theta = geodesy.transport_rate_w(move_w, x.q_ew, x.height)
+    q_ew = attitude.multiply(x.q_ew, attitude.from_rotation_vector(theta))
+    return {"velocity_w": velocity_w, "q_ew": attitude.normalize(q_ew), "height": x.height - move_w[2]}
+
+
+def output(p: Any, x: Any) -> dict[str, Any]:
+    """Navigation in n, and standard deviations; the misalignment about n is 2 Y^T(Q_hat) dQ to first order."""
+    C_nw = strapdown.C_nw(x.q_ew)
+    P = symmetric.full(x.covariance, N)
+    tilt = 2 * C_nw @ Y(x.q_wb).T
+
+    def sigma(matrix: Any, part: slice) -> Any:
+        return ca.sqrt(ca.diag(matrix @ P[part, part] @ matrix.T))
+
+    return {
+        **strapdown.navigation_outputs(x),
+        "gyro_bias": x.gyro_bias,
+        "accel_bias": x.accel_bias,
+        "position_sigma": sigma(C_nw, POSITION),
+        "velocity_sigma": sigma(C_nw, VELOCITY),
+        "attitude_sigma": sigma(tilt, DQ),
+        "innovation": x.innovation,
+        "test_ratio": x.test_ratio,
+    }
+
+
+def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
+    """Errors of velocity, position and attitude (2 Y^T dQ, (9)), and their covariance (9x9)."""
+    offset, velocity, turn, theta = strapdown.navigation_error_w(x, truth)
+    P = symmetric.full(x.covariance, N)
+    tilt = ca.horzcat(2 * Y(x.q_wb).T, ca.SX(3, N - 4))
+    level = ca.horzcat(ca.SX(6, N - 6), ca.SX.eye(6))  # the last six states: velocity, position
+    selected = ca.vertcat(level, tilt)
+    return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
+
+
+def _estimator(id: str, title: str, spread: Spread) -> Estimator:
+    model = Model(
+        id=id,
+        title=title,
+        parameters=PARAMETERS,
+        state=STATE,
+        inputs=rows.AIDED_INPUTS,
+        outputs=rows.AIDED_OUTPUTS,
+        steps={
+            "sample": Step(sample),
+            "predict": Step(lambda p, x, u: predict(p, x, spread), when="predict_due"),
+            "gnss": Step(gnss, when="gnss_valid"),
+            "zero_velocity": Step(zero_velocity, when="standing"),
+        },
+        output=output,
+        start=start,
+    )
+    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error)
+
+
+ESTIMATORS = (
+    _estimator("aqe-ekf", "large misalignment: additive quaternion error, extended Kalman filter", linearised),
+    _estimator("aqe-sukf", "large misalignment: additive quaternion error, simplified unscented Kalman filter", unscented),
+)

@@ -1,0 +1,78 @@
+"""A GNSS fix at its own time, predicted from a navigation state in the wander-azimuth frame.
+
+A fix comes with its age: the time from its validity to the end of the last inertial sample, which need not be a whole
+number of samples. The position and velocity of the antenna at that time follow from the present state and the
+acceleration and rate of the last sample, so a fix may lie between two samples or be some tenths of a second late.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude, geodesy
+from insenv.core.elementary import exp
+from insenv.estimators.parts import strapdown
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """The antenna at the time of a fix, and what its sensitivities are made of (3 each).
+
+    offset_w: its position relative to the present position of the inertial unit, m. velocity_w: its velocity, m/s.
+    arm_b: lever arm at that time in present b components, m. swing_b: velocity of the lever arm's end, m/s.
+    specific_force_w: specific force of the last sample, m/s^2. C_wb (3x3): present attitude.
+    """
+
+    offset_w: Any
+    velocity_w: Any
+    arm_b: Any
+    swing_b: Any
+    specific_force_w: Any
+    C_wb: Any
+
+
+def antenna(p: Any, x: Any, age: Any) -> Antenna:
+    """The antenna `age` seconds ago.
+
+    p: row `antenna_lever_arm`. x: rows of `strapdown.STATE`, `acceleration_w` and `dt` of the last sample.
+    """
+    C_wb = attitude.to_dcm(x.q_wb)
+    arm, acceleration = p.antenna_lever_arm, x.acceleration_w
+    swing = ca.cross(x.previous_delta_angle / x.dt, arm)
+    arm_then = arm - age * swing
+    down = geodesy.earth_rate_w(x.q_ew)[2] / geodesy.OMEGA_IE  # minus the sine of the latitude
+    return Antenna(
+        offset_w=-x.velocity_w * age + acceleration * (age**2 / 2) + C_wb @ arm_then,
+        velocity_w=x.velocity_w - acceleration * age + C_wb @ swing,
+        arm_b=arm_then,
+        swing_b=swing,
+        specific_force_w=acceleration - ca.vertcat(0, 0, geodesy.normal_gravity(-down, x.height)),
+        C_wb=C_wb,
+    )
+
+
+def innovation(x: Any, u: Any, predicted: Antenna) -> Any:
+    """Predicted minus measured position (m) and velocity (m/s) of the antenna (6, n). u: rows of `rows.FIX_INPUTS`."""
+    C_nw = strapdown.C_nw(x.q_ew)
+    latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
+    measured = geodesy.ned_offset(u.gnss_latitude, u.gnss_longitude, u.gnss_height, latitude, longitude, x.height)
+    return ca.vertcat(C_nw @ predicted.offset_w - measured, C_nw @ predicted.velocity_w - u.gnss_velocity_n)
+
+
+def present(u: Any) -> Any:
+    """1 for each of the six components that the fix has, else 0."""
+    return ca.vertcat(1, 1, 1, *[u.gnss_velocity_valid] * 3)
+
+
+def correlated_variance(p: Any, since: Any) -> Any:
+    """Variance (3, m^2) to add to a position because its slow error is partly that of the fix `since` seconds before.
+
+    Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first
+    measurement and (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1
+    + r) / (1 - r).
+    """
+    r = exp(-since / p.fix_wander_time)
+    return p.fix_wander_sigma**2 * (2 * r / (1 - r + 1e-12))

@@ -1,0 +1,81 @@
+"""Kalman filter algebra over CasADi symbols, for any number n of states.
+
+A covariance P (n x n) is stored as its upper triangle (`insenv.core.symmetric`). Measurements are scalar, z = H x + v,
+and are processed one after another: the estimate of the error state accumulates and is fed back to the navigation state
+at the end. An `accept` of 0 leaves covariance and estimate unchanged, so a measurement may be absent without a branch.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv.core import symmetric
+
+
+def propagate(stored: Any, A: Any, noise: Any) -> Any:
+    """Covariance triangle after an interval: Phi P Phi^T + diag(noise).
+
+    stored: triangle of P. A (n x n): integral of the error dynamics over the interval. noise (n): variances that the
+    driving white noise adds, isotropic in each vector of three, so that they are the same in every frame.
+
+    Phi is the product, row after row of A, of the elementary matrices that add A[i, :] times the other states to state
+    i and scale state i by 1 + A[i, i]. It equals exp(A) to first order as I + A does, it is a congruence (P stays
+    positive definite), and it touches one row and column at a time: two thirds of the operations of the matrix product.
+    """
+    n = A.shape[0]
+    P = [[stored[symmetric.place(i, j)] for j in range(n)] for i in range(n)]
+    for i in range(n):
+        terms = [(A[i, j], j) for j in range(n) if j != i and not A[i, j].is_zero()]
+        row = [P[i][k] + sum(a * P[j][k] for a, j in terms) for k in range(n)]
+        # on the diagonal the new cross terms count once more: p_ii + sum a_j (p_ij + p'_ij)
+        row[i] = P[i][i] + sum(a * (P[i][j] + row[j]) for a, j in terms)
+        if not A[i, i].is_zero():
+            decay = 1 + A[i, i]
+            row = [decay * value for value in row]
+            row[i] = decay * row[i]
+        for k in range(n):
+            P[i][k] = P[k][i] = row[k]
+    for i in range(n):
+        P[i][i] = P[i][i] + noise[i]
+    return ca.vertcat(*[P[i][j] for j in range(n) for i in range(j + 1)])
+
+
+def measure(stored: Any, correction: Any, H: Any, innovation: Any, variance: Any, accept: Any) -> tuple[Any, Any]:
+    """Covariance triangle and estimate of the error state (n) after one scalar measurement.
+
+    correction (n): the estimate before it. H: row (1 x n). innovation: z. variance: of v. accept: 1 or 0.
+    """
+    P = symmetric.full(stored, H.shape[1])
+    column = ca.densify(P @ H.T)
+    gain = column * (accept / ((H @ column) + variance))
+    correction = correction + gain * (innovation - H @ correction)
+    return symmetric.triangle(P - gain @ column.T), correction
+
+
+def measure_joseph(P: Any, correction: Any, H: Any, innovation: Any, variance: Any, accept: Any) -> tuple[Any, Any, Any]:
+    """As `measure`, on a full matrix and in Joseph's form; and the innovation over its standard deviation.
+
+    Joseph's form keeps P positive definite where variances fall by ten orders of magnitude in the first measurements.
+    """
+    column = ca.densify(P @ H.T)
+    S = H @ column + variance
+    remaining = innovation - H @ correction
+    gain = column * (accept / S)
+    correction = correction + gain * remaining
+    P = P - gain @ column.T
+    P = P - (P @ H.T) @ gain.T + (variance * accept) * gain @ gain.T
+    return symmetric.full(symmetric.triangle(P), P.shape[0]), correction, accept * remaining / ca.sqrt(S)
+
+
+def weight_and_gain(stored: Any, H: Any, variance: Any, accept: Any) -> tuple[Any, Any]:
+    """Weight and gain that `measure` uses: accept over the variance of the innovation, and K = P H^T weight (n)."""
+    column = ca.densify(symmetric.full(stored, H.shape[1]) @ H.T)
+    weight = accept / ((H @ column) + variance)
+    return weight, column * weight
+
+
+def innovation_variance(stored: Any, H: Any, variance: Any) -> Any:
+    """Variance of the innovation of a scalar measurement."""
+    return H @ symmetric.full(stored, H.shape[1]) @ H.T + variance

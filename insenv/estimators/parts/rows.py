@@ -1,0 +1,133 @@
+"""Rows that several estimators share: places, start, sensor errors, inertial samples, fixes, outputs.
+
+An estimator takes whole tables, or some of their rows with its own start values by `chosen`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from insenv.core.tables import Row, Table
+
+_TURN = 2 * math.pi
+_LARGEST = 1e12
+
+
+def chosen(table: Table, *names: str, **start: Any) -> Table:
+    """The rows of `table` with these names, in this order (all, if none is given), with start values by name."""
+    rows = [table[name] for name in names] if names else list(table)
+    return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in rows))
+
+
+def _place(prefix: str, of: str) -> tuple[Row, Row, Row]:
+    return (
+        Row(f"{prefix}latitude", f"Geodetic latitude{of}", "rad", lower=-math.pi / 2, upper=math.pi / 2),
+        Row(f"{prefix}longitude", f"Longitude{of}", "rad", lower=-_TURN, upper=_TURN),
+        Row(f"{prefix}height", f"Ellipsoidal height{of}", "m", lower=-12e3, upper=1e6),
+    )
+
+
+PLACE = Table(_place("", ""))
+"""Parameters: the place of a vehicle that stays in place."""
+
+START_ATTITUDE = Table((
+    Row("start_roll", "Roll at the start", "rad", lower=-_TURN, upper=_TURN),
+    Row("start_pitch", "Pitch at the start", "rad", lower=-_TURN, upper=_TURN),
+    Row("start_heading", "Heading at the start", "rad", lower=-_TURN, upper=_TURN),
+))  # fmt: skip
+START_VELOCITY = Table((Row("start_velocity_n", "Velocity at the start", "m/s", (3,), "n", lower=-1e4, upper=1e4),))
+START = Table(_place("start_", " at the start")) + START_VELOCITY + START_ATTITUDE
+"""Parameters: the navigation state at the start."""
+
+START_SIGMAS = Table((
+    Row("position_sigma", "Standard deviation of the start position, north, east, down", "m", (3,), "n", 10.0, 0, _LARGEST),
+    Row("velocity_sigma", "Standard deviation of the start velocity", "m/s", (3,), "n", 1.0, 0, _LARGEST),
+    Row("tilt_sigma", "Standard deviation of the start roll and pitch", "rad", start=math.pi / 180, lower=0, upper=_LARGEST),
+    Row("heading_sigma", "Standard deviation of the start heading", "rad", start=5 * (math.pi / 180), lower=0, upper=_LARGEST),
+))  # fmt: skip
+"""Parameters: errors of the start."""
+
+START_BIASES = Table((
+    Row("start_gyro_bias", "Gyro bias at the start", "rad/s", (3,), "b", lower=-1, upper=1),
+    Row("start_accel_bias", "Accelerometer bias at the start", "m/s^2", (3,), "b", lower=-100, upper=100),
+))  # fmt: skip
+
+SENSORS = Table((
+    Row("gyro_bias_sigma", "Standard deviation of the gyro bias", "rad/s", lower=0, upper=_LARGEST),
+    Row("accel_bias_sigma", "Standard deviation of the accelerometer bias", "m/s^2", lower=0, upper=_LARGEST),
+    Row("gyro_correlation_time", "Correlation time of the gyro bias", "s", start=3600.0, lower=1e-3, upper=_LARGEST),
+    Row("accel_correlation_time", "Correlation time of the accelerometer bias", "s", start=3600.0, lower=1e-3, upper=_LARGEST),
+    Row("angle_random_walk", "White noise density of the gyros", "rad/s^0.5", lower=0, upper=_LARGEST),
+    Row("velocity_random_walk", "White noise density of the accelerometers", "m/s^1.5", lower=0, upper=_LARGEST),
+))  # fmt: skip
+"""Parameters: errors of the inertial unit, as on its data sheet."""
+
+NOISES = chosen(SENSORS, "gyro_bias_sigma", "accel_bias_sigma", "angle_random_walk", "velocity_random_walk")
+"""Those of `SENSORS` that an alignment states its accuracy from."""
+
+LEVER_ARM = Table((Row("antenna_lever_arm", "From the inertial unit to the antenna", "m", (3,), "b", lower=-1e3, upper=1e3),))
+
+SAMPLE_INPUTS = Table((
+    Row("delta_angle", "Integral of the measured angular rate over the sample", "rad", (3,), "b", lower=-1e3, upper=1e3),
+    Row("delta_velocity", "Integral of the measured specific force over the sample", "m/s", (3,), "b", lower=-1e5, upper=1e5),
+    Row("dt", "Sample interval", "s", start=0.005, lower=1e-6, upper=10.0),
+))  # fmt: skip
+"""Inputs: one inertial sample, which every estimator takes."""
+
+FIX_INPUTS = Table((
+    Row("gnss_valid", "1 when a fix arrives with this sample", lower=0, upper=1),
+    Row("gnss_age", "Time from the fix's validity to the end of this sample", "s", lower=-1.0, upper=10.0),
+    *_place("gnss_", " of the antenna"),
+    Row("gnss_position_sigma", "Standard deviation of the position", "m", (3,), "n", 1.0, lower=1e-6, upper=1e9),
+    Row("gnss_velocity_valid", "1 when the fix has a velocity", lower=0, upper=1),
+    Row("gnss_velocity_n", "Velocity of the antenna", "m/s", (3,), "n"),
+    Row("gnss_velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n", 1.0, lower=1e-6, upper=1e9),
+))  # fmt: skip
+"""Inputs: one GNSS fix."""
+
+STANDING_INPUT = Table((Row("standing", "1 when the vehicle is known to be at rest", lower=0, upper=1),))
+
+ALIGNMENT = Table((
+    Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),
+    Row("attitude_sigma", "Standard deviation of the attitude error about north, east, down", "rad", (3,), "n"),
+))  # fmt: skip
+"""Outputs of an alignment."""
+
+NAVIGATION = chosen(ALIGNMENT, "q_nb") + Table((
+    Row("velocity_n", "Velocity over the Earth", "m/s", (3,), "n"),
+    Row("latitude", "Geodetic latitude", "rad"),
+    Row("longitude", "Longitude", "rad"),
+    Row("height", "Ellipsoidal height", "m"),
+))  # fmt: skip
+"""Outputs of a navigation."""
+
+BIASES = Table((
+    Row("gyro_bias", "Estimated gyro bias", "rad/s", (3,), "b"),
+    Row("accel_bias", "Estimated accelerometer bias", "m/s^2", (3,), "b"),
+))  # fmt: skip
+
+FIX_RESIDUALS = Table((
+    Row("innovation", "Innovation of the last fix: position, then velocity", "m, m/s", (6,), "n"),
+    Row("test_ratio", "Innovation over its standard deviation, in the same order", "1", (6,), "n"),
+))  # fmt: skip
+
+# GNSS/INS filters: `loosely-coupled`, `smoother`, `aqe-ekf`, `aqe-sukf`
+
+AIDED_PARAMETERS = (
+    START
+    + START_SIGMAS
+    + START_BIASES
+    + chosen(SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3)
+    + LEVER_ARM
+)
+AIDED_INPUTS = SAMPLE_INPUTS + FIX_INPUTS + STANDING_INPUT
+AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
+    Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
+    Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),
+    ALIGNMENT["attitude_sigma"],
+)) + FIX_RESIDUALS  # fmt: skip
+STANDING_SIGMA = Table((
+    Row("standing_sigma", "Standard deviation of the velocity of a vehicle at rest", "m/s", start=0.02, lower=1e-9, upper=1e3),
+))  # fmt: skip
