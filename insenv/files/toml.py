@@ -29,7 +29,7 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def key(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
-    """A key: its default (... for a required key), meaning, unit, and limits (`gt`, `ge`, `lt`, `le`, `min_length` ...)."""
+    """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...)."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
 
 
