@@ -1,4 +1,4 @@
-# Works with GNU make 3.81 (macOS) and later.  Needs only python3 (3.10 or newer, with venv) and a package index.
+# Needs GNU make 3.81 (macOS) or later, python3 (3.10 or later, with venv) and internet access to PyPI.
 #     make demo        PYTHON=python3.12 make test        make test PYTEST_ARGS='-k attitude'
 
 PYTHON ?= python3
@@ -17,32 +17,32 @@ MAVPROXY := .venv/.stamp-mavproxy
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
 
-demo: $(PLOT) ## align a swaying ship: a table, and a figure in demo/
+demo: $(PLOT) ## align a swaying ship: print a table, and write a figure to demo/
 	$(BIN)/insenv run ship-swaying -e q-method --out demo
 
-# mypy uses one core: the tests need not wait for it
-test: layout ## set up, then every check: ruff, mypy, import-linter, pytest
+# mypy uses one core and runs at the same time as the tests
+test: layout ## set up .venv and run all checks: ruff, mypy, import-linter, pytest
 	@$(BIN)/mypy > .venv/mypy.txt 2>&1 & types=$$!; \
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS); result=$$?; \
 	wait $$types || { cat .venv/mypy.txt; exit 1; }; exit $$result
 
-test-slow: $(TEST) ## what compiles for minutes: every estimator in the plant's loop, every environment
+test-slow: $(TEST) ## tests that compile for minutes: each estimator in the plant's loop, each environment
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow $(PYTEST_ARGS)
 
-test-mavlink: $(TEST) $(MAVPROXY) ## the heavy tests of MAVLink: MAVProxy in an environment of its own, long streams
+test-mavlink: $(TEST) $(MAVPROXY) ## long tests of MAVLink: MAVProxy in its own environment, long streams
 	INSENV_TEST_MAVLINK=1 INSENV_MAVPROXY=.venv/mavproxy/bin/python \
 	  $(BIN)/python -m pytest tests/mavlink/test_heavy.py tests/mavlink/test_link.py $(PYTEST_ARGS)
 
-test-fmu: $(TEST) ## the long checks of FMUs: every one of them, 60,000 steps, all platforms (minutes)
-	@$(PIP) install --quiet -e '.[test,plot,native]' || echo "ziglang does not install here: this machine's platform alone" >&2
+test-fmu: $(TEST) ## long tests of FMUs: all models, 60,000 steps, all platforms (minutes)
+	@$(PIP) install --quiet -e '.[test,plot,native]' || echo "ziglang cannot be installed here: only the platform of this machine is tested" >&2
 	INSENV_TEST_FMU=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/fmu $(PYTEST_ARGS)
 
-test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and compare it on held-out seeds (minutes)
-	@$(PIP) install --quiet 'torch==2.13.0+cpu' 2>/dev/null || echo "no wheel of torch without CUDA here: that with it" >&2
+test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and test it on held-out seeds (minutes)
+	@$(PIP) install --quiet 'torch==2.13.0+cpu' 2>/dev/null || echo "no CPU-only wheel of torch here: installing the one with CUDA" >&2
 	@$(PIP) install --quiet -e '.[test,plot,rl]'
 	INSENV_TEST_RL=1 $(BIN)/python -m pytest tests/envs/test_rl.py $(PYTEST_ARGS)
 
-check: layout ## the static checks alone
+check: layout ## the static checks
 	$(BIN)/mypy
 
 layout: $(TEST)
@@ -50,46 +50,46 @@ layout: $(TEST)
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 
-format: $(TEST) ## put the source in order (ruff)
+format: $(TEST) ## format the source and fix what ruff can fix
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-consistency: $(TEST) ## NEES of every filter over 56 seeds, some minutes (docs/consistency.md)
+consistency: $(TEST) ## NEES of each filter over 56 seeds, a few minutes (docs/consistency.md)
 	$(BIN)/python tools/consistency.py
 
-bench: $(BENCH) ## the benchmarks, each beside its floor and, where it installs, a peer
+bench: $(BENCH) ## benchmarks, with their floors and, if it can be installed, a peer
 	$(BIN)/insenv bench
 
-clean: ## remove all that make and the checks made, .venv too
+clean: ## remove all generated files, including .venv
 	rm -rf .venv demo build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
-	find insenv tests tools examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
+	find insenv tests examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
-# Each stamp marks a step that succeeded; a change of pyproject.toml installs again.
+# Each stamp marks a completed installation; a change of pyproject.toml repeats it.
 
 $(VENV):
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { \
 	  echo "insenv needs Python 3.10 or newer; '$(PYTHON)' is: $$($(PYTHON) --version 2>&1)." >&2; \
-	  echo "Name a newer one: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
+	  echo "Give a newer one: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { echo "creating .venv"; $(PYTHON) -m venv --clear .venv; }
 	@touch $@
 
 $(PLOT): pyproject.toml $(VENV)
-	@echo "installing insenv into .venv (once; some minutes)"
+	@echo "installing insenv into .venv (once; a few minutes)"
 	@$(PIP) install --quiet -e '.[plot]'
 	@touch $@
 
 $(TEST): pyproject.toml $(VENV)
-	@echo "installing insenv and its checks into .venv (once; some minutes)"
+	@echo "installing insenv and its checks into .venv (once; a few minutes)"
 	@$(PIP) install --quiet -e '.[test,plot]'
 	@touch $@
 
 $(BENCH): pyproject.toml $(VENV)
-	@echo "installing insenv and the peer of its benchmarks into .venv (once; some minutes)"
+	@echo "installing insenv and the peer of its benchmarks into .venv (once; a few minutes)"
 	@$(PIP) install --quiet -e '.[plot,bench]' || { \
-	  echo "pyins (python-ins) does not install here: figures without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
+	  echo "pyins (python-ins) cannot be installed here: benchmarks without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
 	@touch $@
 
-# MAVProxy without what only its windows need: a third of the size
+# MAVProxy without the packages that only its windows need: a third of the size
 
 $(MAVPROXY): $(VENV)
 	@echo "installing MAVProxy into .venv/mavproxy (once)"

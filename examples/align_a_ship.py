@@ -1,12 +1,11 @@
-"""Align a swaying ship: a scenario simulated, the q-method on what its sensors show, each error beside its theoretical limit.
+"""Align a swaying ship: simulate a scenario, run the q-method on it, and print each error with its theoretical limit.
 
 python examples/align_a_ship.py
 """
 
-from insenv import run
-from insenv.scenario import load
+import insenv
 
-report = run(load("ship-swaying"), ["q-method"], seed=1)
+report = insenv.run("ship-swaying", "q-method", seed=1)
 result = report.results[0]
 rms = result.statistics()["rms"]
 

@@ -1,19 +1,19 @@
-"""Navigate a recorded car log: the 15-state filter on a Honeywell HGuide n380, beside the figures of KF-GINS for the same log.
+"""Navigate a recorded car log (Honeywell HGuide n380) with the 15-state filter, and compare with KF-GINS on the same log.
 
     pip install onavdata==0.2.5
     python examples/navigate_a_log.py
 
-Like KF-GINS it starts from the reference's state and takes the positions of GNSS alone.  The reference is the unit's own
-solution from the same GNSS: the figures tell how well two filters agree, not how well either knows the truth.
+Like KF-GINS it starts from the state of the reference solution and uses only GNSS positions.  The reference is the unit's
+own solution from the same GNSS: the errors measure the agreement of two filters, not the accuracy of either.
 """
 
 from pathlib import Path
 
-from insenv import replay
+import insenv
 
 LOG = Path(__file__).resolve().parent / "n380-car-position-only.toml"
 
-report = replay(LOG, ["loosely-coupled"], start="reference")
+report = insenv.replay(LOG, "loosely-coupled", start="reference")
 result = report.results[0]
 rms = result.statistics()["rms"]
 source, published = report.published[0]

@@ -14,9 +14,9 @@ from insenv.campaigns.executors import cores
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.plant.feeding import input_rows
+from insenv.plant.feeding import chunks, input_rows, recording_interval
 from insenv.reproduce import update_time
-from insenv.runs.simulated import CHUNK, recording_interval, run
+from insenv.runs.simulated import run
 from insenv.runs.smoothed import Smoother
 from insenv.scenario import build, load
 
@@ -72,9 +72,7 @@ def flight() -> Figure:
     simulator = make_runner(plant.model, plant.parameters)
     smoother, alone = Smoother(parameters), make_runner(get("loosely-coupled").model, parameters)
     taken, floor = 0.0, 0.0
-    chunk = CHUNK // every * every
-    for start in range(0, plant.samples, chunk):
-        count = min(chunk, plant.samples - start)
+    for _, count in chunks(plant.samples, every):
         columns = plant.model.outputs.unpack(simulator.run(count))
         columns["dt"] = np.full(count, plant.sample_interval)
         begin = time.perf_counter()

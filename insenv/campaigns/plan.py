@@ -17,7 +17,7 @@ from insenv import estimators
 from insenv.campaigns.variation import Variation, check_variations, varied
 from insenv.errors import InputError
 from insenv.estimators import Estimator
-from insenv.runs.simulated import recording_interval
+from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, ScenarioLike, build, load, parse
 
 RECORDS = 120

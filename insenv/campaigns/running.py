@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import closing
 from math import isfinite
@@ -20,10 +20,8 @@ from insenv.core.compile import batch_library_path
 from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator
+from insenv.plant.feeding import Progress
 from insenv.scenario import ScenarioLike
-
-Progress = Callable[[int, int], None]
-"""Called after each block with the inertial samples done and the total."""
 
 ATTEMPTS = 4
 """Number of consecutive executors that may lose their workers, with no block finished, before the campaign fails."""

@@ -1,6 +1,6 @@
-"""Normalised estimation error squared (NEES), e^T P^-1 e, of the estimators that keep a covariance, over symbols.
+"""Normalised estimation error squared (NEES), e^T P^-1 e, of estimators with a covariance, as a symbolic expression.
 
-For a filter that knows its own errors its mean is the number of states compared.
+The NEES of a consistent filter has a mean equal to the number of states compared.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from insenv.estimators import Estimator
 
 
 def normalised(error: Any, P: Any) -> Any:
-    """e^T P^-1 e of a column and a symmetric positive matrix, by elimination (P = L D L^T) without square roots."""
+    """e^T P^-1 e of a column (k,) and a symmetric positive definite matrix (k, k), by elimination (P = L D L^T)."""
     total = error[0] * error[0] / P[0, 0]
     while error.shape[0] > 1:
         column = P[1:, 0] / P[0, 0]
@@ -25,10 +25,10 @@ def normalised(error: Any, P: Any) -> Any:
 
 
 def nees(estimator: Estimator, x: Values, outputs: Values, truth: Values) -> tuple[Any, int]:
-    """NEES of an estimator and its degrees of freedom; (None, 0) if it keeps no covariance.
+    """NEES of an estimator and its degrees of freedom; (None, 0) if it has no covariance.
 
-    x, outputs: the estimator's state and outputs by row name.  truth: the plant's rows.  The error is the estimator's own
-    (`Estimator.error`), or that of the attitude.
+    x, outputs: the estimator's state and outputs by row name.  truth: the plant's rows.  The error is
+    `Estimator.error`, or, for an estimator without it, that of the attitude.
     """
     if estimator.error is not None:
         error, P = estimator.error(x, outputs, truth)

@@ -1,7 +1,7 @@
 """Errors of estimates against the truth (or a reference), and their statistics.
 
-The names of the error channels are fixed: `CHANNELS`.  Angles in degrees, wrapped; positions in metres north, east and down
-of the truth; velocities in m/s.
+`CHANNELS` are the names of the errors.  Angles are in degrees, wrapped to -180 to 180; positions in metres north,
+east and down of the truth; velocities in m/s.
 """
 
 from __future__ import annotations
@@ -44,14 +44,15 @@ class Track:
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """What one estimator did on one run.
+    """The result of one estimator in one run.
 
-    time (n,) s: when outputs were recorded.  outputs: the estimator's outputs there, by row name.
-    errors: (n,) by channel.  sigma: standard deviations that the estimator states, (n,) by channel, where it does.
-    limit: theoretical 1-sigma error by channel, where there is one: at the end of an alignment, over the statistics' time of a
-        navigation (what the covariance of an optimal filter says).
-    from_s: statistics are taken from this time on.
-    us_per_sample: processor time of the estimator for one inertial sample, microseconds.
+    time (n,) s: of the records.  outputs: the estimator's outputs at these times, by row name.
+    errors: (n,) by channel.  sigma: standard deviations that the estimator states, (n,) by channel; empty if it
+        states none.
+    limit: theoretical 1-sigma error by channel, empty if there is none: at the end of an alignment; for navigation
+        the root mean square of an optimal filter's standard deviations from `from_s` on.
+    from_s: start of the statistics.
+    us_per_sample: processor time of the estimator per inertial sample, microseconds.
     """
 
     estimator: str
@@ -65,7 +66,7 @@ class Result:
     notes: tuple[str, ...] = ()
 
     def statistics(self) -> dict[str, dict[str, float]]:
-        """{"final", "rms", "max"}: by channel, over the times from `from_s` on (the largest magnitude for max)."""
+        """Final error, rms and max (largest magnitude) by channel; rms and max over the times from `from_s` on."""
         late = self.time >= self.from_s - 1e-9
         return {
             "final": {name: float(e[-1]) for name, e in self.errors.items()},
@@ -82,11 +83,16 @@ class Result:
         return f"{self.estimator}: final error {', '.join(final)}" if final else f"{self.estimator}: no reference"
 
 
+def track_of(times: Array, rows: dict[str, Array]) -> Track:
+    """The track of outputs by row name; rows that are missing are None."""
+    return Track(times, **{name: rows.get(name) for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")})
+
+
 def errors(estimate: Track, truth: Track) -> dict[str, Array]:
-    """Errors (estimate minus truth) by channel, for what both tracks have at the same times."""
+    """Errors (estimate minus truth) by channel, for the quantities of both tracks, which have the same times."""
     found: dict[str, Array] = {}
     if estimate.q_nb is not None and truth.q_nb is not None:
-        found.update(zip(ATTITUDE, _wrapped(estimate.euler_deg() - truth.euler_deg()).T, strict=True))
+        found.update(zip(ATTITUDE, wrapped_deg(estimate.euler_deg() - truth.euler_deg()).T, strict=True))
     if estimate.latitude is not None and truth.latitude is not None:
         places = [(t.latitude, t.longitude, t.height) for t in (estimate, truth)]
         found.update(zip(POSITION, geodesy.numeric.ned_offset(*places[0], *places[1]).T, strict=True))
@@ -96,10 +102,11 @@ def errors(estimate: Track, truth: Track) -> dict[str, Array]:
 
 
 def stated_sigma(outputs: dict[str, Array]) -> dict[str, Array]:
-    """Standard deviations by channel from an estimator's outputs `attitude_sigma` (rad about n), `position_sigma`,
+    """Standard deviations by channel, from an estimator's outputs `attitude_sigma` (rad about n), `position_sigma` and
     `velocity_sigma`.
 
-    Misalignments about north and east are turned by the heading into roll and pitch (attitudes near vertical excepted).
+    The heading converts misalignments about north and east to roll and pitch; this does not hold near 90 deg of
+    pitch.
     """
     found: dict[str, Array] = {}
     if "attitude_sigma" in outputs:
@@ -115,5 +122,6 @@ def stated_sigma(outputs: dict[str, Array]) -> dict[str, Array]:
     return found
 
 
-def _wrapped(angle_deg: Array) -> Array:
+def wrapped_deg(angle_deg: Array) -> Array:
+    """Angles in degrees wrapped to -180 (included) to 180."""
     return (angle_deg + 180.0) % 360.0 - 180.0

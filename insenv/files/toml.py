@@ -29,7 +29,7 @@ AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def key(default: Any, meaning: str, unit: str = "", **limits: Any) -> Any:
-    """A key: its default (... for a required key), meaning, unit and limits."""
+    """A key: its default (... if required), meaning, unit and limits (`gt`, `ge`, `lt`, `le`, `max_length` ...)."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit}, **limits)
 
 
@@ -62,6 +62,14 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Raise `InputError` for a key."""
+        if name in type(self).model_fields:
+            raise InputError(
+                f"{name} = {shown(value)}: keys are read-only; model_copy(update={{{name!r}: ...}}) makes a changed copy"
+            )
+        super().__setattr__(name, value)
+
 
 # --- reading ---------------------------------------------------------------------------------------
 
@@ -93,6 +101,8 @@ def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
         faults: dict[str, str] = {}
         for fault in error.errors(include_url=False, include_context=True):
             where, message = _fault(dict(fault), model)
+            if (alternative := message.partition(": must be ")[2]) and where in faults:  # of a union of types
+                faults[where] += f" or {alternative}" if alternative not in faults[where] else ""
             faults.setdefault(where, message)
         shown = [f"{label}: {where}{message}" for where, message in list(faults.items())[:MAX_FAULTS]]
         more = len(faults) - len(shown)
@@ -128,22 +138,46 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
 
 
 def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[BaseModel]]) -> tuple[str, str]:
-    value, context = fault["input"], fault.get("ctx", {})
-    if fault["type"] == "union_tag_invalid":
+    kind, value, context = fault["type"], fault["input"], fault.get("ctx", {})
+    if kind == "union_tag_invalid":
         return f"{dotted}.kind", f" = {shown(context.get('tag'))}: must be one of {context.get('expected_tags')}"
-    if fault["type"] == "union_tag_not_found":
+    if kind == "union_tag_not_found":
         kinds = ", ".join(repr(tag) for model in models for tag in _tags(model))
         return f"{dotted}.kind", f" is missing: must be one of {kinds}"
-    message = str(fault["msg"]).removeprefix("Value error, ")
-    message = message.replace("Input should be", "must be").replace("String should", "must").replace("a valid tuple", "a list")
-    if fault["type"] in ("too_long", "too_short"):
-        bound, count = ("at most", "max_length") if fault["type"] == "too_long" else ("at least", "min_length")
-        return dotted or "the file", f": {bound} {context[count]} items, {context['actual_length']} given"
-    if fault["type"] in ("dict_type", "model_type", "model_attributes_type"):
-        message = "must be a table of keys"
+    dotted = dotted or "the file"
+    if kind in _LENGTHS:
+        name = dotted.rpartition(".")[2].removesuffix(f"_{unit}")
+        noun = name if name.endswith("s") else "entries"
+        return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
+    if kind in _MESSAGES:
+        message = _MESSAGES[kind].format(**context)
+    else:  # a validator's own message, or a type that only the sections of others have
+        message = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
     if isinstance(value, (dict, BaseModel)):
-        return dotted or "the file", f": {message}"
-    return dotted or "the file", f" = {shown(value)}{_unit(unit)}: {message}"
+        return dotted, f": {message}"
+    return dotted, f" = {shown(value)}{_unit(unit)}: {message}"
+
+
+_LENGTHS = {"too_long": "at most {max_length}", "too_short": "at least {min_length}"}
+_TYPES = {
+    "must be a number": ("float_type", "float_parsing"),
+    "must be a finite number": ("finite_number",),
+    "must be a whole number": ("int_type", "int_parsing", "int_from_float", "int_parsing_size"),
+    "must be true or false": ("bool_type", "bool_parsing"),
+    "must be text": ("string_type",),
+    "must be a list": ("tuple_type", "list_type"),
+    "must be a table of keys": ("dict_type", "model_type", "model_attributes_type"),
+}
+_MESSAGES = {kind: message for message, kinds in _TYPES.items() for kind in kinds} | {
+    "greater_than": "must be greater than {gt:.16g}",
+    "greater_than_equal": "must be greater than or equal to {ge:.16g}",
+    "less_than": "must be less than {lt:.16g}",
+    "less_than_equal": "must be less than or equal to {le:.16g}",
+    "literal_error": "must be {expected}",
+    "string_too_short": "must have {min_length} or more characters",
+    "string_too_long": "must have {max_length} or fewer characters",
+}
+"""What is allowed, by pydantic's type of error; in braces the context that pydantic gives."""
 
 
 def shown(value: object) -> str:

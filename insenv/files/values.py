@@ -1,4 +1,4 @@
-"""Kinds of values in a scenario file, besides those of `insenv.files.toml`."""
+"""Types of values in a scenario file, in addition to those of `insenv.files.toml`."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ PerAxis = Annotated[
         {"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]}
     ),
 ]
-"""One number for all three axes, or three."""
+"""One number for all three axes, or one for each."""
 
 
 def within(lower: float, upper: float, above: bool = False) -> AfterValidator:
-    """Validator: each of the numbers from `lower` (or above it) to `upper`."""
-
+    """Validator: each number is from `lower` (`above`: excluded) to `upper`."""
     limits = f"{'above' if above else 'from'} {lower:.16g} to {upper:.16g}"
 
     def check(value: tuple[float, ...]) -> tuple[float, ...]:
@@ -56,5 +55,5 @@ Window = Annotated[tuple[Number, Number], BeforeValidator(_check_pair)]
 
 
 def one_of(names: Iterable[str]) -> WithJsonSchema:
-    """Marks a key that names one of `names`, which editors then offer; whether it does is checked elsewhere."""
+    """Annotation: in the JSON schema, the value is one of `names`.  It does not check the value."""
     return WithJsonSchema({"type": "string", "enum": list(names)})

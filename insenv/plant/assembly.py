@@ -1,6 +1,6 @@
 """The plant: a vehicle's truth and its sensors as one model.
 
-One advance is one inertial sample.  The outputs after it are what the sensors show and what is true at the sample's end.
+One advance is one inertial sample.  The outputs after it are the measurements, and the truth at the end of the sample.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ TRUTH = ("q_nb", "velocity_n", "latitude", "longitude", "height", "true_delta_an
 
 
 def plant_model(vehicle: Vehicle, sensors: Sequence[Sensor] = (IMU, GNSS)) -> Model:
-    """The plant of a vehicle with `sensors`; a sensor sees the rows of those before it.
+    """The plant of a vehicle with `sensors`; a sensor can use the rows of those before it.
 
-    Outputs: `time`, the truth (`TRUTH`), and for each sensor what it shows (`Sensor.outputs`, `Sensor.derived`).
+    Outputs: `time`, the truth (`TRUTH`), and the outputs of each sensor (`Sensor.outputs`, `Sensor.derived`).
     """
     instant = truth_instant(vehicle)
     parts = [truth_part(vehicle), CLOCK, *(sensor.part(instant) for sensor in sensors)]

@@ -1,11 +1,11 @@
-"""The loop: a plant and an estimator on what its sensors show, as one model, so that samples never leave the processor's cache.
+"""The loop: a plant and an estimator of its measurements as one model, so that samples stay in the processor's cache.
 
-One advance is one inertial sample: the plant's steps, then the estimator's.  The numbers are those of the plant run first and
-the estimator run after it on the plant's outputs, to the bit.
+One advance is one inertial sample: the plant's steps, then the estimator's.  The results are bit-identical to those
+of running the plant first and then the estimator on the plant's outputs.
 
-Lost samples (`imu_valid` 0) are the one thing that differs from `insenv.runs.simulated`, which knows the sample after a gap and
-interpolates: the loop does not see ahead, and gives the estimator the last sample that arrived once more (before the first,
-that of a level body at rest).
+Only lost samples (`imu_valid` 0) are treated differently from `insenv.runs.simulated`, which interpolates over a
+gap.  The loop cannot look ahead: it repeats the last sample that arrived, or, before the first one, gives the sample
+of a level body at rest.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ _HELD = ("delta_angle", "delta_velocity")
 
 @lru_cache(maxsize=64)
 def loop_model(plant: Model, estimator: Model, prefix: str = PREFIX) -> Model:
-    """The model of `plant` with `estimator` behind it; the same object for the same pair.
+    """The model of `plant` followed by `estimator`; the same object for the same pair.
 
-    Parameters, state and outputs: the plant's rows, then the estimator's with `prefix` before their names; inputs: the
-    plant's.  Each estimator input is the plant's output row of its name, `dt` the plant's parameter `sample_interval`, and
-    one that the plant has not is held at its start value.  Two more state rows, `estimator_given_delta_angle` and
-    `estimator_given_delta_velocity`, are the sample that the estimator was given, where the plant may lose samples.
+    Parameters, state and outputs: the plant's rows, then the estimator's with `prefix` before their names; inputs:
+    the plant's.  An input of the estimator is the plant's output of the same name; `dt` is the plant's parameter
+    `sample_interval`; an input that the plant does not have keeps its start value.  Where the plant can lose samples,
+    the state rows `estimator_given_delta_angle` and `estimator_given_delta_velocity` hold the sample that the
+    estimator gets.
 
-    Raises `InputError` if the estimator is random (the plant's stream numbers are its own), or if rows do not fit.
+    Raises `InputError` if the estimator is random (its random streams would change the plant's), or if rows do not fit.
     """
     if estimator.is_random:
         raise InputError(f"estimator {estimator.id!r} takes random numbers: it cannot run in the plant's loop")
@@ -62,7 +63,7 @@ def _prefixed(table: Table, prefix: str) -> Table:
 
 
 class _Wiring:
-    """Which row of the plant each input of the estimator is, and the functions of the one as functions of the whole."""
+    """The row of the plant for each input of the estimator, and the functions of the whole model."""
 
     def __init__(self, plant: Model, estimator: Model, prefix: str) -> None:
         self.plant, self.estimator, self.prefix = plant, estimator, prefix
@@ -81,7 +82,7 @@ class _Wiring:
         return f"{self.prefix}given_{name}"
 
     def given_rows(self) -> Table:
-        """State rows of the sample given to the estimator, where samples may be lost."""
+        """State rows of the sample given to the estimator, where samples can be lost."""
         rows = []
         for name in _HELD if self.holds else ():
             row = self.plant.state[name]
@@ -89,7 +90,7 @@ class _Wiring:
         return Table(tuple(rows))
 
     def steps(self) -> dict[str, Step]:
-        """The estimator's schedule on the whole; steps whose condition can never hold are left out."""
+        """The estimator's steps as steps of the whole; those whose condition can never hold are left out."""
         steps = {f"{self.prefix}hold": Step(self._hold)} if self.holds else {}
         for name, step in self.estimator.steps.items():
             when = step.when
@@ -115,7 +116,7 @@ class _Wiring:
         return {self._given(name): select(x.imu_valid, getattr(x, name), getattr(x, self._given(name))) for name in _HELD}
 
     def output(self, p: Values, x: Values) -> dict[str, Any]:
-        """Output rows of both."""
+        """Outputs of both."""
         return {**self.plant.output(p, x), **self._named(self.estimator.output(*self._own(p, x)))}
 
     def start(self, p: Values, r: Any = None) -> dict[str, Any]:

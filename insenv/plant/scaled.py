@@ -1,8 +1,7 @@
-"""An estimator whose noises are scaled as it runs: what it is told of its sensors, times factors that are state.
+"""An estimator whose noise parameters are multiplied by factors that can change while it runs.
 
-The factors stand in the state row `noise_scale`, 1 at the start, for others to set between samples.  They act on the steps
-alone: the covariance at the start is that of the parameters as they are, and what is scaled of a bias's standard deviation is
-the drive that follows.
+The factors are the state row `noise_scale`, 1 at the start, to be set from outside between samples.  They act on the
+steps only, not on the initial covariance: the factor of a bias's standard deviation scales its driving noise.
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ SCALE = "noise_scale"
 
 @lru_cache(maxsize=32)
 def scaled_model(estimator: Model, names: tuple[str, ...]) -> Model:
-    """`estimator` with the state row `noise_scale` (k,), by whose element i its parameter or input row ``names[i]`` is
-    multiplied in every step; the same object for the same arguments.
+    """`estimator` with the state row `noise_scale` (k,); the same object for the same arguments.
 
-    Raises `InputError` for a name that is neither a parameter nor an input.
+    Every step uses the parameter or input row ``names[i]`` multiplied by element i.  Raises `InputError` for a name
+    that is neither.
     """
     missing = [name for name in names if name not in estimator.parameters and name not in estimator.inputs]
     if missing:

@@ -1,1 +1,1 @@
-"""Runs: estimators on one drive, simulated or recorded, with their errors, limits and health."""
+"""Runs: estimators on simulated or recorded data, with their errors and theoretical limits."""

@@ -1,8 +1,8 @@
-"""Ensembles: one scenario and its estimators over many seeds at once, in the batch core."""
+"""Ensembles: one scenario and its estimators for many seeds at once, as a batch."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,21 +14,22 @@ from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
 from insenv.errors import InsenvError
 from insenv.estimators import Estimator, EstimatorsLike, get_all
-from insenv.runs.simulated import recording_interval
+from insenv.evaluation.errors import wrapped_deg
+from insenv.plant.feeding import Progress, chunks, input_rows, recording_interval
+from insenv.runs.simulated import sensor_error_sum_n
 from insenv.scenario import Plant, ScenarioLike, build, load
-from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
-SAMPLES_AT_ONCE = 200_000  # rows times samples simulated before the estimators see them: some 100 MB
+SAMPLES_AT_ONCE = 200_000  # seeds times samples that are simulated before the estimators take them: about 100 MB
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """What an ensemble gave at the recorded times.
+    """Results of an ensemble at the recorded times.
 
-    time (records,) s; truth: the plant's outputs by row name, (seeds, records, ...); outputs: by estimator id, the
-    estimator's outputs by row name, likewise; plants: one of each seed; sensor_error_n (seeds, 6): mean error of gyros
-    (rad/s) and accelerometers (m/s^2) in n along the whole run, noise left out.
+    time (records,) s; truth: the plant's outputs by row name, (seeds, records, ...); outputs: by estimator id and row
+    name, (seeds, records, ...); plants: one per seed; sensor_error_n (seeds, 6): mean errors of the gyros (rad/s) and
+    accelerometers (m/s^2) in n over the whole run, without white noise.
     """
 
     time: Array
@@ -38,9 +39,9 @@ class Ensemble:
     sensor_error_n: Array
 
     def attitude_errors_deg(self, id: str) -> Array:
-        """Roll, pitch and heading of estimate minus truth (seeds, records, 3), degrees."""
+        """Errors of roll, pitch and heading (estimate minus truth), (seeds, records, 3), degrees."""
         found, true = (np.stack(attitude.numeric.to_euler(q), axis=-1) for q in (self.outputs[id]["q_nb"], self.truth["q_nb"]))
-        return (np.degrees(found - true) + 180.0) % 360.0 - 180.0
+        return wrapped_deg(np.degrees(found - true))
 
 
 def ensemble(
@@ -52,12 +53,12 @@ def ensemble(
     records: int = 300,
     threads: int = 2,
     tuning: Mapping[str, Mapping[str, Any]] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Ensemble:
-    """Simulate `scenario` for every seed and run the estimators on it; each row equals `insenv.runs.simulated.run` with that
-    seed.
+    """Simulate `scenario` for every seed and run the estimators on it.
 
-    tuning: parameter rows by estimator id, on top of the scenario's.  Lost samples are not bridged here.
+    The row of a seed equals `insenv.runs.simulated.run` with that seed, except that lost samples are not bridged.
+    tuning: parameter rows by estimator id; they replace those of the scenario.
     """
     scenario, chosen = load(scenario), get_all(estimators)
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
@@ -69,16 +70,14 @@ def ensemble(
 
     kept: list[Array] = []
     found: dict[str, list[Array]] = {e.id: [] for e in chosen}
-    excess = np.zeros((len(plants), 6))
-    chunk = max(every, SAMPLES_AT_ONCE // len(plants) // every * every)
-    for begin in range(0, total, chunk):
-        count = min(chunk, total - begin)
+    sensor_error_n = np.zeros((len(plants), 6))
+    for begin, count in chunks(total, every, SAMPLES_AT_ONCE // len(plants)):
         shown = plant.run(count, every=1)
         columns = model.outputs.unpack(shown)
         columns["dt"] = np.full((len(plants), count), interval)
-        excess += _excess_n(columns)
+        sensor_error_n += sensor_error_sum_n(columns)
         for estimator in chosen:
-            rows = _inputs(estimator.model, columns, (len(plants), count))
+            rows = input_rows(estimator.model, columns, len(plants), count)
             outputs = batches[estimator.id].run(count, rows, every=every)
             if not np.isfinite(outputs).all():
                 raise InsenvError(f"estimator {estimator.id!r} diverged: its outputs are no longer finite numbers")
@@ -89,7 +88,7 @@ def ensemble(
 
     truth = model.outputs.unpack(np.concatenate(kept, axis=1))
     estimated = {e.id: e.model.outputs.unpack(np.concatenate(found[e.id], axis=1)) for e in chosen}
-    return Ensemble(truth["time"][0], truth, estimated, plants, excess / (total * interval))
+    return Ensemble(truth["time"][0], truth, estimated, plants, sensor_error_n / (total * interval))
 
 
 def _rows(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Array:
@@ -99,17 +98,3 @@ def _rows(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Array:
 def _batch(estimator: Estimator, plants: Sequence[Plant], tuning: Mapping[str, Any], threads: int) -> Batch:
     parameters = [p.parameters_of(estimator, tuning, whole=False) for p in plants]
     return make_batch(estimator.model, len(plants), _rows(estimator.model, parameters), threads=threads)
-
-
-def _inputs(model: Model, columns: Mapping[str, Array], shape: tuple[int, int]) -> Array:
-    """Inputs (seeds, samples, inputs.size): each row from the column of that name, else its start value."""
-    rows = np.tile(model.inputs.start_vector(), (*shape, 1))
-    for name in model.inputs.names:
-        if name in columns:
-            rows[..., model.inputs.slice(name)] = columns[name].reshape(*shape, -1)
-    return rows
-
-
-def _excess_n(columns: Mapping[str, Array]) -> Array:
-    C_nb = attitude.numeric.to_dcm(columns["q_nb"])
-    return np.concatenate([np.einsum("rnij,rnj->ri", C_nb, columns[name]) for name in SENSOR_ERROR.names], axis=1)

@@ -1,4 +1,4 @@
-"""An estimator along a run or a replay."""
+"""An estimator that follows a run or a replay, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Follower:
-    """One estimator along a run: its runner, what it has given so far, and the time it took."""
+    """One estimator in a run: its runner, its outputs so far, and the processor time it has used (s)."""
 
     estimator: Estimator
     runner: Runner
@@ -30,11 +30,11 @@ class Follower:
 
     @classmethod
     def started(cls, estimator: Estimator, parameters: Mapping[str, Any], every: int) -> Follower:
-        """The estimator started with `parameters` (SI, by row name); outputs every `every` samples."""
+        """The estimator started with `parameters` (SI, by row name); its outputs are recorded every `every` samples."""
         return cls(estimator, make_runner(estimator.model, parameters), every)
 
     def follow(self, columns: dict[str, Array], count: int) -> None:
-        """Take `count` samples (a multiple of `every`).  Raises `InsenvError` when the estimate is no longer finite."""
+        """Process `count` samples (a multiple of `every`).  Raises `InsenvError` if an output is not finite."""
         rows = input_rows(self.estimator.model, columns, count)
         begin = time.process_time()
         outputs = self.runner.run(count, rows, self.every)
@@ -48,5 +48,5 @@ class Follower:
         return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
 
     def notes(self, duration_s: float) -> tuple[str, ...]:
-        """What must be said of the estimate after `duration_s` of data."""
+        """Remarks on the estimate after `duration_s` of data."""
         return self.estimator.notes(self.estimator.model.parameters.unpack(self.runner.p), duration_s)

@@ -1,8 +1,8 @@
-"""How a navigation estimator gets its start on a recorded log: from the log itself, or from the reference solution.
+"""Initial knowledge of the estimators of a recorded log: from the log itself, or from its reference solution.
 
-From the log: level from the mean specific force while the vehicle stands, heading from its first motion.  The attitude is
-carried by the gyros (their mean at rest taken off) from rest with a heading of 0; the course over ground then minus the
-heading carried is the heading at rest.  This needs no gyro good enough for the Earth's rotation and no reference.
+From the log: roll and pitch from the mean specific force while the vehicle stands, heading from its first motion.
+The gyro rates minus their mean at rest are integrated from a heading of 0 at rest; the heading at rest is the course
+over ground minus the integrated heading.  This needs neither gyros that sense the Earth's rotation nor a reference.
 """
 
 from __future__ import annotations
@@ -13,20 +13,62 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
-from insenv.estimators import Knowledge, get
+from insenv.estimators import Estimator, Knowledge, get
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.plant.feeding import input_rows
 
 Array = NDArray[np.float64]
 
-COURSE_SPEED = 5.0  # m/s: above it the course over ground tells the heading to some degrees
-COURSE_FIXES = 5  # so many of them are averaged
+STARTS = ("coarse", "reference")
+"""Sources of the initial state of navigation: the log alone, or the reference solution."""
+COURSE_SPEED = 5.0  # m/s: above it the course over ground gives the heading to a few degrees
+COURSE_FIXES = 5  # number of fixes to average
 COURSE_SIGMA = np.radians(5.0)  # side slip and course noise
-LEVEL_SIGMA = np.radians(0.5)  # of levelling with accelerometers of some milli-g
+LEVEL_SIGMA = np.radians(0.5)  # of levelling with accelerometers of a few milli-g
 
 
-def from_reference(log: RecordedLog, first: int) -> Knowledge:
-    """The reference solution's state where sample `first` begins."""
+def start_time(log: RecordedLog, start: str) -> float:
+    """Start of the estimators, s: the log's start_s, or the first sample (that the reference covers, if used)."""
+    given = log.description.initial.start_s
+    first = float(log.imu_time[0] - log.dt[0])
+    if given is not None or start != "reference" or log.reference is None:
+        return first if given is None else given
+    return max(first, float(log.reference.time[0]))
+
+
+def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Knowledge:
+    """Knowledge of the estimator where sample `first` begins; `start` is one of `STARTS`.
+
+    Raises `InputError` if the log lacks what it needs; `InsenvError` if the vehicle is too slow to find the heading.
+    """
+    if start == "reference":
+        return _from_reference(log, first)
+    return _from_log(log, first) if estimator.navigates else _place(log)
+
+
+def _place(log: RecordedLog) -> Knowledge:
+    """The place, which is all that an alignment needs, and the heading if the log's [initial] gives one."""
+    initial, gnss = log.description.initial, log.gnss
+    if initial.latitude_deg is not None and initial.longitude_deg is not None:
+        height = initial.height_m if initial.height_m is not None else 0.0
+        place = (float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height)
+    elif gnss is not None:
+        place = (float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
+    else:
+        raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
+    heading = initial.heading_deg
+    return Knowledge(
+        *place,
+        sample_interval=float(np.median(log.dt)),
+        heading=0.0 if heading is None else float(np.radians(heading)),
+        heading_sigma=np.pi if heading is None else COURSE_SIGMA,
+        tilt_sigma=np.pi,
+        sensors=log.sensors(in_place=True),
+    )
+
+
+def _from_reference(log: RecordedLog, first: int) -> Knowledge:
+    """State of the reference solution where sample `first` begins."""
     reference = log.reference
     if reference is None or reference.roll is None or reference.velocity_n is None:
         raise InputError("start 'reference': the log's [reference] must give position, velocity and attitude")
@@ -55,8 +97,8 @@ def from_reference(log: RecordedLog, first: int) -> Knowledge:
     )
 
 
-def from_log(log: RecordedLog, first: int) -> Knowledge:
-    """Level and heading from the log alone, for a start where sample `first` begins, with the vehicle at rest there."""
+def _from_log(log: RecordedLog, first: int) -> Knowledge:
+    """Attitude from the log alone, for a start at rest where sample `first` begins."""
     rest = _rest(log, first)
     force = (log.delta_velocity[rest] / log.dt[rest, None]).mean(axis=0)
     rate = (log.delta_angle[rest] / log.dt[rest, None]).mean(axis=0)
@@ -66,8 +108,8 @@ def from_log(log: RecordedLog, first: int) -> Knowledge:
 
     initial = log.description.initial
     roll, pitch = (
-        found if said is None else float(np.radians(said))
-        for found, said in ((roll, initial.roll_deg), (pitch, initial.pitch_deg))
+        found if given is None else float(np.radians(given))
+        for found, given in ((roll, initial.roll_deg), (pitch, initial.pitch_deg))
     )
     if initial.heading_deg is None:
         heading = _heading_from_motion(log, first, roll, pitch, rate)
@@ -96,25 +138,25 @@ def from_log(log: RecordedLog, first: int) -> Knowledge:
 
 
 def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
-    """Samples at rest before the start (or, if there are none, at it), as the log's [initial] says."""
+    """Samples at rest, by the log's [initial]: those before the start, or all if fewer than 100 are before it."""
     initial = log.description.initial
     until = initial.static_until_s
     if until is None:
         raise InputError(
-            "start 'coarse' of a navigation estimator: [initial] static_until_s must say until when the vehicle stands"
+            "start 'coarse' of a navigation estimator: [initial] static_until_s is missing: end of the standstill [s]"
         )
     begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
     rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))
     if len(rest) < 100:
         raise InputError(
-            f"[initial] static_from_s = {begin:g} s to static_until_s = {until:g} s holds {len(rest)} samples: 100 are needed"
+            f"[initial] static_from_s = {begin:g} s to static_until_s = {until:g} s: {len(rest)} samples; 100 are needed"
         )
     before = rest[rest < first]
     return before if len(before) >= 100 else rest
 
 
 def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array]:
-    """Mean position of the antenna's fixes at rest (rad, rad, m) and its standard deviation (3, m)."""
+    """Position of the antenna at rest (rad, rad, m) and its sigma (3, m): the mean of the fixes, or [initial]."""
     gnss, initial = log.gnss, log.description.initial
     if gnss is not None:
         still = (gnss.time >= log.imu_time[rest[0]]) & (gnss.time <= log.imu_time[rest[-1]])
@@ -140,7 +182,7 @@ def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float
         )
     last = int(np.searchsorted(log.imu_time, time[moving[-1]]))
     window = slice(first, last + 1)
-    # any estimator that carries the attitude will do; the place is of no account for some minutes
+    # any estimator that integrates the attitude will do; for a few minutes the position does not matter
     model = get("wander-sins").model
     runner = make_runner(model, {"start_latitude": float(gnss.latitude[0]), "start_roll": roll, "start_pitch": pitch})
     columns = {
@@ -156,7 +198,7 @@ def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float
 
 
 def _ground_velocity(gnss: GnssFixes) -> tuple[Array, Array]:
-    """Times (s) and velocities over the ground (m/s, n): the receiver's, or differences of its positions at mid-time."""
+    """Times (s) and velocities (m/s, n): the receiver's, or differences of its positions at the midpoints."""
     if gnss.velocity_n is not None:
         return gnss.time, gnss.velocity_n
     place = np.stack([gnss.latitude, gnss.longitude, gnss.height], axis=1)

@@ -1,4 +1,4 @@
-"""`replay`: a recorded log through estimators, compared with its reference solution if it has one."""
+"""`replay`: run estimators on a recorded log and compare them with its reference solution, if it has one."""
 
 from __future__ import annotations
 
@@ -9,21 +9,18 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.errors import InputError
-from insenv.estimators import Drive, Estimator, EstimatorsLike, Knowledge, get_all
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma
-from insenv.logs import RecordedLog, Reference, load
+from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
+from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
+from insenv.logs import GnssFixes, RecordedLog, Reference, load
+from insenv.plant.feeding import RECORDS, Progress, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.replay_columns import sample_columns
-from insenv.runs.replay_start import COURSE_SIGMA, from_log, from_reference
-from insenv.runs.simulated import CHUNK, RECORDS, Progress, follower_of, recording_interval, track_of
+from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
+from insenv.runs.simulated import follower_of
 from insenv.scenario import tuning
 from insenv.sensors import units
 
 Array = NDArray[np.float64]
-
-STARTS = ("coarse", "reference")
-"""Where a navigation estimator's start comes from: the log alone, or the reference solution."""
 
 
 def replay(
@@ -33,16 +30,17 @@ def replay(
     start: str = "coarse",
     progress: Progress | None = None,
 ) -> Report:
-    """Run a recorded log through estimators.
+    """Run estimators on a recorded log.
 
     Parameters
     ----------
-    log: the path of a flight log, or of a ``.toml`` file that describes the files of a log, or what `insenv.logs.load` gave.
+    log: the path of a flight log, the path of a ``.toml`` file that describes the files of a log, or a loaded
+        `RecordedLog`.
     estimators: one or several, by id or as `Estimator` objects.
-    start: "coarse": from the log alone; "reference": from the state of the log's reference solution.
+    start: initial state of navigation: "coarse", from the log alone; "reference", from the log's reference solution.
     progress: called with the numbers of samples done and in all.
 
-    Raises `InputError` for what is wrong with the log or the call.
+    Raises `InputError` for a wrong log or a wrong argument; `InsenvError` if an estimator diverges.
     """
     if start not in STARTS:
         raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
@@ -50,7 +48,7 @@ def replay(
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
     log = log if isinstance(log, RecordedLog) else load(log)
     description = log.description
-    begin_s = _begin(log, start)
+    begin_s = start_time(log, start)
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
     if first >= len(log.imu_time):
         raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
@@ -60,14 +58,12 @@ def replay(
 
     columns, dropped = sample_columns(log, slice(first, None))
     count = len(log.imu_time) - first
-    # the reference is compared where it stands: often enough, but not at every sample of a long log
+    # more records than in a simulated run, for the comparison with the reference, but not every sample of a long log
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
     tunings = {id: tuning(id, table) for id, table in description.estimator.items()}
-    followers = [follower_of(e, e.parameters(_known(log, e, start, first), tunings), every) for e in chosen]
-    chunk = max(every, CHUNK // every * every)
-    for begin in range(0, total, chunk):
-        size = min(chunk, total - begin)
+    followers = [follower_of(e, e.parameters(initial_knowledge(log, e, start, first), tunings), every) for e in chosen]
+    for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
         for follower in followers:
             follower.follow(part, size)
@@ -85,9 +81,9 @@ def replay(
     )
     notes = list(log.notes)
     if log.gaps.count:
-        notes.append(f"{log.gaps.count} gaps ({log.gaps.samples} samples) bridged by interpolation")
+        notes.append(f"gaps bridged by interpolation: {log.gaps.count} ({log.gaps.samples} samples in all)")
     if dropped:
-        notes.append(f"{dropped} fixes not used: more than one in a sample")
+        notes.append(f"fixes not used, because a later one is in the same sample: {dropped}")
     published = tuple((p.name, dict(p.rms)) for p in evaluation.published)
     return Report(
         scenario=name,
@@ -102,61 +98,66 @@ def replay(
     )
 
 
-def _begin(log: RecordedLog, start: str) -> float:
-    """Time (s) from which the estimators run: as the log says, or at the first sample (that the reference covers, if it is the
-    start)."""
-    said = log.description.initial.start_s
-    first = float(log.imu_time[0] - log.dt[0])
-    if said is not None or start != "reference" or log.reference is None:
-        return first if said is None else said
-    return max(first, float(log.reference.time[0]))
+def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
+    """Samples in `window` as columns by the names of the estimators' inputs, and the number of fixes left out.
+
+    A fix belongs to the first sample that ends at or after its time; its age, `gnss_age`, is the difference.  A
+    sample has at most one fix: of several, the last.
+    """
+    columns = {
+        "delta_angle": log.delta_angle[window],
+        "delta_velocity": log.delta_velocity[window],
+        "dt": log.dt[window],
+    }
+    if log.gnss is None:
+        return columns, 0
+    fixes, dropped = _fix_columns(log.gnss, log.imu_time[window], log.dt[window])
+    return {**columns, **fixes}, dropped
 
 
-def _known(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Knowledge:
-    """What the estimator is told: an alignment needs the place alone."""
-    if start == "reference":
-        return from_reference(log, first)
-    if not estimator.navigates:
-        return _place(log)
-    return from_log(log, first)
+def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Array], int]:
+    inside = np.flatnonzero((gnss.time > end[0] - dt[0]) & (gnss.time <= end[-1]))
+    sample = np.searchsorted(end, gnss.time[inside], side="left")
+    last = np.append(np.diff(sample) > 0, True)[: len(inside)]
+    fix, sample = inside[last], sample[last]
+    valid = np.zeros(len(end))
+    valid[sample] = 1
 
+    def spread(values: Array, otherwise: float = 0.0) -> Array:
+        column = np.full((len(end), *values.shape[1:]), otherwise)
+        column[sample] = values[fix]
+        return column
 
-def _place(log: RecordedLog) -> Knowledge:
-    """The place, and a heading only where the log's [initial] gives one."""
-    initial, gnss = log.description.initial, log.gnss
-    if initial.latitude_deg is not None and initial.longitude_deg is not None:
-        height = initial.height_m if initial.height_m is not None else 0.0
-        place = (float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height)
-    elif gnss is not None:
-        place = (float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
-    else:
-        raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
-    told = initial.heading_deg
-    return Knowledge(
-        *place,
-        sample_interval=float(np.median(log.dt)),
-        heading=0.0 if told is None else float(np.radians(told)),
-        heading_sigma=np.pi if told is None else COURSE_SIGMA,
-        tilt_sigma=np.pi,
-        sensors=log.sensors(in_place=True),
-    )
+    columns = {
+        "gnss_valid": valid,
+        "gnss_age": spread(end[np.searchsorted(end, gnss.time.clip(end[0], end[-1]), side="left")] - gnss.time),
+        "gnss_latitude": spread(gnss.latitude),
+        "gnss_longitude": spread(gnss.longitude),
+        "gnss_height": spread(gnss.height),
+        "gnss_position_sigma": spread(gnss.position_sigma, 1.0),
+    }
+    if gnss.velocity_n is not None and gnss.velocity_sigma is not None:
+        columns["gnss_velocity_valid"] = valid
+        columns["gnss_velocity_n"] = spread(gnss.velocity_n)
+        columns["gnss_velocity_sigma"] = spread(gnss.velocity_sigma, 1.0)
+    return columns, int(len(inside) - len(fix))
 
 
 def _assumed(log: RecordedLog, estimator: Estimator) -> tuple[str, ...]:
-    """What an alignment assumes of the sensors where the log does not tell."""
-    told = log.description.estimator.get(estimator.id, {})
-    if estimator.navigates or log.description.imu.grade or any("bias" in key for key in told):
+    """The remark on the sensor accuracy that an alignment assumes if the log gives none."""
+    given = log.description.estimator.get(estimator.id, {})
+    if estimator.navigates or log.description.imu.grade or any("bias" in key for key in given):
         return ()
     sensors = log.sensors(in_place=True)
     gyro, accel = units.rad_s_to_deg_h(sensors.gyro_bias_sigma), units.m_s2_to_ug(sensors.accel_bias_sigma)
     return (
-        f"the stated accuracy assumes gyros good to {gyro:.2g} deg/h and accelerometers to {accel:.3g} ug: say better by "
+        f"the stated accuracy assumes gyros good to {gyro:.2g} deg/h and accelerometers to {accel:.3g} ug: set it by "
         f'[imu] grade, or [estimator."{estimator.id}"] gyro_bias_deg_h, accel_bias_ug, arw_deg_sqrt_h, vrw_ug_sqrt_hz',
     )
 
 
 def _reference_track(reference: Reference | None, times: Array) -> Track:
-    """The reference at the times, interpolated; nothing where the log has none."""
+    """The reference interpolated at `times`; an empty track if the log has none."""
     if reference is None:
         return Track(times)
 
@@ -182,7 +183,7 @@ def _reference_track(reference: Reference | None, times: Array) -> Track:
 def _result(follower: Follower, reference: Track, times: Array, from_s: float, to_s: float, notes: tuple[str, ...]) -> Result:
     outputs = follower.named()
     found = errors(track_of(times, outputs), reference)
-    # only where there is a reference to compare with, and within the window asked for
+    # only where the reference exists, and up to the end of the evaluation
     inside = (times <= to_s) & np.all([np.isfinite(e) for e in found.values()] or [np.ones(len(times), bool)], axis=0)
     sigma = stated_sigma(outputs)
     late = inside & (times >= from_s)

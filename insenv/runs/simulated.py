@@ -1,8 +1,8 @@
-"""`run`: simulate a scenario and run estimators on what its sensors show, in one pass of bounded memory."""
+"""`run`: simulate a scenario and run estimators on its measurements, in one pass of bounded memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,8 @@ from insenv import attitude
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, EstimatorsLike, get, get_all
 from insenv.evaluation import limits
-from insenv.evaluation.errors import POSITION, Result, Track, errors, stated_sigma
-from insenv.plant.feeding import bridge_lost
+from insenv.evaluation.errors import POSITION, Result, Track, errors, stated_sigma, track_of
+from insenv.plant.feeding import Progress, bridge_lost, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothed import SmoothingFollower
@@ -21,23 +21,10 @@ from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
-Progress = Callable[[int, int], None]
-"""Told after each stretch: samples done, samples in all."""
-
-CHUNK = 20_000  # samples simulated before the estimators see them: some 10 MB
-RECORDS = 3_000  # at most so many recorded times a run, about
-
-
-def recording_interval(samples: int, records: int = RECORDS) -> int:
-    """Every how many samples outputs are recorded: at most about `records` times, if possible so that the last sample is
-    one.
-    """
-    least = max(1, -(-samples // records))
-    return next((every for every in range(least, 4 * least) if samples % every == 0), least)
 
 
 def follower_of(estimator: Estimator, parameters: Mapping[str, Any], every: int) -> Follower:
-    """The estimator started with `parameters` (SI, by row name), with outputs every `every` samples."""
+    """The estimator started with `parameters` (SI, by row name); its outputs are recorded every `every` samples."""
     kind = SmoothingFollower if estimator.smooths else Follower
     return kind.started(estimator, parameters, every)
 
@@ -54,12 +41,14 @@ def run(
 
     Parameters
     ----------
-    scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file.
+    scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a
+    file.
     estimators: one or several, by id or as `Estimator` objects; None: those that the scenario names.
-    seed, duration_s: instead of the scenario's; duration in s.
+    seed, duration_s: seed, and duration in s; None: the scenario's.
     progress: called with the numbers of samples done and in all.
 
-    Raises `InputError` for what is unknown, wrong, or cannot run here.
+    Raises `InputError` for an unknown name, a wrong value, or an estimator that cannot run on this scenario;
+    `InsenvError` if an estimator diverges.
     """
     scenario = load(scenario)
     chosen = get_all(scenario.estimators if estimators is None else estimators)
@@ -76,16 +65,14 @@ def run(
 
     kept: list[Array] = []
     bridged, sensor_error_n = 0, np.zeros(6)
-    chunk = max(every, CHUNK // every * every)
     total = plant.samples // every * every
-    for begin in range(0, total, chunk):
-        count = min(chunk, total - begin)
+    for begin, count in chunks(total, every):
         shown = runner.run(count)
         columns = plant.model.outputs.unpack(shown)
         columns = {name: np.array(column) for name, column in columns.items()}
         columns["dt"] = np.full(count, plant.sample_interval)
         bridged += bridge_lost(columns)
-        sensor_error_n += _sensor_error_n(columns) / (total * plant.sample_interval)
+        sensor_error_n += sensor_error_sum_n(columns) / (total * plant.sample_interval)
         for follower in followers:
             follower.follow(columns, count)
         if predictor is not None:
@@ -101,15 +88,13 @@ def run(
     return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, notes)
 
 
-def track_of(times: Array, rows: dict[str, Array]) -> Track:
-    """A track from the rows of outputs that it has."""
-    return Track(times, **{name: rows.get(name) for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")})
+def sensor_error_sum_n(columns: Mapping[str, Array]) -> Array:
+    """Sums over the samples of the errors of gyros and accelerometers in n, without white noise: (..., 6), rad and m/s.
 
-
-def _sensor_error_n(columns: dict[str, Array]) -> Array:
-    """Sums of the errors of the gyros (3, rad) and the accelerometers (3, m/s) in n, noise left out: its bound is added."""
+    columns: the plant's outputs by row name, (..., samples, components).
+    """
     C_nb = attitude.numeric.to_dcm(columns["q_nb"])
-    return np.concatenate([np.einsum("nij,nj->i", C_nb, columns[name]) for name in SENSOR_ERROR.names])
+    return np.concatenate([np.einsum("...nij,...nj->...i", C_nb, columns[name]) for name in SENSOR_ERROR.names], axis=-1)
 
 
 def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Array, predictor: Follower | None) -> Result:
@@ -138,12 +123,12 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
 
 
 def _stated(sigma: dict[str, Array]) -> dict[str, float]:
-    """Root mean square of the covariance's standard deviations: what an optimal filter leaves on average."""
+    """Root mean square over time of the standard deviations: the average error of an optimal filter."""
     return {name: float(np.sqrt(np.mean(value**2))) for name, value in sigma.items()}
 
 
 def _aided_limit(plant: Plant, sigma: dict[str, Array]) -> dict[str, float]:
-    """What the covariance says, and for position the part of the fixes' error that changes too slowly to be averaged."""
+    """The filter's standard deviations; for position, with the slow errors of the fixes, which do not average out."""
     limit = _stated(sigma)
     wander = np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3)
     for name, slow in zip(POSITION, wander, strict=True):

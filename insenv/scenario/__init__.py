@@ -1,4 +1,4 @@
-"""Scenarios: a TOML file, checked, and the plant and the start knowledge made of it.
+"""Scenarios: the TOML file and its checks, and the plant and the initial knowledge that it describes.
 
 plant = build(load("ship-swaying"), seed=1)
 runner = make_runner(plant.model, plant.parameters)

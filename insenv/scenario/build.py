@@ -1,4 +1,4 @@
-"""From a scenario to what runs: the plant's model and parameters, and what the estimators are told."""
+"""Build a scenario: the plant's model and parameters, and the initial knowledge of the estimators."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
 
 KNOWLEDGE_STREAM = 0xFFFFFFFE
-"""Stream of the start errors drawn: one uniform each for roll, pitch, heading, position and velocity N, E, D, at
-step 0 of the run's seed; the plant's own streams are other ones, so these draws change nothing else."""
+"""Random stream of the initial errors: one uniform each for roll, pitch, heading, position and velocity (north, east,
+down), at step 0 of the run's seed.  The plant has other streams, so these draws change nothing else."""
 
 SMALLEST_AMPLITUDE = 1e-30
-"""Sinusoids below it (rad, m) are none."""
+"""Smaller amplitudes (rad, m) are set to 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plant:
     """A scenario ready to run.
 
-    model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: advances to make.
-    knowledge: what the estimators know of the start.
+    model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: number of
+    inertial samples.  knowledge: initial knowledge of the estimators.
     """
 
     scenario: Scenario
@@ -51,25 +51,26 @@ class Plant:
 
     @property
     def in_place(self) -> bool:
-        """Whether the vehicle stays where it is, within metres."""
+        """Whether the vehicle stays in place, within metres."""
         return self.scenario.vehicle.in_place
 
     @property
     def sensors(self) -> frozenset[str]:
-        """Ids of the sensors beside the inertial unit."""
+        """Ids of the sensors other than the inertial unit."""
         return frozenset(self.scenario.sensors)
 
     @cached_property
     def tunings(self) -> dict[str, dict[str, Any]]:
-        """Parameter rows, SI, by estimator id, as the scenario sets them."""
+        """Parameter rows (SI) that the scenario sets, by estimator id."""
         return self.scenario.tunings
 
     def parameters_of(
         self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, whole: bool = True
     ) -> dict[str, Any]:
-        """Parameters, SI, by row name, with which an estimator starts here; `rows` on top.
+        """Parameters (SI, by row name) of an estimator for this plant; `rows` replace those of the scenario.
 
-        whole: whether the run can be gone through again from its end.  Raises `InputError` if the estimator cannot run here.
+        whole: whether the whole run is available, for a smoother's backward pass.  Raises `InputError` if the
+        estimator cannot run on this scenario.
         """
         parameters = estimator.parameters(self.knowledge, self.tunings, rows)
         estimator.check(self.scenario.drive(whole), parameters)
@@ -77,7 +78,7 @@ class Plant:
 
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None) -> Plant:
-    """The plant of a scenario; `seed` and `duration_s` in place of the scenario's own.  Raises `InputError`."""
+    """The plant of a scenario; `seed` and `duration_s` (None: the scenario's) are checked.  Raises `InputError`."""
     seed, duration = _run(scenario, seed, duration_s)
     interval = 1.0 / scenario.rate_hz
     model, parameters = plant_of(scenario)
@@ -96,7 +97,7 @@ def build(scenario: Scenario, seed: int | None = None, duration_s: float | None 
 
 
 def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
-    """The plants that `build` gives for the same scenario and duration with other seeds; the scenario is read only once."""
+    """The plants that `build` gives for the same scenario and duration with other seeds, in less time."""
     vector, place = plant.model.parameters.pack(plant.parameters), plant.model.parameters.slice("seed").start
     plants = []
     for number in seeds:
@@ -109,7 +110,7 @@ def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
 
 
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
-    """The plant's model and its parameter rows, SI, but for the seed.  Raises `InputError` for what does not go together."""
+    """The plant's model and its parameter rows (SI) except the seed.  Raises `InputError` for values that conflict."""
     interval, start = 1.0 / scenario.rate_hz, scenario.start
     model = _model(scenario.vehicle.vehicle(), (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
@@ -126,7 +127,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     for section in scenario.sensors.values():
         rows |= section.rows(scenario.rate_hz)
     for name in rows:
-        if name.endswith("_amplitude"):  # a sinusoid is divided by the square of its amplitude, which must not vanish
+        if name.endswith("_amplitude"):  # the square of an amplitude other than 0 is a divisor and must not underflow
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
     check_speed_of_sinusoids(rows, interval)
     model.parameters.pack(rows)
@@ -139,7 +140,7 @@ def _model(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> Model:
 
 
 def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tuple[int, float]:
-    """Seed and duration of a run, checked."""
+    """Checked seed and duration (s) of a run."""
     seed = scenario.seed if seed is None else seed
     duration = scenario.duration_s if duration_s is None else duration_s
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MAX_SEED:
@@ -153,8 +154,11 @@ def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tupl
 
 
 def check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
-    """Raise `InputError` for sinusoids too fast for the samples: two a period at least, and small turns in a sample."""
-    turned = 0.0  # in half a sample, at most
+    """Raise `InputError` for sinusoids with less than two samples per period, or with large rotations per sample.
+
+    rows: parameter rows by name.  interval: between samples, s.
+    """
+    turned = 0.0  # upper bound of the rotation in half a sample, rad
     for name, value in rows.items():
         prefix = name.removesuffix("_angular_frequency")
         if prefix == name:
@@ -179,8 +183,8 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
 
 
 def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], seed: int) -> Knowledge:
-    told = scenario.knowledge
-    error = start_errors(told, seed)
+    known = scenario.knowledge
+    error = start_errors(known, seed)
     roll, pitch, heading = np.array(attitude.numeric.to_euler(true["q_nb"])) + error[0:3]
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
         error[3:6], true["latitude"], true["longitude"], true["height"]
@@ -194,26 +198,26 @@ def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[
         roll=float(roll),
         pitch=float(pitch),
         heading=float(heading),
-        position_sigma=np.array(told.position_sigma_m),
-        velocity_sigma=np.array(told.velocity_sigma_mps),
-        tilt_sigma=radians(told.tilt_sigma_deg),
-        heading_sigma=radians(told.heading_sigma_deg),
+        position_sigma=np.array(known.position_sigma_m),
+        velocity_sigma=np.array(known.velocity_sigma_mps),
+        tilt_sigma=radians(known.tilt_sigma_deg),
+        heading_sigma=radians(known.heading_sigma_deg),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sensor_notes(dict(parameters), scenario.vehicle.in_place),
     )
 
 
-def start_errors(told: KnowledgeSection, seed: int) -> Vector:
-    """Errors told less true: roll, pitch, heading (rad), position N, E, D (m), velocity N, E, D (m/s)."""
+def start_errors(known: KnowledgeSection, seed: int) -> Vector:
+    """Initial errors (9,), reported minus true: roll, pitch, heading (rad); position (m), velocity (m/s) in n."""
     uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
-    normals = np.array([NormalDist().inv_cdf(u) for u in uniforms]) * told.draw_errors
-    tilt = radians(told.tilt_sigma_deg)
-    sigma = np.array([tilt, tilt, radians(told.heading_sigma_deg), *told.position_sigma_m, *told.velocity_sigma_mps])
+    normals = np.array([NormalDist().inv_cdf(u) for u in uniforms]) * known.draw_errors
+    tilt = radians(known.tilt_sigma_deg)
+    sigma = np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
     errors = sigma * normals
-    for place, given in enumerate((told.roll_error_deg, told.pitch_error_deg, told.heading_error_deg)):
+    for place, given in enumerate((known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)):
         errors[place] = errors[place] if given is None else radians(given)
-    if told.position_error_m is not None:
-        errors[3:6] = told.position_error_m
-    if told.velocity_error_mps is not None:
-        errors[6:9] = told.velocity_error_mps
+    if known.position_error_m is not None:
+        errors[3:6] = known.position_error_m
+    if known.velocity_error_mps is not None:
+        errors[6:9] = known.velocity_error_mps
     return errors

@@ -22,41 +22,41 @@ MAX_SEED = 2**53
 
 
 class KnowledgeSection(Section):
-    """What the estimators are told of the start: wrong by the errors given, or by errors drawn with the sigmas."""
+    """Initial conditions as known to the estimators: the truth plus the errors given here or drawn from the sigmas."""
 
-    draw_errors: bool = key(True, "draw the errors that are not given, from the seed; false: they are 0", strict=True)
-    roll_error_deg: Number | None = key(None, "roll as told less the true one", "deg", ge=-360, le=360)
-    pitch_error_deg: Number | None = key(None, "pitch as told less the true one", "deg", ge=-360, le=360)
-    heading_error_deg: Number | None = key(None, "heading as told less the true one", "deg", ge=-360, le=360)
+    draw_errors: bool = key(True, "draw from the seed the errors that are not given; false: they are 0", strict=True)
+    roll_error_deg: Number | None = key(None, "roll error: reported minus true", "deg", ge=-360, le=360)
+    pitch_error_deg: Number | None = key(None, "pitch error: reported minus true", "deg", ge=-360, le=360)
+    heading_error_deg: Number | None = key(None, "heading error: reported minus true", "deg", ge=-360, le=360)
     position_error_m: Annotated[Vector3, within(-1e5, 1e5)] | None = key(
-        None, "position as told less the true one, north, east, down", "m"
+        None, "position error: reported minus true, north, east, down", "m"
     )
     velocity_error_mps: Annotated[Vector3, within(-1e3, 1e3)] | None = key(
-        None, "velocity as told less the true one, north, east, down", "m/s"
+        None, "velocity error: reported minus true, north, east, down", "m/s"
     )
-    tilt_sigma_deg: Number = key(0.5, "standard deviation told of roll and pitch", "deg", gt=0, le=180)
-    heading_sigma_deg: Number = key(2.0, "standard deviation told of the heading", "deg", gt=0, le=360)
-    position_sigma_m: Sigmas = key((1.0, 1.0, 1.0), "standard deviation told of the position, north, east, down", "m")
-    velocity_sigma_mps: Sigmas = key((0.1, 0.1, 0.1), "standard deviation told of the velocity, north, east, down", "m/s")
+    tilt_sigma_deg: Number = key(0.5, "reported standard deviation of roll and pitch", "deg", gt=0, le=180)
+    heading_sigma_deg: Number = key(2.0, "reported standard deviation of the heading", "deg", gt=0, le=360)
+    position_sigma_m: Sigmas = key((1.0, 1.0, 1.0), "reported standard deviation of the position, north, east, down", "m")
+    velocity_sigma_mps: Sigmas = key((0.1, 0.1, 0.1), "reported standard deviation of the velocity, north, east, down", "m/s")
 
 
 class Scenario(Section):
-    """A vehicle, its sensors and what is known of the start: everything in a scenario file.
+    """A scenario file: a vehicle, its sensors and the initial conditions.
 
-    `scenario_class` adds the kinds of vehicle and the sensors that are registered.
+    `scenario_class` adds the registered kinds of vehicle and sensors.
     """
 
-    title: str = key(..., "one line for listings, tables and figures", min_length=1, max_length=120)
-    description: str = key("", "what it is for and where its numbers come from")
-    duration_s: Number = key(..., "how long it lasts", "s", gt=0, le=MAX_DURATION_S)
+    title: str = key(..., "one line for lists, tables and figures", min_length=1, max_length=120)
+    description: str = key("", "its purpose and the sources of its numbers")
+    duration_s: Number = key(..., "duration", "s", gt=0, le=MAX_DURATION_S)
     rate_hz: Number = key(200.0, "inertial samples per second", "Hz", ge=1, le=1e4)
-    seed: Annotated[int, Strict()] = key(0, "seed of everything random", "", ge=0, le=MAX_SEED)
-    estimators: tuple[str, ...] = key((), "ids of the estimators that run unless others are asked for")
-    start: StartSection = key(..., "the start")
+    seed: Annotated[int, Strict()] = key(0, "seed of all random numbers", "", ge=0, le=MAX_SEED)
+    estimators: tuple[str, ...] = key((), "ids of the estimators that run by default")
+    start: StartSection = key(..., "initial position and attitude")
     vehicle: VehicleSection = key(..., "the vehicle")
-    imu: ImuSection = key(ImuSection(), "the inertial unit; absent: a perfect one")
-    gnss: GnssSection | None = key(None, "the GNSS receiver; absent: none")
-    knowledge: KnowledgeSection = key(KnowledgeSection(), "what estimators are told of the start")
+    imu: ImuSection = key(ImuSection(), "the inertial unit; a perfect one if absent")
+    gnss: GnssSection | None = key(None, "the GNSS receiver; none if absent")
+    knowledge: KnowledgeSection = key(KnowledgeSection(), "initial conditions as known to the estimators")
     estimator: dict[str, dict[str, Parameter]] = key(
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )
@@ -64,22 +64,22 @@ class Scenario(Section):
 
     @property
     def name(self) -> str:
-        """The file's name without ``.toml``; empty if it comes from no file."""
+        """Name of the file without ``.toml``; empty if the scenario is not from a file."""
         return self._name
 
     @property
     def sensors(self) -> dict[str, SensorSection]:
-        """The sections of the sensors beside the inertial unit, by id, in the order of registration."""
+        """Sections of the sensors other than the inertial unit, by id, in the order of registration."""
         sections = {id: getattr(self, id, None) for id in sensor_registry.registered()}
         return {id: section for id, section in sections.items() if section is not None}
 
     @property
     def tunings(self) -> dict[str, dict[str, Any]]:
-        """Parameter rows, SI, by estimator id."""
+        """Parameter rows (SI) by estimator id."""
         return {id: tuning(id, table) for id, table in self.estimator.items()}
 
     def drive(self, whole: bool = True) -> Drive:
-        """What an estimator runs on here.  whole: whether the run can be gone through again from its end."""
+        """The conditions that estimators check.  whole: whether a smoother can run backward over the whole run."""
         where = f"scenario {self.name!r}" if self.name else "the scenario"
         return Drive(where, frozenset(self.sensors), self.vehicle.in_place, whole)
 
@@ -90,12 +90,12 @@ class Scenario(Section):
         return self
 
     def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[Any, ...]]:
-        """Pickled as its values: the class is made anew where it is unpickled."""
+        """Pickle the values: unpickling makes the class again, from what is registered there."""
         return _restored, (self.model_dump(mode="json"), self.name)
 
 
 def scenario_class() -> type[Scenario]:
-    """`Scenario` with the kinds of vehicle and the sensors that are registered now."""
+    """`Scenario` with the kinds of vehicle and the sensors that are registered."""
     return _with(tuple(vehicle_registry.registered().values()), tuple(sensor_registry.registered().items()))
 
 
@@ -107,7 +107,7 @@ def _with(vehicles: tuple[type[VehicleSection], ...], sensors: tuple[tuple[str, 
     for id, section in sensors:
         if id not in Scenario.model_fields:
             what = (section.__doc__ or id).strip().partition("\n")[0].rstrip(".")
-            fields[id] = (section | None, key(None, f"{what[0].lower()}{what[1:]}; absent: none"))
+            fields[id] = (section | None, key(None, f"{what[0].lower()}{what[1:]}; none if absent"))
     return create_model("Scenario", __base__=Scenario, __doc__=Scenario.__doc__, **fields)
 
 

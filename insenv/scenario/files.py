@@ -1,4 +1,4 @@
-"""Scenario files: by name from insenv's own folder or by path; listing; schema for editors."""
+"""Scenario files: loading by name or path, the list of those in insenv, and the JSON schema for editors."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from insenv.scenario.description import Scenario, scenario_class
 
 
 def names() -> list[str]:
-    """Names of the scenarios that insenv ships."""
+    """Names of the scenarios that insenv contains."""
     return sorted(path.stem for path in scenario_folder().glob("*.toml"))
 
 
 ScenarioLike = str | Path | Scenario | Mapping[str, Any]
-"""What names a scenario: a name that insenv ships, a path to a ``.toml`` file, a `Scenario`, or the values of such a file."""
+"""A name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file."""
 
 
 def load(scenario: ScenarioLike) -> Scenario:
-    """The scenario that `scenario` names.
+    """Load and check a scenario.
 
-    Raises `InputError`: unknown name, unreadable file, wrong key or value, values that do not go together.
+    Raises `InputError` for an unknown name, an unreadable file, a wrong key or value, or values that conflict.
     """
     if isinstance(scenario, Scenario):
         return scenario
@@ -46,7 +46,7 @@ def load(scenario: ScenarioLike) -> Scenario:
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:
-    """The scenario of a dict of TOML values; `label` begins each line of an error.  Raises `InputError`."""
+    """The scenario of TOML values; every line of an error begins with `label`.  Raises `InputError`."""
     scenario = validated(scenario_class(), data, label)
     scenario._name = name
     try:
@@ -69,7 +69,7 @@ def _registered(where: str, id: str) -> None:
 
 
 def summaries() -> list[dict[str, Any]]:
-    """One row a shipped scenario: name, title, vehicle, duration_s, rate_hz, gnss, estimators."""
+    """Name, title, vehicle, duration_s, rate_hz, gnss and estimators of each scenario in insenv."""
     rows = []
     for name in names():
         scenario = load(name)
@@ -94,7 +94,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _plain(schema: Any) -> Any:
-    """A schema without the titles that pydantic makes of the names, and without null, which TOML does not have."""
+    """The schema without pydantic's titles, and without null, which TOML does not have."""
     if isinstance(schema, list):
         return [_plain(item) for item in schema]
     if not isinstance(schema, dict):

@@ -1,4 +1,4 @@
-"""From the parameters of an inertial unit to its data sheet, which is what estimators are tuned by."""
+"""The data sheet of an inertial unit, to which estimators are tuned, from the unit's parameters."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from insenv.sensors import units
 
 
 def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
-    """What an estimator is told of a unit with these parameter rows: its data sheet, not what was drawn.
+    """Data sheet of a unit with these parameter rows (SI): statistics, not the values drawn for a run.
 
-    Bias sigma, the largest of the axes: fixed, turn-on and in-run parts, and what g-sensitivity (gyros) and
-    misalignment (accelerometers) make of gravity; for a vehicle on the move the scale factor too, which in place
-    and about level changes only the vertical axis.  Correlation time: such that a first-order Gauss-Markov
-    process of that sigma is driven as strongly as the in-run part, the bias random walk and, over an hour, the
-    parts that depend on the motion; a bias that does not change has `CONSTANT`.
+    Standard deviation of the bias, largest axis: the fixed, turn-on and in-run parts, and the effect of gravity
+    through g-sensitivity (gyros) and misalignment (accelerometers).  For a moving vehicle also the accelerometers'
+    scale factor; for one in place and nearly level it affects only the vertical axis.  Correlation time: the driving
+    noise of a first-order Gauss-Markov process with this standard deviation is that of the in-run part, the bias
+    random walk and, with one hour, the parts that depend on motion.  It is `CONSTANT` for a bias that does not
+    change.
     """
     gravity = STANDARD_GRAVITY
     notes: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""Tuning of an estimator from a table of keys in data-sheet units: the same for scenarios and for recorded logs."""
+"""Tuning of an estimator: keys in data-sheet units, the same in scenarios and in descriptions of recorded logs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNITS: dict[str, dict[str, Callable[[Any], Any]]] = {
     "m/s": {"mps": np.asarray},
     "1": {"": np.asarray},
 }
-"""Endings of a key by the SI unit of the row it sets; a row of another unit is set in SI by its own name."""
+"""Endings of a key by the SI unit of its row; a row with another unit is set in SI, by its own name."""
 _SHORT = {
     "arw": ("angle_random_walk",),
     "vrw": ("velocity_random_walk",),
@@ -32,18 +32,18 @@ _SHORT = {
     "accel_bias": ("accel_bias_sigma",),
     "correlation_time": ("gyro_correlation_time", "accel_correlation_time"),
 }
-"""Short names of rows, where the model has them."""
+"""Short names of rows."""
 FILE = "file"
-"""Key of the file that an estimator has its rows from; a relative path is seen from the current folder."""
-_TOLD = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
+"""Key of a file with parameter rows, for estimators that read one; a relative path starts at the current folder."""
+_KNOWN = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
 
 
 def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameter rows, SI, of the estimator from `table`, such as ``{"arw_deg_sqrt_h": 0.3, "innovation_gate": 5}``.
+    """Parameter rows (SI) of an estimator from `table`, such as ``{"arw_deg_sqrt_h": 0.3, "innovation_gate": 5}``.
 
-    A key is the row's name (or `_SHORT`) and the unit of its value, or `file`, where the estimator takes one.  Raises
-    `InputError` for an unknown estimator or key, a value that is no number or list of the row's shape, one out of its
-    bounds, or a file that cannot be read.
+    A key is the row's name, or a short name, followed by the unit of its value; or `file`, if the estimator reads
+    one. Raises `InputError` for an unknown estimator or key, a value of the wrong type or shape or out of bounds, or
+    a file that cannot be read.
     """
     estimator = get(estimator)
     parameters = estimator.model.parameters
@@ -83,10 +83,10 @@ def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any)
 
 
 def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
-    """The keys allowed: the rows that each sets and the conversion to SI.  What `Knowledge` tells cannot be set."""
+    """Allowed keys: the rows that each sets, and the conversions to SI.  Rows that `Knowledge` gives cannot be set."""
     keys: dict[str, list[tuple[Row, Callable[[Any], Any]]]] = {}
     for row in parameters:
-        if not row.name.startswith("start_") and row.name not in _TOLD:
+        if not row.name.startswith("start_") and row.name not in _KNOWN:
             for ending, convert in _UNITS.get(row.unit, {"": np.asarray}).items():
                 for name in _names(row.name):
                     keys.setdefault(f"{name}_{ending}".rstrip("_"), []).append((row, convert))

@@ -1,4 +1,4 @@
-"""The section [gnss] of a scenario: a grade of the catalogue, its figures replaced, times, outages."""
+"""The section [gnss] of a scenario: a grade of the catalogue, values that replace its own, times, outages."""
 
 from __future__ import annotations
 
@@ -19,21 +19,27 @@ _ZERO = (0.0, 0.0, 0.0)
 
 
 class GnssSection(SensorSection):
-    """The GNSS receiver; without this section there is none."""
+    """The GNSS receiver."""
 
     sensor: ClassVar[Sensor] = GNSS
 
     grade: Annotated[str, one_of(GNSS_GRADES)] = key("spp", "grade of the catalogue (docs/sensors.md)")
-    interval_s: Number = key(1.0, "time between fixes, a whole number of samples", "s", gt=0, le=3600)
-    latency_s: Number = key(0.0, "how late a fix comes, a whole number of samples, below the interval", "s", ge=0, le=3600)
-    epoch_offset_s: Number = key(0.0, "time by which the epoch precedes its sample, below one sample", "s", ge=0, le=1)
-    lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna, forward, right, down", "m")
-    velocity: bool = key(True, "whether fixes have a velocity", strict=True)
-    position_noise_m: NotNegative | None = key(None, "white noise of position, north, east, down; the grade's if absent", "m")
-    velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity, likewise", "m/s")
-    wander_sigma_m: NotNegative | None = key(None, "correlated error of position, standard deviation, likewise", "m")
-    wander_time_s: Number | None = key(None, "its correlation time; the grade's if absent", "s", gt=0, le=1e9)
-    outages_s: tuple[Window, ...] = key((), "times without fixes, pairs of begin and end", "s", max_length=OUTAGES)
+    interval_s: Number = key(1.0, "interval between fixes, a whole number of samples", "s", gt=0, le=3600)
+    latency_s: Number = key(0.0, "delay of a fix, a whole number of samples, below the interval", "s", ge=0, le=3600)
+    epoch_offset_s: Number = key(0.0, "time from the epoch of a fix to its sample, below one sample", "s", ge=0, le=1)
+    lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna: forward, right, down", "m")
+    velocity: bool = key(True, "whether fixes contain a velocity", strict=True)
+    position_noise_m: NotNegative | None = key(
+        None, "white noise of position, 1 sigma north, east, down; the grade's if absent", "m"
+    )
+    velocity_noise_mps: NotNegative | None = key(
+        None, "white noise of velocity, 1 sigma north, east, down; the grade's if absent", "m/s"
+    )
+    wander_sigma_m: NotNegative | None = key(
+        None, "correlated error of position, 1 sigma north, east, down; the grade's if absent", "m"
+    )
+    wander_time_s: Number | None = key(None, "correlation time of that error; the grade's if absent", "s", gt=0, le=1e9)
+    outages_s: tuple[Window, ...] = key((), "intervals without fixes, pairs of begin and end", "s", max_length=OUTAGES)
     outlier_probability: Number = key(0.0, "probability that a position is an outlier", "", ge=0, le=1)
     outlier_size_m: Number = key(0.0, "length of an outlier", "m", ge=0, le=1e7)
 
@@ -52,7 +58,7 @@ class GnssSection(SensorSection):
         return value
 
     def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows, SI.  Raises `InputError` for times that do not go together with the samples."""
+        """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
         try:
             check_timing(1.0 / rate_hz, self.interval_s, self.latency_s, self.epoch_offset_s)
         except InputError as error:

@@ -1,4 +1,4 @@
-"""The section [imu] of a scenario: a grade of the catalogue, any of its figures replaced, and the mounting."""
+"""The section [imu] of a scenario: a grade of the catalogue, values that replace its own, and the mounting."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from insenv.sensors.imu import IMU
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 LARGEST = 1e9
-"""Bound of every figure, in its data-sheet unit."""
+"""Bound of every value, in its data-sheet unit."""
 _WHITE = ("gyro_white_deg_h", "accel_white_ug")
 _WAYS = (("gyro_arw_deg_sqrt_h", "gyro_white_deg_h"), ("accel_vrw_ug_sqrt_hz", "accel_vrw_m_s_sqrt_h", "accel_white_ug"))
-"""Figures that say the same in different ways: one of each group is given."""
+"""Values that describe the same noise: at most one of each group may be given."""
 _SUFFIXES = {
     "_deg_h_sqrt_h": "deg/h/sqrt(h)", "_deg_sqrt_h": "deg/sqrt(h)", "_deg_h_g": "deg/h/g", "_deg_h_k": "deg/h/K",
     "_m_s_sqrt_h": "m/s/sqrt(h)", "_ug_sqrt_hz": "ug/sqrt(Hz)", "_ug_sqrt_h": "ug/sqrt(h)", "_ug_k": "ug/K", "_deg_h": "deg/h",
@@ -32,22 +32,22 @@ _SUFFIXES = {
 
 
 def unit_of(figure: str) -> str:
-    """The unit that the name of a data-sheet figure shows."""
+    """The unit in the name of a data-sheet value."""
     return next((unit for suffix, unit in _SUFFIXES.items() if figure.endswith(suffix)), "")
 
 
 class _ImuSection(SensorSection):
-    """The inertial unit: a grade, figures of the grade replaced, mounting."""
+    """The inertial unit: a grade, values that replace those of the grade, and the mounting."""
 
     sensor: ClassVar[Sensor] = IMU
 
     grade: Annotated[str, one_of(IMU_GRADES)] = key("perfect", "grade of the catalogue (docs/sensors.md)")
-    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit, forward, right, down", "m")
+    lever_arm_m: LeverArm = key((0.0, 0.0, 0.0), "from the vehicle's centre of motion to the unit: forward, right, down", "m")
     mounting_error_deg: Rotation = key((0.0, 0.0, 0.0), "rotation from the nominal to the actual sensor axes", "deg")
     drop_probability: Number = key(0.0, "probability that a sample is lost", "", ge=0, le=1)
     temperature_start_degc: Number = key(20.0, "temperature at time 0; thermal biases are 0 at 20", "deg C", ge=-100, le=200)
-    temperature_end_degc: Number = key(20.0, "temperature after warming up", "deg C", ge=-100, le=200)
-    warm_up_s: Number = key(600.0, "time constant of warming up", "s", ge=1e-3, le=1e9)
+    temperature_end_degc: Number = key(20.0, "temperature after warm-up", "deg C", ge=-100, le=200)
+    warm_up_s: Number = key(600.0, "time constant of the warm-up", "s", ge=1e-3, le=1e9)
 
     @field_validator("grade")
     @classmethod
@@ -56,13 +56,13 @@ class _ImuSection(SensorSection):
         return value
 
     def rows(self, rate_hz: float) -> dict[str, Any]:
-        """Parameter rows, SI.  White noise given here per sample is that of the scenario's own samples."""
+        """Parameter rows (SI).  White noise per sample, if given here, is that of samples at `rate_hz`."""
         grade = imu_grade(self.grade)
         own = {name: getattr(self, name) for name in _FIGURES if getattr(self, name) is not None}
         for group in _WAYS:
             given = [name for name in group if name in own]
             if len(given) > 1:
-                raise InputError(f"imu has {' and '.join(given)}, which say the same in different ways: allowed is one of them")
+                raise InputError(f"imu has {' and '.join(given)}, which describe the same noise: allowed is one of them")
             if given:
                 own = dict.fromkeys(group, 0.0) | own
         for name in _WHITE:
@@ -80,7 +80,7 @@ class _ImuSection(SensorSection):
 
 
 def _figure(figure: str) -> tuple[Any, Any]:
-    """Type and field of a figure: the grade's value unless given; meaning and sign from the parameter row."""
+    """Type and field of a data-sheet value: None is the grade's; meaning and sign are those of the parameter row."""
     if figure in _WHITE:
         what, lower = f"{'Gyro' if figure[0] == 'g' else 'Accelerometer'} white noise, standard deviation of one sample", 0.0
     else:

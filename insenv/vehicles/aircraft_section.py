@@ -1,4 +1,4 @@
-"""An aircraft of a scenario: engine, gusts, flight."""
+"""The section [vehicle] of an aircraft: engine, gusts, flight."""
 
 from __future__ import annotations
 
@@ -27,39 +27,39 @@ def _aircraft(engine_components: int) -> Vehicle:
 class AircraftLeg(Section):
     """One leg of a flight: exactly one of wait_s, fly_s, line_m, speed_mps, climb_to_m, turn_deg, survey_lines."""
 
-    wait_s: Number | None = key(None, "stay as it is for so long", "s", gt=0, le=86400)
-    fly_s: Number | None = key(None, "straight on for so long", "s", gt=0, le=86400)
-    line_m: Number | None = key(None, "straight on for this length of ground", "m", gt=0, le=1e7)
-    speed_mps: Number | None = key(None, "change to this speed; ends when it is reached", "m/s", ge=0, le=340)
-    climb_to_m: Number | None = key(None, "climb or sink to this height above the ellipsoid", "m", ge=-1000, le=50000)
+    wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
+    fly_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
+    line_m: Number | None = key(None, "go straight on for this distance over ground", "m", gt=0, le=1e7)
+    speed_mps: Number | None = key(None, "change to this speed; the leg ends when it is reached", "m/s", ge=0, le=340)
+    climb_to_m: Number | None = key(None, "climb or descend to this height above the ellipsoid", "m", ge=-1000, le=50000)
     turn_deg: Number | None = key(None, "coordinated turn by this angle, right positive", "deg", ge=-3600, le=3600)
     survey_lines: Annotated[int, Strict()] | None = key(
-        None, "so many lines of line_m each, with half turns between them, first to the right", "", ge=1, le=32
+        None, "number of parallel lines of length line_m, with half turns between them, the first to the right", "", ge=1, le=32
     )
-    acceleration_mps2: Number | None = key(None, "largest acceleration, from here on (2.5 at the start)", "m/s2", gt=0, le=30)
-    climb_mps: Number | None = key(None, "rate of climb (5)", "m/s", gt=0, le=100)
-    bank_deg: Number | None = key(None, "bank of the turn (20)", "deg", gt=0, le=45)
+    acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2.5)", "m/s2", gt=0, le=30)
+    climb_mps: Number | None = key(None, "rate of climb; 5 if absent", "m/s", gt=0, le=100)
+    bank_deg: Number | None = key(None, "bank angle of the turn; 20 if absent", "deg", gt=0, le=45)
 
 
 class AircraftSection(VehicleSection):
-    """An aircraft: parked as long as its legs only wait; otherwise on the move."""
+    """An aircraft: parked if its legs only wait, otherwise moving."""
 
     traits: ClassVar[VehicleTraits] = AIRCRAFT_TRAITS
 
-    kind: Literal["aircraft"] = key(..., "what kind of vehicle")
+    kind: Literal["aircraft"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the engine's vibration")
-    gust_roll_sigma_deg: Number = key(0.0, "roll by gusts, standard deviation", "deg", ge=0, le=10)
-    gust_pitch_sigma_deg: Number = key(0.0, "pitch by gusts, standard deviation", "deg", ge=0, le=10)
-    gust_yaw_sigma_deg: Number = key(0.0, "yaw by gusts, standard deviation", "deg", ge=0, le=10)
+    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_pitch_sigma_deg: Number = key(0.0, "pitch due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", ge=0, le=10)
     gust_velocity_sigma_mps: Annotated[PerAxis, within(0.0, 10.0)] = key(
-        (0.0, 0.0, 0.0), "velocity north, east, down by gusts, standard deviations", "m/s"
+        (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
     )
     gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
-    angle_of_attack_deg: Number = key(2.0, "pitch above the path in the air", "deg", ge=-15, le=15)
+    angle_of_attack_deg: Number = key(2.0, "pitch above the flight path in the air", "deg", ge=-15, le=15)
     take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", ge=1, le=200)
-    start_speed_mps: Number = key(0.0, "speed at time 0; it begins in the air if above the take-off speed", "m/s", ge=0, le=340)
+    start_speed_mps: Number = key(0.0, "speed at time 0; in the air if above the take-off speed", "m/s", ge=0, le=340)
     legs: tuple[AircraftLeg, ...] = key((), "the flight, leg by leg; a parked aircraft only waits", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "begin the legs again at their end", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -67,11 +67,11 @@ class AircraftSection(VehicleSection):
         return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
 
     def vehicle(self) -> Vehicle:
-        """Its law of motion."""
+        """Equations of motion."""
         return _aircraft(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
-        """Parameter rows, SI. Raises `InputError` for a leg that is not allowed."""
+        """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
         north, east, down = self.gust_velocity_sigma_mps
         return {
             **engine_rows(self.engine),
@@ -90,13 +90,13 @@ class AircraftSection(VehicleSection):
         }
 
     def _plan(self) -> list[Mapping[str, float]]:
-        """Legs with survey patterns written out."""
+        """The legs, with each survey as its lines and turns."""
         plan: list[Mapping[str, float]] = []
         for number, leg in enumerate(dumped(self.legs), 1):
             if "survey_lines" not in leg:
                 plan.append(leg)
             elif set(leg) - {"survey_lines", "line_m", "bank_deg"} or "line_m" not in leg:
-                raise InputError(f"leg {number}: survey_lines goes with line_m, and bank_deg if wanted, and with nothing else")
+                raise InputError(f"leg {number}: survey_lines needs line_m; of the other keys only bank_deg is allowed")
             else:
                 plan += survey_pattern(int(leg["survey_lines"]), leg["line_m"], leg.get("bank_deg", 20.0))
         return plan

@@ -1,4 +1,4 @@
-"""A car of a scenario: engine, wind, people, drive."""
+"""The section [vehicle] of a car: engine, wind, load, drive."""
 
 from __future__ import annotations
 
@@ -23,36 +23,36 @@ class CarLeg(Section):
     """One leg of a drive: exactly one of accelerate_to_mps, drive_s, turn_deg, stop_s, wait_s."""
 
     accelerate_to_mps: Number | None = key(
-        None, "change to this speed; ends when it is reached, or after duration_s", "m/s", ge=0, le=100
+        None, "change to this speed; the leg ends when it is reached, or after duration_s", "m/s", ge=0, le=100
     )
-    drive_s: Number | None = key(None, "straight on for so long", "s", gt=0, le=86400)
+    drive_s: Number | None = key(None, "drive straight on for this time", "s", gt=0, le=86400)
     turn_deg: Number | None = key(
         None, "turn by this angle, right positive, with duration_s or radius_m", "deg", ge=-3600, le=3600
     )
-    stop_s: Number | None = key(None, "brake, then stand for so long", "s", gt=0, le=86400)
-    wait_s: Number | None = key(None, "stay as it is for so long", "s", gt=0, le=86400)
-    duration_s: Number | None = key(None, "how long the turn or the change of speed takes", "s", gt=0, le=86400)
+    stop_s: Number | None = key(None, "brake, then stand for this time", "s", gt=0, le=86400)
+    wait_s: Number | None = key(None, "keep speed and direction for this time", "s", gt=0, le=86400)
+    duration_s: Number | None = key(None, "duration of the turn or of the change of speed", "s", gt=0, le=86400)
     radius_m: Number | None = key(None, "radius of the turn", "m", gt=0, le=1e6)
-    acceleration_mps2: Number | None = key(None, "largest acceleration, from here on (2 at the start)", "m/s2", gt=0, le=15)
-    grade_percent: Number | None = key(None, "slope of the road, from here on", "%", ge=-40, le=40)
-    load_roll_deg: Number | None = key(None, "roll by people getting in, from here on", "deg", ge=-10, le=10)
-    load_pitch_deg: Number | None = key(None, "pitch by load, from here on", "deg", ge=-10, le=10)
-    load_down_m: Number | None = key(None, "sinking by load, from here on", "m", ge=-0.2, le=0.2)
+    acceleration_mps2: Number | None = key(None, "largest acceleration, from this leg on (initially 2)", "m/s2", gt=0, le=15)
+    grade_percent: Number | None = key(None, "slope of the road, from this leg on", "%", ge=-40, le=40)
+    load_roll_deg: Number | None = key(None, "roll due to the load, from this leg on", "deg", ge=-10, le=10)
+    load_pitch_deg: Number | None = key(None, "pitch due to the load, from this leg on", "deg", ge=-10, le=10)
+    load_down_m: Number | None = key(None, "displacement down due to the load, from this leg on", "m", ge=-0.2, le=0.2)
 
 
 class CarSection(VehicleSection):
-    """A car: parked as long as its legs only wait; otherwise driving."""
+    """A car: parked if its legs only wait, otherwise driving."""
 
     traits: ClassVar[VehicleTraits] = CAR_TRAITS
 
-    kind: Literal["car"] = key(..., "what kind of vehicle")
+    kind: Literal["car"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the engine's vibration")
-    wind_roll_sigma_deg: Number = key(0.0, "roll by wind, standard deviation", "deg", ge=0, le=5)
-    wind_pitch_sigma_deg: Number = key(0.0, "pitch by wind, standard deviation", "deg", ge=0, le=5)
+    wind_roll_sigma_deg: Number = key(0.0, "roll due to wind, standard deviation", "deg", ge=0, le=5)
+    wind_pitch_sigma_deg: Number = key(0.0, "pitch due to wind, standard deviation", "deg", ge=0, le=5)
     wind_correlation_s: Number = key(3.0, "correlation time of the wind", "s", ge=0.01, le=1e6)
     start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=100)
     legs: tuple[CarLeg, ...] = key((), "the drive, leg by leg; a parked car only waits", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "begin the legs again at their end", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", strict=True)
 
     @property
     def in_place(self) -> bool:
@@ -60,11 +60,11 @@ class CarSection(VehicleSection):
         return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
 
     def vehicle(self) -> Vehicle:
-        """Its law of motion."""
+        """Equations of motion."""
         return _car(max(1, len(self.engine)))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
-        """Parameter rows, SI. Raises `InputError` for a leg that is not allowed."""
+        """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
         return {
             **engine_rows(self.engine),
             "wind_roll_sigma": radians(self.wind_roll_sigma_deg),

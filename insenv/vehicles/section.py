@@ -1,4 +1,4 @@
-"""The section [vehicle] of a scenario: what every kind of vehicle has, and its legs and engine."""
+"""The sections [start] and [vehicle] of a scenario: keys and contract of all vehicles; legs and engines."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MAX_LEGS = 64
 
 
 class StartSection(Section):
-    """Where the inertial unit is at time 0, and how the vehicle stands."""
+    """Position of the inertial unit and attitude of the vehicle at time 0."""
 
     latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.999, le=89.999)
     longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
     height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
-    heading_deg: Number = key(0.0, "heading, clockwise from north; of a swaying ship the mean", "deg", ge=-360, le=360)
+    heading_deg: Number = key(0.0, "heading, clockwise from north; the mean for a swaying ship", "deg", ge=-360, le=360)
     roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", ge=-28, le=28)
     pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", ge=-28, le=28)
 
@@ -31,26 +31,26 @@ class StartSection(Section):
 class VehicleSection(Section):
     """Keys of [vehicle] for one kind of vehicle.
 
-    A subclass declares ``kind: Literal["name"]`` and its other keys, and is the whole of what insenv knows of the kind.
-    `insenv.register`, or the entry-point group ``insenv.vehicles``, makes it known.
+    A subclass declares ``kind: Literal["name"]`` and its other keys; insenv needs nothing else to use the kind.
+    `insenv.register`, or the entry-point group ``insenv.vehicles``, registers it.
     """
 
     traits: ClassVar[VehicleTraits] = VehicleTraits()
-    """What other tools need to know of it."""
+    """What other interfaces need to know of the kind."""
 
     kind: str
 
     @property
     def in_place(self) -> bool:
-        """Whether the vehicle stays where it is, within metres."""
+        """Whether the vehicle stays in place, within metres."""
         raise NotImplementedError
 
     def vehicle(self) -> Vehicle:
-        """Its law of motion.  Sections whose equations are the same return the same object: they share one compiled model."""
+        """Equations of motion.  Sections with equal equations return the same object, to share one compiled model."""
         raise NotImplementedError
 
     def rows(self, start: StartSection) -> dict[str, Any]:
-        """Parameter rows of the law of motion, SI.  Raises `InputError` for values that do not go together."""
+        """Parameter rows (SI) of the equations of motion.  Raises `InputError` for values that conflict."""
         raise NotImplementedError
 
 
@@ -58,12 +58,12 @@ Made = TypeVar("Made")
 
 
 def dumped(legs: tuple[Section, ...]) -> list[dict[str, float]]:
-    """The keys that each leg has."""
+    """The given keys of each leg."""
     return [leg.model_dump(exclude_none=True) for leg in legs]
 
 
 def in_legs(make: Callable[[], Made]) -> Made:
-    """What `make` makes of the legs; an error says that it is in them."""
+    """The result of `make`; the message of an `InputError` begins with the key ``vehicle.legs``."""
     try:
         return make()
     except InputError as error:
@@ -73,7 +73,7 @@ def in_legs(make: Callable[[], Made]) -> Made:
 class EngineWave(Section):
     """One frequency of an engine's vibration."""
 
-    frequency_hz: Number = key(..., "its frequency, below half the sample rate", "Hz", gt=0, le=5e3)
+    frequency_hz: Number = key(..., "frequency, below half the sample rate", "Hz", gt=0, le=5e3)
     roll_deg: Number = key(0.0, "amplitude of roll", "deg", ge=0, le=5)
     pitch_deg: Number = key(0.0, "amplitude of pitch", "deg", ge=0, le=5)
     down_m: Number = key(0.0, "amplitude of the displacement down", "m", ge=0, le=0.1)
@@ -86,7 +86,7 @@ Engine = Annotated[tuple[EngineWave, ...], Field(max_length=MAX_WAVES)]
 
 
 def engine_rows(engine: tuple[EngineWave, ...]) -> dict[str, Any]:
-    """Parameter rows of the vibration, SI; without an engine one still frequency."""
+    """Parameter rows (SI) of the vibration; without an engine, one frequency of amplitude 0."""
     waves = engine or (EngineWave(frequency_hz=1.0),)
     rows: dict[str, Any] = {"engine_angular_frequency": [2.0 * pi * wave.frequency_hz for wave in waves]}
     for channel, amplitude in (("roll", "roll_deg"), ("pitch", "pitch_deg"), ("down", "down_m")):

@@ -1,4 +1,4 @@
-"""A ship in a scenario: regular sway, irregular sea, course."""
+"""The section [vehicle] of a ship: regular sway, irregular sea, course."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def _ship(counts: tuple[tuple[str, int], ...], wave_components: int, under_way: 
 class _Wave(Section):
     """One sinusoid A sin(2 pi t / period + phase)."""
 
-    period_s: Number | None = key(None, "its period", "s", gt=0, le=1e5)
-    frequency_hz: Number | None = key(None, "its frequency, in place of the period", "Hz", gt=0, le=5e3)
-    phase_deg: Number = key(0.0, "its phase at time 0", "deg", ge=-360, le=360)
+    period_s: Number | None = key(None, "period", "s", gt=0, le=1e5)
+    frequency_hz: Number | None = key(None, "frequency, instead of the period", "Hz", gt=0, le=5e3)
+    phase_deg: Number = key(0.0, "phase at time 0", "deg", ge=-360, le=360)
 
     @model_validator(mode="after")
     def _one_of_two(self) -> _Wave:
@@ -39,13 +39,13 @@ class _Wave(Section):
 class AngleWave(_Wave):
     """One sinusoid of an angle."""
 
-    amplitude_deg: Number = key(..., "its amplitude", "deg", ge=0, le=80)
+    amplitude_deg: Number = key(..., "amplitude", "deg", ge=0, le=80)
 
 
 class LengthWave(_Wave):
     """One sinusoid of a displacement."""
 
-    amplitude_m: Number = key(..., "its amplitude", "m", ge=0, le=100)
+    amplitude_m: Number = key(..., "amplitude", "m", ge=0, le=100)
 
 
 _AngleWaves = tuple[AngleWave, ...]
@@ -53,7 +53,7 @@ _LengthWaves = tuple[LengthWave, ...]
 
 
 class SwaySection(Section):
-    """Regular sway: for each motion a list of sinusoids."""
+    """Regular sway: a list of sinusoids for each motion."""
 
     roll: _AngleWaves = key((), "roll about the mean", max_length=MAX_WAVES)
     pitch: _AngleWaves = key((), "pitch about the mean", max_length=MAX_WAVES)
@@ -64,13 +64,13 @@ class SwaySection(Section):
 
 
 class HullSection(Section):
-    """What a ship's response to waves depends on."""
+    """The hull, which determines the ship's response to waves."""
 
     length_m: Number = key(100.0, "length", "m", gt=1, le=500)
     beam_m: Number = key(16.0, "beam", "m", gt=0.3, le=100)
     draught_m: Number = key(5.0, "draught", "m", gt=0.1, le=50)
     roll_period_s: Number = key(11.0, "natural period of roll", "s", gt=1, le=60)
-    roll_damping: Number = key(0.12, "damping of roll, share of the critical", "", gt=0.005, le=2)
+    roll_damping: Number = key(0.12, "damping ratio of roll", "", gt=0.005, le=2)
 
 
 class SeaSection(Section):
@@ -78,33 +78,33 @@ class SeaSection(Section):
 
     significant_height_m: Number = key(..., "significant wave height", "m", gt=0, le=20)
     peak_period_s: Number = key(..., "period of the spectrum's peak", "s", ge=1, le=30)
-    direction_deg: Number = key(0.0, "where the waves go, clockwise from north", "deg", ge=-360, le=360)
+    direction_deg: Number = key(0.0, "direction in which the waves travel, clockwise from north", "deg", ge=-360, le=360)
     enhancement: Number = key(3.3, "peak enhancement; 1 is a fully developed sea (Pierson-Moskowitz)", "", ge=1, le=7)
-    components: Annotated[int, Strict()] = key(24, "number of waves that share out the spectrum", "", ge=1, le=64)
+    components: Annotated[int, Strict()] = key(24, "number of waves that represent the spectrum", "", ge=1, le=64)
     hull: HullSection = key(HullSection(), "the ship's hull")
 
 
 class ShipLeg(Section):
     """One leg of a course: exactly one of speed_mps, turn_deg, hold_s."""
 
-    speed_mps: Number | None = key(None, "straight on, changing to this speed over duration_s", "m/s", ge=0, le=60)
-    turn_deg: Number | None = key(None, "turn by this angle over duration_s, right positive", "deg", ge=-3600, le=3600)
-    hold_s: Number | None = key(None, "straight on for so long", "s", gt=0, le=86400)
-    duration_s: Number | None = key(None, "how long the leg takes", "s", gt=0, le=86400)
+    speed_mps: Number | None = key(None, "go straight on and change to this speed in duration_s", "m/s", ge=0, le=60)
+    turn_deg: Number | None = key(None, "turn by this angle in duration_s, right positive", "deg", ge=-3600, le=3600)
+    hold_s: Number | None = key(None, "go straight on for this time", "s", gt=0, le=86400)
+    duration_s: Number | None = key(None, "duration of the leg", "s", gt=0, le=86400)
 
 
 class ShipSection(VehicleSection):
-    """A ship: moored, or under way if it has legs or a start speed."""
+    """A ship: under way if it has legs or a start speed, otherwise moored."""
 
     traits: ClassVar[VehicleTraits] = SHIP_TRAITS
 
-    kind: Literal["ship"] = key(..., "what kind of vehicle")
+    kind: Literal["ship"] = key(..., "kind of vehicle")
     sway: SwaySection | None = key(None, "regular sway; not together with sea")
-    random_phases: bool = key(False, "add to the phases of the sway random ones, drawn from the seed", strict=True)
+    random_phases: bool = key(False, "add random phases, drawn from the seed, to those of the sway", strict=True)
     sea: SeaSection | None = key(None, "irregular sea; not together with sway")
     start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=60)
     legs: tuple[ShipLeg, ...] = key((), "the course, leg by leg", max_length=MAX_LEGS)
-    repeat_legs: bool = key(False, "begin the legs again at their end", strict=True)
+    repeat_legs: bool = key(False, "repeat the legs", strict=True)
 
     @model_validator(mode="after")
     def _one_motion(self) -> ShipSection:
@@ -123,13 +123,13 @@ class ShipSection(VehicleSection):
         return regular_sway([{"motion": name, **wave.model_dump(exclude_none=True)} for name, wave in waves])
 
     def vehicle(self) -> Vehicle:
-        """Its law of motion."""
+        """Equations of motion."""
         counts, _ = self._regular()
         components = self.sea.components if self.sea else 0
         return _ship(tuple(counts.items()), components, not self.in_place, self.random_phases and bool(counts))
 
     def rows(self, start: StartSection) -> dict[str, Any]:
-        """Parameter rows, SI. Raises `InputError` for a leg that is not allowed."""
+        """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
         rows: dict[str, Any] = dict(self._regular()[1])
         if self.sea is not None:
             hull = self.sea.hull

@@ -6,7 +6,6 @@ import pytest
 
 from insenv.errors import InputError, InsenvError
 from insenv.files.output import atomic, check_output_file, staged
-from insenv.files.toml import Section, key, validated
 
 
 def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
@@ -41,11 +40,3 @@ def test_a_folder_is_not_an_output_file(tmp_path):
         check_output_file(tmp_path)
     check_output_file(tmp_path / "new")
     assert not list(tmp_path.iterdir())
-
-
-def test_lists_of_wrong_length_are_named_with_both_lengths():
-    class Route(Section):
-        legs: tuple[int, ...] = key((), "legs", max_length=2)
-
-    with pytest.raises(InputError, match=r"^file: legs: at most 2 items, 3 given$"):
-        validated(Route, {"legs": [1, 2, 3]}, "file")

@@ -23,7 +23,7 @@ from insenv.logs.flight.records import TelemetryLog
 from insenv.mavlink import Vehicle
 from insenv.mavlink.wire import TlogWriter, dialect
 from insenv.runs.follower import Follower
-from insenv.runs.replay_columns import sample_columns
+from insenv.runs.replayed import sample_columns
 from insenv.scenario import load as load_scenario
 
 DATA = Path(__file__).parent / "data" / "px4"

@@ -476,7 +476,7 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
         ("[imu]", "[imu]\nrate = 3", "imu.rate: unknown key; did you mean"),
         ("[imu]", "[imu]\nrate_hz = -3.0", "imu.rate_hz = -3.0 [Hz]: must be greater than 0"),
         ("[imu]", "[imu]\nmax_gap_s = nan", "imu.max_gap_s = nan [s]"),
-        ("[imu]", '[imu]\nmax_gap_s = "1"', "imu.max_gap_s = '1' [s]: must be a valid number"),
+        ("[imu]", '[imu]\nmax_gap_s = "1"', "imu.max_gap_s = '1' [s]: must be a number"),
         ("[imu]", "[imu]\nmax_gap_s = 1e9", "must be less than or equal to 60"),
         ('axes = "FRD"', 'axes = "FLD"', "imu.axes = 'FLD': the axes are left-handed"),
         ('axes = "FRD"', 'axes = "XYZ"', "imu.axes = 'XYZ': must be three letters"),

@@ -1,4 +1,4 @@
-"""The main job: scenarios simulated, and the real log navigated."""
+"""Runs: simulated scenarios and a real log."""
 
 import importlib.util
 import json
@@ -34,10 +34,10 @@ def test_a_report_is_the_documented_json():
         assert result["us_per_sample"] > 0
 
 
-def test_progress_is_told_to_the_end():
-    told = []
-    run(load("static-ecef"), ["q-method"], duration_s=250.0, progress=lambda done, total: told.append((done, total)))
-    assert told[-1] == (50000, 50000) and len(told) > 1
+def test_progress_is_reported_to_the_end():
+    calls = []
+    run(load("static-ecef"), ["q-method"], duration_s=250.0, progress=lambda done, total: calls.append((done, total)))
+    assert calls[-1] == (50000, 50000) and len(calls) > 1
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Scenarios: reading, checks, what is built of them, what is told of the start."""
+"""Scenarios: reading, checks, what is built of them, initial conditions."""
 
 from __future__ import annotations
 
@@ -147,21 +147,21 @@ def test_survey_has_its_outages_on_the_lines() -> None:
     np.testing.assert_allclose(length, 60.0 * (np.arange(16) < 4))
 
 
-# --- what is told of the start ---------------------------------------------------------------------
+# --- initial conditions ----------------------------------------------------------------------------
 
 
 def _true_start(plant: Any) -> dict[str, Any]:
     return make_runner(plant.model, plant.parameters, backend="interpreter").state
 
 
-def _told_less_true(plant: Any) -> np.ndarray:
+def _known_minus_true(plant: Any) -> np.ndarray:
     """Errors of roll, pitch, heading (rad), position (m), velocity (m/s)."""
-    true, told = _true_start(plant), plant.knowledge
-    angles = np.array([told.roll, told.pitch, told.heading]) - np.array(attitude.numeric.to_euler(true["q_nb"]))
+    true, known = _true_start(plant), plant.knowledge
+    angles = np.array([known.roll, known.pitch, known.heading]) - np.array(attitude.numeric.to_euler(true["q_nb"]))
     position = geodesy.numeric.ned_offset(
-        told.latitude, told.longitude, told.height, true["latitude"], true["longitude"], true["height"]
+        known.latitude, known.longitude, known.height, true["latitude"], true["longitude"], true["height"]
     )
-    return np.concatenate([angles, position, told.velocity_n - true["velocity_n"]])
+    return np.concatenate([angles, position, known.velocity_n - true["velocity_n"]])
 
 
 def test_start_errors_given() -> None:
@@ -172,7 +172,7 @@ def test_start_errors_given() -> None:
     }  # fmt: skip
     plant = build(parse(data), seed=5)
     expected = [1 * DEG, -2 * DEG, 60 * DEG, 10, -20, 5, 0.1, 0.2, -0.3]
-    np.testing.assert_allclose(_told_less_true(plant), expected, rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(_known_minus_true(plant), expected, rtol=1e-9, atol=1e-8)
     assert np.linalg.norm(_true_start(plant)["velocity_n"]) > 0.5  # the ship sways at time 0
     assert plant.knowledge.heading_sigma == pytest.approx(70 * DEG)
     np.testing.assert_array_equal(plant.knowledge.position_sigma, [30.0] * 3)
@@ -183,17 +183,17 @@ def test_start_errors_drawn() -> None:
     sigma = {"tilt_sigma_deg": 2.0, "heading_sigma_deg": 5.0, "position_sigma_m": [1.0, 2.0, 4.0], "velocity_sigma_mps": 0.5}
     data["knowledge"] = sigma
     scenario = parse(data)
-    errors = np.array([_told_less_true(build(scenario, seed=seed)) for seed in range(200)])
+    errors = np.array([_known_minus_true(build(scenario, seed=seed)) for seed in range(200)])
     unit = errors / np.array([2 * DEG, 2 * DEG, 5 * DEG, 1, 2, 4, 0.5, 0.5, 0.5])
     assert np.abs(unit.mean(0)).max() < 0.3 and np.abs(unit.std(0) - 1).max() < 0.2
     assert np.abs(np.corrcoef(unit.T) - np.eye(9)).max() < 0.3
     # one of them given changes no other; the same seed gives the same
     data["knowledge"] = {**sigma, "pitch_error_deg": 1.0}
-    other = _told_less_true(build(parse(data), seed=7))
+    other = _known_minus_true(build(parse(data), seed=7))
     np.testing.assert_allclose(np.delete(other, 1), np.delete(errors[7], 1), atol=1e-12)
     assert other[1] == pytest.approx(1 * DEG)
     data["knowledge"] = {"draw_errors": False}
-    np.testing.assert_allclose(_told_less_true(build(parse(data), seed=7)), 0.0, atol=1e-8)
+    np.testing.assert_allclose(_known_minus_true(build(parse(data), seed=7)), 0.0, atol=1e-8)
 
 
 def test_sensor_notes() -> None:
@@ -235,7 +235,7 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         (CAR, "duration_s = 900.0", "duration_s = 0", "duration_s = 0 [s]: must be greater than 0"),
         (CAR, "duration_s = 900.0", "duration_s = 1e9", "duration_s = 1000000000.0 [s]: must be less than or equal to 86400"),
         (CAR, "duration_s = 900.0", "duration_s = 1e-4", "duration_s = 0.0001 s is shorter than one sample of 0.005 s"),
-        (CAR, "duration_s = 900.0", "", "duration_s is missing: how long it lasts [s]"),
+        (CAR, "duration_s = 900.0", "", "duration_s is missing: duration [s]"),
         (
             CAR,
             "latitude_deg = 47.07",
@@ -245,7 +245,7 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         (CAR, "latitude_deg = 47.07", "latitude_deg = nan", "start.latitude_deg = nan [deg]: must be a finite number"),
         (CAR, "[imu]", "[imu]\ngyro_arw_deg_sqrt_h = -1.0", "imu.gyro_arw_deg_sqrt_h = -1.0 [deg/sqrt(h)]: must be greater"),
         (CAR, "[imu]", "[imu]\ngyro_arw = 1.0", "imu.gyro_arw: unknown key; did you mean 'gyro_arw_deg_sqrt_h'?"),
-        (CAR, "[imu]", "[imu]\naccel_white_ug = 3\naccel_vrw_ug_sqrt_hz = 3", "which say the same in different ways"),
+        (CAR, "[imu]", "[imu]\naccel_white_ug = 3\naccel_vrw_ug_sqrt_hz = 3", "which describe the same noise"),
         (
             CAR,
             "[imu]",
@@ -254,9 +254,9 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         ),
         (CAR, "[gnss]", "[gnss]\nposition_noise_m = [1.0, -1.0, 1.0]", "[m]: each must be from 0 to 100000"),
         (CAR, "seed = 1", "sed = 1", "sed: unknown key; did you mean 'seed'?"),
-        (CAR, "seed = 1", "seed = 1.5", "seed = 1.5: must be a valid integer"),
+        (CAR, "seed = 1", "seed = 1.5", "seed = 1.5: must be a whole number"),
         (CAR, "seed = 1", "seed = -1", "seed = -1: must be greater than or equal to 0"),
-        (CAR, "rate_hz = 200.0", "rate_hz = '200'", "rate_hz = '200' [Hz]: must be a valid number"),
+        (CAR, "rate_hz = 200.0", "rate_hz = '200'", "rate_hz = '200' [Hz]: must be a number"),
         (
             CAR,
             "rate_hz = 200.0",
@@ -332,7 +332,7 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         (SHIP, "roll = [", "rol = [", "vehicle.sway.rol: unknown key; did you mean 'roll'?"),
         (SHIP, "[vehicle.sway]", "sway = 3\n[x]", "vehicle.sway = 3: must be a table of keys"),
         (SHIP, 'title = "', "title = ", "not valid TOML"),
-        (PLANE, "line_m = 27000.0, bank_deg", "bank_deg", "vehicle.legs: leg 7: survey_lines goes with line_m"),
+        (PLANE, "line_m = 27000.0, bank_deg", "bank_deg", "vehicle.legs: leg 7: survey_lines needs line_m"),
         (PLANE, "survey_lines = 15", "survey_lines = 30", "segments: allowed are at most 64"),
         (PLANE, "bank_deg = 3.0", "bank_deg = 60.0", "vehicle.legs[2].bank_deg = 60.0 [deg]: must be less than or equal to 45"),
     ],

@@ -1,0 +1,95 @@
+"""Messages about wrong values: key, value, unit and what is allowed, in insenv's own words."""
+
+import datetime
+from typing import Annotated, Literal
+
+import pytest
+from pydantic import Field, Strict
+
+from insenv.errors import InputError
+from insenv.files.toml import Number, Parameter, Section, Vector3, key, validated
+
+
+class Leg(Section):
+    drive_s: Number = key(..., "duration", "s", gt=0, lt=5)
+
+
+class Car(Section):
+    kind: Literal["car"] = key(..., "kind")
+
+
+class Ship(Section):
+    kind: Literal["ship"] = key(..., "kind")
+
+
+class File(Section):
+    height_m: Number = key(1.0, "height", "m", gt=0, lt=4)
+    duration_s: Number = key(1.0, "duration", "s", ge=0.5, le=86400)
+    count: Annotated[int, Strict()] = key(1, "count", ge=0, le=2**53)
+    title: str = key("a", "title", min_length=1, max_length=3)
+    repeat: bool = key(True, "repeat", strict=True)
+    stamp: Literal["begin", "end"] = key("end", "stamp")
+    legs: tuple[Leg, ...] = key((), "legs", max_length=2)
+    roll: tuple[Leg, ...] = key((), "sinusoids", min_length=2)
+    outages_s: tuple[Vector3, ...] = key((), "outages", "s", max_length=2)
+    arm_m: Vector3 = key((0.0, 0.0, 0.0), "lever arm", "m")
+    keep_where: dict[str, Number | list[Number]] = key({}, "filter")
+    estimator: dict[str, dict[str, Parameter]] = key({}, "parameters")
+    leg: Leg | None = key(None, "leg")
+    vehicle: Annotated[Car | Ship, Field(discriminator="kind")] = key(Car(kind="car"), "vehicle")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"height_m": 0}, "height_m = 0 [m]: must be greater than 0"),
+        ({"height_m": 9}, "height_m = 9 [m]: must be less than 4"),
+        ({"duration_s": 0.1}, "duration_s = 0.1 [s]: must be greater than or equal to 0.5"),
+        ({"duration_s": 1e9}, "duration_s = 1000000000.0 [s]: must be less than or equal to 86400"),
+        ({"height_m": "1"}, "height_m = '1' [m]: must be a number"),
+        ({"height_m": True}, "height_m = True [m]: must be a number"),
+        ({"height_m": datetime.date(2020, 1, 1)}, "height_m = datetime.date(2020, 1, 1) [m]: must be a number"),
+        ({"height_m": float("nan")}, "height_m = nan [m]: must be a finite number"),
+        ({"count": 1.5}, "count = 1.5: must be a whole number"),
+        ({"count": 2**53 + 1}, "count = 9007199254740993: must be less than or equal to 9007199254740992"),
+        ({"title": 3}, "title = 3: must be text"),
+        ({"title": ""}, "title = '': must have 1 or more characters"),
+        ({"title": "long"}, "title = 'long': must have 3 or fewer characters"),
+        ({"repeat": 1}, "repeat = 1: must be true or false"),
+        ({"stamp": "middle"}, "stamp = 'middle': must be 'begin' or 'end'"),
+        ({"legs": [{"drive_s": 1}] * 3}, "legs: at most 2 legs, 3 given"),
+        ({"roll": [{"drive_s": 1}]}, "roll: at least 2 entries, 1 given"),
+        ({"outages_s": [[1, 2, 3]] * 3}, "outages_s: at most 2 outages, 3 given"),
+        ({"legs": 3}, "legs = 3: must be a list"),
+        ({"legs": [3]}, "legs[0] = 3: must be a table of keys"),
+        ({"legs": [{"drive": 3, "drive_s": 1}]}, "legs[0].drive: unknown key; did you mean 'drive_s'? (allowed: drive_s)"),
+        ({"arm_m": [1, 2]}, "arm_m = [1, 2] [m]: must be a list of three"),
+        ({"arm_m": [1, 2, "3"]}, "arm_m[2] = '3' [m]: must be a number"),
+        ({"keep_where": 3}, "keep_where = 3: must be a table of keys"),
+        ({"keep_where": {"mode": "a"}}, "keep_where.mode = 'a': must be a number or a list"),
+        ({"estimator": {"a": 3}}, "estimator.a = 3: must be a table of keys"),
+        ({"estimator": {"a": {"b": {}}}}, "estimator.a.b: must be a number, true or false, text, or a list of numbers"),
+        ({"leg": {}}, "leg.drive_s is missing: duration [s]"),
+        ({"vehicle": 3}, "vehicle = 3: must be a table of keys"),
+        ({"vehicle": {}}, "vehicle.kind is missing: must be one of 'car', 'ship'"),
+        ({"vehicle": {"kind": "boat"}}, "vehicle.kind = 'boat': must be one of 'car', 'ship'"),
+        (3, "the file = 3: must be a table of keys"),
+    ],
+)
+def test_a_wrong_value_is_named_with_what_is_allowed(wrong, message):
+    with pytest.raises(InputError) as caught:
+        validated(File, wrong, "mine.toml")
+    assert str(caught.value) == f"mine.toml: {message}"
+
+
+def test_each_wrong_key_has_its_line_up_to_five():
+    wrong = {"height_m": 0, "count": -1, "title": 3, "repeat": 3, "stamp": 3, "arm_m": 3, "legs": 3}
+    with pytest.raises(InputError) as caught:
+        validated(File, wrong, "mine.toml")
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 6 and lines[-1] == "and 2 more"
+
+
+def test_keys_are_read_only():
+    with pytest.raises(InputError, match="height_m = 3: keys are read-only"):
+        File().height_m = 3
