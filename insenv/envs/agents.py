@@ -87,8 +87,8 @@ class Agent:
         """Return the action for an observation (or those of all rows): the estimate at its time."""
         raise NotImplementedError
 
-    def _parameters(self, told: Mapping[str, Any]) -> Array:
-        rows = self.estimator.parameters(knowledge_of(told), self._tunings, self._tuned)
+    def _parameters(self, known: Mapping[str, Any]) -> Array:
+        rows = self.estimator.parameters(knowledge_of(known), self._tunings, self._tuned)
         return self.estimator.model.parameters.pack(rows)
 
     def _feed(self, seen: Mapping[str, Any]) -> Array:
