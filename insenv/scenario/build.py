@@ -173,7 +173,7 @@ def check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
         for angle in angles:
             turned += float(np.sum(np.asarray(rows.get(f"{angle}_amplitude", 0.0)) * omega)) * interval / 2.0
     if turned > 0.25:
-        raise InputError(f"vehicle: turns by up to {2 * turned:.2g} rad in a sample: allowed is 0.5 rad; use a higher rate_hz")
+        raise InputError(f"vehicle: rotation of {2 * turned:.2g} rad in a sample: allowed is 0.5 rad; use a higher rate_hz")
 
 
 def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
