@@ -6,7 +6,9 @@ east and down of the truth; velocities in m/s.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +72,7 @@ class Result:
         late = self.time >= self.from_s - 1e-9
         return {
             "final": {name: float(e[-1]) for name, e in self.errors.items()},
-            "rms": {name: float(np.sqrt(np.mean(e[late] ** 2))) for name, e in self.errors.items()},
+            "rms": rms(self.errors, late),
             "max": {name: float(np.max(np.abs(e[late]))) for name, e in self.errors.items()},
         }
 
@@ -81,6 +83,11 @@ class Result:
         if position := [self.errors[name][-1] for name in POSITION if name in self.errors]:
             final.append(f"position {np.linalg.norm(position):.3g} m")
         return f"{self.estimator}: final error {', '.join(final)}" if final else f"{self.estimator}: no reference"
+
+
+def rms(channels: Mapping[str, Array], where: Any = ...) -> dict[str, float]:
+    """Root mean square of each channel over the times `where` (an index)."""
+    return {name: float(np.sqrt(np.mean(values[where] ** 2))) for name, values in channels.items()}
 
 
 def track_of(times: Array, rows: dict[str, Array]) -> Track:

@@ -149,13 +149,9 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         name = dotted.rpartition(".")[2].removesuffix(f"_{unit}")
         noun = name if name.endswith("s") else "entries"
         return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
-    if kind in _MESSAGES:
-        message = _MESSAGES[kind].format(**context)
-    else:  # a validator's own message, or a type that only the sections of others have
-        message = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
-    if isinstance(value, (dict, BaseModel)):
-        return dotted, f": {message}"
-    return dotted, f" = {shown(value)}{_unit(unit)}: {message}"
+    other = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")  # a validator's own message
+    given = "" if isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
+    return dotted, f"{given}: {_MESSAGES[kind].format(**context) if kind in _MESSAGES else other}"
 
 
 _LENGTHS = {"too_long": "at most {max_length}", "too_short": "at least {min_length}"}

@@ -13,7 +13,7 @@ from insenv import attitude
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
 from insenv.errors import InsenvError
-from insenv.estimators import Estimator, EstimatorsLike, get_all
+from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
 from insenv.plant.feeding import Progress, chunks, input_rows, recording_interval
 from insenv.runs.simulated import sensor_error_sum_n
@@ -65,8 +65,11 @@ def ensemble(
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)
     total = samples // every * every
-    plant = make_batch(model, len(plants), _rows(model, [p.parameters for p in plants]), threads=threads)
-    batches = {e.id: _batch(e, plants, (tuning or {}).get(e.id, {}), threads) for e in chosen}
+    plant = _batch(model, [p.parameters for p in plants], threads)
+    batches = {}
+    for e in chosen:
+        own = (tuning or {}).get(e.id, {})
+        batches[e.id] = _batch(e.model, [p.parameters_of(e, own, whole=False) for p in plants], threads)
 
     kept: list[Array] = []
     found: dict[str, list[Array]] = {e.id: [] for e in chosen}
@@ -91,10 +94,6 @@ def ensemble(
     return Ensemble(truth["time"][0], truth, estimated, plants, sensor_error_n / (total * interval))
 
 
-def _rows(model: Model, parameters: Sequence[Mapping[str, Any]]) -> Array:
-    return np.array([model.parameters.pack(p) for p in parameters])
-
-
-def _batch(estimator: Estimator, plants: Sequence[Plant], tuning: Mapping[str, Any], threads: int) -> Batch:
-    parameters = [p.parameters_of(estimator, tuning, whole=False) for p in plants]
-    return make_batch(estimator.model, len(plants), _rows(estimator.model, parameters), threads=threads)
+def _batch(model: Model, parameters: Sequence[Mapping[str, Any]], threads: int) -> Batch:
+    rows = np.array([model.parameters.pack(p) for p in parameters])
+    return make_batch(model, len(rows), rows, threads=threads)

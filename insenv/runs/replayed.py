@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
+from insenv.evaluation.errors import Result, Track, errors, rms, stated_sigma, track_of
 from insenv.logs import GnssFixes, RecordedLog, Reference, load
 from insenv.plant.feeding import RECORDS, Progress, chunks, recording_interval
 from insenv.report import Report
@@ -84,7 +84,6 @@ def replay(
         notes.append(f"gaps bridged by interpolation: {log.gaps.count} ({log.gaps.samples} samples in all)")
     if dropped:
         notes.append(f"fixes not used, because a later one is in the same sample: {dropped}")
-    published = tuple((p.name, dict(p.rms)) for p in evaluation.published)
     return Report(
         scenario=name,
         title=description.title,
@@ -94,7 +93,7 @@ def replay(
         truth=reference,
         results=results,
         notes=tuple(notes),
-        published=published,
+        published=tuple((p.name, dict(p.rms)) for p in evaluation.published),
     )
 
 
@@ -192,14 +191,13 @@ def _result(follower: Follower, reference: Track, times: Array, from_s: float, t
             f"nothing to compare: the replay covers {times[0]:.3f} to {times[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
             f"{to_s:g} s, and the reference must cover some of that"
         )
-    limit = {name: float(np.sqrt(np.mean(value[late] ** 2))) for name, value in sigma.items()} if late.any() else {}
     return Result(
         estimator=follower.estimator.id,
         time=times[inside],
         outputs={name: value[inside] for name, value in outputs.items()},
         errors={name: value[inside] for name, value in found.items()},
         sigma={name: value[inside] for name, value in sigma.items()},
-        limit=limit,
+        limit=rms(sigma, late) if late.any() else {},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
         notes=notes,

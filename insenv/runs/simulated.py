@@ -12,7 +12,7 @@ from insenv import attitude
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, EstimatorsLike, get, get_all
 from insenv.evaluation import limits
-from insenv.evaluation.errors import POSITION, Result, Track, errors, stated_sigma, track_of
+from insenv.evaluation.errors import POSITION, Result, Track, errors, rms, stated_sigma, track_of
 from insenv.plant.feeding import Progress, bridge_lost, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
@@ -108,7 +108,7 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
     elif estimator.aided:
         limit = _aided_limit(plant, sigma)
     else:
-        limit = _stated(stated_sigma(predictor.named())) if predictor is not None else {}
+        limit = rms(stated_sigma(predictor.named())) if predictor is not None else {}
     return Result(
         estimator=estimator.id,
         time=track.time,
@@ -122,14 +122,9 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
     )
 
 
-def _stated(sigma: dict[str, Array]) -> dict[str, float]:
-    """Root mean square over time of the standard deviations: the average error of an optimal filter."""
-    return {name: float(np.sqrt(np.mean(value**2))) for name, value in sigma.items()}
-
-
 def _aided_limit(plant: Plant, sigma: dict[str, Array]) -> dict[str, float]:
     """The filter's standard deviations; for position, with the slow errors of the fixes, which do not average out."""
-    limit = _stated(sigma)
+    limit = rms(sigma)
     wander = np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3)
     for name, slow in zip(POSITION, wander, strict=True):
         limit[name] = float(np.hypot(limit[name], slow))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import radians
 from statistics import NormalDist
@@ -80,20 +80,8 @@ class Plant:
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None) -> Plant:
     """The plant of a scenario; `seed` and `duration_s` (None: the scenario's) are checked.  Raises `InputError`."""
     seed, duration = _run(scenario, seed, duration_s)
-    interval = 1.0 / scenario.rate_hz
     model, parameters = plant_of(scenario)
-    parameters = {**parameters, "seed": float(seed)}
-    vector = model.parameters.pack(parameters)
-    return Plant(
-        scenario=scenario,
-        model=model,
-        parameters=parameters,
-        sample_interval=interval,
-        samples=round(duration * scenario.rate_hz),
-        duration_s=duration,
-        seed=seed,
-        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, seed),
-    )
+    return _plant(scenario, model, parameters, model.parameters.pack({**parameters, "seed": seed}), seed, duration)
 
 
 def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
@@ -101,12 +89,24 @@ def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
     vector, place = plant.model.parameters.pack(plant.parameters), plant.model.parameters.slice("seed").start
     plants = []
     for number in seeds:
-        seed, _ = _run(plant.scenario, number, plant.duration_s)
-        vector[place] = seed
-        parameters = {**plant.parameters, "seed": float(seed)}
-        knowledge = _knowledge(plant.scenario, _true_start(plant.model, vector, seed), parameters, seed)
-        plants.append(replace(plant, parameters=parameters, seed=seed, knowledge=knowledge))
+        vector[place] = seed = _run(plant.scenario, number, plant.duration_s)[0]
+        plants.append(_plant(plant.scenario, plant.model, plant.parameters, vector, seed, plant.duration_s))
     return plants
+
+
+def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Vector, seed: int, duration: float) -> Plant:
+    """The plant with the parameters `rows` and the seed; `vector` is both packed."""
+    parameters = {**rows, "seed": float(seed)}
+    return Plant(
+        scenario=scenario,
+        model=model,
+        parameters=parameters,
+        sample_interval=1.0 / scenario.rate_hz,
+        samples=round(duration * scenario.rate_hz),
+        duration_s=duration,
+        seed=seed,
+        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, seed),
+    )
 
 
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
@@ -173,7 +173,7 @@ def check_speed_of_sinusoids(rows: Mapping[str, Any], interval: float) -> None:
         for angle in angles:
             turned += float(np.sum(np.asarray(rows.get(f"{angle}_amplitude", 0.0)) * omega)) * interval / 2.0
     if turned > 0.25:
-        raise InputError(f"vehicle: turns by up to {2 * turned:.2g} rad in a sample: allowed is 0.5 rad; use a higher rate_hz")
+        raise InputError(f"vehicle: rotation of {2 * turned:.2g} rad in a sample: allowed is 0.5 rad; use a higher rate_hz")
 
 
 def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:

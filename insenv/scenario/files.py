@@ -51,40 +51,32 @@ def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scen
     scenario._name = name
     try:
         plant_of(scenario)
-        for number, id in enumerate(scenario.estimators):
-            _registered(f"estimators[{number}]", id)
-        for id in scenario.estimator:
-            _registered("estimator", id)
+        places = {f"estimators[{number}]": id for number, id in enumerate(scenario.estimators)}
+        for where, id in [*places.items(), *(("estimator", id) for id in scenario.estimator)]:
+            try:
+                registry.get(id)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from None
         scenario.tunings  # noqa: B018 (checked here, used later)
     except InputError as error:
         raise InputError(f"{label}: {error}") from None
     return scenario
 
 
-def _registered(where: str, id: str) -> None:
-    try:
-        registry.get(id)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def summaries() -> list[dict[str, Any]]:
     """Name, title, vehicle, duration_s, rate_hz, gnss and estimators of each scenario in insenv."""
-    rows = []
-    for name in names():
-        scenario = load(name)
-        rows.append(
-            {
-                "name": name,
-                "title": scenario.title,
-                "vehicle": scenario.vehicle.kind,
-                "duration_s": scenario.duration_s,
-                "rate_hz": scenario.rate_hz,
-                "gnss": scenario.gnss is not None,
-                "estimators": list(scenario.estimators),
-            }
-        )
-    return rows
+    return [
+        {
+            "name": scenario.name,
+            "title": scenario.title,
+            "vehicle": scenario.vehicle.kind,
+            "duration_s": scenario.duration_s,
+            "rate_hz": scenario.rate_hz,
+            "gnss": scenario.gnss is not None,
+            "estimators": list(scenario.estimators),
+        }
+        for scenario in map(load, names())
+    ]
 
 
 def json_schema() -> dict[str, Any]:

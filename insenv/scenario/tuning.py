@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -64,9 +64,9 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
                 number = convert(np.asarray(value, dtype=np.float64))
                 parameters.pack({row.name: number})
             except (TypeError, ValueError, OverflowError):
-                scale = float(convert(1.0))
+                scale, several = float(convert(1.0)), f", or a list of {row.size}," if row.shape else ""
                 raise InputError(
-                    f"{where} = {shown(value)}: allowed is a finite number{_list_of(row)} from {row.lower / scale:g} to "
+                    f"{where} = {shown(value)}: allowed is a finite number{several} from {row.lower / scale:g} to "
                     f"{row.upper / scale:g} ({row.meaning})"
                 ) from None
             rows[row.name] = number
@@ -88,15 +88,6 @@ def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]
     for row in parameters:
         if not row.name.startswith("start_") and row.name not in _KNOWN:
             for ending, convert in _UNITS.get(row.unit, {"": np.asarray}).items():
-                for name in _names(row.name):
+                for name in (row.name, *(short for short, names in _SHORT.items() if row.name in names)):
                     keys.setdefault(f"{name}_{ending}".rstrip("_"), []).append((row, convert))
     return keys
-
-
-def _names(name: str) -> Iterator[str]:
-    yield name
-    yield from (short for short, names in _SHORT.items() if name in names)
-
-
-def _list_of(row: Row) -> str:
-    return f", or a list of {row.size}," if row.shape else ""

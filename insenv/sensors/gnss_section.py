@@ -29,15 +29,9 @@ class GnssSection(SensorSection):
     epoch_offset_s: Number = key(0.0, "time from the epoch of a fix to its sample, below one sample", "s", ge=0, le=1)
     lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna: forward, right, down", "m")
     velocity: bool = key(True, "whether fixes contain a velocity", strict=True)
-    position_noise_m: NotNegative | None = key(
-        None, "white noise of position, 1 sigma north, east, down; the grade's if absent", "m"
-    )
-    velocity_noise_mps: NotNegative | None = key(
-        None, "white noise of velocity, 1 sigma north, east, down; the grade's if absent", "m/s"
-    )
-    wander_sigma_m: NotNegative | None = key(
-        None, "correlated error of position, 1 sigma north, east, down; the grade's if absent", "m"
-    )
+    position_noise_m: NotNegative | None = key(None, "white noise of position (1 sigma, NED); the grade's if absent", "m")
+    velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity (1 sigma, NED); the grade's if absent", "m/s")
+    wander_sigma_m: NotNegative | None = key(None, "correlated error of position (1 sigma, NED); the grade's if absent", "m")
     wander_time_s: Number | None = key(None, "correlation time of that error; the grade's if absent", "s", gt=0, le=1e9)
     outages_s: tuple[Window, ...] = key((), "intervals without fixes, pairs of begin and end", "s", max_length=OUTAGES)
     outlier_probability: Number = key(0.0, "probability that a position is an outlier", "", ge=0, le=1)

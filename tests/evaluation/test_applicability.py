@@ -1,4 +1,4 @@
-"""Heading by the Earth's rotation where gyros or place do not allow it: said by `run` and by `replay`; a real log at rest."""
+"""Notes of `run` and `replay` on gyros or places that do not allow gyrocompassing; a real log at rest."""
 
 import importlib.util
 
@@ -29,7 +29,7 @@ def test_consumer_gyros_cannot_find_north():
         assert len(said) == 1 and said[0].startswith("not applicable for heading: a gyro error of"), id
 
 
-def test_a_marine_unit_can_given_time():
+def test_a_marine_unit_finds_north_in_minutes():
     assert notes("ship-swaying", ["q-method"], duration_s=300.0) == {"q-method": ()}
     # 0.15 deg/sqrt(h): 6.4 deg/h over two seconds, 0.5 deg/h over five minutes, of 13.0 deg/h
     noisy = {"grade": "perfect", "gyro_arw_deg_sqrt_h": 0.15}
@@ -38,13 +38,13 @@ def test_a_marine_unit_can_given_time():
 
 
 @pytest.mark.parametrize(
-    ("gyro_deg_h", "said"), [(0.5, None), (3.0, "heading is good to 13 deg only"), (20.0, "not applicable for heading")]
+    ("gyro_deg_h", "note"), [(0.5, None), (3.0, "heading is good to 13 deg only"), (20.0, "not applicable for heading")]
 )
-def test_the_horizontal_earth_rate_is_the_measure(gyro_deg_h, said):
+def test_gyros_are_compared_with_the_horizontal_earth_rate(gyro_deg_h, note):
     """15.04 cos 30 = 13.0 deg/h."""
     perfect = {"grade": "perfect", "gyro_bias_sigma_deg_h": gyro_deg_h}
     found = notes("ship-swaying", ["gyrocompass"], **perfect)["gyrocompass"]
-    assert [note.startswith(said) for note in found] == ([] if said is None else [True])
+    assert [n.startswith(note) for n in found] == ([] if note is None else [True])
 
 
 def test_near_a_pole():
@@ -82,7 +82,7 @@ def log_at_rest(folder, imu="", estimator=""):
     return path
 
 
-def test_a_log_says_what_its_unit_is(tmp_path):
+def test_the_accuracy_of_the_unit_of_a_log(tmp_path):
     unknown = replay(log_at_rest(tmp_path), ["q-method"]).results[0].notes
     assert len(unknown) == 1 and unknown[0].startswith("the stated accuracy assumes gyros good to 0.021 deg/h")
     consumer = replay(log_at_rest(tmp_path, 'grade = "consumer"'), ALIGNMENTS)
@@ -92,18 +92,18 @@ def test_a_log_says_what_its_unit_is(tmp_path):
         assert heading > 90, result.estimator
     assert "not applicable" in str(document(consumer, [])["results"][0]["notes"])
     tuned = '[estimator."q-method"]\ngyro_bias_deg_h = 3.0\naccel_bias_ug = 100.0\narw_deg_sqrt_h = 0.001'
-    (said,) = replay(log_at_rest(tmp_path, estimator=tuned), ["q-method"]).results[0].notes
-    assert said.startswith("heading is good to 13 deg only")
+    (note,) = replay(log_at_rest(tmp_path, estimator=tuned), ["q-method"]).results[0].notes
+    assert note.startswith("heading is good to 13 deg only")
 
 
-def test_an_unknown_grade_is_refused(tmp_path):
+def test_an_unknown_grade_is_an_error(tmp_path):
     with pytest.raises(InputError, match="tacticle"):
         replay(log_at_rest(tmp_path, 'grade = "tacticle"'), ["q-method"])
 
 
 @pytest.fixture(scope="module")
 def n380_at_rest(tmp_path_factory):
-    """The n380 log while the car stands with its engine running and people in it: its sensors are those of KF-GINS' run."""
+    """Results on the n380 log at rest, with the engine running and people in the car; sensors as for KF-GINS."""
     text = (ROOT / "examples/n380-car.toml").read_text()
     text = text[: text.index("[evaluation]")].replace("start_s = 150.0", "start_s = 43.0")
     text = text.replace("[imu]", 'start_s = 42.0\nstop_s = 161.0\n\n[imu]\ngrade = "n380"', 1)
@@ -114,9 +114,9 @@ def n380_at_rest(tmp_path_factory):
 
 @n380
 @pytest.mark.parametrize("id", ALIGNMENTS)
-def test_alignment_on_a_real_log_is_as_good_as_it_says(id, n380_at_rest):
-    """Two minutes at rest, gyros with biases of 42, 112 and -49 deg/h: no heading is to be had, and each says so; roll and
-    pitch are within four of the sigmas stated, at all times from 60 s on.
+def test_errors_on_a_real_log_are_within_the_stated_sigma(id, n380_at_rest):
+    """Two minutes at rest, gyro biases of 42, 112 and -49 deg/h: the heading is unobservable, and each estimator notes it;
+    roll and pitch are within four times their stated sigma from 60 s on.
     """
     result = n380_at_rest[id]
     assert any(note.startswith("not applicable for heading") for note in result.notes)

@@ -8,7 +8,7 @@ from insenv.errors import InputError, InsenvError
 from insenv.files.output import atomic, check_output_file, staged
 
 
-def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
+def test_a_failed_block_leaves_the_file_unchanged(tmp_path):
     path = tmp_path / "file"
     with atomic(path) as stream:
         stream.write(b"first")
@@ -27,7 +27,7 @@ def test_permissions_follow_the_umask_unless_private(tmp_path):
     assert stat.S_IMODE((tmp_path / "private").stat().st_mode) == 0o600
 
 
-def test_several_files_appear_together_or_not(tmp_path):
+def test_several_files_appear_together_or_not_at_all(tmp_path):
     (tmp_path / "b").mkdir()
     with pytest.raises(InsenvError, match=r"b.*is a folder"), staged(tmp_path) as part:
         for name in "ab":

@@ -30,7 +30,7 @@ def test_checkout(package):
     assert _folder("fmu", package) == package.parent / "fmu"
 
 
-def test_a_strangers_folder_beside_the_package_is_not_taken(package):
+def test_a_folder_of_another_package_is_not_used(package):
     (package.parent / "fmu").mkdir()
     with pytest.raises(InsenvError, match="lacks its folder 'fmu'"):
         _folder("fmu", package)

@@ -1,4 +1,4 @@
-"""A plant with an estimator behind it as one model: the numbers of the two one after the other."""
+"""The loop of a plant and an estimator gives the outputs of the plant followed by the estimator."""
 
 import shutil
 from dataclasses import replace
@@ -31,7 +31,7 @@ def parameters(plant, estimator):
 
 
 def loop_and_expected(id):
-    """The loop's model, its parameters, and the outputs of the two one after the other."""
+    """The model of the loop, its parameters, and the outputs of plant and estimator run one after the other."""
     estimator = get(id)
     plant = build(scenario_for(estimator), seed=21)
     model = loop_model(plant.model, estimator.model)
@@ -55,7 +55,7 @@ def one_after_the_other(plant, estimator, samples=SAMPLES, lost=False):
 
 
 @pytest.mark.parametrize("id", sorted(registered()))
-def test_the_loop_equals_plant_then_estimator_to_the_bit(id):
+def test_the_loop_is_bit_identical_to_plant_then_estimator(id):
     model, rows, expected = loop_and_expected(id)
     assert np.isfinite(expected).all()
     assert model.outputs.names[-1] == f"estimator_{get(id).model.outputs.names[-1]}"
@@ -66,8 +66,8 @@ def test_the_loop_equals_plant_then_estimator_to_the_bit(id):
 @pytest.mark.parametrize(
     "id", [pytest.param(id, marks=[] if id in QUICK else [pytest.mark.slow]) for id in sorted(registered())]
 )
-def test_the_loop_equals_it_natively_and_in_a_batch(id):
-    """Slow: each pair is two libraries to compile."""
+def test_the_loop_is_bit_identical_in_c_and_in_a_batch(id):
+    """Slow: two libraries are compiled for each estimator."""
     model, rows, expected = loop_and_expected(id)
     assert np.array_equal(make_runner(model, rows, "native").run(SAMPLES), expected)
     batch = make_batch(model, 3, {**rows, "seed": 19.0}, backend="native").run(SAMPLES, every=1)
@@ -75,7 +75,7 @@ def test_the_loop_equals_it_natively_and_in_a_batch(id):
 
 
 @pytest.mark.parametrize("id", ["q-method", "loosely-coupled"])
-def test_a_lost_sample_is_the_last_that_arrived_once_more(id):
+def test_a_lost_sample_repeats_the_last_that_arrived(id):
     estimator = get(id)
     scenario = scenario_for(estimator)
     scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"drop_probability": 0.4})})
@@ -90,13 +90,13 @@ def test_a_lost_sample_is_the_last_that_arrived_once_more(id):
     assert seen == {0.0, 1.0}  # runs that begin with a lost sample too
 
 
-def test_the_pair_gives_one_model():
+def test_the_same_pair_gives_the_same_model():
     plant, estimator = build(load("ship-swaying")).model, get("q-method").model
     assert loop_model(plant, estimator) is loop_model(plant, estimator)
     assert loop_model(plant, get("analytic").model) is not loop_model(plant, estimator)
 
 
-def test_two_estimators_stand_behind_one_plant():
+def test_two_estimators_on_one_plant():
     plant = build(load("car-parked"), seed=2)
     first, second = get("q-method"), get("analytic")
     model = loop_model(loop_model(plant.model, first.model), second.model, "other_")
@@ -107,15 +107,15 @@ def test_two_estimators_stand_behind_one_plant():
         assert np.array_equal(found[f"{prefix}q_nb"], alone["q_nb"])
 
 
-def test_conditions_on_inputs_that_the_plant_has_not_are_settled_beforehand():
-    plant, filter = build(load("ship-swaying")).model, get("ecef-kf").model
-    steps = loop_model(plant, filter).steps
-    assert filter.steps["fix"].when == "gnss_valid" and "estimator_fix" not in steps  # there is no receiver
+def test_conditions_on_inputs_that_the_plant_lacks_are_resolved_when_the_model_is_made():
+    plant, ecef_kf = build(load("ship-swaying")).model, get("ecef-kf").model
+    steps = loop_model(plant, ecef_kf).steps
+    assert ecef_kf.steps["fix"].when == "gnss_valid" and "estimator_fix" not in steps  # there is no receiver
     assert steps["estimator_pair"].when == "estimator_pair_due"
-    always = replace(filter, inputs=derived(filter.inputs, gnss_valid=1.0))
+    always = replace(ecef_kf, inputs=derived(ecef_kf.inputs, gnss_valid=1.0))
     assert loop_model(plant, always).steps["estimator_fix"].when is None
     driving = build(load("car-city-drive")).model
-    assert loop_model(driving, filter).steps["estimator_fix"].when == "gnss_valid"
+    assert loop_model(driving, ecef_kf).steps["estimator_fix"].when == "gnss_valid"
 
 
 def test_the_plants_inputs_are_kept():
@@ -126,7 +126,7 @@ def test_the_plants_inputs_are_kept():
     assert list(model.steps)[: len(plant.steps)] == list(plant.steps)  # the places of the streams of random numbers
 
 
-def test_what_does_not_fit_is_refused():
+def test_an_estimator_that_does_not_fit_is_an_error():
     plant, estimator = build(load("ship-swaying")).model, get("q-method").model
     random = replace(
         estimator,

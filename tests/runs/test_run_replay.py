@@ -16,15 +16,15 @@ N380 = ROOT / "examples" / "n380-car.toml"
 n380 = pytest.mark.skipif(importlib.util.find_spec("onavdata") is None, reason="onavdata is not installed")
 
 
-def test_a_run_is_the_same_again_and_another_seed_is_not():
-    reports = [run(load("ship-swaying"), seed=seed, duration_s=20.0) for seed in (3, 3, 4)]
+def test_a_run_is_reproducible_and_depends_on_its_seed():
+    reports = [run("ship-swaying", seed=seed, duration_s=20.0) for seed in (3, 3, 4)]
     first, again, other = (r.results[0].outputs["q_nb"] for r in reports)
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
 def test_a_report_is_the_documented_json():
-    report = run(load("car-city-drive"), ["loosely-coupled", "wander-sins"], duration_s=30.0)
+    report = run("car-city-drive", ["loosely-coupled", "wander-sins"], duration_s=30.0)
     document = json.loads(json.dumps(report.as_json()))
     assert document["scenario"] == "car-city-drive"
     assert document["imu_samples"] == 6000 and document["duration_s"] == 30.0
@@ -36,21 +36,21 @@ def test_a_report_is_the_documented_json():
 
 def test_progress_is_reported_to_the_end():
     calls = []
-    run(load("static-ecef"), ["q-method"], duration_s=250.0, progress=lambda done, total: calls.append((done, total)))
+    run("static-ecef", ["q-method"], duration_s=250.0, progress=lambda done, total: calls.append((done, total)))
     assert calls[-1] == (50000, 50000) and len(calls) > 1
 
 
 @pytest.mark.parametrize(
-    ("scenario", "id", "said"),
+    ("scenario", "id", "message"),
     [
         ("ship-swaying", "loosely-coupled", "needs GNSS"),
         ("car-city-drive", "q-method", "in place"),
         ("ship-swaying", "q-metod", "did you mean 'q-method'"),
     ],
 )
-def test_an_estimator_that_cannot_work_here_is_refused(scenario, id, said):
-    with pytest.raises(InputError, match=said):
-        run(load(scenario), [id], duration_s=10.0)
+def test_an_estimator_that_cannot_run_on_the_scenario_is_an_error(scenario, id, message):
+    with pytest.raises(InputError, match=message):
+        run(scenario, [id], duration_s=10.0)
 
 
 def test_lost_samples_are_bridged_and_counted():
@@ -62,11 +62,11 @@ def test_lost_samples_are_bridged_and_counted():
     assert np.abs(report.results[0].errors["roll_deg"][-1]) < 0.1
 
 
-def test_free_inertial_errors_stay_within_what_the_covariance_predicts():
+def test_free_inertial_errors_agree_with_the_predicted_covariance():
     """Ten minutes without GNSS over eight seeds: errors in units of the predicted sigma are of order one."""
     ratios = []
     for seed in range(8):
-        result = run(load("aircraft-free-inertial"), seed=seed).results[0]
+        result = run("aircraft-free-inertial", seed=seed).results[0]
         ratios.append([result.errors[c][-1] / result.limit[c] for c in ("north_m", "east_m")])
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 4.0
 
@@ -130,7 +130,7 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "ids", "start", "said"),
+    ("changes", "ids", "start", "message"),
     [
         ({}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
         ({}, ["loosely-coupled"], "reference", "must give position, velocity and attitude"),
@@ -141,6 +141,6 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
         ({"gnss": "", "initial": ""}, ["q-method"], "coarse", "needs the place"),
     ],
 )
-def test_a_log_that_cannot_start_an_estimator_says_what_is_missing(tmp_path, changes, ids, start, said):
-    with pytest.raises(InsenvError, match=said):
+def test_the_error_names_what_a_log_lacks_to_start_an_estimator(tmp_path, changes, ids, start, message):
+    with pytest.raises(InsenvError, match=message):
         replay(synthetic_log(tmp_path, **changes), ids, start=start)

@@ -1,4 +1,4 @@
-"""Scenarios: reading, checks, what is built of them, initial conditions."""
+"""Scenarios: loading, checks, plants, initial conditions, tuning, schema."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def data_of(name: str) -> dict[str, Any]:
     return tomllib.loads(text_of(name))
 
 
-# --- the scenarios shipped -------------------------------------------------------------------------
+# --- the scenarios of insenv ------------------------------------------------------------------------
 
 
-def test_the_ones_asked_for_are_there() -> None:
+def test_the_list_of_scenarios() -> None:
     assert IN_PLACE | {
         "ship-underway", "car-city-drive", "aircraft-survey", "aircraft-free-inertial", "aircraft-inflight-alignment",
         "car-unknown-heading",
@@ -55,7 +55,7 @@ def test_the_ones_asked_for_are_there() -> None:
 
 
 @pytest.mark.parametrize("name", names())
-def test_each_builds_and_runs(name: str) -> None:
+def test_each_scenario_builds_and_runs(name: str) -> None:
     scenario = load(name)
     plant = build(scenario, duration_s=2.0)
     runner = make_runner(plant.model, plant.parameters, backend="interpreter")
@@ -82,7 +82,7 @@ def test_summaries() -> None:
     }  # fmt: skip
 
 
-def test_vehicles_in_place_stay_and_start_where_they_should() -> None:
+def test_parked_vehicles_start_at_their_place_and_stay_there() -> None:
     for name in ("car-parked", "aircraft-parked"):
         plant = build(load(name), duration_s=150.0)
         runner = make_runner(plant.model, plant.parameters)
@@ -111,7 +111,7 @@ def test_equal_structures_share_a_model() -> None:
     assert build(load("car-parked")).model is not build(load("static-ecef")).model  # other numbers of engine waves
 
 
-def test_static_ecef_has_the_papers_numbers() -> None:
+def test_static_ecef_has_the_numbers_of_the_paper() -> None:
     plant = build(load("static-ecef"), duration_s=1.0)
     np.testing.assert_allclose(plant.parameters["gyro_bias"], 0.002 * DEG / 3600)
     np.testing.assert_allclose(plant.parameters["accel_bias"], 2e-4)
@@ -123,8 +123,8 @@ def test_static_ecef_has_the_papers_numbers() -> None:
     assert known.latitude == pytest.approx(45 * DEG, abs=1e-15) and not np.any(known.velocity_n)
 
 
-def test_turntable_is_the_papers_in_other_axes() -> None:
-    """The paper's right-forward-up attitude, counter-clockwise heading from north, built with scipy."""
+def test_turntable_is_that_of_the_paper_in_other_axes() -> None:
+    """The attitude of the paper in its own axes (right, forward, up; counter-clockwise heading), made with scipy."""
     from scipy.spatial.transform import Rotation
 
     plant = build(load("turntable-quaternion"), duration_s=3.0)
@@ -211,7 +211,7 @@ def test_sensor_notes() -> None:
     assert all(value > 0.0 for value in vars(notes).values())
 
 
-def test_noise_written_either_way() -> None:
+def test_noise_density_and_noise_per_sample() -> None:
     data = data_of("ship-swaying")
     data["rate_hz"] = 100.0
     data["imu"] = {"grade": "paper-quaternion", "gyro_arw_deg_sqrt_h": 0.01, "accel_white_ug": 30.0}
@@ -373,7 +373,7 @@ def test_bad_calls(bad: dict[str, Any]) -> None:
 
 
 def _leaves(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Paths to every value that is not a table or a list, and to those too."""
+    """Paths of all values, tables and lists included."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path] * bool(path) + [leaf for name, inner in items for leaf in _leaves(inner, (*path, name))]
 
@@ -395,7 +395,7 @@ JUNK = st.one_of(
 
 @settings(max_examples=150, deadline=None)
 @given(st.sampled_from(PLACES), JUNK)
-def test_whatever_is_written_there_is_an_error_or_runs(place: tuple[str, tuple[Any, ...]], junk: Any) -> None:
+def test_any_value_is_an_error_or_runs(place: tuple[str, tuple[Any, ...]], junk: Any) -> None:
     name, path = place
     data = copy.deepcopy(data_of(name))
     inner = data
@@ -473,7 +473,7 @@ def test_every_key_shows_its_unit() -> None:
                 assert "unit" in schema or name in ("roll_damping", "enhancement") or "probability" in name, name
 
 
-def test_the_schema_accepts_what_is_shipped() -> None:
+def test_the_schema_accepts_the_scenarios_of_insenv() -> None:
     jsonschema = pytest.importorskip("jsonschema")
     schema = json.loads((ROOT / "scenarios/schema.json").read_text(encoding="utf-8"))
     for name in names():
@@ -482,7 +482,7 @@ def test_the_schema_accepts_what_is_shipped() -> None:
         jsonschema.validate({**data_of(SHIP), "sed": 1}, schema)
 
 
-def test_the_pages_examples(tmp_path: Path) -> None:
+def test_the_examples_of_the_page(tmp_path: Path) -> None:
     page = (ROOT / "docs/scenarios.md").read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(page.split("```toml\n")[1].split("```")[0])
     plant = build(load(tmp_path / "mine.toml"), duration_s=1.0)
