@@ -116,7 +116,7 @@ def test_a_cluster_that_loses_a_worker_gives_bit_identical_results(tmp_path):
     blocks, killed = [], []
 
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50, local_directory=tmp_path
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50, local_directory=tmp_path
     ) as local:
 
         def kill(done, total):
