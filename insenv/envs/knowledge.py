@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge, SensorNotes
+from insenv.geodesy.rows import bounded_place_rows
 from insenv.scenario import Scenario, start_errors
 from insenv.sensors.imu_tables import HUGE
 
@@ -20,10 +21,7 @@ Array = NDArray[np.float64]
 
 KNOWN = Table((
     Row("known_sample_interval", "Time between inertial samples", "s", lower=0.0, upper=1.0),
-    Row("known_latitude", "Reported latitude of the start; with longitude and height the reference of positions", "rad",
-        lower=-pi / 2, upper=pi / 2),
-    Row("known_longitude", "Reported longitude of the start", "rad", lower=-2 * pi, upper=2 * pi),
-    Row("known_height", "Reported height of the start above the ellipsoid", "m", lower=-1e6, upper=1e6),
+    *bounded_place_rows("known_", " of the start as reported, the reference of positions"),
     Row("known_position_sigma", "Reported standard deviation of that position", "m", (3,), "n", lower=0.0, upper=1e7),
     Row("known_velocity_n", "Reported velocity at the start", "m/s", (3,), "n", lower=-1e4, upper=1e4),
     Row("known_velocity_sigma", "Reported standard deviation of that velocity", "m/s", (3,), "n", lower=0.0, upper=1e4),

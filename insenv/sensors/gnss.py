@@ -28,6 +28,7 @@ from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.geodesy import geodetic_from_ned_offset
+from insenv.geodesy.rows import place_rows
 from insenv.sensors.contract import Instant, Sensor
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
@@ -109,18 +110,19 @@ GNSS_PARAMETERS = Table(
     )
 )
 
-_FIX = (
-    ("latitude", "Latitude of the antenna", "rad", (), ""),
-    ("longitude", "Longitude of the antenna", "rad", (), ""),
-    ("height", "Height of the antenna above the ellipsoid", "m", (), ""),
-    ("velocity_n", "Velocity of the antenna relative to the Earth", "m/s", (3,), "n"),
-)
+_NAMES = ("latitude", "longitude", "height", "velocity_n")
+
+
+def _fix(prefix: str, when: str) -> tuple[Row, ...]:
+    velocity = Row(f"{prefix}velocity_n", f"Velocity relative to the Earth of the antenna, {when}", "m/s", (3,), "n")
+    return (*place_rows(prefix, f" of the antenna, {when}"), velocity)
+
 
 GNSS_STATE = Table(
     (
         Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
         Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
-        *(Row(f"gnss_{name}", f"{what}, latest fix delivered", unit, shape, frame) for name, what, unit, shape, frame in _FIX),
+        *_fix("gnss_", "latest fix delivered"),
         Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
         Row(
             "gnss_velocity_sigma",
@@ -131,10 +133,7 @@ GNSS_STATE = Table(
             1.0,
         ),
         Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
-        *(
-            Row(f"gnss_pending_{name}", f"{what}, latest epoch, not yet delivered", unit, shape, frame)
-            for name, what, unit, shape, frame in _FIX
-        ),
+        *_fix("gnss_pending_", "latest epoch, not yet delivered"),
         Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
         Row("gnss_wander", "Correlated position error at the latest epoch", "m", (3,), "n"),
         Row("gnss_epochs", "Number of epochs so far"),
@@ -269,7 +268,7 @@ def _direction(u1: Any, u2: Any) -> Any:
 
 def _deliver(p: Values, x: Values, u: Values) -> dict[str, Any]:
     """The pending fix becomes the latest one."""
-    state: dict[str, Any] = {f"gnss_{name}": getattr(x, f"gnss_pending_{name}") for name, *_ in _FIX}
+    state: dict[str, Any] = {f"gnss_{name}": getattr(x, f"gnss_pending_{name}") for name in _NAMES}
     position = ca.sqrt(p.gnss_position_noise**2 + p.gnss_wander_sigma**2)
     delivered_at = select(p.gnss_latency < 0.5 * p.sample_interval, 0.0, x.gnss_counter)
     return state | {

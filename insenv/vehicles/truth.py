@@ -22,6 +22,7 @@ from insenv.core.elementary import polynomial, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import E2, OMEGA_IE, A, normal_gravity, radii
+from insenv.geodesy.rows import bounded_place_rows, place_rows
 from insenv.vehicles.nodes import END_WEIGHT, PLACES, WEIGHTS
 
 SineCosine = tuple[Any, Any]
@@ -66,18 +67,14 @@ class Vehicle:
 
 
 TRUTH_PARAMETERS = Table((
-    Row("start_latitude", "Geodetic latitude of the IMU at time 0", "rad", lower=-1.5707963267948966, upper=1.5707963267948966),
-    Row("start_longitude", "Longitude of the IMU at time 0", "rad", lower=-6.283185307179587, upper=6.283185307179587),
-    Row("start_height", "Height of the IMU above the WGS-84 ellipsoid at time 0", "m", lower=-1e4, upper=1e5),
+    *bounded_place_rows("start_", " of the IMU at time 0"),
     Row("imu_lever_arm_b", "From the vehicle's centre of motion to the IMU", "m", (3,), "b"),
 ))  # fmt: skip
 
 TRUTH_STATE = Table((
     Row("q_nb", "True attitude, unit quaternion, scalar first, from b to n", "1", (4,), "n", (1, 0, 0, 0)),
     Row("velocity_n", "True velocity of the IMU relative to the Earth", "m/s", (3,), "n"),
-    Row("latitude", "True geodetic latitude of the IMU", "rad"),
-    Row("longitude", "True longitude of the IMU, not wrapped", "rad"),
-    Row("height", "True height of the IMU above the WGS-84 ellipsoid", "m"),
+    *place_rows("", ", true, of the IMU"),
     Row("true_delta_angle", "Integral of omega_ib^b over the last sample", "rad", (3,), "b"),
     Row("true_delta_velocity", "Integral of the specific force f^b over the last sample", "m/s", (3,), "b"),
     Row("rate_nb_b", "True angular rate of the body relative to n, omega_nb^b", "rad/s", (3,), "b"),

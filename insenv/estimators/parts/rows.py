@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from insenv.core.tables import Row, Table
+from insenv.geodesy.rows import bounded_place_rows, place_rows
 
 _TURN = 2 * math.pi
 _LARGEST = 1e12
@@ -21,15 +22,7 @@ def chosen(table: Table, *names: str, **start: Any) -> Table:
     return Table(tuple(replace(row, start=start.get(row.name, row.start)) for row in rows))
 
 
-def _place(prefix: str, of: str) -> tuple[Row, Row, Row]:
-    return (
-        Row(f"{prefix}latitude", f"Geodetic latitude{of}", "rad", lower=-math.pi / 2, upper=math.pi / 2),
-        Row(f"{prefix}longitude", f"Longitude{of}", "rad", lower=-_TURN, upper=_TURN),
-        Row(f"{prefix}height", f"Ellipsoidal height{of}", "m", lower=-12e3, upper=1e6),
-    )
-
-
-PLACE = Table(_place("", ""))
+PLACE = Table(bounded_place_rows())
 """Parameters: the place of a vehicle that stays in place."""
 
 START_ATTITUDE = Table((
@@ -38,7 +31,7 @@ START_ATTITUDE = Table((
     Row("start_heading", "Heading at the start", "rad", lower=-_TURN, upper=_TURN),
 ))  # fmt: skip
 START_VELOCITY = Table((Row("start_velocity_n", "Velocity at the start", "m/s", (3,), "n", lower=-1e4, upper=1e4),))
-START = Table(_place("start_", " at the start")) + START_VELOCITY + START_ATTITUDE
+START = Table(bounded_place_rows("start_", " at the start")) + START_VELOCITY + START_ATTITUDE
 """Parameters: the navigation state at the start."""
 
 START_SIGMAS = Table((
@@ -79,7 +72,7 @@ SAMPLE_INPUTS = Table((
 FIX_INPUTS = Table((
     Row("gnss_valid", "1 when a fix arrives with this sample", lower=0, upper=1),
     Row("gnss_age", "Time from the fix's validity to the end of this sample", "s", lower=-1.0, upper=10.0),
-    *_place("gnss_", " of the antenna"),
+    *bounded_place_rows("gnss_", " of the antenna"),
     Row("gnss_position_sigma", "Standard deviation of the position", "m", (3,), "n", 1.0, lower=1e-6, upper=1e9),
     Row("gnss_velocity_valid", "1 when the fix has a velocity", lower=0, upper=1),
     Row("gnss_velocity_n", "Velocity of the antenna", "m/s", (3,), "n"),
@@ -97,9 +90,7 @@ ALIGNMENT = Table((
 
 NAVIGATION = chosen(ALIGNMENT, "q_nb") + Table((
     Row("velocity_n", "Velocity over the Earth", "m/s", (3,), "n"),
-    Row("latitude", "Geodetic latitude", "rad"),
-    Row("longitude", "Longitude", "rad"),
-    Row("height", "Ellipsoidal height", "m"),
+    *place_rows(),
 ))  # fmt: skip
 """Outputs of a navigation."""
 
