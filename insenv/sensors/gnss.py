@@ -40,75 +40,73 @@ START_UNIFORMS = 4
 SIGMA_FLOOR = 1e-3
 """Smallest standard deviation that the receiver reports, m and m/s; never 0, so that an estimator may divide by it."""
 
-GNSS_PARAMETERS = Table(
-    (
-        Row(
-            "gnss_interval",
-            "Time between fixes, a whole number of samples; the first comes one interval after the start",
-            "s",
-            start=1.0,
-            lower=1e-4,
-            upper=HUGE,
-        ),
-        Row(
-            "gnss_latency",
-            "Time from the sample of the epoch to delivery, a whole number of samples, below the interval",
-            "s",
-            lower=0.0,
-            upper=3600.0,
-        ),
-        Row(
-            "gnss_epoch_offset",
-            "Time by which the epoch precedes the sample on which it is processed, below one sample",
-            "s",
-            lower=0.0,
-            upper=1.0,
-        ),
-        Row(
-            "antenna_lever_arm_b",
-            "Position of the antenna relative to the IMU",
-            "m",
-            (3,),
-            "b",
-            lower=-1e3,
-            upper=1e3,
-        ),
-        Row("gnss_position_noise", "White position noise, standard deviation", "m", (3,), "n", lower=0.0),
-        Row("gnss_velocity_noise", "White velocity noise, standard deviation", "m/s", (3,), "n", lower=0.0),
-        Row(
-            "gnss_wander_sigma",
-            "Correlated position error (Gauss-Markov), standard deviation",
-            "m",
-            (3,),
-            "n",
-            lower=0.0,
-        ),
-        Row(
-            "gnss_wander_time",
-            "Correlated position error (Gauss-Markov), correlation time",
-            "s",
-            start=60.0,
-            lower=1e-3,
-            upper=HUGE,
-        ),
-        Row("gnss_outlier_probability", "Probability that a position is an outlier", lower=0.0, upper=1.0),
-        Row("gnss_outlier_size", "Length of an outlier's displacement, in a random direction", "m", lower=0.0),
-        Row(
-            "gnss_has_velocity",
-            "1 if the receiver measures velocity, 0 if not",
-            start=1.0,
-            lower=0.0,
-            upper=1.0,
-        ),
-        Row("gnss_outage_start", "Outage windows: first epoch lost, time since the start", "s", (OUTAGES,)),
-        Row(
-            "gnss_outage_end",
-            "Outage windows: first epoch no longer lost; a window that ends as it starts is empty",
-            "s",
-            (OUTAGES,),
-        ),
-    )
-)
+GNSS_PARAMETERS = Table((
+    Row(
+        "gnss_interval",
+        "Time between fixes, a whole number of samples; the first comes one interval after the start",
+        "s",
+        start=1.0,
+        lower=1e-4,
+        upper=HUGE,
+    ),
+    Row(
+        "gnss_latency",
+        "Time from the sample of the epoch to delivery, a whole number of samples, below the interval",
+        "s",
+        lower=0.0,
+        upper=3600.0,
+    ),
+    Row(
+        "gnss_epoch_offset",
+        "Time by which the epoch precedes the sample on which it is processed, below one sample",
+        "s",
+        lower=0.0,
+        upper=1.0,
+    ),
+    Row(
+        "antenna_lever_arm_b",
+        "Position of the antenna relative to the IMU",
+        "m",
+        (3,),
+        "b",
+        lower=-1e3,
+        upper=1e3,
+    ),
+    Row("gnss_position_noise", "White position noise, standard deviation", "m", (3,), "n", lower=0.0),
+    Row("gnss_velocity_noise", "White velocity noise, standard deviation", "m/s", (3,), "n", lower=0.0),
+    Row(
+        "gnss_wander_sigma",
+        "Correlated position error (Gauss-Markov), standard deviation",
+        "m",
+        (3,),
+        "n",
+        lower=0.0,
+    ),
+    Row(
+        "gnss_wander_time",
+        "Correlated position error (Gauss-Markov), correlation time",
+        "s",
+        start=60.0,
+        lower=1e-3,
+        upper=HUGE,
+    ),
+    Row("gnss_outlier_probability", "Probability that a position is an outlier", lower=0.0, upper=1.0),
+    Row("gnss_outlier_size", "Length of an outlier's displacement, in a random direction", "m", lower=0.0),
+    Row(
+        "gnss_has_velocity",
+        "1 if the receiver measures velocity, 0 if not",
+        start=1.0,
+        lower=0.0,
+        upper=1.0,
+    ),
+    Row("gnss_outage_start", "Outage windows: first epoch lost, time since the start", "s", (OUTAGES,)),
+    Row(
+        "gnss_outage_end",
+        "Outage windows: first epoch no longer lost; a window that ends as it starts is empty",
+        "s",
+        (OUTAGES,),
+    ),
+))  # fmt: skip
 
 _NAMES = ("latitude", "longitude", "height", "velocity_n")
 
@@ -118,29 +116,27 @@ def _fix(prefix: str, when: str) -> tuple[Row, ...]:
     return (*place_rows(prefix, f" of the antenna, {when}"), velocity)
 
 
-GNSS_STATE = Table(
-    (
-        Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
-        Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
-        *_fix("gnss_", "latest fix delivered"),
-        Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
-        Row(
-            "gnss_velocity_sigma",
-            "Standard deviation of velocity that the receiver reports",
-            "m/s",
-            (3,),
-            "n",
-            1.0,
-        ),
-        Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
-        *_fix("gnss_pending_", "latest epoch, not yet delivered"),
-        Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
-        Row("gnss_wander", "Correlated position error at the latest epoch", "m", (3,), "n"),
-        Row("gnss_epochs", "Number of epochs so far"),
-        Row("gnss_counter", "Samples since the latest epoch"),
-        Row("gnss_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
-    )
-)
+GNSS_STATE = Table((
+    Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
+    Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
+    *_fix("gnss_", "latest fix delivered"),
+    Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
+    Row(
+        "gnss_velocity_sigma",
+        "Standard deviation of velocity that the receiver reports",
+        "m/s",
+        (3,),
+        "n",
+        1.0,
+    ),
+    Row("gnss_age", "Time from the epoch of the latest fix to its delivery", "s"),
+    *_fix("gnss_pending_", "latest epoch, not yet delivered"),
+    Row("gnss_pending", "1 if the latest epoch gave a fix", lower=0.0, upper=1.0),
+    Row("gnss_wander", "Correlated position error at the latest epoch", "m", (3,), "n"),
+    Row("gnss_epochs", "Number of epochs so far"),
+    Row("gnss_counter", "Samples since the latest epoch"),
+    Row("gnss_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
+))  # fmt: skip
 
 
 def gnss_part(instant: Instant) -> Part:

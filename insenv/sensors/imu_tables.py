@@ -127,70 +127,66 @@ ACCEL = Triad("accel", "Accelerometer", "m/s", "m/s^2", "velocity_random_walk", 
 
 _KELVIN: dict[str, Any] = {"start": 293.15, "lower": 1.0, "upper": 1000.0}
 
-IMU_PARAMETERS = Table(
-    (
-        *GYRO.parameters(),
-        Row("gyro_g_sensitivity", "Gyro bias per specific force", "(rad/s)/(m/s^2)", (3, 3), "s"),
-        *ACCEL.parameters(),
-        Row(
-            "q_bs",
-            "Nominal mounting: transforms sensor to body components, and is used to output body axes",
-            "1",
-            (4,),
-            "b",
-            start=(1.0, 0.0, 0.0, 0.0),
-            lower=-1.0,
-            upper=1.0,
-        ),
-        Row(
-            "mounting_error",
-            "Rotation vector from the nominal to the actual sensor axes, fixed part",
-            "rad",
-            (3,),
-            "s",
-        ),
-        Row(
-            "mounting_error_sigma",
-            "Rotation vector of the mounting, 1 sigma of the part drawn at the start",
-            "rad",
-            (3,),
-            "s",
-            lower=0.0,
-        ),
-        Row("imu_temperature_reference", "Temperature at which the thermal bias is zero", "K", **_KELVIN),
-        Row("imu_temperature_initial", "Sensor temperature at the start", "K", **_KELVIN),
-        Row("imu_temperature_final", "Sensor temperature after warming up", "K", **_KELVIN),
-        Row("imu_temperature_time", "Time constant of warming up", "s", start=600.0, lower=1e-3, upper=HUGE),
-        Row("imu_drop_probability", "Probability that a sample is lost", lower=0.0, upper=1.0),
-        Row(
-            "drift_interval",
-            "Time between updates of the slow errors, which vary linearly in between",
-            "s",
-            start=1.0,
-            lower=1e-4,
-            upper=3600.0,
-        ),
-    )
-)
+IMU_PARAMETERS = Table((
+    *GYRO.parameters(),
+    Row("gyro_g_sensitivity", "Gyro bias per specific force", "(rad/s)/(m/s^2)", (3, 3), "s"),
+    *ACCEL.parameters(),
+    Row(
+        "q_bs",
+        "Nominal mounting: transforms sensor to body components, and is used to output body axes",
+        "1",
+        (4,),
+        "b",
+        start=(1.0, 0.0, 0.0, 0.0),
+        lower=-1.0,
+        upper=1.0,
+    ),
+    Row(
+        "mounting_error",
+        "Rotation vector from the nominal to the actual sensor axes, fixed part",
+        "rad",
+        (3,),
+        "s",
+    ),
+    Row(
+        "mounting_error_sigma",
+        "Rotation vector of the mounting, 1 sigma of the part drawn at the start",
+        "rad",
+        (3,),
+        "s",
+        lower=0.0,
+    ),
+    Row("imu_temperature_reference", "Temperature at which the thermal bias is zero", "K", **_KELVIN),
+    Row("imu_temperature_initial", "Sensor temperature at the start", "K", **_KELVIN),
+    Row("imu_temperature_final", "Sensor temperature after warming up", "K", **_KELVIN),
+    Row("imu_temperature_time", "Time constant of warming up", "s", start=600.0, lower=1e-3, upper=HUGE),
+    Row("imu_drop_probability", "Probability that a sample is lost", lower=0.0, upper=1.0),
+    Row(
+        "drift_interval",
+        "Time between updates of the slow errors, which vary linearly in between",
+        "s",
+        start=1.0,
+        lower=1e-4,
+        upper=3600.0,
+    ),
+))  # fmt: skip
 
-IMU_STATE = Table(
-    (
-        Row("delta_angle", "Measured angle increment over the sample; 0 if it was lost", "rad", (3,), "b"),
-        Row(
-            "delta_velocity",
-            "Measured specific-force increment over the sample; 0 if it was lost",
-            "m/s",
-            (3,),
-            "b",
-        ),
-        Row("imu_valid", "1 if the sample arrived, 0 if it was lost", lower=0.0, upper=1.0),
-        *GYRO.state(),
-        *ACCEL.state(),
-        Row("gyro_g_matrix", "Gyro bias per specific force in body axes", "(rad/s)/(m/s^2)", (3, 3), "s"),
-        Row("C_bs", "Nominal mounting: transforms sensor to body components", "1", (3, 3), "b"),
-        Row("imu_temperature", "Sensor temperature", "K", **_KELVIN),
-        Row("imu_temperature_step", "Sensor temperature, change per sample until the next drift update", "K"),
-        Row("drift_counter", "Samples since the latest drift update", start=HUGE),
-        Row("drift_due", "1 on a sample that ends with a drift update", lower=0.0, upper=1.0),
-    )
-)
+IMU_STATE = Table((
+    Row("delta_angle", "Measured angle increment over the sample; 0 if it was lost", "rad", (3,), "b"),
+    Row(
+        "delta_velocity",
+        "Measured specific-force increment over the sample; 0 if it was lost",
+        "m/s",
+        (3,),
+        "b",
+    ),
+    Row("imu_valid", "1 if the sample arrived, 0 if it was lost", lower=0.0, upper=1.0),
+    *GYRO.state(),
+    *ACCEL.state(),
+    Row("gyro_g_matrix", "Gyro bias per specific force in body axes", "(rad/s)/(m/s^2)", (3, 3), "s"),
+    Row("C_bs", "Nominal mounting: transforms sensor to body components", "1", (3, 3), "b"),
+    Row("imu_temperature", "Sensor temperature", "K", **_KELVIN),
+    Row("imu_temperature_step", "Sensor temperature, change per sample until the next drift update", "K"),
+    Row("drift_counter", "Samples since the latest drift update", start=HUGE),
+    Row("drift_due", "1 on a sample that ends with a drift update", lower=0.0, upper=1.0),
+))  # fmt: skip
