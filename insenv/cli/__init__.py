@@ -6,6 +6,7 @@ This module imports nothing of insenv at the top, so that an early interruption 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import threading
@@ -91,7 +92,7 @@ def _report(error: BaseException, as_json: bool) -> int:
     if isinstance(error, KeyboardInterrupt) or kind == "Abort":
         kind, status, message = "Interrupted", INTERRUPTED, str(error) or "interrupted, nothing written"
     elif hasattr(error, "format_message"):  # the parser's UsageError, whose module differs between versions of typer
-        kind, status, message = "InputError", WRONG, error.format_message()
+        kind, status, message = "InputError", WRONG, _plain(error.format_message())
         context = getattr(error, "ctx", None)
         hint = f" (try '{context.command_path if context else 'insenv'} --help')"
     elif isinstance(error, InsenvError):
@@ -113,6 +114,20 @@ def _report(error: BaseException, as_json: bool) -> int:
     except OSError:
         pass
     return status
+
+
+_PARSER_TEXTS = (
+    (r"Input should be a valid number.*", "allowed is a number"),
+    (r"Input should be a valid integer.*", "allowed is a whole number"),
+    (r"Value error, (.*) is not one of (.*?)\.?$", r"\1: allowed is one of \2"),
+)
+
+
+def _plain(message: str) -> str:
+    """A message of the parser in the words of all other messages."""
+    for pattern, text in _PARSER_TEXTS:
+        message = re.sub(pattern, text, message)
+    return message
 
 
 def _drop_unwritten() -> None:

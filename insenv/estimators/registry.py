@@ -58,9 +58,16 @@ def get_all(some: EstimatorsLike) -> list[Estimator]:
     if isinstance(some, (str, Estimator)):
         some = (some,)
     try:
-        return [get(one) for one in some]
+        found = [get(one) for one in some]
     except TypeError:
         raise InputError(f"estimators = {some!r}: allowed is an id, an insenv.Estimator, or several of them") from None
+    chosen = {estimator.id: estimator for estimator in found}
+    for estimator in found:
+        if chosen[estimator.id] is not estimator:
+            raise InputError(f"two estimators have the id {estimator.id!r}: results are kept by id, so ids must differ")
+    if not chosen:
+        raise InputError("no estimator: name one or several, by id (`insenv list` shows them) or as insenv.Estimator")
+    return list(chosen.values())
 
 
 def registered() -> dict[str, Estimator]:

@@ -16,6 +16,13 @@ from typing import BinaryIO
 from insenv.errors import InputError, InsenvError
 
 
+def as_path(what: str, value: object) -> Path:
+    """A path that a caller gave as `what`.  Raises `InputError` for anything else."""
+    if not isinstance(value, (str, os.PathLike)) or not str(value) or "\0" in str(value):
+        raise InputError(f"{what} = {value!r}: allowed is a path")
+    return Path(value)
+
+
 def check_output_file(path: Path) -> None:
     """Raise `InputError` if no file can be written at `path`.
 

@@ -6,8 +6,9 @@ Every error is one line that names file, key, value, unit and what is allowed.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
 
@@ -17,6 +18,9 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:  # pragma: no cover
     import tomli as tomllib
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 MAX_FAULTS = 5
 MAX_SHOWN = 80
@@ -61,6 +65,13 @@ class Section(BaseModel):
     """A table of the TOML file: unknown keys are errors, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with the keys in `update` changed.  Raises `InputError` for an unknown key; values are not checked."""
+        for name in update or {}:
+            if name not in type(self).model_fields:
+                raise InputError(f"{name}: unknown key{nearest(name, type(self).model_fields)}")
+        return super().model_copy(update=update, deep=deep)
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Raise `InputError` for a key."""

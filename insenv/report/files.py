@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Result
-from insenv.files.output import staged
+from insenv.files.output import as_path, staged
 from insenv.installing import install_extra
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable, save
@@ -53,7 +53,7 @@ class OutputFolder:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+        self.path = as_path("folder", path)
         try:
             present = next(p for p in (self.path.absolute(), *self.path.absolute().parents) if p.exists())
             if not present.is_dir():

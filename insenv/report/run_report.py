@@ -46,7 +46,7 @@ class Report(RunData):
         if estimator is None and len(results) != 1:
             raise InputError(f"estimator: must be named, this run has {', '.join(results) or 'none'}")
         if estimator is not None and estimator not in results:
-            raise InputError(f"estimator {estimator!r}: not in this run{nearest(estimator, results)}")
+            raise InputError(f"estimator {estimator!r}: not in this run{nearest(str(estimator), results)}")
         result = self.results[0] if estimator is None else results[estimator]
         columns = {f"error_{name}": values for name, values in result.errors.items()}
         columns |= {f"sigma_{name}": values for name, values in result.sigma.items()}

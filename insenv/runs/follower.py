@@ -17,6 +17,9 @@ from insenv.plant.feeding import input_rows
 
 Array = NDArray[np.float64]
 
+SHORT = 1e-12
+"""Squared norm below which a quaternion is no attitude."""
+
 
 @dataclass
 class Follower:
@@ -34,13 +37,17 @@ class Follower:
         return cls(estimator, make_runner(estimator.model, parameters), every)
 
     def follow(self, columns: dict[str, Array], count: int) -> None:
-        """Process `count` samples (a multiple of `every`).  Raises `InsenvError` if an output is not finite."""
+        """Process `count` samples (a multiple of `every`).  Raises `InsenvError` if an output is not finite or q_nb has no
+        length.
+        """
         rows = input_rows(self.estimator.model, columns, count)
         begin = time.process_time()
         outputs = self.runner.run(count, rows, self.every)
         self.seconds += time.process_time() - begin
         if not np.isfinite(outputs).all():
             raise InsenvError(f"estimator {self.estimator.id!r} diverged: its outputs are no longer finite numbers")
+        if np.any(np.sum(outputs[:, self.estimator.model.outputs.slice("q_nb")] ** 2, axis=1) < SHORT):
+            raise InsenvError(f"estimator {self.estimator.id!r} diverged: its output q_nb has length 0")
         self.outputs.append(outputs)
 
     def named(self) -> dict[str, Array]:

@@ -11,6 +11,7 @@ from insenv import attitude
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.evaluation.errors import Result, Track, errors, rms, stated_sigma, track_of
+from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, load
 from insenv.plant.feeding import RECORDS, Progress, chunks, recording_interval
 from insenv.report import Report
@@ -46,7 +47,7 @@ def replay(
         raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
     chosen = get_all(estimators)
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
-    log = log if isinstance(log, RecordedLog) else load(log)
+    log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
     description = log.description
     begin_s = start_time(log, start)
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))

@@ -43,7 +43,8 @@ class KnowledgeSection(Section):
 class Scenario(Section):
     """A scenario file: a vehicle, its sensors and the initial conditions.
 
-    `scenario_class` adds the registered kinds of vehicle and sensors.
+    `insenv.load` makes one from a name, a file or a dict of values.  `scenario_class` adds the registered kinds of
+    vehicle and sensors.
     """
 
     title: str = key(..., "one line for lists, tables and figures", min_length=1, max_length=120)

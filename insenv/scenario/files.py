@@ -31,7 +31,7 @@ def load(scenario: ScenarioLike) -> Scenario:
     if isinstance(scenario, Scenario):
         return scenario
     if isinstance(scenario, Mapping):
-        return parse(dict(scenario))
+        return parse(dict(scenario), name="scenario")
     if not isinstance(scenario, (str, Path)):
         raise InputError(f"scenario = {shown(scenario)}: allowed is a name, the path of a .toml file, a Scenario or its values")
     text = str(scenario)

@@ -109,3 +109,12 @@ def test_the_blocks_are_found():
     assert commands_of("$ insenv run \\\n  ship\nout\n$ make demo\n") == ["insenv run    ship", "make demo"]
     assert runnable("A=1 insenv list | insenv run") == f"A=1 {PYTHON} -m insenv list | {PYTHON} -m insenv run"
     assert runnable("pip install insenv") is None
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/cli.md"])
+def test_the_table_shown_is_the_table_printed(page):
+    done = subprocess.run(
+        [sys.executable, "-m", "insenv", "run", "ship-swaying", "-e", "q-method"], capture_output=True, text=True
+    )
+    rows = re.findall(r"^(?:roll|pitch|heading) \[deg\] .*$", (ROOT / page).read_text("utf-8"), re.MULTILINE)
+    assert len(rows) == 3 and set(rows) <= set(done.stdout.splitlines())
