@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InsenvError
+from insenv.installing import install_extra
 from insenv.report.figures import save
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ HtmlTable = tuple[str, Sequence[str], Iterable[Sequence[str]]]
 def require_matplotlib() -> None:
     """Raise `InsenvError` if matplotlib is not installed."""
     if not find_spec("matplotlib"):
-        raise InsenvError("a figure needs matplotlib, which is not installed; pip install 'insenv[plot]' gives it")
+        raise InsenvError(f"a figure needs matplotlib, which is not installed: {install_extra('plot')}")
 
 
 def html_document(
