@@ -7,6 +7,7 @@ from importlib import import_module
 
 from insenv.errors import InputError
 from insenv.estimators.contract import Estimator
+from insenv.files.resources import scenario_folder
 from insenv.plugins import Plugins
 
 MODULES = (
@@ -37,7 +38,11 @@ def _id(thing: Estimator) -> str:
     return thing.id
 
 
-_PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, _shipped)
+def _scenarios() -> set[str]:
+    return {path.stem for path in scenario_folder().glob("*.toml")}
+
+
+_PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, _shipped, ("a scenario", _scenarios))
 
 
 EstimatorsLike = str | Estimator | Iterable[str | Estimator]
