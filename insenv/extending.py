@@ -17,6 +17,7 @@ from typing import TypeVar
 from insenv import estimators
 from insenv.errors import InputError
 from insenv.estimators import Estimator
+from insenv.files.toml import shown
 from insenv.sensors import SensorSection
 from insenv.sensors import registry as sensors
 from insenv.vehicles import VehicleSection
@@ -38,5 +39,5 @@ def register(thing: Thing) -> Thing:
     if isinstance(thing, type) and issubclass(thing, SensorSection):
         return sensors.register(thing)
     raise InputError(
-        f"register({thing!r}): allowed is an Estimator, a subclass of VehicleSection or a subclass of SensorSection"
+        f"register({shown(thing)}): allowed is an Estimator, a subclass of VehicleSection or a subclass of SensorSection"
     )

@@ -58,9 +58,11 @@ class Row:
         ):
             raise InputError(f"row {self.name!r}: shape = {shape!r}: allowed is (), (n,) or (rows, columns)")
         try:
-            self.flat_start()
+            start = self.flat_start()
         except (TypeError, ValueError):
             raise InputError(f"row {self.name!r}: start = {self.start!r}: allowed is {_values_of(shape)}") from None
+        if not np.isfinite(start).all():
+            raise InputError(f"row {self.name!r}: start = {self.start!r}: allowed is a finite number")
         if not self.lower <= self.upper:
             raise InputError(f"row {self.name!r}: lower = {self.lower!r} exceeds upper = {self.upper!r}")
 
@@ -99,6 +101,8 @@ class Table:
     _slices: dict[str, slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.rows, (tuple, list)) or not all(isinstance(row, Row) for row in self.rows):
+            raise InputError(f"Table: rows is of type {type(self.rows).__name__}: allowed is a tuple of Row")
         slices: dict[str, slice] = {}
         position = 0
         for row in self.rows:
@@ -136,7 +140,7 @@ class Table:
         try:
             return self._slices[name]
         except KeyError:
-            raise InputError(f"no row named {name!r}{nearest(name, self.names)}") from None
+            raise InputError(f"no row named {name!r}{nearest(str(name), self.names)}") from None
 
     def start_vector(self) -> Vector:
         """The start values as one flat vector."""
@@ -196,6 +200,6 @@ class Table:
                 given = type(values[row.name]).__name__
                 raise InputError(f"row {row.name!r} is of type {given}: allowed is a CasADi expression or a number") from None
             if value.shape != shape:
-                raise InputError(f"row {row.name!r} = {value.size1()} x {value.size2()}: its shape is {row.shape}")
+                raise InputError(f"row {row.name!r} has the shape {value.size1()} x {value.size2()}: allowed is {row.shape}")
             parts.append(ca.vec(value.T) if len(row.shape) == 2 else value)
         return ca.vertcat(*parts) if parts else ca.SX(0, 1)

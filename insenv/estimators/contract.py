@@ -205,7 +205,10 @@ class Estimator:
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
-        return () if self.applicability is None else self.applicability(parameters, duration_s)
+        if self.applicability is None:
+            return ()
+        with naming(f"estimator {self.id!r}, applicability"):
+            return self.applicability(parameters, duration_s)
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}

@@ -87,7 +87,7 @@ class Scenario(Section):
     @classmethod
     def _loaded(cls, data: Any) -> Any:
         if isinstance(data, Mapping):
-            for id in data:
+            for id in set(data) - set(cls.model_fields):
                 sensor_registry.check_loaded(id)
             vehicle = data.get("vehicle")
             vehicle_registry.check_loaded(vehicle.get("kind", "") if isinstance(vehicle, Mapping) else "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from insenv.errors import InputError
+from insenv.files.toml import shown
 from insenv.plugins import Plugins, check_section_name, overrides
 from insenv.sensors.contract import Sensor, SensorSection
 
@@ -26,7 +27,7 @@ def _id(section: type[SensorSection]) -> str:
     if isinstance(section, type) and issubclass(section, SensorSection) and isinstance(sensor, Sensor):
         overrides(section, SensorSection, ("rows",))
         return check_section_name(f"{section.__name__}: sensor id", sensor.id)
-    raise InputError(f"{section!r}: a sensor is registered by a subclass of SensorSection whose `sensor` is a Sensor")
+    raise InputError(f"{shown(section)}: a sensor is registered by a subclass of SensorSection whose `sensor` is a Sensor")
 
 
 _PLUGINS: Plugins[type[SensorSection]] = Plugins(

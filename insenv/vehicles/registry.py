@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import get_args
 
 from insenv.errors import InputError
+from insenv.files.toml import shown
 from insenv.plugins import Plugins, check_section_name, overrides
 from insenv.vehicles.section import VehicleSection
 
@@ -25,7 +26,7 @@ def kind_of(section: type[VehicleSection]) -> str:
         if len(names) == 1:
             overrides(section, VehicleSection, ("in_place", "vehicle", "rows"))
             return check_section_name(f"{section.__name__}: kind", names[0])
-    raise InputError(f'{section!r}: a kind of vehicle is a subclass of VehicleSection with kind: Literal["name"]')
+    raise InputError(f'{shown(section)}: a kind of vehicle is a subclass of VehicleSection with kind: Literal["name"]')
 
 
 _PLUGINS: Plugins[type[VehicleSection]] = Plugins("kind of vehicle", "insenv.vehicles", kind_of, _shipped)
