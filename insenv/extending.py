@@ -30,7 +30,8 @@ def register(thing: Thing) -> Thing:
     """Make an estimator, a kind of vehicle or a sensor known by its name in this process; returns it.
 
     thing: an `Estimator`; a subclass of `VehicleSection`; a subclass of `SensorSection`.  As the last two are classes,
-    `register` may decorate them.  Raises `InputError` for anything else, and for a name that another thing has.
+    `register` may decorate them.  Raises `InputError` for anything else, for a name that is taken or not allowed, and for a
+    class that lacks a method.
     """
     if isinstance(thing, Estimator):
         return estimators.register(thing)
