@@ -17,6 +17,7 @@ from typing import TypeVar
 from insenv import estimators
 from insenv.errors import InputError
 from insenv.estimators import Estimator
+from insenv.files.toml import shown
 from insenv.sensors import SensorSection
 from insenv.sensors import registry as sensors
 from insenv.vehicles import VehicleSection
@@ -29,7 +30,8 @@ def register(thing: Thing) -> Thing:
     """Make an estimator, a kind of vehicle or a sensor known by its name in this process; returns it.
 
     thing: an `Estimator`; a subclass of `VehicleSection`; a subclass of `SensorSection`.  As the last two are classes,
-    `register` may decorate them.  Raises `InputError` for anything else, and for a name that another thing has.
+    `register` may decorate them.  Raises `InputError` for anything else, for a name that is taken or not allowed, and for a
+    class that lacks a method.
     """
     if isinstance(thing, Estimator):
         return estimators.register(thing)
@@ -38,5 +40,5 @@ def register(thing: Thing) -> Thing:
     if isinstance(thing, type) and issubclass(thing, SensorSection):
         return sensors.register(thing)
     raise InputError(
-        f"register({thing!r}): allowed is an Estimator, a subclass of VehicleSection or a subclass of SensorSection"
+        f"register({shown(thing)}): allowed is an Estimator, a subclass of VehicleSection or a subclass of SensorSection"
     )

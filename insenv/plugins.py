@@ -6,13 +6,36 @@ an entry point, and those that a script registers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from importlib.metadata import entry_points
+import re
+import warnings
+from collections.abc import Callable, Container, Iterable
+from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
 from insenv.errors import InputError, InsenvError, nearest
 
 T = TypeVar("T")
+
+
+def check_id(what: str, name: object) -> str:
+    """`name` if it may be an id.  Raises `InputError` otherwise."""
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
+        raise InputError(f"{what} id = {name!r}: allowed are letters, digits, '-', '_' and '.', a letter or digit first")
+    return name
+
+
+def check_section_name(what: str, name: object) -> str:
+    """`name` if a scenario can name a section or a kind by it.  Raises `InputError` otherwise."""
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise InputError(f"{what} = {name!r}: allowed are lower-case letters, digits and '_', a letter first")
+    return name
+
+
+def overrides(section: type, base: type, names: Iterable[str]) -> None:
+    """Raise `InputError` if the class `section` inherits one of the `names` from `base`, where it is only declared."""
+    for name in names:
+        if getattr(section, name) is getattr(base, name):
+            raise InputError(f"{section.__name__}: a subclass of {base.__name__} must define {name!r}")
 
 
 class Plugins(Generic[T]):
@@ -24,42 +47,72 @@ class Plugins(Generic[T]):
     group: entry-point group of installed packages (``"insenv.estimators"``).  An entry point is one thing.
     name_of: the name of a thing; raises `InputError` for an object that is no such thing.
     shipped: the things of insenv, imported when first asked for.
+    taken: what else has names that no added thing may have, in messages, and a function that gives these names.
     """
 
-    def __init__(self, what: str, group: str, name_of: Callable[[T], str], shipped: Callable[[], Iterable[T]]) -> None:
+    def __init__(
+        self,
+        what: str,
+        group: str,
+        name_of: Callable[[T], str],
+        shipped: Callable[[], Iterable[T]],
+        taken: tuple[str, Callable[[], Container[str]]] = ("", frozenset),
+    ) -> None:
         self.what, self.group = what, group
-        self._name_of, self._shipped = name_of, shipped
+        self._name_of, self._shipped, self._taken = name_of, shipped, taken
         self._known: dict[str, T] = {}
+        self._broken: dict[str, str] = {}
         self._loaded = False
 
     def all(self) -> dict[str, T]:
-        """All things by name.  Raises `InsenvError` for an installed package whose entry point cannot be loaded."""
+        """All things by name.  An entry point that cannot be loaded gives a `RuntimeWarning`."""
         if not self._loaded:
-            for thing in self._shipped():
-                self._add(thing)
+            self._known |= {self._name_of(thing): thing for thing in self._shipped()}
             self._loaded = True  # before the entry points: a package may ask for what insenv ships while it is imported
             for entry in entry_points(group=self.group):
                 try:
-                    self._add(entry.load())
+                    self._load(entry)
                 except Exception as error:
-                    self._loaded = False
-                    raise InsenvError(f"entry point {entry.name!r} of {self.group!r} ({entry.value}): {error}") from error
+                    package = f"package {entry.dist.name!r}" if entry.dist is not None else "an installed package"
+                    fault = f"{type(error).__name__}: {error}" if not isinstance(error, InsenvError) else str(error)
+                    self._broken[entry.name] = (
+                        f"{package}: its entry point {entry.name!r} of {self.group!r} ({entry.value}) cannot be loaded: "
+                        f"{fault}; mend or uninstall the package"
+                    )
+            for message in self._broken.values():
+                warnings.warn(message, RuntimeWarning, stacklevel=2)
         return self._known
 
     def get(self, name: str) -> T:
-        """The thing of that name.  Raises `InputError` with the nearest name."""
+        """The thing of that name.  Raises `InputError` with the nearest name, and `InsenvError` as `check_loaded`."""
         known = self.all()
         if name not in known:
+            self.check_loaded(name)
             raise InputError(f"no {self.what} {name!r}{nearest(str(name), known)}")
         return known[name]
+
+    def check_loaded(self, name: str) -> None:
+        """Raise `InsenvError` if only an entry point that cannot be loaded has that name."""
+        if name not in self.all() and name in self._broken:
+            raise InsenvError(f"{self.what} {name!r}: {self._broken[name]}")
 
     def register(self, thing: T) -> T:
         """Add a thing and return it.  Raises `InputError` if another one has its name."""
         self.all()
         return self._add(thing)
 
+    def _load(self, entry: EntryPoint) -> None:
+        thing = entry.load()
+        name = self._name_of(thing)
+        if name != entry.name:
+            raise InputError(f"it holds the {self.what} {name!r}: give both the same name")
+        self._add(thing)
+
     def _add(self, thing: T) -> T:
         name = self._name_of(thing)
+        whose, names = self._taken
+        if name not in self._known and name in names():
+            raise InputError(f"{self.what} {name!r}: {whose} has this name: choose another name")
         if self._known.setdefault(name, thing) is not thing:
             raise InputError(f"{self.what} {name!r} exists already: choose another name")
         return thing

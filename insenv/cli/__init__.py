@@ -80,7 +80,10 @@ def _execute(arguments: list[str]) -> int:
         raise KeyboardInterrupt
     if not callable(work):  # --help and --version are done
         return int(work or DONE)
-    work()
+    from insenv.cli.output import quiet_warnings
+
+    with quiet_warnings():  # an installed package that is broken gives one
+        work()
     return DONE
 
 

@@ -14,7 +14,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from insenv.core.model import Model, Step, Values
+from insenv.core.naming import check_mapping
 from insenv.core.tables import Table
+from insenv.errors import InputError
 
 EMPTY = Table()
 
@@ -46,7 +48,7 @@ def merge(
 ) -> Model:
     """The model made of `parts` in that order; a step takes the place of its first mention.
 
-    Raises ValueError if steps of one name have different conditions.
+    Raises `InputError` if steps of one name have different conditions.
     """
     names = list(dict.fromkeys(name for part in parts for name in part.steps))
     total = sum(part.start_uniforms for part in parts)
@@ -70,7 +72,7 @@ def _joined(name: str, parts: Sequence[Part]) -> Step:
     steps = [part.steps[name] for part in parts if name in part.steps]
     conditions = {step.when for step in steps}
     if len(conditions) > 1:
-        raise ValueError(f"step {name!r} has different conditions: {sorted(map(str, conditions))}")
+        raise InputError(f"step {name!r} has different conditions: {sorted(map(str, conditions))}: allowed is one")
 
     def function(p: Values, x: Values, u: Values, r: Any = None) -> dict[str, Any]:
         state, used = SimpleNamespace(**vars(x)), 0
@@ -78,7 +80,7 @@ def _joined(name: str, parts: Sequence[Part]) -> Step:
         for step in steps:
             own = () if not step.uniforms else (r[used : used + step.uniforms],)
             used += step.uniforms
-            new = step.function(p, state, u, *own)
+            new = check_mapping(step.function(p, state, u, *own))
             vars(state).update(new)
             changed.update(new)
         return changed
@@ -93,7 +95,7 @@ def _in_sequence(starts: Sequence[tuple[Callable[..., Mapping[str, Any]], int]])
         for function, uniforms in starts:
             own = () if not uniforms else (r[used : used + uniforms],)
             used += uniforms
-            state.update(function(p, *own))
+            state.update(check_mapping(function(p, *own)))
         return state
 
     return start

@@ -15,13 +15,16 @@ random.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
+from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Row, Table
+from insenv.errors import InputError
 
 Values = SimpleNamespace
 """Symbols by row name, as passed to a step function: ``x.velocity_n`` is a 3x1 CasADi expression."""
@@ -45,10 +48,11 @@ class Step:
     uniforms: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """The tables, steps and output function of a sampled system.  Models compare equal only if they are the same
-    object.
+    """The tables, steps and output function of a sampled system.
+
+    Models compare equal only if they are the same object.
 
     id: short name, unique in its registry (``"q-method"``).
     title: one line for listings.
@@ -71,13 +75,26 @@ class Model:
     start_uniforms: int = 0
 
     def __post_init__(self) -> None:
+        this = f"model {self.id!r}"
+        for name in ("parameters", "state", "inputs", "outputs"):
+            if not isinstance(getattr(self, name), Table):
+                raise InputError(f"{this}: {name} is of type {type(getattr(self, name)).__name__}: allowed is a Table")
+        if not isinstance(self.steps, Mapping):
+            raise InputError(f"{this}: steps is of type {type(self.steps).__name__}: allowed is a dict of Step by name")
+        if not callable(self.output) or not (self.start is None or callable(self.start)):
+            raise InputError(f"{this}: output and start must be functions; start may be None")
         for name, step in self.steps.items():
-            if not name.isidentifier() or name in ("start", "output"):
-                raise ValueError(f"model {self.id!r}: a step cannot be named {name!r}")
+            if not isinstance(step, Step):
+                raise InputError(f"{this}, step {name!r}: {type(step).__name__}: allowed is a Step, such as Step(function)")
+            if not str(name).isidentifier() or name in ("start", "output"):
+                raise InputError(f"{this}: a step cannot be named {name!r}")
             if step.when is not None and (step.when in self.state) == (step.when in self.inputs):
-                raise ValueError(f"model {self.id!r}, step {name!r}: {step.when!r} must be one state or one input row")
+                raise InputError(f"{this}, step {name!r}: when = {step.when!r} must be one state or one input row")
         if self.is_random and not ("seed" in self.parameters and "step" in self.state):
-            raise ValueError(f"model {self.id!r} is random: it needs the parameter 'seed' and the state row 'step'")
+            raise InputError(f"model {self.id!r} is random: it needs the parameter 'seed' and the state row 'step'")
+
+    def __repr__(self) -> str:
+        return f"Model({self.id!r})"
 
     @property
     def is_random(self) -> bool:
@@ -89,7 +106,8 @@ class Model:
         """The model's functions by name: "start", each step, "output".
 
         All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty
-        if no random numbers are used.
+        if no random numbers are used.  Raises `InputError` that names the model and the step if a function fails or
+        gives rows that are wrong.
         """
         import casadi as ca
 
@@ -98,19 +116,21 @@ class Model:
 
         r = ca.SX.sym("r", self.start_uniforms)
         begin: Mapping[str, Any] = {}
-        if self.start is not None:
-            begin = self.start(names[0], r) if self.start_uniforms else self.start(names[0])
         base = ca.SX(ca.DM(self.state.start_vector()))
-        kernels = {"start": _kernel("start", [p, r], self.state, {**self.state.symbols(base).__dict__, **begin})}
+        with naming(f"model {self.id!r}, start"):
+            if self.start is not None:
+                begin = check_rows(self.start(names[0], r) if self.start_uniforms else self.start(names[0]), self.state)
+            kernels = {"start": _kernel("start", [p, r], self.state, {**vars(self.state.symbols(base)), **begin})}
 
         for name, step in self.steps.items():
             r = ca.SX.sym("r", step.uniforms)
-            changed = step.function(*names, r) if step.uniforms else step.function(*names)
-            kernels[name] = _kernel(name, [p, x, u, r], self.state, changed)
-        kernels["output"] = _kernel("output", [p, x], self.outputs, self.output(*names[:2]))
-        for name, table in (("start", self.state), ("output", self.outputs)):
-            if kernels[name].function.size1_out(0) != table.size:
-                raise ValueError(f"model {self.id!r}: {name} must give every row of its table")
+            with naming(f"model {self.id!r}, step {name!r}"):
+                changed = step.function(*names, r) if step.uniforms else step.function(*names)
+                kernels[name] = _kernel(name, [p, x, u, r], self.state, changed)
+        with naming(f"model {self.id!r}, output"):
+            shown = check_rows(self.output(*names[:2]), self.outputs)
+            self.outputs.assemble(shown)
+            kernels["output"] = _kernel("output", [p, x], self.outputs, shown)
         return kernels
 
     @cached_property
@@ -147,9 +167,8 @@ class Kernel:
 def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, Any]) -> Kernel:
     import casadi as ca
 
+    check_rows(values, table)
     part = Table(tuple(row for row in table if row.name in values))
-    if len(part.rows) != len(values):
-        raise ValueError(f"{name}: no such rows: {sorted(set(values) - set(part.names))}; the table has {table.names}")
     spans: list[slice] = []
     for row in part:
         piece = table.slice(row.name)
@@ -158,7 +177,19 @@ def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, 
         spans.append(piece)
     # share common subexpressions: Python helpers may compute the same quantity twice
     function = ca.Function(name, arguments, [ca.densify(part.assemble(values))], {"cse": True})
+    if not _is_finite(function):
+        for row in part:
+            if not _is_finite(ca.Function(name, arguments, [ca.SX(values[row.name])])):
+                raise InputError(f"row {row.name!r} contains a constant that is not finite, such as a division by 0")
     return Kernel(function, tuple(spans))
+
+
+def _is_finite(function: Any) -> bool:
+    """Whether all constants of an SX function are finite."""
+    import casadi as ca
+
+    name_of, constant = function.instruction_id, function.instruction_constant
+    return all(math.isfinite(constant(k)) for k in range(function.n_instructions()) if name_of(k) == ca.OP_CONST)
 
 
 def derived(table: Table, **start: Any) -> Table:

@@ -47,6 +47,25 @@ class Row:
     lower: float = -math.inf
     upper: float = math.inf
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise InputError(f"row {self.name!r}: allowed is a name of letters, digits and '_'")
+        shape = self.shape
+        if (
+            not isinstance(shape, tuple)
+            or len(shape) > 2
+            or not all(isinstance(n, (int, np.integer)) and n >= 0 for n in shape)
+        ):
+            raise InputError(f"row {self.name!r}: shape = {shape!r}: allowed is (), (n,) or (rows, columns)")
+        try:
+            start = self.flat_start()
+        except (TypeError, ValueError):
+            raise InputError(f"row {self.name!r}: start = {self.start!r}: allowed is {_values_of(shape)}") from None
+        if not np.isfinite(start).all():
+            raise InputError(f"row {self.name!r}: start = {self.start!r}: allowed is a finite number")
+        if not self.lower <= self.upper:
+            raise InputError(f"row {self.name!r}: lower = {self.lower!r} exceeds upper = {self.upper!r}")
+
     @property
     def size(self) -> int:
         """Number of elements."""
@@ -69,6 +88,11 @@ class Row:
             )
 
 
+def _values_of(shape: tuple[int, ...]) -> str:
+    """What a row of that shape can hold, in messages."""
+    return f"a number or an array of shape {shape}" if shape else "a number"
+
+
 @dataclass(frozen=True)
 class Table:
     """An ordered set of rows and the layout of their flat vector."""
@@ -77,11 +101,13 @@ class Table:
     _slices: dict[str, slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.rows, (tuple, list)) or not all(isinstance(row, Row) for row in self.rows):
+            raise InputError(f"Table: rows is of type {type(self.rows).__name__}: allowed is a tuple of Row")
         slices: dict[str, slice] = {}
         position = 0
         for row in self.rows:
             if row.name in slices:
-                raise ValueError(f"table has two rows named {row.name!r}")
+                raise InputError(f"two rows are named {row.name!r}: the names of the rows of a table must differ")
             slices[row.name] = slice(position, position + row.size)
             position += row.size
         object.__setattr__(self, "_slices", slices)
@@ -114,7 +140,7 @@ class Table:
         try:
             return self._slices[name]
         except KeyError:
-            raise InputError(f"no row named {name!r}{nearest(name, self.names)}") from None
+            raise InputError(f"no row named {name!r}{nearest(str(name), self.names)}") from None
 
     def start_vector(self) -> Vector:
         """The start values as one flat vector."""
@@ -132,7 +158,7 @@ class Table:
                 array = np.asarray(value, dtype=np.float64)
                 array = array if array.shape == row.shape else np.broadcast_to(array, row.shape)
             except (TypeError, ValueError):
-                raise InputError(f"{name} = {value!r}: allowed is a number or an array of shape {row.shape}") from None
+                raise InputError(f"{name} = {value!r}: allowed is {_values_of(row.shape)}") from None
             row.check(array.ravel())
             vector[part] = array.ravel()
         return vector
@@ -156,17 +182,24 @@ class Table:
     def assemble(self, values: Mapping[str, Any]) -> Any:
         """Flat CasADi vector from expressions by name.
 
-        Raises `ValueError` for an unknown or missing row or a wrong shape.
+        Raises `InputError` for an unknown or missing row or a wrong shape.
         """
         import casadi as ca
 
-        if set(values) != set(self.names):
-            raise ValueError(f"rows {sorted(set(values) ^ set(self.names))} are unknown or missing")
+        for name in values:
+            self.slice(name)
+        missing = [name for name in self.names if name not in values]
+        if missing:
+            raise InputError(f"row {missing[0]!r} is missing: allowed is a value for every row ({', '.join(self.names)})")
         parts = []
         for row in self.rows:
-            value = ca.SX(values[row.name])
             shape = (row.shape + (1, 1))[:2]
+            try:
+                value = ca.SX(values[row.name])
+            except NotImplementedError:
+                given = type(values[row.name]).__name__
+                raise InputError(f"row {row.name!r} is of type {given}: allowed is a CasADi expression or a number") from None
             if value.shape != shape:
-                raise ValueError(f"row {row.name!r} has shape {row.shape}, not {value.shape}")
+                raise InputError(f"row {row.name!r} has the shape {value.size1()} x {value.size2()}: allowed is {row.shape}")
             parts.append(ca.vec(value.T) if len(row.shape) == 2 else value)
         return ca.vertcat(*parts) if parts else ca.SX(0, 1)

@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from insenv.core.model import Model, Values
+from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
+from insenv.plugins import check_id
 
 _ZERO = np.zeros(3)
 
@@ -92,7 +94,7 @@ Kind = Literal["alignment", "navigation"]
 Motion = Literal["in place", "moving", "any"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Estimator:
     """An estimator: its equations, and what everybody who runs it must know of it.
 
@@ -127,13 +129,25 @@ class Estimator:
     read_file: Callable[[str], Mapping[str, Any]] | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.model, Model):
+            raise InputError(f"Estimator: model = {self.model!r}: allowed is an insenv.Model")
+        check_id("estimator", self.id)
         if self.kind not in ("alignment", "navigation"):
             raise InputError(f"estimator {self.id!r}: kind = {self.kind!r}: allowed is 'alignment' or 'navigation'")
+        if self.motion not in (None, *get_args(Motion)):
+            raise InputError(f"estimator {self.id!r}: motion = {self.motion!r}: allowed is 'in place', 'moving' or 'any'")
+        if not isinstance(self.sensors, tuple) or not all(isinstance(sensor, str) for sensor in self.sensors):
+            raise InputError(
+                f"estimator {self.id!r}: sensors = {self.sensors!r}: allowed is a tuple of sensor ids, such as ('gnss',)"
+            )
         lacking = [name for name in _OUTPUTS[self.kind] if name not in self.model.outputs]
         if lacking:
             raise InputError(f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r}")
         if self.motion is None:
             object.__setattr__(self, "motion", "in place" if self.kind == "alignment" else "any")
+
+    def __repr__(self) -> str:
+        return f"Estimator({self.id!r}, kind={self.kind!r})"
 
     @property
     def id(self) -> str:
@@ -163,7 +177,7 @@ class Estimator:
         follows = bool(self.moving_row) and float((rows or {}).get(self.moving_row, 0.0)) != 0.0
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
-                return f"{this} needs {_SHOWN.get(sensor, sensor)}: {drive.where} has no [{sensor}]"
+                return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
         if self.motion == "in place" and drive.in_place is False and not follows:
             return f"{this} aligns a vehicle in place: that of {drive.where} moves"
         if self.motion == "moving" and drive.in_place:
@@ -185,13 +199,21 @@ class Estimator:
 
     def _from(self, known: Knowledge) -> Mapping[str, Any]:
         if self.prepare is not None:
-            return self.prepare(known)
+            with naming(f"estimator {self.id!r}, prepare"):
+                return check_rows(self.prepare(known), self.model.parameters)
         return known.rows_of(self.model.parameters)
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
-        return () if self.applicability is None else self.applicability(parameters, duration_s)
+        if self.applicability is None:
+            return ()
+        with naming(f"estimator {self.id!r}, applicability"):
+            return self.applicability(parameters, duration_s)
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}
-_SHOWN = {"gnss": "GNSS"}
+
+
+def shown_name(sensor: str) -> str:
+    """A sensor's id as messages show it."""
+    return "GNSS" if sensor == "gnss" else sensor

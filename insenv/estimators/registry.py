@@ -7,6 +7,8 @@ from importlib import import_module
 
 from insenv.errors import InputError
 from insenv.estimators.contract import Estimator
+from insenv.files.resources import scenario_folder
+from insenv.files.toml import shown
 from insenv.plugins import Plugins
 
 MODULES = (
@@ -33,11 +35,15 @@ def _shipped() -> Iterator[Estimator]:
 
 def _id(thing: Estimator) -> str:
     if not isinstance(thing, Estimator):
-        raise InputError(f"{thing!r}: an estimator is an object of class insenv.Estimator")
+        raise InputError(f"{shown(thing)}: an estimator is an object of class insenv.Estimator")
     return thing.id
 
 
-_PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, _shipped)
+def _scenarios() -> set[str]:
+    return {path.stem for path in scenario_folder().glob("*.toml")}
+
+
+_PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, _shipped, ("a scenario", _scenarios))
 
 
 EstimatorsLike = str | Estimator | Iterable[str | Estimator]
@@ -49,7 +55,7 @@ def get(id_or_estimator: str | Estimator) -> Estimator:
     if isinstance(id_or_estimator, Estimator):
         return id_or_estimator
     if not isinstance(id_or_estimator, str):
-        raise InputError(f"estimator = {id_or_estimator!r}: allowed is an id or an insenv.Estimator")
+        raise InputError(f"estimator = {shown(id_or_estimator)}: allowed is an id or an insenv.Estimator")
     return _PLUGINS.get(id_or_estimator)
 
 
@@ -60,7 +66,7 @@ def get_all(some: EstimatorsLike) -> list[Estimator]:
     try:
         found = [get(one) for one in some]
     except TypeError:
-        raise InputError(f"estimators = {some!r}: allowed is an id, an insenv.Estimator, or several of them") from None
+        raise InputError(f"estimators = {shown(some)}: allowed is an id, an insenv.Estimator, or several of them") from None
     chosen = {estimator.id: estimator for estimator in found}
     for estimator in found:
         if chosen[estimator.id] is not estimator:

@@ -82,6 +82,11 @@ class Section(BaseModel):
         super().__setattr__(name, value)
 
 
+def summary(section: type[Section]) -> str:
+    """First line of a section's docstring, without its full stop; without a docstring the name of the class."""
+    return (section.__doc__ or section.__name__).strip().partition("\n")[0].rstrip(".")
+
+
 # --- reading ---------------------------------------------------------------------------------------
 
 

@@ -49,7 +49,7 @@ class Subject:
     def identifier(self) -> str:
         """The id as a C identifier."""
         name = re.sub(r"\W", "_", self.id)
-        return name if name[0].isalpha() else f"model_{name}"
+        return name if name[:1].isalpha() else f"model_{name}"
 
     @property
     def title(self) -> str:

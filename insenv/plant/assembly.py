@@ -10,7 +10,9 @@ from typing import Any
 
 from insenv.core.compose import Part, merge
 from insenv.core.model import SEED, STEP, Model, Step
+from insenv.core.naming import naming
 from insenv.core.tables import Row, Table
+from insenv.errors import InputError
 from insenv.sensors import GNSS, IMU, Sensor
 from insenv.vehicles import Vehicle, truth_instant, truth_part
 
@@ -30,10 +32,21 @@ def plant_model(vehicle: Vehicle, sensors: Sequence[Sensor] = (IMU, GNSS)) -> Mo
 
     Outputs: `time`, the truth (`TRUTH`), and the outputs of each sensor (`Sensor.outputs`, `Sensor.derived`).
     """
-    instant = truth_instant(vehicle)
-    parts = [truth_part(vehicle), CLOCK, *(sensor.part(instant) for sensor in sensors)]
+    if not isinstance(vehicle, Vehicle):
+        raise InputError(f"vehicle = {vehicle!r}: allowed is an insenv.Vehicle")
+    with naming(f"vehicle {vehicle.id!r}"):
+        instant = truth_instant(vehicle)
+        parts = [truth_part(vehicle), CLOCK]
     state = sum((part.state for part in parts), Table())
-    names = ("time", *TRUTH, *(name for sensor in sensors for name in sensor.outputs))
+    names: tuple[str, ...] = ("time", *TRUTH)
+    for sensor in sensors:
+        with naming(f"sensor {sensor.id!r}"):
+            part = sensor.part(instant)
+            if not isinstance(part, Part):
+                raise InputError(f"part gave {part!r}: allowed is an insenv.core.compose.Part")
+            parts.append(part)
+            state += part.state
+            names += tuple(state[name].name for name in sensor.outputs)
     derived = [(sensor.derived, sensor.derive) for sensor in sensors]
     outputs = sum((table for table, _ in derived), Table(tuple(state[name] for name in names)))
 

@@ -14,7 +14,8 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.core import noise
 from insenv.core.model import Model
-from insenv.core.tables import Vector
+from insenv.core.naming import check_rows, naming
+from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.plant import plant_model
@@ -112,7 +113,8 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     """The plant's model and its parameter rows (SI) except the seed.  Raises `InputError` for values that conflict."""
     interval, start = 1.0 / scenario.rate_hz, scenario.start
-    model = _model(scenario.vehicle.vehicle(), (IMU, *(section.sensor for section in scenario.sensors.values())))
+    vehicle = scenario.vehicle.vehicle()
+    model = _model(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,
         "start_latitude": radians(start.latitude_deg),
@@ -121,17 +123,26 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         "start_heading": radians(start.heading_deg),
         "mean_roll": radians(start.roll_deg),
         "mean_pitch": radians(start.pitch_deg),
-        **scenario.vehicle.rows(start),
+        **_checked(f"vehicle kind {scenario.vehicle.kind!r}", scenario.vehicle.rows(start), model.parameters),
         **scenario.imu.rows(scenario.rate_hz),
     }
-    for section in scenario.sensors.values():
-        rows |= section.rows(scenario.rate_hz)
+    for id, section in scenario.sensors.items():
+        rows |= _checked(f"sensor {id!r}", section.rows(scenario.rate_hz), model.parameters)
+    for row in vehicle.parameters:
+        if row.name not in rows and not row.flat_start().any():
+            raise InputError(f"vehicle kind {scenario.vehicle.kind!r}, rows: {row.name!r} is missing: its start value is 0")
     for name in rows:
         if name.endswith("_amplitude"):  # the square of an amplitude other than 0 is a divisor and must not underflow
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
     check_speed_of_sinusoids(rows, interval)
     model.parameters.pack(rows)
     return model, rows
+
+
+def _checked(where: str, rows: Any, table: Table) -> Mapping[str, Any]:
+    """What `rows` of a section gave.  Raises `InputError` if it is no mapping of rows of the table."""
+    with naming(f"{where}, rows"):
+        return check_rows(rows, table)
 
 
 @lru_cache(maxsize=64)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, Union
 
 from pydantic import Field, PrivateAttr, Strict, create_model, model_validator
 
 from insenv.estimators import Drive
-from insenv.files.toml import Number, Parameter, Section, Vector3, key
+from insenv.files.toml import Number, Parameter, Section, Vector3, key, summary
 from insenv.files.values import Sigmas, within
 from insenv.scenario.tuning import tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
@@ -84,6 +84,16 @@ class Scenario(Section):
         where = f"scenario {self.name!r}" if self.name else "the scenario"
         return Drive(where, frozenset(self.sensors), self.vehicle.in_place, whole)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _loaded(cls, data: Any) -> Any:
+        if isinstance(data, Mapping):
+            for id in set(data) - set(cls.model_fields):
+                sensor_registry.check_loaded(id)
+            vehicle = data.get("vehicle")
+            vehicle_registry.check_loaded(vehicle.get("kind", "") if isinstance(vehicle, Mapping) else "")
+        return data
+
     @model_validator(mode="after")
     def _a_sample(self) -> Scenario:
         if round(self.duration_s * self.rate_hz) < 1:
@@ -107,7 +117,7 @@ def _with(vehicles: tuple[type[VehicleSection], ...], sensors: tuple[tuple[str, 
     }
     for id, section in sensors:
         if id not in Scenario.model_fields:
-            what = (section.__doc__ or id).strip().partition("\n")[0].rstrip(".")
+            what = summary(section)
             fields[id] = (section | None, key(None, f"{what[0].lower()}{what[1:]}; none if absent"))
     return create_model("Scenario", __base__=Scenario, __doc__=Scenario.__doc__, **fields)
 

@@ -21,7 +21,7 @@ class Sensor:
 
     Parameters
     ----------
-    id: short name; of a sensor in a scenario also the name of its section.
+    id: short name; of a sensor in a scenario also the name of its section (lower-case letters, digits and ``_``).
     part: from the vehicle's `Instant` to the sensor's rows and steps.  Its functions can use the true rows of the plant
         (``q_nb``, ``velocity_n``, ``latitude``, ``true_delta_angle``, ...) and the rows of the sensors before it.
     outputs: state rows that are outputs of the plant, and inputs of the same names of estimators.
@@ -38,7 +38,7 @@ class Sensor:
 class SensorSection(Section):
     """The section of a scenario that puts a sensor on the vehicle.
 
-    A subclass names its `sensor` and declares its keys.  `insenv.register`, or the entry-point group
+    A subclass names its `sensor`, declares its keys and defines `rows`.  `insenv.register`, or the entry-point group
     ``insenv.sensors``, registers it under the id of its sensor; a scenario has it as ``[ID]``.
     """
 

@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from insenv.errors import InputError
-from insenv.plugins import Plugins
+from insenv.files.toml import shown
+from insenv.plugins import Plugins, check_section_name, overrides
 from insenv.sensors.contract import Sensor, SensorSection
+
+TAKEN = frozenset(dir(SensorSection)) | {
+    "title", "description", "duration_s", "rate_hz", "seed", "estimators", "start", "vehicle", "imu", "gnss", "knowledge",
+    "estimator", "name", "sensors", "tunings", "drive",
+}  # fmt: skip
+"""Names of the keys and attributes of a scenario, which no section of a sensor can have."""
 
 
 def _shipped() -> Iterator[type[SensorSection]]:
@@ -18,11 +25,14 @@ def _shipped() -> Iterator[type[SensorSection]]:
 def _id(section: type[SensorSection]) -> str:
     sensor = getattr(section, "sensor", None)
     if isinstance(section, type) and issubclass(section, SensorSection) and isinstance(sensor, Sensor):
-        return sensor.id
-    raise InputError(f"{section!r}: a sensor is registered by a subclass of SensorSection whose `sensor` is a Sensor")
+        overrides(section, SensorSection, ("rows",))
+        return check_section_name(f"{section.__name__}: sensor id", sensor.id)
+    raise InputError(f"{shown(section)}: a sensor is registered by a subclass of SensorSection whose `sensor` is a Sensor")
 
 
-_PLUGINS: Plugins[type[SensorSection]] = Plugins("sensor", "insenv.sensors", _id, _shipped)
+_PLUGINS: Plugins[type[SensorSection]] = Plugins(
+    "sensor", "insenv.sensors", _id, _shipped, ("a key or attribute of a scenario", lambda: TAKEN)
+)
 
 
 def registered() -> dict[str, type[SensorSection]]:
@@ -33,3 +43,8 @@ def registered() -> dict[str, type[SensorSection]]:
 def register(section: type[SensorSection]) -> type[SensorSection]:
     """Make a sensor known.  Raises `InputError` if another one has its id."""
     return _PLUGINS.register(section)
+
+
+def check_loaded(name: str) -> None:
+    """Raise `InsenvError` if an installed package declares this sensor, but cannot be loaded."""
+    _PLUGINS.check_loaded(name)

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import get_args
 
 from insenv.errors import InputError
-from insenv.plugins import Plugins
+from insenv.files.toml import shown
+from insenv.plugins import Plugins, check_section_name, overrides
 from insenv.vehicles.section import VehicleSection
 
 
@@ -23,8 +24,9 @@ def kind_of(section: type[VehicleSection]) -> str:
     if isinstance(section, type) and issubclass(section, VehicleSection):
         names = get_args(section.model_fields["kind"].annotation)
         if len(names) == 1:
-            return str(names[0])
-    raise InputError(f'{section!r}: a kind of vehicle is a subclass of VehicleSection with kind: Literal["name"]')
+            overrides(section, VehicleSection, ("in_place", "vehicle", "rows"))
+            return check_section_name(f"{section.__name__}: kind", names[0])
+    raise InputError(f'{shown(section)}: a kind of vehicle is a subclass of VehicleSection with kind: Literal["name"]')
 
 
 _PLUGINS: Plugins[type[VehicleSection]] = Plugins("kind of vehicle", "insenv.vehicles", kind_of, _shipped)
@@ -38,3 +40,8 @@ def registered() -> dict[str, type[VehicleSection]]:
 def register(section: type[VehicleSection]) -> type[VehicleSection]:
     """Make a kind of vehicle known.  Raises `InputError` if another one has its name."""
     return _PLUGINS.register(section)
+
+
+def check_loaded(name: str) -> None:
+    """Raise `InsenvError` if an installed package declares this kind of vehicle, but cannot be loaded."""
+    _PLUGINS.check_loaded(name)

@@ -31,8 +31,8 @@ class StartSection(Section):
 class VehicleSection(Section):
     """Keys of [vehicle] for one kind of vehicle.
 
-    A subclass declares ``kind: Literal["name"]`` and its other keys; insenv needs nothing else to use the kind.
-    `insenv.register`, or the entry-point group ``insenv.vehicles``, registers it.
+    A subclass declares ``kind: Literal["name"]`` and its other keys, and defines `in_place`, `vehicle` and `rows`; insenv
+    needs nothing else to use the kind.  `insenv.register`, or the entry-point group ``insenv.vehicles``, registers it.
     """
 
     traits: ClassVar[VehicleTraits] = VehicleTraits()
@@ -50,7 +50,10 @@ class VehicleSection(Section):
         raise NotImplementedError
 
     def rows(self, start: StartSection) -> dict[str, Any]:
-        """Parameter rows (SI) of the equations of motion.  Raises `InputError` for values that conflict."""
+        """Parameter rows (SI) of the equations of motion: all whose start value is 0, except those of [start].
+
+        Raises `InputError` for values that conflict.
+        """
         raise NotImplementedError
 
 

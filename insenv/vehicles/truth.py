@@ -20,7 +20,9 @@ import casadi as ca
 from insenv.core.compose import Part
 from insenv.core.elementary import polynomial, sin_cos
 from insenv.core.model import Step, Values
+from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Row, Table
+from insenv.errors import InputError
 from insenv.geodesy import E2, OMEGA_IE, A, normal_gravity, radii
 from insenv.geodesy.rows import bounded_place_rows, place_rows
 from insenv.vehicles.nodes import END_WEIGHT, PLACES, WEIGHTS
@@ -92,7 +94,9 @@ def truth_part(vehicle: Vehicle) -> Part:
     kinematics = _kinematics(vehicle)
 
     def start(p: Values, *r: Any) -> dict[str, Any]:
-        x = _with(vehicle.state.symbols(ca.SX(ca.DM(vehicle.state.start_vector()))), vehicle.start(p, *r))
+        x = vehicle.state.symbols(ca.SX(ca.DM(vehicle.state.start_vector())))
+        with naming("start of the vehicle"):
+            x = _with(x, check_rows(vehicle.start(p, *r), vehicle.state))
         half = [sin_cos(0.5 * angle) for angle in vehicle.angles(p, x)]
         motion = _Motion([_doubled(pair) for pair in half], kinematics, p, x)
         earth = _Earth(*sin_cos(p.start_latitude), p.start_height)
@@ -103,7 +107,10 @@ def truth_part(vehicle: Vehicle) -> Part:
     def sample(p: Values, x: Values, u: Values, *r: Any) -> dict[str, Any]:
         held = {} if vehicle.hold is None else vehicle.hold(p, x, u, *r)
         x = _with(x, held)
-        moving = vehicle.along(p, x)
+        with naming("along"):
+            moving = [check_rows(rows, vehicle.state) for rows in vehicle.along(p, x)]
+            if len(moving) != len(PLACES):
+                raise InputError(f"{len(moving)} results: allowed are {len(PLACES)}, one for each node of PLACES")
         places = [_with(x, rows) for rows in moving]
         half, trigonometry = _trigonometry([vehicle.angles(p, place) for place in places])
         motions = [_Motion(pairs, kinematics, p, place) for pairs, place in zip(trigonometry, places, strict=True)]

@@ -38,7 +38,8 @@ def test_list():
     assert {"scenarios", "estimators", "imu_grades", "gnss_grades", "environments"} <= set(listed) and (status, err) == (0, "")
     names = [row["name"] for key in ("scenarios", "imu_grades", "gnss_grades") for row in listed[key]]
     names += [row["id"] for row in listed["estimators"]]
-    assert {"ship-swaying", "q-method", "marine"} <= set(names) and all(name in out for name in names)
+    names += [row["kind"] for row in listed["vehicles"]] + [row["id"] for row in listed["sensors"]]
+    assert {"ship-swaying", "q-method", "marine", "aircraft", "gnss"} <= set(names) and all(name in out for name in names)
 
 
 def test_run_prints_a_table_and_writes_nothing(tmp_path, monkeypatch):

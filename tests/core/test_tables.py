@@ -53,6 +53,29 @@ def test_a_wrong_value_is_named_with_what_is_allowed(values, said):
         TABLE.pack(values)
 
 
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"shape": 4}, r"row 'a': shape = 4: allowed is \(\), \(n,\) or \(rows, columns\)"),
+        ({"shape": (4,), "start": (1, 0)}, r"row 'a': start = \(1, 0\): allowed is a number or an array of shape \(4,\)"),
+        ({"start": "x"}, "row 'a': start = 'x': allowed is a number"),
+        ({"start": float("inf")}, "row 'a': start = inf: allowed is a finite number"),
+        ({"lower": 2, "upper": 1}, "row 'a': lower = 2 exceeds upper = 1"),
+        ({"name": "a b"}, "row 'a b': allowed is a name of letters, digits and '_'"),
+    ],
+)
+def test_a_fault_of_a_row_is_named(fields, said):
+    with pytest.raises(InputError, match=said):
+        Row(**{"name": "a", "meaning": "m", **fields})
+
+
+def test_a_table_takes_rows_only():
+    with pytest.raises(InputError, match="rows is of type Row: allowed is a tuple of Row"):
+        Table(Row("a", "m"))
+    with pytest.raises(InputError, match=r"a = 'x': allowed is a number$"):
+        Table((Row("a", "m"),)).pack({"a": "x"})
+
+
 def test_two_rows_of_one_name_are_refused():
     with pytest.raises(ValueError, match="two rows"):
         Table((Row("a", ""), Row("a", "")))
@@ -78,6 +101,12 @@ def test_a_random_model_needs_a_seed_and_a_step():
 def test_a_step_that_gives_an_unknown_row_is_refused():
     model = Model("m", "", Table(), TABLE, Table(), Table(), {"s": Step(lambda p, x, u: {"nothing": 1})}, lambda p, x: {})
     with pytest.raises(ValueError, match="nothing"):
+        _ = model.kernels
+
+
+def test_a_constant_that_is_not_finite_is_refused():
+    model = Model("m", "", Table(), TABLE, Table(), Table(), {"s": Step(lambda p, x, u: {"q": x.q / 0})}, lambda p, x: {})
+    with pytest.raises(InputError, match="model 'm', step 's': row 'q' contains a constant that is not finite"):
         _ = model.kernels
 
 

@@ -49,6 +49,8 @@ def test_every_interface_takes_it(installed, tmp_path):
 def test_the_command_line_knows_it(installed, tmp_path):
     listed = json.loads(call(installed, "-m", "insenv", "list", "--json"))
     assert "ahrs" in [row["id"] for row in listed["estimators"]]
+    assert {"kind": "trolley", "title": "A trolley on a straight, level rail"} in listed["vehicles"]
+    assert {"id": "compass", "title": "A compass"} in listed["sensors"]
     printed = call(installed, "-m", "insenv", "run", PACKAGE / "rail.toml", "--duration", "10", "--out", tmp_path / "out")
     assert "ahrs" in printed
     assert (tmp_path / "out" / "rail.npz").is_file()
