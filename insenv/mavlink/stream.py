@@ -59,17 +59,24 @@ class Stream:
         try:
             while last is None or simulation.samples < last:
                 self.tick()
-                if time.monotonic() - self._watched_at > WATCH_S:
-                    self._watched_at = time.monotonic()
-                    self.vehicle.view.load = min(self.cpu_share, 1.0)
-                    if watch is not None:
-                        watch(self)
+                self._look(watch)
             self._flush()
         except KeyboardInterrupt:
             self.interrupted = True
 
+    def _look(self, watch: Watch | None) -> None:
+        now = time.monotonic()
+        if now - self._watched_at > WATCH_S:
+            self._watched_at = now
+            self.vehicle.view.load = min(self.cpu_share, 1.0)
+            if watch is not None:
+                watch(self)
+
     def tick(self) -> None:
-        """Advance by one sample at its time, or wait briefly when paused, and answer received messages."""
+        """Advance by one sample at its time, or wait briefly when paused, and answer received messages.
+
+        A pause or another speed that is received meanwhile acts at once: the sample is then left to the next call.
+        """
         vehicle, pacer = self.vehicle, self.pacer
         if vehicle.paused:
             time.sleep(PAUSE_S)
@@ -77,14 +84,20 @@ class Stream:
             pacer.restart(vehicle.speed)
             return
         if vehicle.speed != pacer.speed:
-            pacer.restart(vehicle.speed)
-        pacer.wait(self.serve)
+            pacer.change(vehicle.speed)
+        if not pacer.wait(self._serve_while_waiting):
+            return
         messages = vehicle.step()
         for message in messages:
             self.send(message)
         if vehicle.speed > 0.0 or vehicle.simulation.samples % SERVE_EVERY == 0:
             self.serve()
         pacer.sent(len(messages))
+
+    def _serve_while_waiting(self) -> bool:
+        """Serve, and return whether the deadline still holds."""
+        self.serve()
+        return self.vehicle.speed == self.pacer.speed and not self.vehicle.paused
 
     def serve(self) -> None:
         """Receive, send pending answers, and send HEARTBEAT when it is due.  Does not block."""

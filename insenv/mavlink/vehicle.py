@@ -14,8 +14,8 @@ from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
 from insenv.scenario import Scenario
 
-MAX_SPEED = 100.0
-"""Largest speed of the simulation, in simulated seconds per second."""
+MIN_SPEED, MAX_SPEED = 0.01, 100.0
+"""Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
 _TEXT = 50
 _TEXTS_WAITING = 20
@@ -184,6 +184,9 @@ class Vehicle:
 
 def checked_speed(speed: float) -> float:
     """Check a speed of the simulation.  Raises `InputError`."""
-    if not 0.0 <= speed <= MAX_SPEED:
-        raise InputError(f"speed = {speed:g}: allowed is 0 (as fast as possible) to {MAX_SPEED:g} simulated seconds per second")
+    if speed != 0.0 and not MIN_SPEED <= speed <= MAX_SPEED:
+        raise InputError(
+            f"speed = {speed:g}: allowed is {MIN_SPEED:g} to {MAX_SPEED:g} simulated seconds per second,"
+            " or 0 (as fast as possible)"
+        )
     return float(speed)

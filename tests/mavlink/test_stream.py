@@ -264,6 +264,24 @@ def test_heartbeats_and_answers_continue_while_paused():
     assert vehicle.simulation.samples == 0 and lost([bytes(m.get_msgbuf()) for m in found]) == 0
 
 
+@pytest.mark.parametrize("command, value", [(31013, 0.0), (31013, 100.0), (31012, 1.0)])
+def test_a_slow_stream_obeys_a_new_speed_and_a_pause_at_once(command, value):
+    """At the slowest speed a sample of `slow` takes 100 s of wall time: the command must not wait for its end."""
+    slow = load("ship-swaying").model_copy(update={"rate_hz": 1.0})
+    vehicle = Vehicle(slow, rates=SILENT, speed=0.01)
+    with open_link("udpin:127.0.0.1:0") as link, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.connect(("127.0.0.1", link.address.port))
+        packed = common.MAVLink_command_long_message(1, 1, command, 0, value, 0, 0, 0, 0, 0, 0)
+        client.send(packed.pack(common.MAVLink(None, 245, 190)))
+        stream = Stream(vehicle, link)
+        begun = time.monotonic()
+        for _ in range(3):
+            stream.tick()
+        took = time.monotonic() - begun
+    assert took < 5.0 and stream.received["COMMAND_LONG"] == 1
+    assert vehicle.simulation.samples == (0 if command == 31012 else 2)
+
+
 def test_on_a_signed_link_only_signed_commands_act(tmp_path):
     key_file = tmp_path / "key"
     key_file.write_bytes(bytes(range(32)))
