@@ -23,10 +23,11 @@ class Lockstep(str, Enum):
 def stream(
     scenario: Scenario,
     to: Annotated[
-        Optional[str],  # noqa: UP045
+        Optional[list[str]],  # noqa: UP045
         typer.Option(
             metavar="ADDRESS",
-            help="udpout:HOST:PORT, udpin:..., tcpin:..., tcpout:... or serial:DEVICE:BAUD; without HOST only this machine.",
+            help="udpout:HOST:PORT, udpin:..., tcpin:..., tcpout:... or serial:DEVICE:BAUD; without HOST only this machine."
+            " May be given more than once: each address is one link.",
         ),
     ] = None,
     estimator: Annotated[
@@ -63,12 +64,14 @@ def stream(
             raise InputError(
                 "--lockstep allows no --signing-key-file and no --speed: autopilots do not sign, and they set the pace"
             )
+        if to and len(to) > 1:
+            raise InputError(f"--to: {len(to)} addresses; --lockstep allows one, that of the autopilot")
         in_step.lockstep(
-            scenario, estimator, kind=lockstep.value, to=to, seed=seed, duration_s=duration, tlog=tlog, rates=rate or [],
-            as_json=as_json,
+            scenario, estimator, kind=lockstep.value, to=to[0] if to else None, seed=seed, duration_s=duration, tlog=tlog,
+            rates=rate or [], as_json=as_json,
         )  # fmt: skip
         return
-    if to is None:
+    if not to:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     live.stream(
         scenario, estimator, to=to, seed=seed, speed=speed, duration_s=duration, tlog=tlog, rates=rate or [],

@@ -13,6 +13,7 @@ import threading
 import time
 from collections import Counter
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,9 @@ def test_wrong_calls_are_refused(tmp_path):
     refused(call("stream", "no-such", *to), "no-such", "car-city-drive")
     refused(call("stream", "car-city-drive", "--to", "udp:1"), "udp:1", "udpout:HOST:PORT")
     refused(call("stream", "car-city-drive", *to, "--rate", "ATITUDE=5"), "ATITUDE", "ATTITUDE")
+    refused(call("stream", "car-city-drive", *to, *to), "udpout:127.0.0.1:9", "twice")
+    refused(call("stream", "car-city-drive", *(("--to", "udpin:127.0.0.1:0") * 5)), "5 addresses", "1 to 4")
+    refused(call("stream", "car-city-drive", *to, "--to", "udpin::1", "--lockstep", "px4"), "2 addresses")
     refused(call("stream", "car-city-drive", *to, "--speed", "-1"), "speed", "as fast as possible")
     refused(call("stream", "car-city-drive", *to, "--duration", "0"), "--duration")
     refused(call("stream", "car-city-drive", *to, "-e", "smoother"), "smoother", "loosely-coupled")
@@ -137,19 +141,110 @@ def test_a_stream_without_a_receiver_reports_it():
     assert (status, err) == (0, "") and f"none sent: no receiver at {to}" in out
 
 
-def test_ctrl_c_ends_a_stream_cleanly(tmp_path):
+def until(condition, seconds=20.0):
+    """Wait for a condition."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def logged(path):
+    """The frames of a complete log."""
+    data, at, frames = path.read_bytes(), 0, []
+    while at < len(data):
+        size = 12 + data[at + 9]
+        frames.append(data[at + 8 : at + 8 + size])
+        assert len(frames[-1]) == size and frames[-1][0] == 0xFD
+        at += 8 + size
+    return frames
+
+
+PLAIN = "from insenv.cli import main; main()"
+IGNORING = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); " + PLAIN
+"""As a shell starts the background jobs of a script."""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
+@pytest.mark.parametrize("number, program", [("SIGINT", PROGRAM), ("SIGINT", IGNORING), ("SIGTERM", PLAIN), ("SIGHUP", PLAIN)])
+def test_every_request_to_end_completes_log_and_summary(number, program, tmp_path):
     with Receiver() as client:
         arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
-        running = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        for _ in range(400):
-            if len(client.frames) > 100:
-                break
-            time.sleep(0.05)
-        running.send_signal(signal.SIGINT)
+        command = [sys.executable, "-c", program, *arguments, "--json"]
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        until(lambda: len(client.frames) > 500)
+        running.send_signal(getattr(signal, number))
         out, err = running.communicate(timeout=30)
-    assert running.returncode == 0 and err == b"", err
-    assert b"ship-swaying, q-method" in out and b"written:" in out
-    assert (tmp_path / "a.tlog").stat().st_size > 1000 and not list(tmp_path.glob("*.part"))
+    assert (running.returncode, err) == (0, b"")
+    summary = strict(out.decode())
+    assert summary["interrupted"] is True and summary["scenario"] == "ship-swaying"
+    assert len(logged(tmp_path / "a.tlog")) == sum(summary["sent"].values()) == len(client.frames)
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX systems")
+def test_a_closed_terminal_ends_a_stream(tmp_path):
+    import fcntl
+    import pty
+    import termios
+
+    terminal, inside = pty.openpty()
+
+    def take_terminal():
+        os.setsid()
+        fcntl.ioctl(inside, termios.TIOCSCTTY, 0)
+
+    with Receiver() as client:
+        arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
+        running = subprocess.Popen(
+            [sys.executable, "-c", PLAIN, *arguments], stdin=inside, stdout=inside, stderr=inside, preexec_fn=take_terminal
+        )
+        os.close(inside)
+        until(lambda: len(client.frames) > 500)
+        assert b"ship-swaying" in os.read(terminal, 65536)  # the dashboard
+        os.close(terminal)
+        assert running.wait(timeout=30) == 0
+    assert len(logged(tmp_path / "a.tlog")) == len(client.frames) and not list(tmp_path.glob("*.part"))
+
+
+def test_several_addresses_are_several_links(tmp_path):
+    with Receiver() as first, Receiver() as second:
+        to = [f"udpout:127.0.0.1:{client.port}" for client in (first, second)]
+        arguments = ("--to", to[0], "--to", to[1], "--speed", 0, "--duration", 2, "--tlog", tmp_path / "a.tlog", "--json")
+        status, out, err = call("stream", "ship-swaying", *arguments)
+    found = strict(out)
+    total = sum(found["sent"].values())
+    assert (status, err) == (0, "") and [link["address"] for link in found["links"]] == to
+    assert len(first.frames) == len(second.frames) == total == len(logged(tmp_path / "a.tlog"))
+    assert lost(first.frames) == lost(second.frames) == 0 and found["link"]["sent_frames"] == 2 * total
+    assert found["link"]["sent_messages"] == total
+
+
+def test_links_that_share_a_key_sign_with_numbers_of_their_own(tmp_path):
+    key_file = tmp_path / "key"
+    key_file.write_bytes(bytes(range(32)))
+    key_file.chmod(0o600)
+    with Receiver() as first, Receiver() as second:
+        to = [f"udpout:127.0.0.1:{client.port}" for client in (first, second)]
+        arguments = ("--to", to[0], "--to", to[1], "--speed", 0, "--duration", 1, "--signing-key-file", key_file)
+        assert call("stream", "ship-swaying", *arguments)[0] == 0
+    assert {frame[-13] for frame in first.frames} == {0} and {frame[-13] for frame in second.frames} == {1}
+    times = [int.from_bytes(frame[-12:-6], "little") for frame in first.frames]
+    assert len(times) > 200 and all(a < b for a, b in pairwise(times))
+
+
+def test_answers_go_to_the_link_of_the_question():
+    vehicle = Vehicle(load("ship-swaying"), rates=SILENT)
+    with open_link("udpin:127.0.0.1:0") as one, open_link("udpin:127.0.0.1:0") as other:
+        stream = Stream(vehicle, (one, other))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.connect(("127.0.0.1", other.address.port))
+            client.settimeout(5.0)
+            client.send(common.MAVLink_ping_message(1, 3, 0, 0).pack(common.MAVLink(None, 245, 190)))
+            until(lambda: stream.serve() or stream.sent["PING"])
+            kinds = {common.MAVLink(None).decode(bytearray(client.recv(2048))).get_type() for _ in range(2)}
+        assert "PING" in kinds and [len(link.peers) for link in (one, other)] == [0, 1]
+        assert one.statistics.sent_frames == 0 and stream.statistics.received_messages == 1
 
 
 def test_dashboard_shows_rates_lateness_clients_and_alignment():

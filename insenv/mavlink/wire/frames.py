@@ -12,8 +12,8 @@ length, sequence, system, component, message number.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, astuple, dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -62,6 +62,11 @@ class Statistics:
     skipped_bytes: int = 0
     overflowed: int = 0
     refused_peers: int = 0
+
+    @classmethod
+    def total(cls, parts: Iterable[Statistics]) -> Statistics:
+        """The sums over several links."""
+        return cls(*(sum(counts) for counts in zip(*(astuple(part) for part in parts), strict=True)))
 
     def as_dict(self) -> dict[str, int]:
         """The counts by name."""

@@ -136,13 +136,16 @@ class Signing:
 
     # --- out -------------------------------------------------------------------------------------
 
-    def signed(self, frame: bytes) -> bytes:
-        """A frame (signed flag set, checksum correct) with its signature; signing times increase strictly."""
+    def signed(self, frame: bytes, link: int | None = None) -> bytes:
+        """A frame (signed flag set, checksum correct) with its signature; signing times increase strictly.
+
+        link: the link number, instead of the object's, for one of several links that share the key.
+        """
         self._own = max(self._own + 1, self._now())
         if self._own > self._own_mark and self._marks is not None:
             self._own_mark = self._own + AHEAD_TICKS
             self._store_marks()
-        return frame + signature(self._key, frame, self._link, self._own)
+        return frame + signature(self._key, frame, self._link if link is None else link, self._own)
 
     # --- in --------------------------------------------------------------------------------------
 
