@@ -90,7 +90,10 @@ def altitude(view: View) -> Message | None:
 
 
 def estimator_status(view: View) -> Message | None:
-    """ESTIMATOR_STATUS: flags by `View.thresholds`; ratios are squared innovations divided by the squared gate."""
+    """ESTIMATOR_STATUS: flags by `View.thresholds`; ratios are squared innovations divided by the squared gate.
+
+    In an outage the present position is not absolute, but predicted by dead reckoning, and there are no innovations.
+    """
     estimate, limits = view.estimate, view.thresholds
     flags = _ATTITUDE if view.aligned else 0
     velocity_sigma, position_sigma = estimate.get("velocity_sigma"), view.position_sigma
@@ -101,11 +104,12 @@ def estimator_status(view: View) -> Message | None:
     if position_sigma is not None:
         horizontal, vertical = hypot(*position_sigma[:2].tolist()) / sqrt(2.0), float(position_sigma[2])
         if horizontal < limits.position:
-            flags |= _POS_HORIZ_REL | _POS_HORIZ_ABS | _PRED_POS_HORIZ_REL | _PRED_POS_HORIZ_ABS
-        flags |= _POS_VERT_ABS if vertical < limits.position else 0
+            flags |= _POS_HORIZ_REL | _PRED_POS_HORIZ_REL | _PRED_POS_HORIZ_ABS
+            flags |= 0 if view.in_outage else _POS_HORIZ_ABS
+        flags |= _POS_VERT_ABS if vertical < limits.position and not view.in_outage else 0
     ratios = [nan, nan, nan]
     gate = view.simulation.estimator_row("innovation_gate")
-    if "test_ratio" in estimate and gate:
+    if "test_ratio" in estimate and gate and not view.in_outage:
         test = (estimate["test_ratio"] / gate) ** 2
         ratios = [float(np.max(test[3:])), float(np.max(test[:2])), float(test[2])]
         flags |= _GPS_GLITCH if np.max(test) > 1.0 else 0

@@ -12,6 +12,8 @@ from math import ceil
 
 from insenv.errors import InputError, nearest
 
+MAX_HZ = 1000.0
+
 DEFAULT_HZ: dict[str, float] = {
     "HEARTBEAT": 1.0,
     "SYS_STATUS": 1.0,
@@ -23,7 +25,7 @@ DEFAULT_HZ: dict[str, float] = {
     "HIGHRES_IMU": 50.0,
     "SCALED_PRESSURE": 2.0,
     "GPS_RAW_INT": 5.0,
-    "HIL_GPS": 10.0,
+    "HIL_GPS": MAX_HZ,
     "HIL_STATE_QUATERNION": 20.0,
     "ATTITUDE": 20.0,
     "ATTITUDE_QUATERNION": 20.0,
@@ -34,9 +36,7 @@ DEFAULT_HZ: dict[str, float] = {
     "ALTITUDE": 5.0,
     "ESTIMATOR_STATUS": 1.0,
 }
-"""Default rate (Hz) of every streamed message.  HIL_GPS is sent once per fix, and at most at this rate."""
-
-MAX_HZ = 1000.0
+"""Default rate (Hz) of every streamed message.  HIL_GPS is looked for at each sample and sent once per fix."""
 
 STREAMS: dict[int, tuple[str, ...]] = {
     1: ("HIGHRES_IMU", "SCALED_PRESSURE"),

@@ -88,11 +88,17 @@ def gps_raw_int(view: View) -> Message | None:
 
 
 def hil_gps(view: View) -> Message | None:
-    """HIL_GPS: each fix once.  eph and epv are 1-sigma accuracies in cm, as PX4 reads them, not dilutions."""
-    fix = view.fix
-    if fix is None or not view.has_lock or view.sent_fix == view.simulation.fixes:
+    """HIL_GPS: each fix once; while there is none, "no fix" at the receiver's rate, with the latest position.
+
+    eph and epv are 1-sigma accuracies in cm, as PX4 reads them, not dilutions.
+    """
+    fix, simulation = view.fix, view.simulation
+    gnss = simulation.plant.scenario.gnss
+    if not view.has_lock:
+        return None if gnss is None else _no_fix(view, gnss.interval_s, gnss.latency_s)
+    if fix is None or view.sent_fix == simulation.fixes:
         return None
-    view.sent_fix = view.simulation.fixes
+    view.sent_fix, view.sent_gps_at = simulation.fixes, simulation.samples
     north, east, down = fix.velocity_n.tolist() if fix.velocity_valid else (0.0, 0.0, 0.0)
     horizontal, vertical, _ = _accuracies(view)
     return view.fields.message(
@@ -101,6 +107,19 @@ def hil_gps(view: View) -> Message | None:
         hypot(north, east) * 1e2 if fix.velocity_valid else nan, north * 1e2, east * 1e2, down * 1e2,
         _course(north, east) if fix.velocity_valid else nan, nan, 0, nan,
     )  # fmt: skip
+
+
+def _no_fix(view: View, interval: float, latency: float) -> Message | None:
+    """HIL_GPS without a fix, due one fix interval after the one before; the first fix may take one and a half."""
+    simulation, fix = view.simulation, view.fix
+    if simulation.samples - view.sent_gps_at < round(interval / simulation.interval):
+        return None
+    if fix is None and simulation.time < 1.5 * interval + latency:
+        return None
+    view.sent_gps_at = simulation.samples
+    place = (0.0, 0.0, 0.0) if fix is None else view.place(fix.latitude, wrapped(fix.longitude), fix.height)
+    time_us = round(max(simulation.time - latency, 0.0) * 1e6)
+    return view.fields.message("HIL_GPS", time_us, GPS_FIX_TYPE_NO_FIX, *place, nan, nan, nan, 0, 0, 0, nan, nan, 0, nan)
 
 
 def _accuracies(view: View) -> tuple[float, float, float]:

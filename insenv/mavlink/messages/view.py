@@ -48,7 +48,7 @@ class View:
         self.traits = simulation.plant.scenario.vehicle.traits
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
         self.sent_air: dict[str, tuple[int, int]] = {}
-        self.sent_fix = 0
+        self.sent_fix = self.sent_gps_at = 0
         self._derived = Derived()
         self._derived.inputs["home"][:] = self.home
         self._derived_at = -1
@@ -145,6 +145,11 @@ class View:
     def fix(self) -> Fix | None:
         """The latest fix received."""
         return self.simulation.fix
+
+    @property
+    def in_outage(self) -> bool:
+        """Whether the estimator is aided by fixes and there are none: its position is dead reckoning."""
+        return self.simulation.estimator.aided and not self.has_lock
 
     @property
     def has_lock(self) -> bool:
