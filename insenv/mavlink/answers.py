@@ -12,7 +12,6 @@ from insenv.errors import InputError
 from insenv.mavlink.commands import execute
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.schedule import STREAMS
-from insenv.mavlink.messages.status import COMPONENT, SYSTEM
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
 from insenv.mavlink.vehicle import Vehicle
 
@@ -28,16 +27,17 @@ _NAME_BYTES = 16
 def answers(vehicle: Vehicle, message: Message) -> Answers:
     """Execute what a message asks for, and return the answers to its sender."""
     handler = HANDLERS.get(message.get_type())
-    if handler is None or not _for_us(message):
+    if handler is None or not _for_us(vehicle, message):
         return ()
     return handler(vehicle, message)
 
 
-def _for_us(message: Message) -> bool:
-    if message.get_srcSystem() == SYSTEM and message.get_srcComponent() == COMPONENT:
+def _for_us(vehicle: Vehicle, message: Message) -> bool:
+    own_system, own_component = vehicle.view.system, vehicle.view.component
+    if (message.get_srcSystem(), message.get_srcComponent()) == (own_system, own_component):
         return False
     system = getattr(message, "target_system", getattr(message, "target", 0))
-    return system in (0, SYSTEM) and getattr(message, "target_component", 0) in (0, COMPONENT)
+    return system in (0, own_system) and getattr(message, "target_component", 0) in (0, own_component)
 
 
 def _to(message: Message) -> tuple[int, int]:

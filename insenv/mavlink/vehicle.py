@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from insenv.errors import InputError
 from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
+from insenv.mavlink.messages.view import MILLI_G, MM_S2
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
@@ -16,6 +17,7 @@ from insenv.scenario import Scenario
 
 MIN_SPEED, MAX_SPEED = 0.01, 100.0
 """Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""
+HIL_ACCELERATIONS = {"mG": MILLI_G, "mm/s^2": MM_S2}
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
 _TEXT = 50
 _TEXTS_WAITING = 20
@@ -27,7 +29,9 @@ class Vehicle:
 
     scenario, estimator, seed: see `Simulation`.  rates: Hz by message, instead of the default.  speed: simulated
     seconds per second; 0: as fast as possible.  start_unix: Unix time (s) at the start of the run; None: that of the
-    wall clock.  Raises `InputError` for an estimator, rate or speed that is not allowed.
+    wall clock.  system, component: the sender that its messages state, 1 to 255; those of the link must be the same.
+    hil_acceleration: unit of the accelerations in HIL_STATE_QUATERNION, ``"mG"`` (MAVLink) or ``"mm/s^2"`` (PX4).
+    Raises `InputError` for an estimator, rate, speed, sender or unit that is not allowed.
     """
 
     def __init__(
@@ -39,11 +43,21 @@ class Vehicle:
         rates: Mapping[str, float] | None = None,
         speed: float = 1.0,
         start_unix: float | None = None,
+        system: int = 1,
+        component: int = 1,
+        hil_acceleration: str = "mG",
     ) -> None:
         start_unix = time.time() if start_unix is None else start_unix
         self.simulation = Simulation(scenario, estimator, seed)
         surroundings = Surroundings(self.simulation.plant.seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
         self.view = View(self.simulation, surroundings, start_unix)
+        for name, value in (("system", system), ("component", component)):
+            if not 1 <= value <= 255:
+                raise InputError(f"{name} {value}: allowed is 1 to 255")
+        if hil_acceleration not in HIL_ACCELERATIONS:
+            raise InputError(f"hil_acceleration {hil_acceleration!r}: allowed is {' or '.join(HIL_ACCELERATIONS)}")
+        self.view.system, self.view.component = system, component
+        self.view.hil_acceleration = HIL_ACCELERATIONS[hil_acceleration]
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
         self.paused = False

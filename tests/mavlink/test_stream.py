@@ -119,7 +119,8 @@ def test_wrong_calls_are_refused(tmp_path):
     refused(call("stream", "car-city-drive", *to, "--speed", "-1"), "speed", "as fast as possible")
     refused(call("stream", "car-city-drive", *to, "--duration", "0"), "--duration")
     refused(call("stream", "car-city-drive", *to, "-e", "smoother"), "smoother", "loosely-coupled")
-    refused(call("stream", "car-city-drive", *to, "--lockstep", "px4", "--speed", "2"), "--lockstep")
+    refused(call("stream", "car-city-drive", "--lockstep", "px4", "--speed", "1e-6"), "0.01 to 100")
+    refused(call("stream", "car-city-drive", "--lockstep", "px4", "--to", "udpin:127.0.0.1:0"), "tcpin:HOST:PORT")
     refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--tlog", tmp_path / "a"), "--tlog")
     refused(call("stream", "car-city-drive", *to, "--signing-key-file", tmp_path / "no"), "not found")
     refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--rate", "ATTITUDE=5"), "--rate")
@@ -305,7 +306,7 @@ def test_lockstep_from_the_command_line(kind, tmp_path):
             time.sleep(0.05)
             continue
         for message in reader.parse_buffer(data) or ():
-            if message.get_type() == "HIL_SENSOR":
+            if message.get_type() == "HIL_SENSOR" and message.id == 0:
                 times.append(message.time_usec / 1e6)
                 answer = common.MAVLink_hil_actuator_controls_message(message.time_usec, [0.0] * 16, 0, 1)
                 peer.send(answer.pack(packer))

@@ -11,7 +11,6 @@ from math import degrees, hypot, isfinite, nan, pi, sqrt
 
 import numpy as np
 
-from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.fields import CENTI_DEG, Message
 from insenv.mavlink.messages.view import View, by_name
 from insenv.mavlink.surroundings import GAS_CONSTANT
@@ -117,13 +116,13 @@ def estimator_status(view: View) -> Message | None:
 
 
 def hil_state_quaternion(view: View) -> Message | None:
-    """HIL_STATE_QUATERNION: the truth.  Accelerations are specific forces in milli-g, as MAVLink defines them."""
+    """HIL_STATE_QUATERNION: the truth.  Accelerations are specific forces in the unit `View.hil_acceleration`."""
     truth, values, dt = view.truth, view.values, view.simulation.interval
     velocity = truth["velocity_n"]
     speed = float(np.sqrt(np.dot(velocity, velocity)))
     air = view.air.data
     density = air.pressure / (GAS_CONSTANT * air.temperature)
-    force = truth["true_delta_velocity"] / dt * (1e3 / STANDARD_GRAVITY)
+    force = truth["true_delta_velocity"] / dt * view.hil_acceleration
     return view.fields.message(
         "HIL_STATE_QUATERNION", view.time_us, truth["q_nb"].tolist(), *values["true_rate_nb_b"].tolist(),
         *view.place(float(truth["latitude"]), float(values["true_longitude_wrapped"]), float(truth["height"])),

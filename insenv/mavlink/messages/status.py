@@ -9,9 +9,6 @@ from insenv import __version__
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.view import View, by_name
 
-SYSTEM, COMPONENT = 1, 1
-"""System and component of the vehicle: clients look for component 1."""
-
 _MAV_AUTOPILOT_GENERIC, _MAV_STATE_ACTIVE, _MAVLINK_VERSION = 0, 4, 3
 _CUSTOM_MODE, _ARMED = 1, 128
 _LANDED_ON_GROUND, _LANDED_IN_AIR = 1, 2

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv.core.tables import Vector
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
 from insenv.mavlink.simulation import Fix, Simulation
@@ -26,11 +27,16 @@ class Thresholds:
     position: float = 20.0
 
 
+MILLI_G, MM_S2 = 1e3 / STANDARD_GRAVITY, 1e3
+"""Units of accelerations in HIL_STATE_QUATERNION per m/s^2: of MAVLink's definition, and as PX4 reads them."""
+
+
 class View:
     """The state from which messages are made.
 
     start_unix: Unix time (s) at the start of the run.  undulation: height of the geoid above the ellipsoid (m), the
-    same everywhere: height above mean sea level = ellipsoidal height - undulation.  home: the known initial latitude,
+    same everywhere: height above mean sea level = ellipsoidal height - undulation.  system, component: the sender that
+    messages state.  hil_acceleration: `MILLI_G` or `MM_S2`.  home: the known initial latitude,
     longitude (rad) and height (m).  traits: of the vehicle.  load: share of one core that the process takes.
     """
 
@@ -41,6 +47,8 @@ class View:
         self.thresholds = Thresholds()
         self.start_unix = start_unix
         self.undulation = 0.0
+        self.system, self.component = 1, 1  # clients look for component 1
+        self.hil_acceleration = MILLI_G
         self.armed = True
         self.load = 0.0
         known = simulation.plant.knowledge
