@@ -155,7 +155,8 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
     late = running.pacer.lateness
     table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
     table.add_row("link", f"{', '.join(str(link.address) for link in running.links)}; clients: {shown or 'none yet'}")
-    rejected = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed + statistics.replayed
+    rejected = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed
+    rejected += statistics.replayed + statistics.stale + statistics.early
     table.add_row(
         "messages",
         f"{statistics.sent_messages} sent, {statistics.dropped_frames} dropped, {statistics.received_messages} received, "

@@ -39,7 +39,8 @@ class Statistics:
     summed over peers.  dropped_frames: not sent because a peer reads too slowly or a system buffer is full.
     received_messages: verified and returned.  received_bytes: all bytes read.  Rejected: wrong_checksum; unknown
     (message number or incompatibility flag: such frames cannot be checked); undecodable; unsigned; wrongly_signed;
-    replayed (a signing time not newer than the last); stale (too old for a new sender); reflected (our own frames,
+    replayed (a signing time not newer than the last); stale (too old for a new sender); early (a signing time more than
+    a day ahead of our clock); reflected (our own frames,
     returned to us); oversized (datagrams larger than any of MAVLink); skipped_bytes (between frames); overflowed
     (datagrams of a peer that sends faster than it is read); refused_peers (too many peers).
     """
@@ -57,6 +58,7 @@ class Statistics:
     wrongly_signed: int = 0
     replayed: int = 0
     stale: int = 0
+    early: int = 0
     reflected: int = 0
     oversized: int = 0
     skipped_bytes: int = 0
