@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping
 from insenv.errors import InputError
 from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
-from insenv.mavlink.messages.view import MILLI_G, MM_S2
+from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
+from insenv.mavlink.metadata import GENERAL, checksum, metadata
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
@@ -32,6 +33,8 @@ class Vehicle:
     wall clock.  system, component: the sender that its messages state, 1 to 255; those of the link must be the same.
     hil_acceleration: unit of the accelerations in HIL_STATE_QUATERNION, ``"mG"`` (MAVLink) or ``"mm/s^2"`` (PX4).
     Raises `InputError` for an estimator, rate, speed, sender or unit that is not allowed.
+
+    files: what clients can read by FTP, by name: names, units and ranges of the parameters.
     """
 
     def __init__(
@@ -64,6 +67,8 @@ class Vehicle:
         commands = self.simulation.commands
         self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
+        self.files = metadata(self.parameters.all)
+        self.view.metadata_crc = checksum(self.files[GENERAL])
         _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
         self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
         self._steered_at: float | None = None
@@ -148,6 +153,7 @@ class Vehicle:
         self._refused_steering = False
         if self._steered_at is None:
             self.announce("manual control: the script has ended", "notice")
+        self.view.mode = MANUAL
         self._steered_at = self.simulation.time
         self.simulation.command(self.sticks.commanded(x, y, z, r))
 

@@ -14,7 +14,10 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
 from insenv.mavlink.messages.schedule import STREAMS
+from insenv.mavlink.messages.status import available_modes
 from insenv.mavlink.surroundings import AirSensors, Surroundings
+from insenv.mavlink.wire.frames import Statistics, split
+from insenv.mavlink.wire.further import DEFINITIONS, further_messages
 from insenv.scenario import load, parse
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
@@ -256,6 +259,40 @@ def test_undulation_changes_heights_above_sea_level_only():
     assert before[0].relative_alt == after[0].relative_alt and before[1].alt_ellipsoid == after[1].alt_ellipsoid
 
 
+def checked(message):
+    """The number of a message that pymavlink's common dialect lacks, of a frame whose checksum is correct."""
+    (frame,), used = split(bytes(message.pack(common.MAVLink(None, 1, 1))), Statistics())
+    assert used == len(frame)
+    return int.from_bytes(frame[7:10], "little")
+
+
+def test_messages_that_pymavlink_lacks_are_defined_as_by_pymavlink():
+    development = pytest.importorskip("pymavlink.dialects.v20.development")
+    for name in ("AVAILABLE_MODES", "CURRENT_MODE"):
+        theirs, ours = getattr(development, f"MAVLink_{name.lower()}_message"), further_messages()[name]
+        for key in ("id", "fieldnames", "fieldtypes", "orders", "array_lengths", "crc_extra"):
+            assert getattr(theirs, key) == getattr(ours, key), (name, key)
+    # as published with the message set
+    assert (further_messages()["PROTOCOL_VERSION"].crc_extra, further_messages()["COMPONENT_METADATA"].crc_extra) == (217, 182)
+    vehicle = Vehicle(load("car-city-drive"))
+    reader = development.MAVLink(None)
+    modes = [reader.decode(bytearray(m.pack(common.MAVLink(None, 1, 1)))) for m in available_modes(vehicle.view)]
+    assert [(m.number_modes, m.mode_index, m.custom_mode, m.mode_name) for m in modes] == [
+        (2, 1, 0, "Scenario"), (2, 2, 1, "Manual control"),
+    ]  # fmt: skip
+
+
+def test_coarse_imu_messages_are_those_of_ardupilot():
+    vehicle = Vehicle(load("car-city-drive"))
+    for _ in range(40):
+        vehicle.step()
+    fine, raw, scaled = (vehicle.make(name) for name in ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU"))
+    means = vehicle.simulation.increments / (40 * vehicle.simulation.interval)  # never sent before
+    for message in (raw, scaled):
+        assert message.zacc == round(means[5] / 9.80665 * 1e3) and message.xgyro == round(means[0] * 1e3)
+        assert message.xmag == round(fine.xmag * 1e3) and message.temperature == round(fine.temperature * 100)
+
+
 def test_every_message_of_every_kind_of_scenario_packs():
     for name in ("ship-swaying", "car-city-drive", "aircraft-survey"):
         vehicle = Vehicle(load(name))
@@ -264,7 +301,9 @@ def test_every_message_of_every_kind_of_scenario_packs():
         made = {kind: vehicle.make(kind) for kind in MESSAGES}
         without_gnss = {"GPS_RAW_INT", "HIL_GPS"} if name == "ship-swaying" else set()
         assert {kind for kind, message in made.items() if message is None} <= without_gnss | {"HIL_GPS"}
-        assert all(received(message).get_type() == kind for kind, message in made.items() if message is not None)
+        known = {kind: message for kind, message in made.items() if message is not None and kind not in DEFINITIONS}
+        assert all(received(message).get_type() == kind for kind, message in known.items())
+        assert all(checked(made[kind]) == number for kind, (number, _) in DEFINITIONS.items())
         expected = {"ship-swaying": 11, "car-city-drive": 10, "aircraft-survey": 1}[name]
         assert (made["HEARTBEAT"].type, made["HEARTBEAT"].autopilot) == (expected, 0)
         assert not vehicle.view.fields.saturated and not vehicle.view.fields.refused

@@ -480,6 +480,12 @@ def test_client_reads_all_parameters_and_sets_one(session):
     assert found["set"] == [15.0, 7.5]
 
 
+def test_client_downloads_an_empty_mission_fence_and_rally_points(session):
+    """MAVSDK refuses these downloads unless AUTOPILOT_VERSION announces them."""
+    assert session["seen"]["downloads"] == [[], [], []]
+    assert session["summary"]["received"]["MISSION_REQUEST_LIST"] == 3
+
+
 def test_client_sees_the_estimated_attitude_and_odometry(session):
     seen = session["seen"]["seen"]
     assert min(len(seen[name]) for name in ("attitude_quaternion", "odometry", "attitude_euler")) > 30

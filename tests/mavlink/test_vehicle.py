@@ -1,5 +1,6 @@
 """The simulated vehicle without a link: agreement with `insenv run`, answers, control."""
 
+import json
 from math import nan
 
 import numpy as np
@@ -12,9 +13,11 @@ from insenv.mavlink.answers import HANDLERS, answers
 from insenv.mavlink.commands import ACTIONS, names_by_number
 from insenv.mavlink.manual import AXIS_UNUSED, Sticks
 from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.metadata import checksum
 from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
 from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
+from insenv.mavlink.wire.further import DEFINITIONS
 from insenv.scenario import build, load
 from insenv.vehicles import AircraftSection, CarSection, ShipSection
 
@@ -41,9 +44,10 @@ def sent(name, *values, system=245, component=190):
 
 
 def answered(vehicle, message):
-    """The answers as the client reads them."""
+    """The answers as the client reads them; those that its pymavlink does not know as they are."""
     reader, sender = common.MAVLink(None), common.MAVLink(None, 1, 1)
-    return [reader.decode(bytearray(m.pack(sender))) for m in answers(vehicle, message)]
+    packed = [(m, bytearray(m.pack(sender))) for m in answers(vehicle, message)]
+    return [m if m.get_type() in DEFINITIONS else reader.decode(frame) for m, frame in packed]
 
 
 def command(vehicle, number, *parameters):
@@ -120,8 +124,12 @@ def test_all_parameters_are_sent_as_real32_with_short_names():
     assert one.param_value == 5 and one.param_id == "E_INN_GATE"
     (again,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", one.param_index))
     assert again.param_id == "E_INN_GATE"
-    assert not answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"NONE", -1))
-    assert not answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", 30000))
+    for name, index in ((b"NONE", -1), (b"", 30000)):
+        (wrong,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, name, index))
+        assert (wrong.get_type(), wrong.param_id, wrong.param_index, wrong.error) == ("PARAM_ERROR", name.decode(), index, 1)
+        assert (wrong.target_system, wrong.target_component) == (245, 190)
+    (wrong,) = answered(vehicle, sent("PARAM_SET", 1, 1, b"NONE", 1.0, 9))
+    assert (wrong.get_type(), wrong.error) == ("PARAM_ERROR", 1)
 
 
 def test_every_estimator_and_plant_has_names_for_its_parameters():
@@ -132,7 +140,13 @@ def test_every_estimator_and_plant_has_names_for_its_parameters():
 
 
 def set_parameter(vehicle, name, value, kind=9):
-    (answer,) = answered(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
+    answer, *wrong = answered(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
+    parameter = vehicle.parameters.all[vehicle.parameters.find(name)]
+    if wrong:
+        assert [(m.get_type(), m.param_id, m.error) for m in wrong] == [
+            ("PARAM_ERROR", name, 5 if parameter.acts == NEVER else 2)
+        ]
+    assert bool(wrong) == (answer.param_value != np.float32(value) or kind != 9)
     return answer.param_value
 
 
@@ -277,8 +291,8 @@ def test_messages_are_requested_and_timed():
         if name == "HIL_GPS" and not more:
             assert result == 1  # a fix is sent once
             continue
-        assert (result, [m.get_type() for m in more]) == (ACCEPTED, [name])
-    assert command(vehicle, 512, 435.0) == (UNSUPPORTED, [])
+        assert (result, [m.get_type() for m in more]) == (ACCEPTED, [name] * (2 if name == "AVAILABLE_MODES" else 1))
+    assert command(vehicle, 512, 437.0) == (UNSUPPORTED, [])
     assert command(vehicle, 520)[1][0].get_type() == "AUTOPILOT_VERSION"
     assert command(vehicle, 410)[1][0].get_type() == "HOME_POSITION"
     attitude_id = 30.0
@@ -374,15 +388,102 @@ def test_every_stick_command_is_a_command_of_its_vehicle():
 # --- unsupported services ------------------------------------------------------------------------------
 
 
-def test_file_transfer_is_refused_with_the_next_number_and_the_same_session():
+def transfer(vehicle, opcode, data=b"", *, sequence=0, session=0, offset=0, size=None):
+    """The payloads that answer a request of FILE_TRANSFER_PROTOCOL."""
     request = bytearray(251)
-    request[0:2], request[2], request[3] = (65535).to_bytes(2, "little"), 7, 4
-    (reply,) = answered(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
-    payload = bytes(reply.payload)
-    assert payload[:6] == bytes([0, 0, 7, 129, 1, 4]) and payload[12] == 10
-    assert (reply.target_system, reply.target_component) == (245, 190)
-    request[3] = 129
-    assert not answered(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))  # answers are not answered
+    request[0:2], request[2], request[3] = sequence.to_bytes(2, "little"), session, opcode
+    request[4], request[8:12], request[12 : 12 + len(data)] = (
+        len(data) if size is None else size,
+        offset.to_bytes(4, "little"),
+        data,
+    )
+    found = answered(vehicle, sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
+    assert all((m.target_system, m.target_component) == (245, 190) for m in found)
+    return [bytes(m.payload) for m in found]
+
+
+def test_file_transfer_is_refused_with_the_next_number_and_the_same_session():
+    vehicle = quiet()
+    (reply,) = transfer(vehicle, 4, b"@PARAM/param.pck?withdefaults=1", sequence=65535, session=7)
+    assert reply[:6] == bytes([0, 0, 7, 129, 1, 4]) and reply[12] == 10
+    assert not transfer(vehicle, 129) and not transfer(vehicle, 0)  # answers are not answered
+    for opcode, error in ((6, 9), (8, 9), (99, 7), (5, 4)):
+        (reply,) = transfer(vehicle, opcode, b"/x", session=9)
+        assert (reply[3], reply[5], reply[12]) == (129, opcode, error)
+    for opcode in (1, 2):
+        assert [reply[3] for reply in transfer(vehicle, opcode)] == [128]
+
+
+@pytest.mark.parametrize("burst", [False, True])
+def test_names_units_and_ranges_of_parameters_are_read_as_component_metadata(burst):
+    vehicle = quiet()
+    result, (offered,) = command(vehicle, 512, 397.0)
+    assert (result, offered.get_type(), offered.uri) == (ACCEPTED, "COMPONENT_METADATA", b"mftp:///general.json")
+
+    def read(uri):
+        (opened,) = transfer(vehicle, 4, uri.removeprefix("mftp://").encode())
+        assert opened[3] == 128
+        session, length, content = opened[2], int.from_bytes(opened[12:16], "little"), b""
+        while True:
+            replies = transfer(vehicle, 15 if burst else 5, session=session, offset=len(content), size=239)
+            numbers = [int.from_bytes(reply[:2], "little") for reply in replies]
+            assert numbers == list(range(1, len(replies) + 1)) and (not burst or replies[-1][6] or replies[-1][3] == 129)
+            for reply in replies:
+                if reply[3] == 129:
+                    assert reply[12] == 6 and len(content) == length  # the end of the file
+                    return content
+                assert int.from_bytes(reply[8:12], "little") == len(content)
+                content += reply[12 : 12 + reply[4]]
+
+    general = read("mftp:///general.json")
+    (entry,) = json.loads(general)["metadataTypes"]
+    assert checksum(general) == offered.file_crc and entry["type"] == 1
+    parameters = read(entry["uri"])
+    assert checksum(parameters) == entry["fileCrc"]
+    (crc,) = transfer(vehicle, 14, b"/parameter.json")
+    assert int.from_bytes(crc[12:16], "little") == entry["fileCrc"]
+    listed = {row["name"]: row for row in json.loads(parameters)["parameters"]}
+    assert list(listed) == [parameter.name for parameter in vehicle.parameters.all]
+    gate = listed["E_INN_GATE"]
+    assert (gate["type"], gate["min"], gate["readOnly"]) == ("Float", 0.0, False) and gate["shortDesc"]
+    assert listed["SIM_RATE"]["readOnly"] is True and listed["E_ANG_R_W"]["units"] == "deg/sqrt(h)"
+
+
+def test_the_checksum_of_files_is_that_of_mavlink():
+    """Bit by bit, as the specification defines it: polynomial 0xEDB88320, start 0, no inversion."""
+    register = 0
+    for byte in b"123456789":
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ (0xEDB88320 if register & 1 else 0)
+    assert checksum(b"123456789") == register == 0x2DFD2D88
+
+
+def test_modes_are_named_and_follow_from_what_steers():
+    vehicle = quiet()
+    assert [m.mode_name.decode() for m in command(vehicle, 512, 435.0)[1]] == ["Scenario", "Manual control"]
+    assert [m.mode_name.decode() for m in command(vehicle, 512, 435.0, 2.0)[1]] == ["Manual control"]
+    assert command(vehicle, 512, 435.0, 3.0)[0] == DENIED
+    assert (vehicle.make("HEARTBEAT").custom_mode, vehicle.make("CURRENT_MODE").custom_mode) == (0, 0)
+    assert command(vehicle, 176, 1.0, 0.0)[0] == ACCEPTED and command(vehicle, 176, 1.0, 1.0)[0] == DENIED
+    assert texts(vehicle) == ["mode Manual control: not by command"]
+    (ack,) = answered(vehicle, sent("SET_MODE", 1, 1, 7))
+    assert (ack.get_type(), ack.command, ack.result) == ("COMMAND_ACK", 176, DENIED)
+    answered(vehicle, sent("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0))
+    assert (vehicle.make("HEARTBEAT").custom_mode, vehicle.make("CURRENT_MODE").custom_mode) == (1, 1)
+    assert [m.mode_name.decode() for m in command(quiet("ship-swaying"), 512, 435.0)[1]] == ["Scenario"]
+
+
+def test_clients_are_told_that_there_are_no_missions_logs_and_older_protocols():
+    vehicle = quiet()
+    capabilities = vehicle.make("AUTOPILOT_VERSION").capabilities
+    for name in ("MISSION_INT", "MISSION_FENCE", "MISSION_RALLY", "PARAM_FLOAT", "COMMAND_INT", "FTP", "MAVLINK2"):
+        assert capabilities & getattr(common, f"MAV_PROTOCOL_CAPABILITY_{name}"), name
+    assert [m.max_version for m in command(vehicle, 519)[1]] == [200] == [m.version for m in command(vehicle, 512, 300.0)[1]]
+    (current,) = answered(vehicle, sent("MISSION_SET_CURRENT", 1, 1, 4))
+    assert (current.get_type(), current.seq, current.total, current.mission_state) == ("MISSION_CURRENT", 0, 0, 1)
+    (data,) = answered(vehicle, sent("LOG_REQUEST_DATA", 1, 1, 3, 90, 180))
+    assert (data.get_type(), data.id, data.ofs, data.count) == ("LOG_DATA", 3, 90, 0)
 
 
 def test_missions_logs_clocks_and_pings():

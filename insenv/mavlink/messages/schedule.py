@@ -19,10 +19,13 @@ DEFAULT_HZ: dict[str, float] = {
     "SYS_STATUS": 1.0,
     "SYSTEM_TIME": 1.0,
     "EXTENDED_SYS_STATE": 1.0,
+    "CURRENT_MODE": 0.0,
     "HOME_POSITION": 0.5,
     "GPS_GLOBAL_ORIGIN": 0.5,
     "HIL_SENSOR": 200.0,
     "HIGHRES_IMU": 50.0,
+    "RAW_IMU": 0.0,
+    "SCALED_IMU": 0.0,
     "SCALED_PRESSURE": 2.0,
     "GPS_RAW_INT": 5.0,
     "HIL_GPS": MAX_HZ,
@@ -39,7 +42,7 @@ DEFAULT_HZ: dict[str, float] = {
 """Default rate (Hz) of every streamed message.  HIL_GPS is looked for at each sample and sent once per fix."""
 
 STREAMS: dict[int, tuple[str, ...]] = {
-    1: ("HIGHRES_IMU", "SCALED_PRESSURE"),
+    1: ("HIGHRES_IMU", "RAW_IMU", "SCALED_PRESSURE"),
     2: ("SYS_STATUS", "GPS_RAW_INT", "EXTENDED_SYS_STATE"),
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE"),
     10: ("ATTITUDE", "ATTITUDE_QUATERNION"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from insenv.core.tables import Vector
 from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.view import View, by_name, wrapped
+from insenv.mavlink.messages.view import MILLI_G, View, by_name, wrapped
 
 ACCELEROMETER, GYRO, MAGNETOMETER = 0b111, 0b111 << 3, 0b111 << 6
 STATIC, DYNAMIC = 0b1101 << 9, 1 << 10
@@ -44,6 +44,27 @@ def _imu(view: View, name: str) -> Message | None:
         name, view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
         air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - _KELVIN, updated, 0,
     )  # fmt: skip
+
+
+def raw_imu(view: View) -> Message | None:
+    """RAW_IMU: milli-g, mrad/s and mG, as ArduPilot sends them; nothing in the vehicle has raw counts."""
+    return view.fields.message("RAW_IMU", view.time_us, *_milli(view, "RAW_IMU"), 0, _temperature(view))
+
+
+def scaled_imu(view: View) -> Message | None:
+    """SCALED_IMU: milli-g, mrad/s and mG, which is coarse: HIGHRES_IMU is not rounded."""
+    return view.fields.message("SCALED_IMU", view.time_ms, *_milli(view, "SCALED_IMU"), _temperature(view))
+
+
+def _milli(view: View, name: str) -> list[float]:
+    rates, forces, _ = _means(view, name)
+    magnetic_mg = view.air.data.magnetic_b * _GAUSS * 1e3
+    return [*(forces * MILLI_G).tolist(), *(rates * 1e3).tolist(), *magnetic_mg.tolist()]
+
+
+def _temperature(view: View) -> float:
+    """In 0.01 degrees Celsius; 0 would mean "unknown"."""
+    return round((view.air.data.temperature - _KELVIN) * 100.0) or 1
 
 
 def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
@@ -139,4 +160,4 @@ def _course(north: float, east: float) -> float:
     return round(degrees(atan2(east, north)) * 100.0) % 36000
 
 
-SENSORS = by_name(highres_imu, hil_sensor, scaled_pressure, gps_raw_int, hil_gps)
+SENSORS = by_name(highres_imu, hil_sensor, raw_imu, scaled_imu, scaled_pressure, gps_raw_int, hil_gps)

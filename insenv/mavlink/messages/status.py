@@ -14,14 +14,18 @@ _CUSTOM_MODE, _ARMED = 1, 128
 _LANDED_ON_GROUND, _LANDED_IN_AIR = 1, 2
 _GYRO, _ACCEL, _MAG, _ABSOLUTE_PRESSURE, _DIFFERENTIAL_PRESSURE, _GPS, _PREARM = 1, 2, 4, 8, 16, 32, 1 << 28
 _IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts as failed
-_CAPABILITY_PARAM_FLOAT, _CAPABILITY_COMMAND_INT, _CAPABILITY_MAVLINK2 = 2, 8, 8192
+_PARAM_FLOAT, _MISSION_INT, _COMMAND_INT, _FTP, _MAVLINK2, _MISSION_FENCE, _MISSION_RALLY = 2, 4, 8, 32, 8192, 16384, 32768
+_NOT_SELECTABLE, _AUTO_MODE = 2, 4
+METADATA_URI = "mftp:///general.json"
 
 
 def heartbeat(view: View) -> Message | None:
     """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track."""
     mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
     kind = view.traits.mavlink_type
-    return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, 0, _MAV_STATE_ACTIVE, _MAVLINK_VERSION)
+    return view.fields.message(
+        "HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, view.mode.number, _MAV_STATE_ACTIVE, _MAVLINK_VERSION
+    )
 
 
 def sys_status(view: View) -> Message | None:
@@ -70,12 +74,42 @@ def autopilot_version(view: View) -> Message | None:
     version = major << 24 | minor << 16 | patch << 8
     plant = view.simulation.plant
     uid = int.from_bytes(blake2b(f"{plant.scenario.name}:{plant.seed}".encode(), digest_size=8).digest(), "little")
-    capabilities = _CAPABILITY_PARAM_FLOAT | _CAPABILITY_COMMAND_INT | _CAPABILITY_MAVLINK2
+    # missions, fences and rally points are all empty, but a client that reads them must be told so
+    capabilities = _PARAM_FLOAT | _MISSION_INT | _COMMAND_INT | _FTP | _MAVLINK2 | _MISSION_FENCE | _MISSION_RALLY
     none = [0] * 8
     return view.fields.message("AUTOPILOT_VERSION", capabilities, version, 0, 0, 0, none, none, none, 0, 0, uid)
 
 
-STATUS = by_name(heartbeat, sys_status, extended_sys_state, system_time, home_position, gps_global_origin)
+def protocol_version(view: View) -> Message | None:
+    """PROTOCOL_VERSION: MAVLink 2 only."""
+    return view.fields.message("PROTOCOL_VERSION", 200, 200, 200, [0] * 8, [0] * 8)
+
+
+def current_mode(view: View) -> Message | None:
+    """CURRENT_MODE: what steers the vehicle."""
+    return view.fields.message("CURRENT_MODE", 0, view.mode.number, view.mode.number)
+
+
+def available_modes(view: View) -> list[Message]:
+    """AVAILABLE_MODES: one message for each mode.  None can be selected: manual control begins with its first message."""
+    return [
+        view.fields.message(
+            "AVAILABLE_MODES", len(view.modes), place, 0, mode.number,
+            _NOT_SELECTABLE | (_AUTO_MODE if mode.automatic else 0), mode.name,
+        )
+        for place, mode in enumerate(view.modes, 1)
+    ]  # fmt: skip
+
+
+def component_metadata(view: View) -> Message | None:
+    """COMPONENT_METADATA: where names, units and ranges of the parameters can be read."""
+    return view.fields.message("COMPONENT_METADATA", view.time_ms, view.metadata_crc, METADATA_URI)
+
+
+STATUS = by_name(heartbeat, sys_status, extended_sys_state, system_time, home_position, gps_global_origin, current_mode)
 """Makers of the streamed messages, by name."""
 
-ON_REQUEST = by_name(autopilot_version)
+ON_REQUEST = {
+    **by_name(autopilot_version, protocol_version, component_metadata),
+    "AVAILABLE_MODES": lambda view: available_modes(view)[0],
+}

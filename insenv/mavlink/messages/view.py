@@ -18,6 +18,18 @@ from insenv.mavlink.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
+class Mode:
+    """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether nobody steers it."""
+
+    number: int
+    name: str
+    automatic: bool
+
+
+SCRIPTED, MANUAL = Mode(0, "Scenario", True), Mode(1, "Manual control", False)
+
+
+@dataclass(frozen=True)
 class Thresholds:
     """Stated 1-sigma below which an estimate counts as good: tilt and heading (deg), velocity (m/s), position (m)."""
 
@@ -36,7 +48,8 @@ class View:
 
     start_unix: Unix time (s) at the start of the run.  undulation: height of the geoid above the ellipsoid (m), the
     same everywhere: height above mean sea level = ellipsoidal height - undulation.  system, component: the sender that
-    messages state.  hil_acceleration: `MILLI_G` or `MM_S2`.  home: the known initial latitude,
+    messages state.  hil_acceleration: `MILLI_G` or `MM_S2`.  mode: the present one of `modes`.  metadata_crc: checksum of the
+    file that COMPONENT_METADATA names.  home: the known initial latitude,
     longitude (rad) and height (m).  traits: of the vehicle.  load: share of one core that the process takes.
     """
 
@@ -49,6 +62,8 @@ class View:
         self.undulation = 0.0
         self.system, self.component = 1, 1  # clients look for component 1
         self.hil_acceleration = MILLI_G
+        self.mode = SCRIPTED
+        self.metadata_crc = 0
         self.armed = True
         self.load = 0.0
         known = simulation.plant.knowledge
@@ -66,6 +81,11 @@ class View:
     def forget(self) -> None:
         """Discard derived quantities: the estimate has changed between two samples."""
         self._derived_at = -1
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes that the vehicle can have."""
+        return (SCRIPTED, MANUAL) if self.simulation.commands else (SCRIPTED,)
 
     # --- time ---------------------------------------------------------------------------------------
 

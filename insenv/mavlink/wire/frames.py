@@ -17,6 +17,8 @@ from dataclasses import asdict, astuple, dataclass
 from functools import lru_cache
 from typing import Any
 
+from insenv.mavlink.wire.further import further_messages
+
 V1, V2 = 0xFE, 0xFD
 SIGNED = 0x01
 """The incompatibility flag of a signed frame, the only one supported."""
@@ -83,12 +85,22 @@ def dialect() -> Any:
     return common
 
 
+def message_class(name: str) -> Any:
+    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `AttributeError`."""
+    ours = further_messages().get(name)
+    found = getattr(dialect(), f"MAVLink_{name.lower()}_message", ours)
+    if found is None:
+        raise AttributeError(f"no message {name!r}")
+    return found
+
+
 @lru_cache(maxsize=1)
 def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
     """CRC_EXTRA by message number, and the checksum function."""
     from fastcrc import crc16
 
-    return {number: kind.crc_extra for number, kind in dialect().mavlink_map.items()}, crc16.mcrf4xx
+    kinds = {**{kind.id: kind for kind in further_messages().values()}, **dialect().mavlink_map}
+    return {number: kind.crc_extra for number, kind in kinds.items()}, crc16.mcrf4xx
 
 
 def sender(frame: bytes) -> tuple[int, int]:
