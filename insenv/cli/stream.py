@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 MOST_LINKS = 4
 """A telemetry log has two bits for the number of a link."""
-_ACROSS = 3
+_WIDE = 29  # columns of a message's name and rate
+_UNITS = {"tilt": "deg", "heading": "deg", "velocity": "m/s", "position": "m"}
 _OVER_S = 2.0
 _SHOWN_CLIENTS = 4
 
@@ -36,6 +37,8 @@ def stream(
     tlog: Path | None,
     rates: Sequence[str],
     signing_key_file: Path | None,
+    system: int,
+    show_errors: bool,
     as_json: bool,
 ) -> None:
     """Stream until the duration is over or an end is requested, and print a summary."""
@@ -56,9 +59,9 @@ def stream(
         with ExitStack() as stack:
             stack.enter_context(quiet_warnings())
             signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
-            vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed)
+            vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors)
             links = [
-                stack.enter_context(open_link(address, signing=signing, number=number))
+                stack.enter_context(open_link(address, signing=signing, system=system, number=number))
                 for number, address in enumerate(addresses)
             ]
             recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
@@ -102,11 +105,11 @@ def dashboard(running: Stream, request: Ending) -> Iterator[Callable[[Stream], N
 
     console = Console(stderr=True, markup=False, highlight=False, emoji=False)
     rates = Rates()
-    live = Live(picture(running, rates), console=console, transient=True, auto_refresh=False)
+    live = Live(picture(running, rates, width=console.width), console=console, transient=True, auto_refresh=False)
 
     def show(stream: Stream) -> None:
         try:
-            live.update(picture(stream, rates), refresh=True)
+            live.update(picture(stream, rates, width=console.width), refresh=True)
         except OSError:
             request.asked = True
 
@@ -134,8 +137,8 @@ class Rates:
         return {name: (count - before[name]) / elapsed for name, count in sent.items()}
 
 
-def picture(running: Stream, rates: Rates, now: float | None = None) -> RenderableType:
-    """The dashboard at present."""
+def picture(running: Stream, rates: Rates, now: float | None = None, width: int = 100) -> RenderableType:
+    """The dashboard at present, in `width` columns."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
@@ -152,6 +155,7 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
     table.add_row("vehicle", f"{scenario.name} ({scenario.vehicle.kind}), {simulation.estimator.id}")
     table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
     table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
+    table.add_row("error", ", ".join(f"{name} {value:.3g} {_UNITS[name]}" for name, value in view.errors.items()))
     late = running.pacer.lateness
     table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
     table.add_row("link", f"{', '.join(str(link.address) for link in running.links)}; clients: {shown or 'none yet'}")
@@ -159,11 +163,13 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
     rejected += statistics.replayed + statistics.stale + statistics.early
     table.add_row(
         "messages",
-        f"{statistics.sent_messages} sent, {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
+        f"{statistics.sent_frames} sent to {len(clients)} client{'s' if len(clients) != 1 else ''},"
+        f" {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
         f"{rejected} rejected; {view.fields.saturated.total()} values saturated",
     )
     streamed = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
-    for _ in range(_ACROSS):
+    across = max(1, min(3, (width + 2) // _WIDE))
+    for _ in range(across):
         streamed.add_column("message", no_wrap=True, min_width=20)
         streamed.add_column("Hz", justify="right", min_width=5)
     cells = [
@@ -171,9 +177,9 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
         for name, hz in sorted(rates(running.sent, time.monotonic() if now is None else now).items())
         for cell in (name[:20], f"{hz:.1f}")
     ]
-    cells += [""] * (-len(cells) % (2 * _ACROSS))
-    for place in range(0, len(cells), 2 * _ACROSS):
-        streamed.add_row(*cells[place : place + 2 * _ACROSS])
+    cells += [""] * (-len(cells) % (2 * across))
+    for place in range(0, len(cells), 2 * across):
+        streamed.add_row(*cells[place : place + 2 * across])
     return Group(table, Text(""), streamed, Text("Ctrl-C ends the stream"))
 
 

@@ -54,6 +54,10 @@ def stream(
         Optional[Path],  # noqa: UP045
         typer.Option(metavar="FILE", help="Sign messages with the key in this file, and accept only messages signed with it."),
     ] = None,
+    system: Annotated[
+        int, typer.Option(metavar="N", help="MAVLink system of the vehicle, 1 to 255: several vehicles beside one another.")
+    ] = 1,
+    errors: Annotated[bool, typer.Option("--errors", help="Send the errors of the estimate too (NAMED_VALUE_FLOAT).")] = False,
     lockstep: Annotated[
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
@@ -67,6 +71,8 @@ def stream(
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
+        if system != 1 or errors:
+            raise InputError(f"{'--errors' if errors else '--system'}: not allowed with --lockstep")
         if to and len(to) > 1:
             raise InputError(f"--to: {len(to)} addresses; --lockstep allows one, that of the autopilot")
         in_step.lockstep(
@@ -78,5 +84,5 @@ def stream(
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     live.stream(
         scenario, estimator, to=to, seed=seed, speed=1.0 if speed is None else speed, duration_s=duration, tlog=tlog,
-        rates=rate or [], signing_key_file=signing_key_file, as_json=as_json,
+        rates=rate or [], signing_key_file=signing_key_file, system=system, show_errors=errors, as_json=as_json,
     )  # fmt: skip

@@ -7,8 +7,10 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from insenv.errors import InputError
+from insenv.estimators import Estimator
 from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
+from insenv.mavlink.messages.status import error_messages
 from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
 from insenv.mavlink.metadata import GENERAL, checksum, metadata
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
@@ -32,6 +34,7 @@ class Vehicle:
     seconds per second; 0: as fast as possible.  start_unix: Unix time (s) at the start of the run; None: that of the
     wall clock.  system, component: the sender that its messages state, 1 to 255; those of the link must be the same.
     hil_acceleration: unit of the accelerations in HIL_STATE_QUATERNION, ``"mG"`` (MAVLink) or ``"mm/s^2"`` (PX4).
+    show_errors: send the errors of the estimate with each HEARTBEAT (NAMED_VALUE_FLOAT).
     Raises `InputError` for an estimator, rate, speed, sender or unit that is not allowed.
 
     files: what clients can read by FTP, by name: names, units and ranges of the parameters.
@@ -40,7 +43,7 @@ class Vehicle:
     def __init__(
         self,
         scenario: Scenario,
-        estimator: str | None = None,
+        estimator: str | Estimator | None = None,
         *,
         seed: int | None = None,
         rates: Mapping[str, float] | None = None,
@@ -49,6 +52,7 @@ class Vehicle:
         system: int = 1,
         component: int = 1,
         hil_acceleration: str = "mG",
+        show_errors: bool = False,
     ) -> None:
         start_unix = time.time() if start_unix is None else start_unix
         self.simulation = Simulation(scenario, estimator, seed)
@@ -63,7 +67,7 @@ class Vehicle:
         self.view.hil_acceleration = HIL_ACCELERATIONS[hil_acceleration]
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
-        self.paused = False
+        self.paused, self.show_errors = False, show_errors
         commands = self.simulation.commands
         self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
@@ -74,6 +78,7 @@ class Vehicle:
         self._steered_at: float | None = None
         self._refused_steering = False
         self._was_aligned = False
+        self._noted = ""
 
     # --- messages -----------------------------------------------------------------------------------
 
@@ -89,6 +94,7 @@ class Vehicle:
                 messages.append(message)
             if name == "HEARTBEAT":
                 self._announce_alignment()
+                messages += error_messages(self.view) if self.show_errors else []
         if self._texts:
             messages += self.texts()
         return messages
@@ -116,6 +122,10 @@ class Vehicle:
                 self.announce("estimate diverged: start a new alignment", "error")
             else:
                 self.announce("aligned" if aligned else "aligning", "notice")
+        notes = () if aligned else self.simulation.notes()
+        if notes and notes[0].partition(":")[0] != self._noted:
+            self._noted = notes[0].partition(":")[0]
+            self.announce(self._noted, "warning")
 
     # --- control ------------------------------------------------------------------------------------
 

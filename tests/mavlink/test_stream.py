@@ -248,7 +248,8 @@ def test_answers_go_to_the_link_of_the_question():
         assert one.statistics.sent_frames == 0 and stream.statistics.received_messages == 1
 
 
-def test_dashboard_shows_rates_lateness_clients_and_alignment():
+@pytest.mark.parametrize("width", [40, 60, 80, 100])
+def test_dashboard_shows_rates_lateness_clients_errors_and_alignment(width):
     from rich.console import Console
 
     from insenv.cli.stream import Rates, picture
@@ -256,15 +257,45 @@ def test_dashboard_shows_rates_lateness_clients_and_alignment():
     vehicle = Vehicle(load("ship-swaying"), speed=0.0)
     with Receiver() as client, open_link(f"udpout:127.0.0.1:{client.port}") as link:
         stream, rates = Stream(vehicle, link), Rates()
-        console = Console(width=100, record=True, file=io.StringIO())
-        picture(stream, rates, now=0.0)
+        console = Console(width=width, record=True, file=io.StringIO())
+        picture(stream, rates, now=0.0, width=width)
         stream.run(10.0)
-        console.print(picture(stream, rates, now=10.0))
+        console.print(picture(stream, rates, now=10.0, width=width))
+        total = link.statistics.sent_frames
     text = console.export_text()
     assert re.search(r"HIL_SENSOR +200\.0", text) and re.search(r"ATTITUDE +20\.0", text)
+    for name, count in stream.sent.items():  # no column is lost
+        assert re.search(rf"{name[:20]} +{count / 10:.1f}", text), name
+    flat = " ".join(text.split())
     for word in ("lateness", "p99", f"127.0.0.1:{client.port}", "aligning", "tilt", "q-method", "as fast as possible"):
-        assert word in text, word
-    assert max(map(len, text.splitlines())) <= 100
+        assert word in flat, word
+    assert f"{total} sent to 1 client" in flat and re.search(r"error +tilt \S+ deg, heading \S+ deg", flat)
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_dashboard_counts_what_clients_got():
+    from rich.console import Console
+
+    from insenv.cli.stream import Rates, picture
+
+    with open_link("udpin:127.0.0.1:0") as link:
+        stream = Stream(Vehicle(load("ship-swaying"), speed=0.0), link)
+        stream.run(1.0)
+        console = Console(width=100, record=True, file=io.StringIO())
+        console.print(picture(stream, Rates()))
+    assert sum(stream.sent.values()) > 100 and "0 sent to 0 clients" in console.export_text()
+
+
+def test_several_vehicles_stream_to_one_ground_station():
+    with Receiver() as client:
+        to = ("--to", f"udpout:127.0.0.1:{client.port}", "--speed", 0, "--duration", 2)
+        for system in (1, 7):
+            assert call("stream", "ship-swaying", *to, "--system", system, "--errors")[0] == 0
+    heartbeats = {m.get_srcSystem() for m in client.messages() if m.get_type() == "HEARTBEAT"}
+    assert heartbeats == {1, 7} == {frame[5] for frame in client.frames}
+    assert {m.name for m in client.messages() if m.get_type() == "NAMED_VALUE_FLOAT"} == {"ERR_TILT", "ERR_HDG"}
+    refused(call("stream", "ship-swaying", *to, "--system", 0), "1 to 255")
+    refused(call("stream", "car-city-drive", "--lockstep", "px4", "--system", 2), "--system")
 
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot-json"])

@@ -1,6 +1,7 @@
 """The simulated vehicle without a link: agreement with `insenv run`, answers, control."""
 
 import json
+from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -383,6 +384,75 @@ def test_every_stick_command_is_a_command_of_its_vehicle():
         sticks = plant.scenario.vehicle.traits.sticks
         rows = [plant.model.inputs.names.index(f"command_{stick.command}") for stick in sticks]
         assert rows == sorted(rows)
+
+
+# --- several vehicles, states, errors ------------------------------------------------------------------
+
+
+def test_vehicles_beside_one_another_have_systems_of_their_own():
+    first, second = quiet(), quiet(system=2)
+    off = sent("COMMAND_LONG", 2, 1, 31011, 0, *[0.0] * 7)
+    assert not answered(first, off) and first.simulation.gnss_on
+    assert [m.get_type() for m in answered(second, off)] == ["COMMAND_ACK"] and not second.simulation.gnss_on
+    assert not answered(second, sent("PARAM_REQUEST_READ", 1, 1, b"SIM_RATE", -1))
+    # a command of the other vehicle is a command; what a vehicle sent itself is not
+    assert answered(second, sent("PING", 1, 1, 0, 0, system=1, component=1))
+    assert not answered(second, sent("PING", 1, 1, 0, 0, system=2, component=1))
+    assert first.make("AUTOPILOT_VERSION").uid != second.make("AUTOPILOT_VERSION").uid
+    for wrong in (0, 256):
+        with pytest.raises(InputError, match="1 to 255"):
+            quiet(system=wrong)
+
+
+def test_the_heartbeat_tells_boot_aligning_and_aligned():
+    ship = quiet("ship-swaying")
+    states = [ship.make("HEARTBEAT").system_status]
+    for seconds in (1.0, 60.0):
+        steps(ship, seconds)
+        states.append(ship.make("HEARTBEAT").system_status)
+    assert states == [common.MAV_STATE_BOOT, common.MAV_STATE_STANDBY, common.MAV_STATE_ACTIVE]
+    ship.simulation._filter.x[:] = nan
+    steps(ship, 0.01)
+    assert ship.make("HEARTBEAT").system_status == common.MAV_STATE_CRITICAL
+
+
+def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
+    """The gyrocompass states small sigmas at once; whether it may be trusted is in its notes, which depend on the time."""
+    sentence = "heading is good to 55 deg only: a gyro error of 9.91 deg/h"
+
+    def warned(parameters, duration_s):
+        assert parameters["angle_random_walk"] > 0.0
+        return (sentence,) if duration_s < 4.0 else ()
+
+    warning = replace(estimators.get("gyrocompass"), applicability=warned)
+    ship = Vehicle(load("ship-swaying"), warning, rates={**SILENT, "HEARTBEAT": 1.0})
+    assert ship.view.tilt_sigma_deg < 1 and ship.view.heading_sigma_deg < 5
+    found = steps(ship, 6.0)
+    states = [m.system_status for m in found if m.get_type() == "HEARTBEAT"]
+    assert states == [3, 3, 3, 4, 4, 4]
+    assert [m.text for m in found if m.get_type() == "STATUSTEXT"] == [sentence.partition(":")[0], "aligned"]
+    assert ship.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
+    ship.realign()
+    steps(ship, 1.0)
+    assert ship.view.state == "aligning"  # the time counts from the new alignment
+
+
+def test_errors_against_the_truth_are_sent_on_request():
+    car = Vehicle(load("car-city-drive"), rates={**SILENT, "HEARTBEAT": 1.0}, show_errors=True)
+    sent_errors = [m for m in steps(car, 2.0) if m.get_type() == "NAMED_VALUE_FLOAT"]
+    assert len(sent_errors) == 8
+    found = {m.name: m.value for m in sent_errors[4:]}
+    estimate, truth = car.simulation.estimate, car.simulation.truth
+    c_error = attitude.numeric.to_dcm(estimate["q_nb"]) @ attitude.numeric.to_dcm(truth["q_nb"]).T
+    heading = np.degrees(np.arctan2(c_error[1, 0] - c_error[0, 1], 2.0))
+    tilt = np.degrees(np.hypot(c_error[2, 1] - c_error[1, 2], c_error[0, 2] - c_error[2, 0]) / 2.0)
+    assert found["ERR_HDG"] == pytest.approx(heading, rel=1e-2) and found["ERR_TILT"] == pytest.approx(tilt, rel=1e-2)
+    assert found["ERR_VEL"] == pytest.approx(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]), rel=1e-6)
+    apart = 6.37e6 * np.hypot(
+        estimate["latitude"] - truth["latitude"], np.cos(truth["latitude"]) * (estimate["longitude"] - truth["longitude"])
+    )
+    assert found["ERR_POS"] == pytest.approx(np.hypot(apart, estimate["height"] - truth["height"]), rel=1e-2)
+    assert not [m for m in steps(Vehicle(load("car-city-drive")), 1.0) if m.get_type() == "NAMED_VALUE_FLOAT"]
 
 
 # --- unsupported services ------------------------------------------------------------------------------

@@ -9,23 +9,30 @@ from insenv import __version__
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.view import View, by_name
 
-_MAV_AUTOPILOT_GENERIC, _MAV_STATE_ACTIVE, _MAVLINK_VERSION = 0, 4, 3
+_MAV_AUTOPILOT_GENERIC, _MAVLINK_VERSION = 0, 3
+_BOOT, _STANDBY, _ACTIVE, _CRITICAL = 1, 3, 4, 5  # MAV_STATE
 _CUSTOM_MODE, _ARMED = 1, 128
 _LANDED_ON_GROUND, _LANDED_IN_AIR = 1, 2
 _GYRO, _ACCEL, _MAG, _ABSOLUTE_PRESSURE, _DIFFERENTIAL_PRESSURE, _GPS, _PREARM = 1, 2, 4, 8, 16, 32, 1 << 28
 _IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts as failed
 _PARAM_FLOAT, _MISSION_INT, _COMMAND_INT, _FTP, _MAVLINK2, _MISSION_FENCE, _MISSION_RALLY = 2, 4, 8, 32, 8192, 16384, 32768
 _NOT_SELECTABLE, _AUTO_MODE = 2, 4
+_ERRORS = {"tilt": "ERR_TILT", "heading": "ERR_HDG", "velocity": "ERR_VEL", "position": "ERR_POS"}
 METADATA_URI = "mftp:///general.json"
 
 
 def heartbeat(view: View) -> Message | None:
-    """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track."""
+    """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track.
+
+    The state is BOOT before the first sample, STANDBY while aligning, ACTIVE afterwards, CRITICAL after a divergence.
+    """
+    if view.simulation.diverged:
+        state = _CRITICAL
+    else:
+        state = _BOOT if not view.simulation.samples else _ACTIVE if view.aligned else _STANDBY
     mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
     kind = view.traits.mavlink_type
-    return view.fields.message(
-        "HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, view.mode.number, _MAV_STATE_ACTIVE, _MAVLINK_VERSION
-    )
+    return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, view.mode.number, state, _MAVLINK_VERSION)
 
 
 def sys_status(view: View) -> Message | None:
@@ -68,12 +75,21 @@ def gps_global_origin(view: View) -> Message | None:
     return view.fields.message("GPS_GLOBAL_ORIGIN", *view.place(*view.home), view.time_us)
 
 
+def error_messages(view: View) -> list[Message]:
+    """NAMED_VALUE_FLOAT: the errors of the estimate against the truth (`View.errors`), by the names of `_ERRORS`."""
+    errors = {_ERRORS[name]: value for name, value in view.errors.items()}
+    made = [view.fields.message("NAMED_VALUE_FLOAT", view.time_ms, name, value) for name, value in errors.items()]
+    return [message for message in made if message is not None]
+
+
 def autopilot_version(view: View) -> Message | None:
-    """AUTOPILOT_VERSION: the version of insenv; the uid depends on scenario and seed."""
+    """AUTOPILOT_VERSION: the version of insenv; the uid depends on scenario, seed and system."""
     major, minor, patch = (int(part) for part in (__version__.split("+")[0] + ".0.0").split(".")[:3])
     version = major << 24 | minor << 16 | patch << 8
     plant = view.simulation.plant
-    uid = int.from_bytes(blake2b(f"{plant.scenario.name}:{plant.seed}".encode(), digest_size=8).digest(), "little")
+    uid = int.from_bytes(
+        blake2b(f"{plant.scenario.name}:{plant.seed}:{view.system}".encode(), digest_size=8).digest(), "little"
+    )
     # missions, fences and rally points are all empty, but a client that reads them must be told so
     capabilities = _PARAM_FLOAT | _MISSION_INT | _COMMAND_INT | _FTP | _MAVLINK2 | _MISSION_FENCE | _MISSION_RALLY
     none = [0] * 8

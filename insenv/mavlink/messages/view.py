@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from insenv import attitude, geodesy
 from insenv.core.tables import Vector
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.derived import Derived, no_vector
@@ -210,12 +211,32 @@ class View:
 
     @property
     def aligned(self) -> bool:
-        """Whether the stated sigmas of tilt and heading are below `thresholds`; True if none are stated."""
+        """Whether the stated sigmas of tilt and heading are below `thresholds`, and the estimator has no note against them.
+
+        True if none are stated: such an estimator navigates from a known attitude.
+        """
         if self.simulation.diverged:
             return False
         if "attitude_sigma" not in self.estimate:
             return True
-        return self.tilt_sigma_deg < self.thresholds.tilt_deg and self.heading_sigma_deg < self.thresholds.heading_deg
+        small = self.tilt_sigma_deg < self.thresholds.tilt_deg and self.heading_sigma_deg < self.thresholds.heading_deg
+        return small and not self.simulation.notes()
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Errors of the estimate, against the truth: tilt, heading (deg); of a navigation velocity (m/s), position (m) too.
+
+        tilt: of the vertical.  heading: signed.  velocity, position: lengths of the differences.
+        """
+        estimate, truth = self.estimate, self.truth
+        rotation = np.ravel(attitude.numeric.error_rotation_vector(estimate["q_nb"], truth["q_nb"]))
+        found = {"tilt": degrees(float(np.hypot(rotation[0], rotation[1]))), "heading": degrees(float(rotation[2]))}
+        if self.simulation.estimator.navigates:
+            found["velocity"] = float(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]))
+            place = (tuple(float(each[name]) for name in ("latitude", "longitude", "height")) for each in (estimate, truth))
+            estimated, true = place
+            found["position"] = float(np.linalg.norm(np.ravel(geodesy.numeric.ned_offset(*estimated, *true))))
+        return found
 
     @property
     def state(self) -> str:
