@@ -10,7 +10,8 @@ VENV := .venv/.stamp-venv
 PLOT := .venv/.stamp-plot
 TEST := .venv/.stamp-test
 BENCH := .venv/.stamp-bench
-MAVPROXY := .venv/.stamp-mavproxy
+MAVPROXY_TOOLS := MAVProxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0 lxml==6.1.3
+MAVPROXY := .venv/.stamp-mavproxy-1.8.75
 
 .PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency bench clean
 
@@ -89,11 +90,11 @@ $(BENCH): pyproject.toml $(VENV)
 	  echo "pyins (python-ins) cannot be installed here: benchmarks without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
 	@touch $@
 
-# MAVProxy without the packages that only its windows need: a third of the size
+# MAVProxy without the packages that only its windows need: a third of the size; numpy is the newest for this Python
 
 $(MAVPROXY): $(VENV)
 	@echo "installing MAVProxy into .venv/mavproxy (once)"
 	@$(PYTHON) -m venv --clear .venv/mavproxy
 	@.venv/mavproxy/bin/python -m pip --disable-pip-version-check install --quiet --no-deps \
-	  MAVProxy pymavlink pyserial fastcrc lxml numpy
+	  $(MAVPROXY_TOOLS) numpy
 	@touch $@

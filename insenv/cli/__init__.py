@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = BROKEN_PIPE
     except (KeyboardInterrupt, Exception) as error:
         status = _report(error, "--json" in arguments)
-    _drop_unwritten()
+    drop_unwritten()
     sys.exit(status)
 
 
@@ -133,7 +133,7 @@ def _plain(message: str) -> str:
     return message
 
 
-def _drop_unwritten() -> None:
+def drop_unwritten() -> None:
     """Discard output that a closed pipe or a full disk has not accepted, which would raise an error at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:

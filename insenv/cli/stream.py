@@ -6,7 +6,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +15,13 @@ from insenv.errors import InputError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from insenv.cli.ending import Ending
     from insenv.mavlink import Stream
 
-_ACROSS = 3
+MOST_LINKS = 4
+"""A telemetry log has two bits for the number of a link."""
+_WIDE = 29  # columns of a message's name and rate
+_UNITS = {"tilt": "deg", "heading": "deg", "velocity": "m/s", "position": "m"}
 _OVER_S = 2.0
 _SHOWN_CLIENTS = 4
 
@@ -26,16 +30,19 @@ def stream(
     scenario: str,
     estimator: str | None,
     *,
-    to: str,
+    to: Sequence[str],
     seed: int | None,
     speed: float,
     duration_s: float | None,
     tlog: Path | None,
     rates: Sequence[str],
     signing_key_file: Path | None,
+    system: int,
+    show_errors: bool,
     as_json: bool,
 ) -> None:
-    """Stream until the duration is over or Ctrl-C, and print a summary."""
+    """Stream until the duration is over or an end is requested, and print a summary."""
+    from insenv.cli.ending import ending, written
     from insenv.cli.output import print_json, quiet_warnings
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
@@ -47,20 +54,34 @@ def stream(
     duration = checked_duration(duration_s)
     if duration is None and speed == 0.0:
         duration = loaded.duration_s
-    with ExitStack() as stack:
-        stack.enter_context(quiet_warnings())
-        signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
-        vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed)
-        link = stack.enter_context(open_link(to, signing=signing))
-        recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
-        running = Stream(vehicle, link, recorder)
-        watch = stack.enter_context(dashboard(running))
-        running.run(duration, watch)
-        summary = running.summary() | {"address": str(link.address), "tlog": None if tlog is None else str(tlog)}
-    if as_json:
-        print_json(summary)
-    else:
-        _print_summary(summary)
+    addresses = _checked_addresses(to)
+    with ending() as request:
+        with ExitStack() as stack:
+            stack.enter_context(quiet_warnings())
+            signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
+            vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors)
+            links = [
+                stack.enter_context(open_link(address, signing=signing, system=system, number=number))
+                for number, address in enumerate(addresses)
+            ]
+            recorder = None if tlog is None else stack.enter_context(TlogWriter(tlog))
+            running = Stream(vehicle, links, recorder)
+            watch = stack.enter_context(dashboard(running, request))
+            request.orderly = True
+            running.run(duration, watch, request)
+            shown = ", ".join(str(link.address) for link in links)
+            summary = running.summary() | {"address": shown, "tlog": None if tlog is None else str(tlog)}
+        written(lambda: print_json(summary) if as_json else _print_summary(summary), request)
+
+
+def _checked_addresses(to: Sequence[str]) -> Sequence[str]:
+    """Check the addresses of the links.  Raises `InputError` for too many, or one that is named twice."""
+    if len(to) > MOST_LINKS:
+        raise InputError(f"--to: {len(to)} addresses; allowed are 1 to {MOST_LINKS}")
+    for place, address in enumerate(to):
+        if address in to[:place]:
+            raise InputError(f"--to {address}: named twice; each address is one link")
+    return to
 
 
 def checked_duration(duration_s: float | None) -> float | None:
@@ -71,8 +92,11 @@ def checked_duration(duration_s: float | None) -> float | None:
 
 
 @contextmanager
-def dashboard(running: Stream) -> Iterator[Callable[[Stream], None] | None]:
-    """A dashboard on stderr while the block runs; None if stderr is not a terminal."""
+def dashboard(running: Stream, request: Ending) -> Iterator[Callable[[Stream], None] | None]:
+    """A dashboard on stderr while the block runs; None if stderr is not a terminal.
+
+    A terminal that is closed, so that nothing can be written to it, is a request to end.
+    """
     if not sys.stderr.isatty():
         yield None
         return
@@ -81,8 +105,20 @@ def dashboard(running: Stream) -> Iterator[Callable[[Stream], None] | None]:
 
     console = Console(stderr=True, markup=False, highlight=False, emoji=False)
     rates = Rates()
-    with Live(picture(running, rates), console=console, transient=True, auto_refresh=False) as live:
-        yield lambda stream: live.update(picture(stream, rates), refresh=True)
+    live = Live(picture(running, rates, width=console.width), console=console, transient=True, auto_refresh=False)
+
+    def show(stream: Stream) -> None:
+        try:
+            live.update(picture(stream, rates, width=console.width), refresh=True)
+        except OSError:
+            request.asked = True
+
+    live.start(refresh=True)
+    try:
+        yield show
+    finally:
+        with suppress(OSError):
+            live.stop()
 
 
 class Rates:
@@ -101,19 +137,17 @@ class Rates:
         return {name: (count - before[name]) / elapsed for name, count in sent.items()}
 
 
-def picture(running: Stream, rates: Rates, now: float | None = None) -> RenderableType:
-    """The dashboard at present."""
+def picture(running: Stream, rates: Rates, now: float | None = None, width: int = 100) -> RenderableType:
+    """The dashboard at present, in `width` columns."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
     vehicle, simulation = running.vehicle, running.vehicle.simulation
-    view, statistics, scenario = vehicle.view, running.link.statistics, simulation.plant.scenario
+    view, statistics, scenario = vehicle.view, running.statistics, simulation.plant.scenario
     pace = "paused" if vehicle.paused else f"speed {vehicle.speed:g}" if vehicle.speed else "as fast as possible"
-    clients = [
-        peer.name if peer.heard is None else f"{peer.name} ({peer.system}/{peer.component})" for peer in running.link.peers
-    ]
+    clients = [peer.name if peer.heard is None else f"{peer.name} ({peer.system}/{peer.component})" for peer in running.peers]
     more = len(clients[_SHOWN_CLIENTS:])
     shown = ", ".join(clients[:_SHOWN_CLIENTS]) + (f" and {more} more" if more else "")
     gnss = "none" if not simulation.has_gnss else "off" if not simulation.gnss_on else "fix" if view.has_lock else "no fix"
@@ -121,17 +155,21 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
     table.add_row("vehicle", f"{scenario.name} ({scenario.vehicle.kind}), {simulation.estimator.id}")
     table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
     table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
+    table.add_row("error", ", ".join(f"{name} {value:.3g} {_UNITS[name]}" for name, value in view.errors.items()))
     late = running.pacer.lateness
     table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
-    table.add_row("link", f"{running.link.address}, clients: {shown or 'none yet'}")
-    rejected = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed + statistics.replayed
+    table.add_row("link", f"{', '.join(str(link.address) for link in running.links)}; clients: {shown or 'none yet'}")
+    rejected = statistics.wrong_checksum + statistics.unsigned + statistics.wrongly_signed
+    rejected += statistics.replayed + statistics.stale + statistics.early
     table.add_row(
         "messages",
-        f"{statistics.sent_messages} sent, {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
+        f"{statistics.sent_frames} sent to {len(clients)} client{'s' if len(clients) != 1 else ''},"
+        f" {statistics.dropped_frames} dropped, {statistics.received_messages} received, "
         f"{rejected} rejected; {view.fields.saturated.total()} values saturated",
     )
     streamed = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
-    for _ in range(_ACROSS):
+    across = max(1, min(3, (width + 2) // _WIDE))
+    for _ in range(across):
         streamed.add_column("message", no_wrap=True, min_width=20)
         streamed.add_column("Hz", justify="right", min_width=5)
     cells = [
@@ -139,9 +177,9 @@ def picture(running: Stream, rates: Rates, now: float | None = None) -> Renderab
         for name, hz in sorted(rates(running.sent, time.monotonic() if now is None else now).items())
         for cell in (name[:20], f"{hz:.1f}")
     ]
-    cells += [""] * (-len(cells) % (2 * _ACROSS))
-    for place in range(0, len(cells), 2 * _ACROSS):
-        streamed.add_row(*cells[place : place + 2 * _ACROSS])
+    cells += [""] * (-len(cells) % (2 * across))
+    for place in range(0, len(cells), 2 * across):
+        streamed.add_row(*cells[place : place + 2 * across])
     return Group(table, Text(""), streamed, Text("Ctrl-C ends the stream"))
 
 

@@ -23,10 +23,11 @@ class Lockstep(str, Enum):
 def stream(
     scenario: Scenario,
     to: Annotated[
-        Optional[str],  # noqa: UP045
+        Optional[list[str]],  # noqa: UP045
         typer.Option(
             metavar="ADDRESS",
-            help="udpout:HOST:PORT, udpin:..., tcpin:..., tcpout:... or serial:DEVICE:BAUD; without HOST only this machine.",
+            help="udpout:HOST:PORT, udpin:..., tcpin:..., tcpout:... or serial:DEVICE:BAUD; without HOST only this machine."
+            " May be given more than once: each address is one link.",
         ),
     ] = None,
     estimator: Annotated[
@@ -34,7 +35,12 @@ def stream(
         typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; the default is the scenario's first."),
     ] = None,
     seed: Seed = None,
-    speed: Annotated[float, typer.Option(metavar="X", help="Simulated seconds per second; 0: as fast as possible.")] = 1.0,
+    speed: Annotated[
+        Optional[float],  # noqa: UP045
+        typer.Option(
+            metavar="X", help="Simulated seconds per second, 1 by default; 0: as fast as possible, the default with ArduPilot."
+        ),
+    ] = None,
     duration: Annotated[
         Optional[float],  # noqa: UP045
         typer.Option(metavar="S", help="Simulated seconds; without it until Ctrl-C, with --speed 0 the scenario's duration."),
@@ -48,6 +54,10 @@ def stream(
         Optional[Path],  # noqa: UP045
         typer.Option(metavar="FILE", help="Sign messages with the key in this file, and accept only messages signed with it."),
     ] = None,
+    system: Annotated[
+        int, typer.Option(metavar="N", help="MAVLink system of the vehicle, 1 to 255: several vehicles beside one another.")
+    ] = 1,
+    errors: Annotated[bool, typer.Option("--errors", help="Send the errors of the estimate too (NAMED_VALUE_FLOAT).")] = False,
     lockstep: Annotated[
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
@@ -59,18 +69,20 @@ def stream(
     from insenv.cli import stream as live
 
     if lockstep is not None:
-        if signing_key_file is not None or speed != 1.0:
-            raise InputError(
-                "--lockstep allows no --signing-key-file and no --speed: autopilots do not sign, and they set the pace"
-            )
+        if signing_key_file is not None:
+            raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
+        if system != 1 or errors:
+            raise InputError(f"{'--errors' if errors else '--system'}: not allowed with --lockstep")
+        if to and len(to) > 1:
+            raise InputError(f"--to: {len(to)} addresses; --lockstep allows one, that of the autopilot")
         in_step.lockstep(
-            scenario, estimator, kind=lockstep.value, to=to, seed=seed, duration_s=duration, tlog=tlog, rates=rate or [],
-            as_json=as_json,
+            scenario, estimator, kind=lockstep.value, to=to[0] if to else None, seed=seed, speed=speed, duration_s=duration,
+            tlog=tlog, rates=rate or [], as_json=as_json,
         )  # fmt: skip
         return
-    if to is None:
+    if not to:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     live.stream(
-        scenario, estimator, to=to, seed=seed, speed=speed, duration_s=duration, tlog=tlog, rates=rate or [],
-        signing_key_file=signing_key_file, as_json=as_json,
+        scenario, estimator, to=to, seed=seed, speed=1.0 if speed is None else speed, duration_s=duration, tlog=tlog,
+        rates=rate or [], signing_key_file=signing_key_file, system=system, show_errors=errors, as_json=as_json,
     )  # fmt: skip

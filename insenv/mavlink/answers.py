@@ -9,18 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from insenv.errors import InputError
-from insenv.mavlink.commands import execute
+from insenv.mavlink.commands import execute, set_mode
+from insenv.mavlink.filetransfer import replies
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.schedule import STREAMS
-from insenv.mavlink.messages.status import COMPONENT, SYSTEM
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
 from insenv.mavlink.vehicle import Vehicle
 
 Answers = Iterable[Message]
 """The messages sent back: a list, or for all parameters an iterator that makes them one by one."""
 
-_FTP_ACK, _FTP_NAK, _FTP_TERMINATE, _FTP_RESET, _FTP_FILE_NOT_FOUND = 128, 129, 1, 2, 10
-_FTP_HEADER, _FTP_SIZE = 12, 251
+_DOES_NOT_EXIST, _OUT_OF_RANGE, _READ_ONLY = 1, 2, 5  # MAV_PARAM_ERROR
+_NO_MISSION, _LOG_BYTES, _DO_SET_MODE = 1, 90, 176
 _MISSION_UNSUPPORTED, _MISSION_ACCEPTED, _MISSION_INVALID_SEQUENCE = 3, 0, 13
 _NAME_BYTES = 16
 
@@ -28,16 +28,17 @@ _NAME_BYTES = 16
 def answers(vehicle: Vehicle, message: Message) -> Answers:
     """Execute what a message asks for, and return the answers to its sender."""
     handler = HANDLERS.get(message.get_type())
-    if handler is None or not _for_us(message):
+    if handler is None or not _for_us(vehicle, message):
         return ()
     return handler(vehicle, message)
 
 
-def _for_us(message: Message) -> bool:
-    if message.get_srcSystem() == SYSTEM and message.get_srcComponent() == COMPONENT:
+def _for_us(vehicle: Vehicle, message: Message) -> bool:
+    own_system, own_component = vehicle.view.system, vehicle.view.component
+    if (message.get_srcSystem(), message.get_srcComponent()) == (own_system, own_component):
         return False
     system = getattr(message, "target_system", getattr(message, "target", 0))
-    return system in (0, SYSTEM) and getattr(message, "target_component", 0) in (0, COMPONENT)
+    return system in (0, own_system) and getattr(message, "target_component", 0) in (0, own_component)
 
 
 def _to(message: Message) -> tuple[int, int]:
@@ -65,17 +66,20 @@ def _parameter_read(vehicle: Vehicle, message: Message) -> Answers:
         try:
             place = vehicle.parameters.find(_name(message))
         except InputError:
-            return ()
-    return [parameter_value(vehicle, place)] if place < len(vehicle.parameters) else ()
+            return _parameter_error(vehicle, message, _DOES_NOT_EXIST)
+    if place >= len(vehicle.parameters):
+        return _parameter_error(vehicle, message, _DOES_NOT_EXIST)
+    return [parameter_value(vehicle, place)]
 
 
 def _parameter_set(vehicle: Vehicle, message: Message) -> Answers:
-    """The answer is the value in force, which tells the sender whether its own was accepted."""
+    """The answer is the value in force, which tells the sender whether its own was accepted, and PARAM_ERROR if it was not."""
     try:
         place = vehicle.parameters.find(_name(message))
     except InputError:
-        return ()
+        return _parameter_error(vehicle, message, _DOES_NOT_EXIST)
     parameter = vehicle.parameters.all[place]
+    wrong: Answers = ()
     try:
         if message.param_type != REAL32:
             raise InputError(f"{parameter.name}: send it as REAL32")
@@ -84,7 +88,14 @@ def _parameter_set(vehicle: Vehicle, message: Message) -> Answers:
             vehicle.announce(f"{parameter.name}: acts at next alignment")
     except InputError as error:
         vehicle.announce(str(error), "warning")
-    return [parameter_value(vehicle, place)]
+        wrong = _parameter_error(vehicle, message, _READ_ONLY if parameter.write is None else _OUT_OF_RANGE)
+    return [parameter_value(vehicle, place), *wrong]
+
+
+def _parameter_error(vehicle: Vehicle, message: Message, error: int) -> Answers:
+    """PARAM_ERROR.  The message comes by name or by index, as the request."""
+    index = getattr(message, "param_index", -1)
+    return [vehicle.view.fields.message("PARAM_ERROR", *_to(message), _name(message), index, error)]
 
 
 def _name(message: Message) -> str:
@@ -129,21 +140,9 @@ def _manual_control(vehicle: Vehicle, message: Message) -> Answers:
 
 
 def _file_transfer(vehicle: Vehicle, message: Message) -> Answers:
-    """There are no files.  A refusal has the next sequence number and the session of the request."""
-    request = bytes(message.payload)
-    opcode = request[3]
-    if opcode >= _FTP_ACK or opcode == 0:
-        return ()
-    reply = bytearray(_FTP_SIZE)
-    sequence = (int.from_bytes(request[0:2], "little") + 1) % 65536
-    reply[0:2] = sequence.to_bytes(2, "little")
-    reply[2] = request[2]
-    reply[5] = opcode
-    if opcode in (_FTP_TERMINATE, _FTP_RESET):
-        reply[3] = _FTP_ACK
-    else:
-        reply[3], reply[4], reply[_FTP_HEADER] = _FTP_NAK, 1, _FTP_FILE_NOT_FOUND
-    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *_to(message), list(reply))]
+    """The files of the component metadata; all else is refused."""
+    payloads = replies(vehicle.files, bytes(message.payload))
+    return [vehicle.view.fields.message("FILE_TRANSFER_PROTOCOL", 0, *_to(message), list(payload)) for payload in payloads]
 
 
 def _mission_list(vehicle: Vehicle, message: Message) -> Answers:
@@ -159,6 +158,21 @@ def _mission(result: int) -> Callable[[Vehicle, Message], Answers]:
 
 def _log_list(vehicle: Vehicle, message: Message) -> Answers:
     return [vehicle.view.fields.message("LOG_ENTRY", 0, 0, 0, 0, 0)]
+
+
+def _log_data(vehicle: Vehicle, message: Message) -> Answers:
+    """No log has any data."""
+    return [vehicle.view.fields.message("LOG_DATA", message.id, message.ofs, 0, [0] * _LOG_BYTES)]
+
+
+def _mission_current(vehicle: Vehicle, message: Message) -> Answers:
+    """There is no mission, so that its present item stays the first of none."""
+    return [vehicle.view.fields.message("MISSION_CURRENT", 0, 0, _NO_MISSION, 0)]
+
+
+def _set_mode(vehicle: Vehicle, message: Message) -> Answers:
+    result = set_mode(vehicle, message.custom_mode)
+    return [vehicle.view.fields.message("COMMAND_ACK", _DO_SET_MODE, result, 0, 0, *_to(message))]
 
 
 # --- clocks --------------------------------------------------------------------------------------
@@ -190,7 +204,10 @@ HANDLERS: dict[str, Callable[[Vehicle, Message], Answers]] = {
     "MISSION_CLEAR_ALL": _mission(_MISSION_ACCEPTED),
     "MISSION_REQUEST": _mission(_MISSION_INVALID_SEQUENCE),
     "MISSION_REQUEST_INT": _mission(_MISSION_INVALID_SEQUENCE),
+    "MISSION_SET_CURRENT": _mission_current,
     "LOG_REQUEST_LIST": _log_list,
+    "LOG_REQUEST_DATA": _log_data,
+    "SET_MODE": _set_mode,
     "TIMESYNC": _timesync,
     "PING": _ping,
 }

@@ -9,8 +9,9 @@ from math import isfinite
 from insenv.errors import InputError
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Message
 from insenv.mavlink.messages.schedule import MAX_HZ
+from insenv.mavlink.messages.status import available_modes
 from insenv.mavlink.vehicle import Vehicle
-from insenv.mavlink.wire import dialect
+from insenv.mavlink.wire.frames import message_class
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 """MAV_RESULT."""
@@ -36,7 +37,7 @@ def execute(vehicle: Vehicle, command: int, parameters: Sequence[float]) -> Answ
 @lru_cache(maxsize=1)
 def names_by_number() -> dict[int, str]:
     """Names of the messages that the vehicle can make, by message number."""
-    return {getattr(dialect(), f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
+    return {message_class(name).id: name for name in MESSAGES}
 
 
 def _realign(vehicle: Vehicle, p: Sequence[float]) -> Answer:
@@ -96,12 +97,29 @@ def _request_message(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     if p[0] == _MESSAGE_INTERVAL:
         return _get_interval(vehicle, p[1:])
     name = _named(p[0])
+    if name == "AVAILABLE_MODES":  # param2: the number of one of the modes, 0 for all
+        modes = [mode for mode in available_modes(vehicle.view) if p[1] in (0.0, mode.mode_index)]
+        return (ACCEPTED, modes) if modes else (DENIED, [])
     return (UNSUPPORTED, []) if name is None else _make(vehicle, name)
 
 
 def _make(vehicle: Vehicle, name: str) -> Answer:
     message = vehicle.make(name)
     return (TEMPORARILY_REJECTED, []) if message is None else (ACCEPTED, [message])
+
+
+def set_mode(vehicle: Vehicle, custom_mode: float) -> int:
+    """The result of a request for a mode: only the present one is accepted, since modes follow from what steers the vehicle."""
+    if custom_mode == vehicle.view.mode.number:
+        return ACCEPTED
+    names = {mode.number: mode.name for mode in vehicle.view.modes}
+    if custom_mode in names:
+        vehicle.announce(f"mode {names[int(custom_mode)]}: not by command", "warning")
+    return DENIED
+
+
+def _set_mode(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    return set_mode(vehicle, p[1]), []
 
 
 def _request(name: str) -> _Action:
@@ -123,10 +141,12 @@ ACTIONS: dict[int, _Action] = {
     31011: _gnss,  # MAV_CMD_USER_2
     31012: _pause,  # MAV_CMD_USER_3
     31013: _speed,  # MAV_CMD_USER_4
+    176: _set_mode,  # DO_SET_MODE: param2 the custom mode
     400: _arm,  # COMPONENT_ARM_DISARM
     510: _get_interval,  # GET_MESSAGE_INTERVAL
     511: _set_interval,  # SET_MESSAGE_INTERVAL: param2 in us; 0 the default, -1 never
     512: _request_message,  # REQUEST_MESSAGE
+    519: _request("PROTOCOL_VERSION"),  # REQUEST_PROTOCOL_VERSION
     520: _request("AUTOPILOT_VERSION"),  # REQUEST_AUTOPILOT_CAPABILITIES
     410: _request("HOME_POSITION"),  # GET_HOME_POSITION
 }

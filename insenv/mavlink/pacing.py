@@ -48,10 +48,23 @@ class Pacer:
         self._samples = 0
         self._burst = 0
 
-    def wait(self, meanwhile: Callable[[], None]) -> None:
-        """Wait for the next deadline, and call `meanwhile` every `SLICE_S` until then."""
+    def change(self, speed: float) -> None:
+        """Continue at another speed: the part of the sample that has passed counts, so that changes never delay a sample."""
+        before, now = self.speed, self._clock()
+        begun = now
+        if before > 0.0 and speed > 0.0:
+            passed = (now - self._begun) * before / self._interval - self._samples
+            begun = now - min(max(passed, 0.0), 1.0) * self._interval / speed
+        self.restart(speed)
+        self._begun = begun
+
+    def wait(self, meanwhile: Callable[[], bool]) -> bool:
+        """Wait for the next deadline, and call `meanwhile` every `SLICE_S` until then.
+
+        False when `meanwhile` returned False, which ends the wait: the sample is still due.
+        """
         if self.speed == 0.0:
-            return
+            return True
         self._samples += 1
         deadline = self._begun + self._samples * self._interval / self.speed
         left = deadline - self._clock()
@@ -61,15 +74,18 @@ class Pacer:
                 self.slips += 1
                 self.slipped += -left
                 self.restart(self.speed)
-            return
+            return True
         self._burst = 0
         while left > SLICE_S:
             self._sleep(SLICE_S)
-            meanwhile()
+            if not meanwhile():
+                self._samples -= 1
+                return False
             left = deadline - self._clock()
         if left > 0.0:
             self._sleep(left)
         self._lateness.append(max(0.0, self._clock() - deadline))
+        return True
 
     def sent(self, messages: int) -> None:
         """Count messages that were sent, and pause after `BURST_MESSAGES`."""

@@ -72,6 +72,7 @@ class Simulation:
         self.fix: Fix | None = None
         self.gnss_on = True
         self.alignments = 1
+        self._aligning_since = 0
         self.increments = np.zeros(6)
 
         self._increment = np.zeros(6)
@@ -165,6 +166,12 @@ class Simulation:
         self._filter.start()
         self._z[:] = self._filter.output()
         self.alignments += 1
+        self._aligning_since = self.samples
+
+    def notes(self) -> tuple[str, ...]:
+        """What the estimator says against its estimate, with its parameters and the data since the alignment began."""
+        rows = self.estimator.model.parameters.unpack(self._filter.p)
+        return self.estimator.notes(rows, max(self.samples - self._aligning_since, 1) * self.interval)
 
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from insenv.mavlink.answers import answers
@@ -13,7 +13,8 @@ from insenv.mavlink.outbox import Outbox
 from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire import Link, TlogWriter
-from insenv.mavlink.wire.frames import resequenced
+from insenv.mavlink.wire.frames import Statistics, resequenced
+from insenv.mavlink.wire.peers import Peer
 
 HEARTBEAT_S = 1.0
 """Largest wall time between HEARTBEATs, even when the simulation is paused or slow: clients time out after 3 s."""
@@ -24,19 +25,26 @@ WATCH_S = 1.0
 """Wall time between two calls of a watcher: drawing a dashboard takes some 10 ms, which delays samples."""
 
 Watch = Callable[["Stream"], None]
+Stop = Callable[[], bool]
+"""Whether to end; called at each sample and every `SLICE_S` of a longer wait."""
+
+
+def never() -> bool:
+    """Never end."""
+    return False
 
 
 class Stream:
-    """A vehicle on a link.
+    """A vehicle on one link or several.
 
-    recorder: receives every message that the vehicle sends, numbered consecutively, and every message received. sent,
-    received: number of messages by name, answers included.  recorded: number of sent messages in the log.  interrupted:
-    whether Ctrl-C ended the stream.
+    recorder: receives every message that the vehicle sends, numbered consecutively, and every message received, with
+    the number of its link. sent, received: number of messages by name, answers included; a message counts once, for any
+    number of clients.  recorded: number of sent messages in the log.  interrupted: whether it was ended from outside.
     """
 
-    def __init__(self, vehicle: Vehicle, link: Link, recorder: TlogWriter | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], recorder: TlogWriter | None = None) -> None:
         self.vehicle = vehicle
-        self.link = link
+        self.links = (link,) if isinstance(link, Link) else tuple(link)
         self.sent: Counter[str] = Counter()
         self.received: Counter[str] = Counter()
         self.outbox = Outbox()
@@ -49,27 +57,37 @@ class Stream:
         self._heartbeat_at = float("-inf")
         self._watched_at = self._begun
         self._known_peers = 0
+        self._stop: Stop = never
 
-    def run(self, duration_s: float | None = None, watch: Watch | None = None) -> None:
-        """Stream for `duration_s` simulated seconds, or until Ctrl-C, and call `watch` every `WATCH_S`."""
+    def run(self, duration_s: float | None = None, watch: Watch | None = None, stop: Stop = never) -> None:
+        """Stream for `duration_s` simulated seconds, until `stop` or Ctrl-C, and call `watch` every `WATCH_S`."""
         simulation = self.vehicle.simulation
         last = None if duration_s is None else simulation.samples + round(duration_s / simulation.interval)
         self._begun, self._cpu = time.monotonic(), time.process_time()
         self.pacer.restart(self.vehicle.speed)
+        self._stop = stop
         try:
-            while last is None or simulation.samples < last:
+            while (last is None or simulation.samples < last) and not stop():
                 self.tick()
-                if time.monotonic() - self._watched_at > WATCH_S:
-                    self._watched_at = time.monotonic()
-                    self.vehicle.view.load = min(self.cpu_share, 1.0)
-                    if watch is not None:
-                        watch(self)
+                self._look(watch)
+            self.interrupted = self.interrupted or stop()
             self._flush()
         except KeyboardInterrupt:
             self.interrupted = True
 
+    def _look(self, watch: Watch | None) -> None:
+        now = time.monotonic()
+        if now - self._watched_at > WATCH_S:
+            self._watched_at = now
+            self.vehicle.view.load = min(self.cpu_share, 1.0)
+            if watch is not None:
+                watch(self)
+
     def tick(self) -> None:
-        """Advance by one sample at its time, or wait briefly when paused, and answer received messages."""
+        """Advance by one sample at its time, or wait briefly when paused, and answer received messages.
+
+        A pause or another speed that is received meanwhile acts at once: the sample is then left to the next call.
+        """
         vehicle, pacer = self.vehicle, self.pacer
         if vehicle.paused:
             time.sleep(PAUSE_S)
@@ -77,8 +95,9 @@ class Stream:
             pacer.restart(vehicle.speed)
             return
         if vehicle.speed != pacer.speed:
-            pacer.restart(vehicle.speed)
-        pacer.wait(self.serve)
+            pacer.change(vehicle.speed)
+        if not pacer.wait(self._serve_while_waiting):
+            return
         messages = vehicle.step()
         for message in messages:
             self.send(message)
@@ -86,15 +105,21 @@ class Stream:
             self.serve()
         pacer.sent(len(messages))
 
+    def _serve_while_waiting(self) -> bool:
+        """Serve, and return whether the deadline still holds."""
+        self.serve()
+        return self.vehicle.speed == self.pacer.speed and not self.vehicle.paused and not self._stop()
+
     def serve(self) -> None:
         """Receive, send pending answers, and send HEARTBEAT when it is due.  Does not block."""
-        for peer, message in self.link.receive():
-            self.received[message.get_type()] += 1
-            self._record(bytes(message.get_msgbuf()))
-            self.outbox.put(peer, answers(self.vehicle, message))
+        for number, link in enumerate(self.links):
+            for peer, message in link.receive():
+                self.received[message.get_type()] += 1
+                self._record(bytes(message.get_msgbuf()), number)
+                self.outbox.put((link, peer), answers(self.vehicle, message))
         self.outbox.send(self._send_to)
         now = time.monotonic()
-        peers = len(self.link.peers)
+        peers = len(self.peers)
         if now - self._heartbeat_at >= HEARTBEAT_S or peers > self._known_peers:
             self.send(self.vehicle.make("HEARTBEAT"))
             if self.vehicle.paused:
@@ -107,11 +132,13 @@ class Stream:
         name = message.get_type()
         if name == "HEARTBEAT":
             self._heartbeat_at = time.monotonic()
-        self.link.send(message)
+        for link in self.links:
+            link.send(message)
         self._account(name, message)
 
-    def _send_to(self, peer: Any, message: Message) -> None:
-        self.link.send_to(peer, message)
+    def _send_to(self, receiver: Any, message: Message) -> None:
+        link, peer = receiver
+        link.send_to(peer, message)
         self._account(message.get_type(), message)
 
     def _account(self, name: str, message: Message) -> None:
@@ -121,9 +148,9 @@ class Stream:
             self._record(resequenced(bytes(message.get_msgbuf()), self.recorded % 256, signed=False))
             self.recorded += 1
 
-    def _record(self, frame: bytes) -> None:
+    def _record(self, frame: bytes, link: int = 0) -> None:
         if self._recorder is not None:
-            self._recorder.write(self.vehicle.view.unix_us, frame)
+            self._recorder.write(self.vehicle.view.unix_us, frame, link)
 
     def _flush(self) -> None:
         """Send the remaining answers."""
@@ -131,6 +158,18 @@ class Stream:
         for _ in range(100):
             if not self.outbox.send(self._send_to):
                 break
+
+    @property
+    def peers(self) -> tuple[Peer, ...]:
+        """The live peers of all links."""
+        return tuple(peer for link in self.links for peer in link.peers)
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counts of all links together; a message sent over several of them counts once."""
+        total = Statistics.total(link.statistics for link in self.links)
+        total.sent_messages = sum(self.sent.values())
+        return total
 
     @property
     def wall_s(self) -> float:
@@ -155,8 +194,12 @@ class Stream:
             "interrupted": self.interrupted,
             "sent": dict(sorted(self.sent.items())),
             "received": dict(sorted(self.received.items())),
-            "link": self.link.statistics.as_dict(),
-            "clients": [peer.name for peer in self.link.peers],
+            "link": self.statistics.as_dict(),
+            "links": [
+                {"address": str(link.address), "clients": [peer.name for peer in link.peers], **link.statistics.as_dict()}
+                for link in self.links
+            ],
+            "clients": [peer.name for peer in self.peers],
             "lateness_ms": {"p50": self.pacer.lateness(0.5) * 1e3, "p99": self.pacer.lateness(0.99) * 1e3},
             "slips": self.pacer.slips,
             "slipped_s": self.pacer.slipped,

@@ -7,15 +7,20 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 
 from insenv.errors import InputError
+from insenv.estimators import Estimator
 from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
+from insenv.mavlink.messages.status import error_messages
+from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
+from insenv.mavlink.metadata import GENERAL, checksum, metadata
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
 from insenv.scenario import Scenario
 
-MAX_SPEED = 100.0
-"""Largest speed of the simulation, in simulated seconds per second."""
+MIN_SPEED, MAX_SPEED = 0.01, 100.0
+"""Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""
+HIL_ACCELERATIONS = {"mG": MILLI_G, "mm/s^2": MM_S2}
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
 _TEXT = 50
 _TEXTS_WAITING = 20
@@ -27,34 +32,53 @@ class Vehicle:
 
     scenario, estimator, seed: see `Simulation`.  rates: Hz by message, instead of the default.  speed: simulated
     seconds per second; 0: as fast as possible.  start_unix: Unix time (s) at the start of the run; None: that of the
-    wall clock.  Raises `InputError` for an estimator, rate or speed that is not allowed.
+    wall clock.  system, component: the sender that its messages state, 1 to 255; those of the link must be the same.
+    hil_acceleration: unit of the accelerations in HIL_STATE_QUATERNION, ``"mG"`` (MAVLink) or ``"mm/s^2"`` (PX4).
+    show_errors: send the errors of the estimate with each HEARTBEAT (NAMED_VALUE_FLOAT).
+    Raises `InputError` for an estimator, rate, speed, sender or unit that is not allowed.
+
+    files: what clients can read by FTP, by name: names, units and ranges of the parameters.
     """
 
     def __init__(
         self,
         scenario: Scenario,
-        estimator: str | None = None,
+        estimator: str | Estimator | None = None,
         *,
         seed: int | None = None,
         rates: Mapping[str, float] | None = None,
         speed: float = 1.0,
         start_unix: float | None = None,
+        system: int = 1,
+        component: int = 1,
+        hil_acceleration: str = "mG",
+        show_errors: bool = False,
     ) -> None:
         start_unix = time.time() if start_unix is None else start_unix
         self.simulation = Simulation(scenario, estimator, seed)
         surroundings = Surroundings(self.simulation.plant.seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
         self.view = View(self.simulation, surroundings, start_unix)
+        for name, value in (("system", system), ("component", component)):
+            if not 1 <= value <= 255:
+                raise InputError(f"{name} {value}: allowed is 1 to 255")
+        if hil_acceleration not in HIL_ACCELERATIONS:
+            raise InputError(f"hil_acceleration {hil_acceleration!r}: allowed is {' or '.join(HIL_ACCELERATIONS)}")
+        self.view.system, self.view.component = system, component
+        self.view.hil_acceleration = HIL_ACCELERATIONS[hil_acceleration]
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
-        self.paused = False
+        self.paused, self.show_errors = False, show_errors
         commands = self.simulation.commands
         self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
+        self.files = metadata(self.parameters.all)
+        self.view.metadata_crc = checksum(self.files[GENERAL])
         _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
         self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
         self._steered_at: float | None = None
         self._refused_steering = False
         self._was_aligned = False
+        self._noted = ""
 
     # --- messages -----------------------------------------------------------------------------------
 
@@ -70,6 +94,7 @@ class Vehicle:
                 messages.append(message)
             if name == "HEARTBEAT":
                 self._announce_alignment()
+                messages += error_messages(self.view) if self.show_errors else []
         if self._texts:
             messages += self.texts()
         return messages
@@ -97,6 +122,10 @@ class Vehicle:
                 self.announce("estimate diverged: start a new alignment", "error")
             else:
                 self.announce("aligned" if aligned else "aligning", "notice")
+        notes = () if aligned else self.simulation.notes()
+        if notes and notes[0].partition(":")[0] != self._noted:
+            self._noted = notes[0].partition(":")[0]
+            self.announce(self._noted, "warning")
 
     # --- control ------------------------------------------------------------------------------------
 
@@ -134,6 +163,7 @@ class Vehicle:
         self._refused_steering = False
         if self._steered_at is None:
             self.announce("manual control: the script has ended", "notice")
+        self.view.mode = MANUAL
         self._steered_at = self.simulation.time
         self.simulation.command(self.sticks.commanded(x, y, z, r))
 
@@ -184,6 +214,9 @@ class Vehicle:
 
 def checked_speed(speed: float) -> float:
     """Check a speed of the simulation.  Raises `InputError`."""
-    if not 0.0 <= speed <= MAX_SPEED:
-        raise InputError(f"speed = {speed:g}: allowed is 0 (as fast as possible) to {MAX_SPEED:g} simulated seconds per second")
+    if speed != 0.0 and not MIN_SPEED <= speed <= MAX_SPEED:
+        raise InputError(
+            f"speed = {speed:g}: allowed is {MIN_SPEED:g} to {MAX_SPEED:g} simulated seconds per second,"
+            " or 0 (as fast as possible)"
+        )
     return float(speed)

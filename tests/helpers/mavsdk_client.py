@@ -1,7 +1,7 @@
 """A MAVSDK client as a process of its own: ``mavsdk_client.py URL SECONDS PARAMETER VALUE``.  Prints what it saw as JSON.
 
 Connects, waits for a vehicle, listens to its telemetry for so long, and until all of its health is good (30 s at most), reads
-all parameters, sets one and reads it again.
+all parameters, sets one and reads it again, and downloads mission, fence and rally points.
 """
 
 import enum
@@ -12,6 +12,7 @@ import time
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.info import Info
+from mavsdk.plugins.mission_raw import MissionRaw
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import Telemetry
 
@@ -61,6 +62,8 @@ def main(url, seconds, parameter, value):
     parameters.set_param_float(parameter, value)
     after = parameters.get_param_float(parameter)
     version = flat(Info(system).get_version())
+    missions = MissionRaw(system)
+    downloads = [flat(get()) for get in (missions.download_mission, missions.download_geofence, missions.download_rallypoints)]
     found_at = begun + found_after
     while (now := time.monotonic() - found_at) < seconds or (now < 30.0 and True not in seen["health_all_ok"][-1:]):
         time.sleep(0.05)
@@ -77,6 +80,7 @@ def main(url, seconds, parameter, value):
             "parameters": every,
             "set": [before, after],
             "version": version,
+            "downloads": downloads,
         }
     print(json.dumps(document))
     sys.stdout.flush()

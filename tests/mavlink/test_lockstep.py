@@ -19,10 +19,23 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insenv.cli.lockstep import home_option
 from insenv.errors import InputError
 from insenv.mavlink import Vehicle
-from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lockstep, moving, px4_rates, steering
+from insenv.mavlink.answers import answers
+from insenv.mavlink.lockstep import (
+    ArduPilotLockstep,
+    Controls,
+    Motion,
+    Px4Lockstep,
+    moving,
+    px4_messages,
+    px4_rates,
+    steering,
+)
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
+from insenv.mavlink.lockstep.cadence import SHORTEST_WAIT_S, Cadence
+from insenv.mavlink.lockstep.px4 import COMPONENT
 from insenv.mavlink.wire import dialect, open_link
 from insenv.scenario import load
 
@@ -144,6 +157,110 @@ def test_a_lost_answer_of_px4_neither_stops_nor_shifts_anything() -> None:
         progress = simulator.run(steps=300)
     px4.done()
     assert progress.steps == 300 and progress.unanswered == 3 and progress.answers == 297 - 3
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_px4_that_answers_every_second_sample_costs_no_wait(every: int) -> None:
+    """As PX4's rover does at half the sample rate: learnt after two answers."""
+    taken: list[Controls] = []
+    with Px4Lockstep(Sensors(), INTERVAL, taken.append, address="tcpin:127.0.0.1:0", patience=0.3) as simulator:
+        silent = frozenset(n for n in range(10, 2001) if n % every)
+        px4 = Px4StandIn(simulator.link.address.port, silent=3, skip=silent)
+        progress = simulator.run(steps=2000)
+        assert progress.samples_per_answer == every
+    px4.done()
+    assert progress.steps == 2000 and progress.unanswered <= 3 * (every - 1)
+    # once learnt, each answer is waited for: none is late
+    assert [round(c.time * 1e6) for c in taken[50:]] == px4.answered[50 : len(taken)]
+    assert len(taken) == len(px4.answered)
+
+
+def test_the_number_of_samples_per_answer_is_learnt_and_forgotten() -> None:
+    def samples(cadence: Cadence, gaps: list[int]) -> int:
+        for gap in gaps:
+            for _ in range(gap):
+                cadence.sent()
+            cadence.answered(0.001)
+        return cadence.samples
+
+    assert samples(Cadence(1.0), [1, 2, 1, 1, 3, 2]) == 1  # lost answers are no pattern
+    assert samples(Cadence(1.0), [1, 2, 2]) == 2 and samples(Cadence(1.0), [4, 4, 4]) == 4
+    assert samples(Cadence(1.0), [4, 4, 2]) == 2 and samples(Cadence(1.0), [2, 2, 1]) == 1  # early ones count at once
+    quick, slow = Cadence(1.0), Cadence(1.0)
+    assert quick.wait_s == 1.0
+    quick.answered(0.001), slow.answered(0.5)
+    assert quick.wait_s == SHORTEST_WAIT_S and slow.wait_s == 1.0
+
+
+@pytest.mark.parametrize("speed", [2.0, 0.5])
+def test_a_speed_paces_px4(speed: float) -> None:
+    clock = SharedClock()
+    with Px4Lockstep(
+        Sensors(), INTERVAL, address="tcpin:127.0.0.1:0", speed=speed, clock=clock, sleep=clock.sleep
+    ) as simulator:
+        px4 = Px4StandIn(simulator.link.address.port, silent=10)
+        simulator.run(steps=400)
+    px4.done()
+    assert clock() == pytest.approx(400 * INTERVAL / speed, abs=0.02 * 400 * INTERVAL / speed)
+
+
+class SharedClock:
+    """A clock that only sleeping advances."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def test_px4_requests_an_interval(vehicle: Callable[..., Vehicle]) -> None:
+    """As simulator_mavlink does when it connects: HIL_STATE_QUATERNION at 200 Hz, addressed to nobody in particular."""
+    car = Vehicle(load("car-city-drive"), rates=px4_rates(200.0), component=COMPONENT, hil_acceleration="mm/s^2")
+    got: list[Any] = []
+    with Px4Lockstep(
+        px4_messages(car), car.simulation.interval, answer=lambda message: answers(car, message), address="tcpin:127.0.0.1:0"
+    ) as simulator:
+        link = open_link(f"tcpout:127.0.0.1:{simulator.link.address.port}", system=1, component=1)
+
+        def fly() -> None:
+            with link:
+                asked = False
+                while sum(g.get_type() == "HIL_SENSOR" and g.id == 0 for g in got) < 300:
+                    link.wait(0.05)
+                    for _, message in link.receive():
+                        got.append(message)
+                        if not asked:
+                            asked = True
+                            link.send(m.MAVLink_command_long_message(0, 0, 511, 0, 115, 5000, 0, 0, 0, 0, 0))
+                        if message.get_type() == "HIL_SENSOR" and message.id == 0:
+                            link.send(m.MAVLink_hil_actuator_controls_message(message.time_usec, [0.0] * 16, 0, 1))
+
+        thread = threading.Thread(target=fly, daemon=True)
+        thread.start()
+        simulator.run(steps=300)
+        thread.join(10)
+    (ack,) = [g for g in got if g.get_type() == "COMMAND_ACK"]
+    assert (ack.command, ack.result, ack.get_srcComponent()) == (511, 0, 200)
+    truths = [g for g in got if g.get_type() == "HIL_STATE_QUATERNION"]
+    assert len(truths) > 250
+    # mm/s^2, as PX4 reads them
+    assert np.mean([t.zacc for t in truths]) == pytest.approx(-9800, abs=200)
+    # each measurement again as sensor 1, which PX4 does not round
+    main = {g.time_usec: g for g in got if g.get_type() == "HIL_SENSOR" and g.id == 0}
+    again = [g for g in got if g.get_type() == "HIL_SENSOR" and g.id == 1]
+    assert len(again) >= 299 and all(g.fields_updated == 0b111111 for g in again)
+    assert all((g.zacc, g.xgyro) == (main[g.time_usec].zacc, main[g.time_usec].xgyro) for g in again)
+
+
+def test_px4_connects_by_tcp() -> None:
+    with pytest.raises(InputError, match="tcpin:HOST:PORT"):
+        Px4Lockstep(Sensors(), INTERVAL, address="udpin:127.0.0.1:0")
+    with pytest.raises(InputError, match=r"mG or mm/s\^2"):
+        Vehicle(load("car-city-drive"), hil_acceleration="g")
 
 
 def test_px4_without_lockstep_is_not_waited_for() -> None:
@@ -343,6 +460,47 @@ def test_ardupilot_invalid_frames_and_strangers(autopilot: Callable[[], socket.s
         now[0] += SILENT_S + 1  # silent: another takes its place
         assert exchange(stranger, place, servo_frame(5, [1500] * 16))["timestamp"] == pytest.approx(3 * INTERVAL)
         assert simulator.progress.connections == 2
+
+
+def test_a_restarted_ardupilot_is_taken_at_once(autopilot: Callable[[], socket.socket]) -> None:
+    now = [0.0]
+    with (
+        ArduPilotLockstep(still(), address="udpin:127.0.0.1:0", clock=lambda: now[0]) as simulator,
+        running(simulator) as place,
+    ):
+        first, second, stranger = autopilot(), autopilot(), autopilot()
+        for number in range(5):
+            exchange(first, place, servo_frame(number, [1500] * 16))
+        stranger.sendto(servo_frame(3, [1500] * 16), place)  # another one, in mid-run
+        exchange(first, place, servo_frame(5, [1500] * 16))
+        times = [exchange(second, place, servo_frame(n, [1500] * 16))["timestamp"] for n in (0, 1, 2)]
+        np.testing.assert_allclose(times, np.array([7, 8, 9]) * INTERVAL, atol=1e-12)
+        assert simulator.progress.connections == 2 and simulator.progress.refused == 1
+
+
+def test_a_speed_paces_ardupilot(autopilot: Callable[[], socket.socket]) -> None:
+    clock = SharedClock()
+    with (
+        ArduPilotLockstep(
+            still(), address="udpin:127.0.0.1:0", interval=INTERVAL, speed=0.5, clock=clock, sleep=clock.sleep
+        ) as simulator,
+        running(simulator) as place,
+    ):
+        link = autopilot()
+        for number in range(100):
+            exchange(link, place, servo_frame(number, [1500] * 16))
+        assert clock() == pytest.approx(100 * INTERVAL / 0.5, abs=1e-9)
+    with pytest.raises(InputError, match="interval"):
+        ArduPilotLockstep(still(), speed=1.0)
+
+
+def test_home_as_ardupilot_takes_it() -> None:
+    car = Vehicle(load("car-city-drive"))
+    latitude, longitude, height, heading = map(float, home_option(car).split(","))
+    known = car.simulation.plant.knowledge
+    assert (latitude, longitude) == pytest.approx((math.degrees(known.latitude), math.degrees(known.longitude)), abs=1e-7)
+    assert height == pytest.approx(known.height, abs=0.01)
+    assert heading == pytest.approx(math.degrees(known.heading) % 360.0, abs=0.06)
 
 
 def test_ardupilot_gets_finite_numbers_only() -> None:

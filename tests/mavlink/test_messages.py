@@ -1,5 +1,6 @@
 """MAVLink messages: rounding, saturation and counts of fields; agreement with the simulation; rates."""
 
+from itertools import pairwise
 from math import degrees, inf, nan
 
 import numpy as np
@@ -13,7 +14,10 @@ from insenv.mavlink import Vehicle
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
 from insenv.mavlink.messages.schedule import STREAMS
+from insenv.mavlink.messages.status import available_modes
 from insenv.mavlink.surroundings import AirSensors, Surroundings
+from insenv.mavlink.wire.frames import Statistics, split
+from insenv.mavlink.wire.further import DEFINITIONS, further_messages
 from insenv.scenario import load, parse
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
@@ -255,6 +259,40 @@ def test_undulation_changes_heights_above_sea_level_only():
     assert before[0].relative_alt == after[0].relative_alt and before[1].alt_ellipsoid == after[1].alt_ellipsoid
 
 
+def checked(message):
+    """The number of a message that pymavlink's common dialect lacks, of a frame whose checksum is correct."""
+    (frame,), used = split(bytes(message.pack(common.MAVLink(None, 1, 1))), Statistics())
+    assert used == len(frame)
+    return int.from_bytes(frame[7:10], "little")
+
+
+def test_messages_that_pymavlink_lacks_are_defined_as_by_pymavlink():
+    development = pytest.importorskip("pymavlink.dialects.v20.development")
+    for name in ("AVAILABLE_MODES", "CURRENT_MODE"):
+        theirs, ours = getattr(development, f"MAVLink_{name.lower()}_message"), further_messages()[name]
+        for key in ("id", "fieldnames", "fieldtypes", "orders", "array_lengths", "crc_extra"):
+            assert getattr(theirs, key) == getattr(ours, key), (name, key)
+    # as published with the message set
+    assert (further_messages()["PROTOCOL_VERSION"].crc_extra, further_messages()["COMPONENT_METADATA"].crc_extra) == (217, 182)
+    vehicle = Vehicle(load("car-city-drive"))
+    reader = development.MAVLink(None)
+    modes = [reader.decode(bytearray(m.pack(common.MAVLink(None, 1, 1)))) for m in available_modes(vehicle.view)]
+    assert [(m.number_modes, m.mode_index, m.custom_mode, m.mode_name) for m in modes] == [
+        (2, 1, 0, "Scenario"), (2, 2, 1, "Manual control"),
+    ]  # fmt: skip
+
+
+def test_coarse_imu_messages_are_those_of_ardupilot():
+    vehicle = Vehicle(load("car-city-drive"))
+    for _ in range(40):
+        vehicle.step()
+    fine, raw, scaled = (vehicle.make(name) for name in ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU"))
+    means = vehicle.simulation.increments / (40 * vehicle.simulation.interval)  # never sent before
+    for message in (raw, scaled):
+        assert message.zacc == round(means[5] / 9.80665 * 1e3) and message.xgyro == round(means[0] * 1e3)
+        assert message.xmag == round(fine.xmag * 1e3) and message.temperature == round(fine.temperature * 100)
+
+
 def test_every_message_of_every_kind_of_scenario_packs():
     for name in ("ship-swaying", "car-city-drive", "aircraft-survey"):
         vehicle = Vehicle(load(name))
@@ -263,7 +301,9 @@ def test_every_message_of_every_kind_of_scenario_packs():
         made = {kind: vehicle.make(kind) for kind in MESSAGES}
         without_gnss = {"GPS_RAW_INT", "HIL_GPS"} if name == "ship-swaying" else set()
         assert {kind for kind, message in made.items() if message is None} <= without_gnss | {"HIL_GPS"}
-        assert all(received(message).get_type() == kind for kind, message in made.items() if message is not None)
+        known = {kind: message for kind, message in made.items() if message is not None and kind not in DEFINITIONS}
+        assert all(received(message).get_type() == kind for kind, message in known.items())
+        assert all(checked(made[kind]) == number for kind, (number, _) in DEFINITIONS.items())
         expected = {"ship-swaying": 11, "car-city-drive": 10, "aircraft-survey": 1}[name]
         assert (made["HEARTBEAT"].type, made["HEARTBEAT"].autopilot) == (expected, 0)
         assert not vehicle.view.fields.saturated and not vehicle.view.fields.refused
@@ -335,3 +375,60 @@ def test_noise_is_white_and_a_function_of_seed_and_sample():
     sigma = np.std(one[:, :3], axis=0) / AirSensors().magnetic_noise
     assert np.all(np.abs(sigma - 1) < 4 / np.sqrt(2 * 4000))
     assert abs(np.std(one[::2, 3]) / AirSensors().pressure_noise - 1) < 4 / np.sqrt(2 * 2000)
+
+
+# --- fixes and outages ---------------------------------------------------------------------------------
+
+
+def with_receiver(**changed):
+    """The car with another receiver, and HIL_GPS and ESTIMATOR_STATUS only."""
+    car = load("car-city-drive")
+    gnss = car.gnss.model_copy(update={"outages_s": (), "outlier_probability": 0.0, **changed})
+    rates = {**dict.fromkeys(DEFAULT_HZ, 0.0), "HIL_GPS": DEFAULT_HZ["HIL_GPS"]}
+    return Vehicle(car.model_copy(update={"gnss": gnss}), rates=rates)
+
+
+@pytest.mark.parametrize("interval, latency", [(0.05, 0.0), (0.02, 0.01), (1.0, 0.05), (0.015, 0.0)])
+def test_hil_gps_is_every_fix(interval, latency):
+    vehicle = with_receiver(interval_s=interval, latency_s=latency, epoch_offset_s=0.0)
+    times, fixes = [], []
+    for _ in range(600):
+        seen = vehicle.simulation.fixes
+        sent = [m for m in vehicle.step() if m.get_type() == "HIL_GPS"]
+        assert len(sent) == vehicle.simulation.fixes - seen  # in the sample in which the fix is delivered
+        times += [m.time_usec for m in sent]
+        fixes += [round(vehicle.simulation.fix.time * 1e6) for _ in sent]
+    assert times == fixes and len(times) >= int((3.0 - latency) / interval)
+    np.testing.assert_allclose(np.diff(times), interval * 1e6, atol=1)
+
+
+@pytest.mark.parametrize("by_command", [False, True])
+def test_an_outage_is_no_fix_at_the_rate_of_the_receiver(by_command):
+    changed = {} if by_command else {"outages_s": ((5.0, 15.0),)}
+    vehicle = with_receiver(interval_s=0.5, latency_s=0.1, epoch_offset_s=0.0, **changed)
+    sent, status = [], []
+    for sample in range(1, 4001):
+        if by_command and sample in (1000, 3000):
+            vehicle.set_gnss(sample == 3000)
+        sent += [(vehicle.simulation.time, m) for m in vehicle.step() if m.get_type() == "HIL_GPS"]
+        if sample % 200 == 0:
+            status.append(vehicle.make("ESTIMATOR_STATUS"))
+    outage = [m for time, m in sent if 6.5 < time < 14.5]
+    assert {m.fix_type for m in outage} == {1} and 15 <= len(outage) <= 17
+    assert {m.fix_type for time, m in sent if time < 5.0 or time > 15.7} == {3}
+    assert all(a.time_usec < b.time_usec for (_, a), (_, b) in pairwise(sent))
+    before = max(m.time_usec for time, m in sent if time < 5.0)
+    held = next(m for _, m in sent if m.time_usec == before)
+    assert abs(outage[0].lat - held.lat) < 10_000 and (outage[0].eph, outage[0].vel, outage[0].cog) == (65535,) * 3
+    # the estimator's status follows: no absolute position and no innovation, while dead reckoning stays good
+    absolute, relative, glitch = 16 | 32, 8 | 256 | 512, 1024
+    assert all(s.flags & absolute == absolute and s.pos_horiz_ratio == s.pos_horiz_ratio for s in status[1:4] + status[16:])
+    for s in status[7:14]:
+        assert not s.flags & (absolute | glitch) and s.flags & relative == relative
+        assert s.pos_horiz_ratio != s.pos_horiz_ratio and s.vel_ratio != s.vel_ratio
+
+
+def test_no_fix_is_sent_before_the_first_one():
+    vehicle = with_receiver(interval_s=0.5, latency_s=0.0, epoch_offset_s=0.0, outages_s=((0.0, 3.0),))
+    sent = [m for _ in range(500) for m in vehicle.step() if m.get_type() == "HIL_GPS"]
+    assert len(sent) == 4 and {(m.fix_type, m.lat, m.lon) for m in sent} == {(1, 0, 0)}

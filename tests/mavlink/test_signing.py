@@ -15,7 +15,7 @@ from command_line import call, strict
 from insenv.errors import InputError
 from insenv.mavlink.wire import Link, Signing, Statistics, dialect
 from insenv.mavlink.wire.frames import split
-from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, FOLLOW_TICKS, TICKS_PER_S, Verdict, read_key
+from insenv.mavlink.wire.signing import AHEAD_TICKS, EPOCH_UNIX_S, LEAD_TICKS, TICKS_PER_S, Verdict, read_key
 
 m = dialect()
 KEY = bytes(range(32))
@@ -271,13 +271,21 @@ def test_our_own_frames_reflected() -> None:
     assert signing.verify(own, own=(1, 1)) is Verdict.REFLECTED
 
 
-def test_a_sender_with_a_wrong_clock_locks_nobody_out() -> None:
+def test_a_sender_with_a_wrong_clock_locks_nobody_out_not_even_itself(key_file: Path) -> None:
     clock = Clock()
-    signing = Signing(KEY, clock=clock)
-    century = Ground(at_s=NOW_S + 50 * 365 * 86400, system=254)
-    assert signing.verify(century.frame()) is Verdict.GOOD  # it has the key
-    assert signing.verify(Ground().frame()) is Verdict.GOOD  # others are judged by our clock
-    assert int.from_bytes(signing.signed(unsigned())[-12:-6], "little") <= ticks(NOW_S) + FOLLOW_TICKS + 1
+    signing = Signing.from_key_file(key_file, clock=clock)
+    year = 365 * 86400
+    for ahead in (5 * year, 50 * year, LEAD_TICKS / TICKS_PER_S + 1):
+        assert signing.verify(Ground(at_s=NOW_S + ahead).frame()) is Verdict.EARLY
+    assert signing.verify(Ground().frame()) is Verdict.GOOD  # the same one, with its clock set right
+    # up to a day, such as a wrong time zone, is accepted; it keeps its stream out until then, and others not
+    zone = Ground(at_s=NOW_S + 12 * 3600, system=254)
+    assert signing.verify(zone.frame()) is Verdict.GOOD
+    assert signing.verify(Ground(system=254).frame()) is Verdict.REPLAYED
+    assert signing.verify(Ground(at_s=NOW_S + 1, system=253).frame()) is Verdict.GOOD
+    clock.now += 12 * 3600 + 1
+    assert signing.verify(Ground(at_s=clock.now, system=254).frame()) is Verdict.GOOD
+    assert int.from_bytes(signing.signed(unsigned())[-12:-6], "little") <= ticks(clock.now) + LEAD_TICKS + 1
 
 
 def test_our_times_follow_the_clock_and_always_increase() -> None:
@@ -298,11 +306,45 @@ def test_our_times_follow_the_clock_and_always_increase() -> None:
     assert time_of() == ticks(NOW_S + 3600) + 1
 
 
-def test_streams_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_streams_are_bounded_and_old_ones_make_room(monkeypatch: pytest.MonkeyPatch, key_file: Path) -> None:
     monkeypatch.setattr("insenv.mavlink.wire.signing.MOST_STREAMS", 4)
-    signing = Signing(KEY, clock=Clock())
-    assert [signing.verify(Ground(system=i).frame()) for i in range(2, 8)] == [Verdict.GOOD] * 4 + [Verdict.STALE] * 2
+    clock = Clock()
+    signing = Signing.from_key_file(key_file, clock=clock)
+    flood = [Ground(system=i).frame() for i in range(2, 8)]
+    assert [signing.verify(frame) for frame in flood] == [Verdict.GOOD] * 4 + [Verdict.STALE] * 2
     assert signing.verify(Ground(at_s=NOW_S + 1, system=2).frame()) is Verdict.GOOD
+    signing.store()
+    for restarted in (False, True):
+        clock.now += 62
+        if restarted:
+            signing = Signing.from_key_file(key_file, clock=clock)
+        # a new ground station gets a place, and what has made room is not accepted again
+        system = 100 + restarted
+        assert signing.verify(Ground(at_s=clock.now, system=system).frame()) is Verdict.GOOD
+        assert [signing.verify(frame) for frame in flood] == [Verdict.REPLAYED] * 6
+    # nor if our clock is set back, before a restart or after a crash
+    clock.now = NOW_S + 2
+    assert [signing.verify(frame) for frame in flood] == [Verdict.REPLAYED] * 6
+    again = Signing.from_key_file(key_file, clock=clock)
+    assert [again.verify(frame) for frame in flood] == [Verdict.REPLAYED] * 6
+
+
+def test_the_file_is_written_once_a_second_for_any_number_of_streams(key_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    signing = Signing.from_key_file(key_file, clock=clock)
+    written = []
+    write = Signing._write
+    monkeypatch.setattr(Signing, "_write", lambda self, path: (written.append(path), write(self, path))[1])
+    believed = []
+    for step in range(500):  # 5 s; a new stream at each step, and each continues
+        clock.now = NOW_S + step * 0.01
+        for system in (step % 250 + 1, (step - 1) % 250 + 1):
+            believed.append(Ground(at_s=clock.now + 1e-4 * system, system=system, link=step // 250).frame())
+            signing.verify(believed[-1])
+    assert len(signing._last) > 490 and len(written) <= 12
+    # after a crash none of all these frames is accepted again
+    crashed = Signing.from_key_file(key_file, clock=clock)
+    assert {crashed.verify(frame) for frame in believed} == {Verdict.REPLAYED}
 
 
 # --- restarts ------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import threading
 import time
 from collections import Counter
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -112,10 +113,14 @@ def test_wrong_calls_are_refused(tmp_path):
     refused(call("stream", "no-such", *to), "no-such", "car-city-drive")
     refused(call("stream", "car-city-drive", "--to", "udp:1"), "udp:1", "udpout:HOST:PORT")
     refused(call("stream", "car-city-drive", *to, "--rate", "ATITUDE=5"), "ATITUDE", "ATTITUDE")
+    refused(call("stream", "car-city-drive", *to, *to), "udpout:127.0.0.1:9", "twice")
+    refused(call("stream", "car-city-drive", *(("--to", "udpin:127.0.0.1:0") * 5)), "5 addresses", "1 to 4")
+    refused(call("stream", "car-city-drive", *to, "--to", "udpin::1", "--lockstep", "px4"), "2 addresses")
     refused(call("stream", "car-city-drive", *to, "--speed", "-1"), "speed", "as fast as possible")
     refused(call("stream", "car-city-drive", *to, "--duration", "0"), "--duration")
     refused(call("stream", "car-city-drive", *to, "-e", "smoother"), "smoother", "loosely-coupled")
-    refused(call("stream", "car-city-drive", *to, "--lockstep", "px4", "--speed", "2"), "--lockstep")
+    refused(call("stream", "car-city-drive", "--lockstep", "px4", "--speed", "1e-6"), "0.01 to 100")
+    refused(call("stream", "car-city-drive", "--lockstep", "px4", "--to", "udpin:127.0.0.1:0"), "tcpin:HOST:PORT")
     refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--tlog", tmp_path / "a"), "--tlog")
     refused(call("stream", "car-city-drive", *to, "--signing-key-file", tmp_path / "no"), "not found")
     refused(call("stream", "car-city-drive", "--lockstep", "ardupilot-json", "--rate", "ATTITUDE=5"), "--rate")
@@ -137,22 +142,114 @@ def test_a_stream_without_a_receiver_reports_it():
     assert (status, err) == (0, "") and f"none sent: no receiver at {to}" in out
 
 
-def test_ctrl_c_ends_a_stream_cleanly(tmp_path):
+def until(condition, seconds=20.0):
+    """Wait for a condition."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def logged(path):
+    """The frames of a complete log."""
+    data, at, frames = path.read_bytes(), 0, []
+    while at < len(data):
+        size = 12 + data[at + 9]
+        frames.append(data[at + 8 : at + 8 + size])
+        assert len(frames[-1]) == size and frames[-1][0] == 0xFD
+        at += 8 + size
+    return frames
+
+
+PLAIN = "from insenv.cli import main; main()"
+IGNORING = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); " + PLAIN
+"""As a shell starts the background jobs of a script."""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
+@pytest.mark.parametrize("number, program", [("SIGINT", PROGRAM), ("SIGINT", IGNORING), ("SIGTERM", PLAIN), ("SIGHUP", PLAIN)])
+def test_every_request_to_end_completes_log_and_summary(number, program, tmp_path):
     with Receiver() as client:
         arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
-        running = subprocess.Popen([sys.executable, "-c", PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        for _ in range(400):
-            if len(client.frames) > 100:
-                break
-            time.sleep(0.05)
-        running.send_signal(signal.SIGINT)
+        command = [sys.executable, "-c", program, *arguments, "--json"]
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        until(lambda: len(client.frames) > 500)
+        running.send_signal(getattr(signal, number))
         out, err = running.communicate(timeout=30)
-    assert running.returncode == 0 and err == b"", err
-    assert b"ship-swaying, q-method" in out and b"written:" in out
-    assert (tmp_path / "a.tlog").stat().st_size > 1000 and not list(tmp_path.glob("*.part"))
+    assert (running.returncode, err) == (0, b"")
+    summary = strict(out.decode())
+    assert summary["interrupted"] is True and summary["scenario"] == "ship-swaying"
+    assert len(logged(tmp_path / "a.tlog")) == sum(summary["sent"].values()) == len(client.frames)
+    assert not list(tmp_path.glob("*.part"))
 
 
-def test_dashboard_shows_rates_lateness_clients_and_alignment():
+@pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX systems")
+def test_a_closed_terminal_ends_a_stream(tmp_path):
+    import fcntl
+    import pty
+    import termios
+
+    terminal, inside = pty.openpty()
+
+    def take_terminal():
+        os.setsid()
+        fcntl.ioctl(inside, termios.TIOCSCTTY, 0)
+
+    with Receiver() as client:
+        arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
+        running = subprocess.Popen(
+            [sys.executable, "-c", PLAIN, *arguments], stdin=inside, stdout=inside, stderr=inside, preexec_fn=take_terminal
+        )
+        os.close(inside)
+        until(lambda: len(client.frames) > 500)
+        assert b"ship-swaying" in os.read(terminal, 65536)  # the dashboard
+        os.close(terminal)
+        assert running.wait(timeout=30) == 0
+    assert len(logged(tmp_path / "a.tlog")) == len(client.frames) and not list(tmp_path.glob("*.part"))
+
+
+def test_several_addresses_are_several_links(tmp_path):
+    with Receiver() as first, Receiver() as second:
+        to = [f"udpout:127.0.0.1:{client.port}" for client in (first, second)]
+        arguments = ("--to", to[0], "--to", to[1], "--speed", 0, "--duration", 2, "--tlog", tmp_path / "a.tlog", "--json")
+        status, out, err = call("stream", "ship-swaying", *arguments)
+    found = strict(out)
+    total = sum(found["sent"].values())
+    assert (status, err) == (0, "") and [link["address"] for link in found["links"]] == to
+    assert len(first.frames) == len(second.frames) == total == len(logged(tmp_path / "a.tlog"))
+    assert lost(first.frames) == lost(second.frames) == 0 and found["link"]["sent_frames"] == 2 * total
+    assert found["link"]["sent_messages"] == total
+
+
+def test_links_that_share_a_key_sign_with_numbers_of_their_own(tmp_path):
+    key_file = tmp_path / "key"
+    key_file.write_bytes(bytes(range(32)))
+    key_file.chmod(0o600)
+    with Receiver() as first, Receiver() as second:
+        to = [f"udpout:127.0.0.1:{client.port}" for client in (first, second)]
+        arguments = ("--to", to[0], "--to", to[1], "--speed", 0, "--duration", 1, "--signing-key-file", key_file)
+        assert call("stream", "ship-swaying", *arguments)[0] == 0
+    assert {frame[-13] for frame in first.frames} == {0} and {frame[-13] for frame in second.frames} == {1}
+    times = [int.from_bytes(frame[-12:-6], "little") for frame in first.frames]
+    assert len(times) > 200 and all(a < b for a, b in pairwise(times))
+
+
+def test_answers_go_to_the_link_of_the_question():
+    vehicle = Vehicle(load("ship-swaying"), rates=SILENT)
+    with open_link("udpin:127.0.0.1:0") as one, open_link("udpin:127.0.0.1:0") as other:
+        stream = Stream(vehicle, (one, other))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.connect(("127.0.0.1", other.address.port))
+            client.settimeout(5.0)
+            client.send(common.MAVLink_ping_message(1, 3, 0, 0).pack(common.MAVLink(None, 245, 190)))
+            until(lambda: stream.serve() or stream.sent["PING"])
+            kinds = {common.MAVLink(None).decode(bytearray(client.recv(2048))).get_type() for _ in range(2)}
+        assert "PING" in kinds and [len(link.peers) for link in (one, other)] == [0, 1]
+        assert one.statistics.sent_frames == 0 and stream.statistics.received_messages == 1
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100])
+def test_dashboard_shows_rates_lateness_clients_errors_and_alignment(width):
     from rich.console import Console
 
     from insenv.cli.stream import Rates, picture
@@ -160,15 +257,45 @@ def test_dashboard_shows_rates_lateness_clients_and_alignment():
     vehicle = Vehicle(load("ship-swaying"), speed=0.0)
     with Receiver() as client, open_link(f"udpout:127.0.0.1:{client.port}") as link:
         stream, rates = Stream(vehicle, link), Rates()
-        console = Console(width=100, record=True, file=io.StringIO())
-        picture(stream, rates, now=0.0)
+        console = Console(width=width, record=True, file=io.StringIO())
+        picture(stream, rates, now=0.0, width=width)
         stream.run(10.0)
-        console.print(picture(stream, rates, now=10.0))
+        console.print(picture(stream, rates, now=10.0, width=width))
+        total = link.statistics.sent_frames
     text = console.export_text()
     assert re.search(r"HIL_SENSOR +200\.0", text) and re.search(r"ATTITUDE +20\.0", text)
+    for name, count in stream.sent.items():  # no column is lost
+        assert re.search(rf"{name[:20]} +{count / 10:.1f}", text), name
+    flat = " ".join(text.split())
     for word in ("lateness", "p99", f"127.0.0.1:{client.port}", "aligning", "tilt", "q-method", "as fast as possible"):
-        assert word in text, word
-    assert max(map(len, text.splitlines())) <= 100
+        assert word in flat, word
+    assert f"{total} sent to 1 client" in flat and re.search(r"error +tilt \S+ deg, heading \S+ deg", flat)
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_dashboard_counts_what_clients_got():
+    from rich.console import Console
+
+    from insenv.cli.stream import Rates, picture
+
+    with open_link("udpin:127.0.0.1:0") as link:
+        stream = Stream(Vehicle(load("ship-swaying"), speed=0.0), link)
+        stream.run(1.0)
+        console = Console(width=100, record=True, file=io.StringIO())
+        console.print(picture(stream, Rates()))
+    assert sum(stream.sent.values()) > 100 and "0 sent to 0 clients" in console.export_text()
+
+
+def test_several_vehicles_stream_to_one_ground_station():
+    with Receiver() as client:
+        to = ("--to", f"udpout:127.0.0.1:{client.port}", "--speed", 0, "--duration", 2)
+        for system in (1, 7):
+            assert call("stream", "ship-swaying", *to, "--system", system, "--errors")[0] == 0
+    heartbeats = {m.get_srcSystem() for m in client.messages() if m.get_type() == "HEARTBEAT"}
+    assert heartbeats == {1, 7} == {frame[5] for frame in client.frames}
+    assert {m.name for m in client.messages() if m.get_type() == "NAMED_VALUE_FLOAT"} == {"ERR_TILT", "ERR_HDG"}
+    refused(call("stream", "ship-swaying", *to, "--system", 0), "1 to 255")
+    refused(call("stream", "car-city-drive", "--lockstep", "px4", "--system", 2), "--system")
 
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot-json"])
@@ -210,7 +337,7 @@ def test_lockstep_from_the_command_line(kind, tmp_path):
             time.sleep(0.05)
             continue
         for message in reader.parse_buffer(data) or ():
-            if message.get_type() == "HIL_SENSOR":
+            if message.get_type() == "HIL_SENSOR" and message.id == 0:
                 times.append(message.time_usec / 1e6)
                 answer = common.MAVLink_hil_actuator_controls_message(message.time_usec, [0.0] * 16, 0, 1)
                 peer.send(answer.pack(packer))
@@ -262,6 +389,24 @@ def test_heartbeats_and_answers_continue_while_paused():
     kinds = Counter(m.get_type() for m in found)
     assert kinds["PARAM_VALUE"] == len(vehicle.parameters) and kinds["HEARTBEAT"] >= 2 and kinds["STATUSTEXT"] == 1
     assert vehicle.simulation.samples == 0 and lost([bytes(m.get_msgbuf()) for m in found]) == 0
+
+
+@pytest.mark.parametrize("command, value", [(31013, 0.0), (31013, 100.0), (31012, 1.0)])
+def test_a_slow_stream_obeys_a_new_speed_and_a_pause_at_once(command, value):
+    """At the slowest speed a sample of `slow` takes 100 s of wall time: the command must not wait for its end."""
+    slow = load("ship-swaying").model_copy(update={"rate_hz": 1.0})
+    vehicle = Vehicle(slow, rates=SILENT, speed=0.01)
+    with open_link("udpin:127.0.0.1:0") as link, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.connect(("127.0.0.1", link.address.port))
+        packed = common.MAVLink_command_long_message(1, 1, command, 0, value, 0, 0, 0, 0, 0, 0)
+        client.send(packed.pack(common.MAVLink(None, 245, 190)))
+        stream = Stream(vehicle, link)
+        begun = time.monotonic()
+        for _ in range(3):
+            stream.tick()
+        took = time.monotonic() - begun
+    assert took < 5.0 and stream.received["COMMAND_LONG"] == 1
+    assert vehicle.simulation.samples == (0 if command == 31012 else 2)
 
 
 def test_on_a_signed_link_only_signed_commands_act(tmp_path):
@@ -364,6 +509,12 @@ def test_client_reads_all_parameters_and_sets_one(session):
         if not name.startswith("MAN_SPEED"):
             assert listed[name] == pytest.approx(value, rel=1e-6, abs=1e-30), name
     assert found["set"] == [15.0, 7.5]
+
+
+def test_client_downloads_an_empty_mission_fence_and_rally_points(session):
+    """MAVSDK refuses these downloads unless AUTOPILOT_VERSION announces them."""
+    assert session["seen"]["downloads"] == [[], [], []]
+    assert session["summary"]["received"]["MISSION_REQUEST_LIST"] == 3
 
 
 def test_client_sees_the_estimated_attitude_and_odometry(session):

@@ -1,5 +1,7 @@
 """The simulated vehicle without a link: agreement with `insenv run`, answers, control."""
 
+import json
+from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -12,9 +14,11 @@ from insenv.mavlink.answers import HANDLERS, answers
 from insenv.mavlink.commands import ACTIONS, names_by_number
 from insenv.mavlink.manual import AXIS_UNUSED, Sticks
 from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.metadata import checksum
 from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
 from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
+from insenv.mavlink.wire.further import DEFINITIONS
 from insenv.scenario import build, load
 from insenv.vehicles import AircraftSection, CarSection, ShipSection
 
@@ -41,9 +45,10 @@ def sent(name, *values, system=245, component=190):
 
 
 def answered(vehicle, message):
-    """The answers as the client reads them."""
+    """The answers as the client reads them; those that its pymavlink does not know as they are."""
     reader, sender = common.MAVLink(None), common.MAVLink(None, 1, 1)
-    return [reader.decode(bytearray(m.pack(sender))) for m in answers(vehicle, message)]
+    packed = [(m, bytearray(m.pack(sender))) for m in answers(vehicle, message)]
+    return [m if m.get_type() in DEFINITIONS else reader.decode(frame) for m, frame in packed]
 
 
 def command(vehicle, number, *parameters):
@@ -120,8 +125,12 @@ def test_all_parameters_are_sent_as_real32_with_short_names():
     assert one.param_value == 5 and one.param_id == "E_INN_GATE"
     (again,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", one.param_index))
     assert again.param_id == "E_INN_GATE"
-    assert not answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"NONE", -1))
-    assert not answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"", 30000))
+    for name, index in ((b"NONE", -1), (b"", 30000)):
+        (wrong,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, name, index))
+        assert (wrong.get_type(), wrong.param_id, wrong.param_index, wrong.error) == ("PARAM_ERROR", name.decode(), index, 1)
+        assert (wrong.target_system, wrong.target_component) == (245, 190)
+    (wrong,) = answered(vehicle, sent("PARAM_SET", 1, 1, b"NONE", 1.0, 9))
+    assert (wrong.get_type(), wrong.error) == ("PARAM_ERROR", 1)
 
 
 def test_every_estimator_and_plant_has_names_for_its_parameters():
@@ -132,7 +141,13 @@ def test_every_estimator_and_plant_has_names_for_its_parameters():
 
 
 def set_parameter(vehicle, name, value, kind=9):
-    (answer,) = answered(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
+    answer, *wrong = answered(vehicle, sent("PARAM_SET", 1, 1, name.encode(), value, kind))
+    parameter = vehicle.parameters.all[vehicle.parameters.find(name)]
+    if wrong:
+        assert [(m.get_type(), m.param_id, m.error) for m in wrong] == [
+            ("PARAM_ERROR", name, 5 if parameter.acts == NEVER else 2)
+        ]
+    assert bool(wrong) == (answer.param_value != np.float32(value) or kind != 9)
     return answer.param_value
 
 
@@ -277,8 +292,8 @@ def test_messages_are_requested_and_timed():
         if name == "HIL_GPS" and not more:
             assert result == 1  # a fix is sent once
             continue
-        assert (result, [m.get_type() for m in more]) == (ACCEPTED, [name])
-    assert command(vehicle, 512, 435.0) == (UNSUPPORTED, [])
+        assert (result, [m.get_type() for m in more]) == (ACCEPTED, [name] * (2 if name == "AVAILABLE_MODES" else 1))
+    assert command(vehicle, 512, 437.0) == (UNSUPPORTED, [])
     assert command(vehicle, 520)[1][0].get_type() == "AUTOPILOT_VERSION"
     assert command(vehicle, 410)[1][0].get_type() == "HOME_POSITION"
     attitude_id = 30.0
@@ -371,18 +386,174 @@ def test_every_stick_command_is_a_command_of_its_vehicle():
         assert rows == sorted(rows)
 
 
+# --- several vehicles, states, errors ------------------------------------------------------------------
+
+
+def test_vehicles_beside_one_another_have_systems_of_their_own():
+    first, second = quiet(), quiet(system=2)
+    off = sent("COMMAND_LONG", 2, 1, 31011, 0, *[0.0] * 7)
+    assert not answered(first, off) and first.simulation.gnss_on
+    assert [m.get_type() for m in answered(second, off)] == ["COMMAND_ACK"] and not second.simulation.gnss_on
+    assert not answered(second, sent("PARAM_REQUEST_READ", 1, 1, b"SIM_RATE", -1))
+    # a command of the other vehicle is a command; what a vehicle sent itself is not
+    assert answered(second, sent("PING", 1, 1, 0, 0, system=1, component=1))
+    assert not answered(second, sent("PING", 1, 1, 0, 0, system=2, component=1))
+    assert first.make("AUTOPILOT_VERSION").uid != second.make("AUTOPILOT_VERSION").uid
+    for wrong in (0, 256):
+        with pytest.raises(InputError, match="1 to 255"):
+            quiet(system=wrong)
+
+
+def test_the_heartbeat_tells_boot_aligning_and_aligned():
+    ship = quiet("ship-swaying")
+    states = [ship.make("HEARTBEAT").system_status]
+    for seconds in (1.0, 60.0):
+        steps(ship, seconds)
+        states.append(ship.make("HEARTBEAT").system_status)
+    assert states == [common.MAV_STATE_BOOT, common.MAV_STATE_STANDBY, common.MAV_STATE_ACTIVE]
+    ship.simulation._filter.x[:] = nan
+    steps(ship, 0.01)
+    assert ship.make("HEARTBEAT").system_status == common.MAV_STATE_CRITICAL
+
+
+def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
+    """The gyrocompass states small sigmas at once; whether it may be trusted is in its notes, which depend on the time."""
+    sentence = "heading is good to 55 deg only: a gyro error of 9.91 deg/h"
+
+    def warned(parameters, duration_s):
+        assert parameters["angle_random_walk"] > 0.0
+        return (sentence,) if duration_s < 4.0 else ()
+
+    warning = replace(estimators.get("gyrocompass"), applicability=warned)
+    ship = Vehicle(load("ship-swaying"), warning, rates={**SILENT, "HEARTBEAT": 1.0})
+    assert ship.view.tilt_sigma_deg < 1 and ship.view.heading_sigma_deg < 5
+    found = steps(ship, 6.0)
+    states = [m.system_status for m in found if m.get_type() == "HEARTBEAT"]
+    assert states == [3, 3, 3, 4, 4, 4]
+    assert [m.text for m in found if m.get_type() == "STATUSTEXT"] == [sentence.partition(":")[0], "aligned"]
+    assert ship.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
+    ship.realign()
+    steps(ship, 1.0)
+    assert ship.view.state == "aligning"  # the time counts from the new alignment
+
+
+def test_errors_against_the_truth_are_sent_on_request():
+    car = Vehicle(load("car-city-drive"), rates={**SILENT, "HEARTBEAT": 1.0}, show_errors=True)
+    sent_errors = [m for m in steps(car, 2.0) if m.get_type() == "NAMED_VALUE_FLOAT"]
+    assert len(sent_errors) == 8
+    found = {m.name: m.value for m in sent_errors[4:]}
+    estimate, truth = car.simulation.estimate, car.simulation.truth
+    c_error = attitude.numeric.to_dcm(estimate["q_nb"]) @ attitude.numeric.to_dcm(truth["q_nb"]).T
+    heading = np.degrees(np.arctan2(c_error[1, 0] - c_error[0, 1], 2.0))
+    tilt = np.degrees(np.hypot(c_error[2, 1] - c_error[1, 2], c_error[0, 2] - c_error[2, 0]) / 2.0)
+    assert found["ERR_HDG"] == pytest.approx(heading, rel=1e-2) and found["ERR_TILT"] == pytest.approx(tilt, rel=1e-2)
+    assert found["ERR_VEL"] == pytest.approx(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]), rel=1e-6)
+    apart = 6.37e6 * np.hypot(
+        estimate["latitude"] - truth["latitude"], np.cos(truth["latitude"]) * (estimate["longitude"] - truth["longitude"])
+    )
+    assert found["ERR_POS"] == pytest.approx(np.hypot(apart, estimate["height"] - truth["height"]), rel=1e-2)
+    assert not [m for m in steps(Vehicle(load("car-city-drive")), 1.0) if m.get_type() == "NAMED_VALUE_FLOAT"]
+
+
 # --- unsupported services ------------------------------------------------------------------------------
 
 
-def test_file_transfer_is_refused_with_the_next_number_and_the_same_session():
+def transfer(vehicle, opcode, data=b"", *, sequence=0, session=0, offset=0, size=None):
+    """The payloads that answer a request of FILE_TRANSFER_PROTOCOL."""
     request = bytearray(251)
-    request[0:2], request[2], request[3] = (65535).to_bytes(2, "little"), 7, 4
-    (reply,) = answered(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
-    payload = bytes(reply.payload)
-    assert payload[:6] == bytes([0, 0, 7, 129, 1, 4]) and payload[12] == 10
-    assert (reply.target_system, reply.target_component) == (245, 190)
-    request[3] = 129
-    assert not answered(quiet(), sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))  # answers are not answered
+    request[0:2], request[2], request[3] = sequence.to_bytes(2, "little"), session, opcode
+    request[4], request[8:12], request[12 : 12 + len(data)] = (
+        len(data) if size is None else size,
+        offset.to_bytes(4, "little"),
+        data,
+    )
+    found = answered(vehicle, sent("FILE_TRANSFER_PROTOCOL", 0, 1, 1, list(request)))
+    assert all((m.target_system, m.target_component) == (245, 190) for m in found)
+    return [bytes(m.payload) for m in found]
+
+
+def test_file_transfer_is_refused_with_the_next_number_and_the_same_session():
+    vehicle = quiet()
+    (reply,) = transfer(vehicle, 4, b"@PARAM/param.pck?withdefaults=1", sequence=65535, session=7)
+    assert reply[:6] == bytes([0, 0, 7, 129, 1, 4]) and reply[12] == 10
+    assert not transfer(vehicle, 129) and not transfer(vehicle, 0)  # answers are not answered
+    for opcode, error in ((6, 9), (8, 9), (99, 7), (5, 4)):
+        (reply,) = transfer(vehicle, opcode, b"/x", session=9)
+        assert (reply[3], reply[5], reply[12]) == (129, opcode, error)
+    for opcode in (1, 2):
+        assert [reply[3] for reply in transfer(vehicle, opcode)] == [128]
+
+
+@pytest.mark.parametrize("burst", [False, True])
+def test_names_units_and_ranges_of_parameters_are_read_as_component_metadata(burst):
+    vehicle = quiet()
+    result, (offered,) = command(vehicle, 512, 397.0)
+    assert (result, offered.get_type(), offered.uri) == (ACCEPTED, "COMPONENT_METADATA", b"mftp:///general.json")
+
+    def read(uri):
+        (opened,) = transfer(vehicle, 4, uri.removeprefix("mftp://").encode())
+        assert opened[3] == 128
+        session, length, content = opened[2], int.from_bytes(opened[12:16], "little"), b""
+        while True:
+            replies = transfer(vehicle, 15 if burst else 5, session=session, offset=len(content), size=239)
+            numbers = [int.from_bytes(reply[:2], "little") for reply in replies]
+            assert numbers == list(range(1, len(replies) + 1)) and (not burst or replies[-1][6] or replies[-1][3] == 129)
+            for reply in replies:
+                if reply[3] == 129:
+                    assert reply[12] == 6 and len(content) == length  # the end of the file
+                    return content
+                assert int.from_bytes(reply[8:12], "little") == len(content)
+                content += reply[12 : 12 + reply[4]]
+
+    general = read("mftp:///general.json")
+    (entry,) = json.loads(general)["metadataTypes"]
+    assert checksum(general) == offered.file_crc and entry["type"] == 1
+    parameters = read(entry["uri"])
+    assert checksum(parameters) == entry["fileCrc"]
+    (crc,) = transfer(vehicle, 14, b"/parameter.json")
+    assert int.from_bytes(crc[12:16], "little") == entry["fileCrc"]
+    listed = {row["name"]: row for row in json.loads(parameters)["parameters"]}
+    assert list(listed) == [parameter.name for parameter in vehicle.parameters.all]
+    gate = listed["E_INN_GATE"]
+    assert (gate["type"], gate["min"], gate["readOnly"]) == ("Float", 0.0, False) and gate["shortDesc"]
+    assert listed["SIM_RATE"]["readOnly"] is True and listed["E_ANG_R_W"]["units"] == "deg/sqrt(h)"
+
+
+def test_the_checksum_of_files_is_that_of_mavlink():
+    """Bit by bit, as the specification defines it: polynomial 0xEDB88320, start 0, no inversion."""
+    register = 0
+    for byte in b"123456789":
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ (0xEDB88320 if register & 1 else 0)
+    assert checksum(b"123456789") == register == 0x2DFD2D88
+
+
+def test_modes_are_named_and_follow_from_what_steers():
+    vehicle = quiet()
+    assert [m.mode_name.decode() for m in command(vehicle, 512, 435.0)[1]] == ["Scenario", "Manual control"]
+    assert [m.mode_name.decode() for m in command(vehicle, 512, 435.0, 2.0)[1]] == ["Manual control"]
+    assert command(vehicle, 512, 435.0, 3.0)[0] == DENIED
+    assert (vehicle.make("HEARTBEAT").custom_mode, vehicle.make("CURRENT_MODE").custom_mode) == (0, 0)
+    assert command(vehicle, 176, 1.0, 0.0)[0] == ACCEPTED and command(vehicle, 176, 1.0, 1.0)[0] == DENIED
+    assert texts(vehicle) == ["mode Manual control: not by command"]
+    (ack,) = answered(vehicle, sent("SET_MODE", 1, 1, 7))
+    assert (ack.get_type(), ack.command, ack.result) == ("COMMAND_ACK", 176, DENIED)
+    answered(vehicle, sent("MANUAL_CONTROL", 1, 0, 0, 500, 0, 0))
+    assert (vehicle.make("HEARTBEAT").custom_mode, vehicle.make("CURRENT_MODE").custom_mode) == (1, 1)
+    assert [m.mode_name.decode() for m in command(quiet("ship-swaying"), 512, 435.0)[1]] == ["Scenario"]
+
+
+def test_clients_are_told_that_there_are_no_missions_logs_and_older_protocols():
+    vehicle = quiet()
+    capabilities = vehicle.make("AUTOPILOT_VERSION").capabilities
+    for name in ("MISSION_INT", "MISSION_FENCE", "MISSION_RALLY", "PARAM_FLOAT", "COMMAND_INT", "FTP", "MAVLINK2"):
+        assert capabilities & getattr(common, f"MAV_PROTOCOL_CAPABILITY_{name}"), name
+    assert [m.max_version for m in command(vehicle, 519)[1]] == [200] == [m.version for m in command(vehicle, 512, 300.0)[1]]
+    (current,) = answered(vehicle, sent("MISSION_SET_CURRENT", 1, 1, 4))
+    assert (current.get_type(), current.seq, current.total, current.mission_state) == ("MISSION_CURRENT", 0, 0, 1)
+    (data,) = answered(vehicle, sent("LOG_REQUEST_DATA", 1, 1, 3, 90, 180))
+    assert (data.get_type(), data.id, data.ofs, data.count) == ("LOG_DATA", 3, 90, 0)
 
 
 def test_missions_logs_clocks_and_pings():
@@ -452,24 +623,50 @@ def test_deadlines_are_absolute_and_bursts_have_pauses():
     clock = Clock()
     pacer = Pacer(0.005, 2.0, clock, clock.sleep)
     for _ in range(1000):
-        pacer.wait(lambda: None)
+        pacer.wait(lambda: True)
         clock.now += 0.001  # the time that a sample takes
     assert clock.now == pytest.approx(2.5 + 0.001, abs=1e-9) and pacer.lateness(1.0) < 1e-9
     clock.now += 1.0  # a stall of 400 samples: caught up, in bursts
     clock.slept.clear()
     for _ in range(400):
-        pacer.wait(lambda: None)
+        pacer.wait(lambda: True)
         pacer.sent(2)
     assert len(clock.slept) >= 400 * 2 // BURST_MESSAGES - 1 and pacer.slips == 0
     assert pacer.lateness(0.99) > 0.5
     clock.now += GIVE_UP_S + 2.0
-    pacer.wait(lambda: None)
+    pacer.wait(lambda: True)
     assert pacer.slips == 1 and pacer.slipped == pytest.approx(GIVE_UP_S + 2.0, abs=0.2)
     served = []
     slow = Pacer(1.0, 1.0, clock, clock.sleep)
-    slow.wait(lambda: served.append(clock.now))
+    assert slow.wait(lambda: served.append(clock.now) is None)
     assert len(served) > 40  # answers continue during a long wait
     pacer.restart(0.0)
     clock.slept.clear()
-    pacer.wait(lambda: None)
+    assert pacer.wait(lambda: False)
+    pacer.wait(lambda: True)
     assert not clock.slept
+
+
+def test_a_new_speed_counts_at_once_and_keeps_the_part_of_the_sample_that_has_passed():
+    clock = Clock()
+    pacer = Pacer(1.0, 0.01, clock, clock.sleep)  # 100 s a sample
+    assert not pacer.wait(lambda: clock.now < 25.0)  # interrupted after a quarter
+    pacer.change(1.0)
+    assert pacer.wait(lambda: True) and clock.now == pytest.approx(25.75, abs=0.05)
+    # changes that follow one another without end do not delay a sample
+    begun = clock.now
+    speeds = [1.0, 0.5]
+    while not pacer.wait(lambda: False):
+        speeds.reverse()
+        pacer.change(speeds[0])
+    assert 1.0 <= clock.now - begun < 2.0
+
+
+@pytest.mark.parametrize("speed", [1e-6, 0.0099, -1.0, 100.1, nan])
+def test_speeds_that_would_freeze_the_stream_are_refused(speed):
+    vehicle = quiet()
+    assert command(vehicle, 31013, speed)[0] == DENIED and vehicle.speed == 1.0
+    assert "0.01" in texts(vehicle)[0]
+    assert set_parameter(vehicle, "SIM_SPEED", speed) == 1.0
+    with pytest.raises(InputError, match=r"0.01 to 100"):
+        quiet(speed=speed)

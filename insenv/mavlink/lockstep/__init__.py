@@ -3,6 +3,16 @@
 from insenv.mavlink.lockstep.ardupilot import ArduPilotLockstep
 from insenv.mavlink.lockstep.contract import Controls, Motion, Progress
 from insenv.mavlink.lockstep.motion import moving, steering
-from insenv.mavlink.lockstep.px4 import Px4Lockstep, px4_rates
+from insenv.mavlink.lockstep.px4 import Px4Lockstep, px4_messages, px4_rates
 
-__all__ = ["ArduPilotLockstep", "Controls", "Motion", "Progress", "Px4Lockstep", "moving", "px4_rates", "steering"]
+__all__ = [
+    "ArduPilotLockstep",
+    "Controls",
+    "Motion",
+    "Progress",
+    "Px4Lockstep",
+    "moving",
+    "px4_messages",
+    "px4_rates",
+    "steering",
+]

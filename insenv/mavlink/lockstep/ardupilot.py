@@ -16,11 +16,13 @@ import select
 import socket
 import struct
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from insenv.errors import InputError
 from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Motion, Move, Stop, ignore
+from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.wire.address import Address, parse_address, resolve
 from insenv.mavlink.wire.link import Clock
 
@@ -33,6 +35,8 @@ HEAD = struct.Struct("<HHI")
 CENTRE_US, REACH_US = 1500, 500
 SILENT_S = 15.0
 """Silence of the autopilot after which another one may take its place."""
+FIRST_NUMBER = 1
+"""Largest number of a first frame: ArduPilot counts from 0, and on with each answer."""
 READS_PER_TURN = 256
 
 
@@ -64,11 +68,26 @@ class ArduPilotLockstep(Lockstep):
 
     move: the vehicle.  act: receives the outputs before each step: (pulse - 1500) / 500 by channel, 0 without a
     pulse.  ArduPilot sends no arming state, so outputs count as armed.  There is one autopilot at a time: frames of
-    others are refused until it has been silent for 15 s.  Raises `InputError` for a wrong address.
+    others are refused until it has been silent for 15 s, unless their numbers start over, as those of a restarted
+    autopilot do.  interval: of a sample (s), for speed: simulated seconds per second at most; 0: as fast as ArduPilot
+    asks.  Raises `InputError` for a wrong address, or a speed without an interval.
     """
 
-    def __init__(self, move: Move, act: Act = ignore, *, address: str = ADDRESS, clock: Clock = time.monotonic) -> None:
+    def __init__(
+        self,
+        move: Move,
+        act: Act = ignore,
+        *,
+        address: str = ADDRESS,
+        interval: float = 0.0,
+        speed: float = 0.0,
+        clock: Clock = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
         super().__init__()
+        if speed > 0.0 and not interval > 0.0:
+            raise InputError(f"lockstep: speed {speed:g} needs the interval of a sample, above 0 s; {interval:g} s given")
+        self._pacer = Pacer(interval, speed, clock, sleep)
         self._move, self._act, self._clock = move, act, clock
         self.address = parse_address(address)
         if self.address.kind != "udpin":
@@ -93,7 +112,7 @@ class ArduPilotLockstep(Lockstep):
             except OSError:  # the report of an answer that was refused
                 continue
             frame = unpack(datagram)
-            if frame is None or not self._is_peer(source):
+            if frame is None or not self._is_peer(source, frame[1]):
                 self.progress.refused += 1
                 continue
             newest = frame
@@ -105,10 +124,11 @@ class ArduPilotLockstep(Lockstep):
         except OSError:
             self.progress.unanswered += 1
 
-    def _is_peer(self, source: Any) -> bool:
+    def _is_peer(self, source: Any, number: int) -> bool:
         now = self._clock()
         if source != self._peer:
-            if self._peer is not None and now - self._heard <= SILENT_S:
+            restarted = number <= FIRST_NUMBER and self._number is not None and number < self._number
+            if self._peer is not None and now - self._heard <= SILENT_S and not restarted:
                 return False
             self._peer, self._number = source, None
         self._heard = now
@@ -122,8 +142,10 @@ class ArduPilotLockstep(Lockstep):
             return
         if last is None or number < last:
             self.progress.connections += 1
+            self._pacer.restart(self._pacer.speed)
         else:
             self.progress.missed += number - last - 1
+        self._pacer.wait(lambda: True)
         values = tuple((pulse - CENTRE_US) / REACH_US if pulse else 0.0 for pulse in pulses)
         self.progress.answers += 1
         self._act(Controls(self._time, values, armed=True))

@@ -6,7 +6,7 @@ The simulation advances by one sample, and the autopilot answers with its output
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -52,7 +52,7 @@ class Progress:
     steps: samples simulated.  answers: outputs received.  unanswered: steps not answered in time.  repeated: requests
     received again, and answered again without a step.  missed: lost requests, by their numbers.  refused: input that
     does not follow the protocol or is not from the autopilot.  connections: how often an autopilot connected or
-    restarted.
+    restarted.  samples_per_answer: covered by each answer, as learnt.
     """
 
     steps: int = 0
@@ -62,6 +62,7 @@ class Progress:
     missed: int = 0
     refused: int = 0
     connections: int = 0
+    samples_per_answer: int = 1
 
 
 Act = Callable[[Controls], None]
@@ -72,10 +73,17 @@ Stop = Callable[[], bool]
 """Whether to end; called after each step and while waiting."""
 Messages = Callable[[], Sequence[Any]]
 """Advances by one sample and returns the messages to send, a HIL_SENSOR among them."""
+Answer = Callable[[Any], Iterable[Any]]
+"""Answers a received message, such as a request for an interval, by messages."""
 
 
 def ignore(_: Controls) -> None:
     """Ignore the outputs: for vehicles whose motion is prescribed."""
+
+
+def no_answer(_: Any) -> tuple[Any, ...]:
+    """Answer nothing."""
+    return ()
 
 
 def never() -> bool:

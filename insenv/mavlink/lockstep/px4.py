@@ -2,7 +2,8 @@
 
 PX4 has no clock of its own in this mode: the time of HIL_SENSOR is its time.  While it starts, PX4 reads sensors and
 answers nothing, so the first steps do not wait for it but follow the wall clock.  From its first answer with the
-lockstep flag (bit 0) on, each step waits for an answer, and the pair runs as fast as it can.
+lockstep flag (bit 0) on, each step whose answer is due waits for it (`Cadence`), and the pair runs as fast as it can, or
+at the speed that was asked for.
 https://docs.px4.io/main/en/simulation/
 """
 
@@ -10,12 +11,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from copy import copy
+from typing import TYPE_CHECKING, Any
 
 from insenv.errors import InputError
-from insenv.mavlink.lockstep.contract import Act, Controls, Lockstep, Messages, Stop, ignore
+from insenv.mavlink.lockstep.cadence import Cadence
+from insenv.mavlink.lockstep.contract import Act, Answer, Controls, Lockstep, Messages, Stop, ignore, no_answer
 from insenv.mavlink.messages import DEFAULT_HZ
+from insenv.mavlink.pacing import Pacer
 from insenv.mavlink.wire import Link, open_link
+from insenv.mavlink.wire.address import parse_address
 from insenv.mavlink.wire.link import Clock
+
+if TYPE_CHECKING:
+    from insenv.mavlink.vehicle import Vehicle
 
 CHANNELS = (1, 0, 3, 2)
 """Channels, from 0, of pitch, roll, throttle and yaw."""
@@ -24,6 +33,8 @@ COMPONENT = 200
 """The simulator's component; PX4 is component 1 of the same system."""
 LOCKSTEP = 0x1
 """HIL_ACTUATOR_CONTROLS_FLAGS: whether PX4 runs in lockstep."""
+IMU_BITS = 0b111111
+"""Bits of accelerometer and gyroscope in `fields_updated`."""
 ARMED = 0x80
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 
@@ -39,14 +50,34 @@ def px4_rates(sample_hz: float) -> dict[str, float]:
     }
 
 
+def px4_messages(vehicle: Vehicle) -> Messages:
+    """The steps of a vehicle as messages for PX4: each HIL_SENSOR again as sensor 1.
+
+    PX4 rounds the inertial unit with id 0, whose messages are its clock, to 4.8 mm/s^2 and 220 deg/h, and the others not.
+    """
+
+    def step() -> list[Any]:
+        messages = []
+        for message in vehicle.step():
+            messages.append(message)
+            if message.get_type() == "HIL_SENSOR" and message.fields_updated & IMU_BITS:
+                again = copy(message)
+                again.id, again.fields_updated = 1, message.fields_updated & IMU_BITS
+                messages.append(again)
+        return messages
+
+    return step
+
+
 class Px4Lockstep(Lockstep):
     """The simulator's side.
 
     messages: advances by one sample and returns the messages to send.  interval: of a sample (s).  act: receives the
-    outputs.  patience: the longest wait for an answer (s); after it the step counts as unanswered and the simulation
-    continues, so that a lost message does not stop both sides for ever.  While PX4 is not connected the simulation
-    stands still.  in_step: whether PX4 runs in lockstep.  Raises `InputError` for a wrong address, interval or
-    patience.
+    outputs.  answer: answers PX4's other messages, such as requests for intervals.  speed: simulated seconds per second
+    at most; 0: as fast as both can.  patience: the longest wait for an answer (s); after it, or sooner where answers
+    have been fast, the step counts as unanswered and the simulation continues, so that a lost message does not stop
+    both sides for ever.  While PX4 is not connected the simulation stands still.  in_step: whether PX4 runs in
+    lockstep.  Raises `InputError` for a wrong address, interval or patience.
     """
 
     def __init__(
@@ -55,7 +86,9 @@ class Px4Lockstep(Lockstep):
         interval: float,
         act: Act = ignore,
         *,
+        answer: Answer = no_answer,
         address: str = ADDRESS,
+        speed: float = 0.0,
         patience: float = 1.0,
         clock: Clock = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -63,10 +96,14 @@ class Px4Lockstep(Lockstep):
         if not interval > 0.0 or not patience > 0.0:
             raise InputError(f"lockstep: interval {interval:g} s and patience {patience:g} s must be above 0")
         super().__init__()
+        if parse_address(address).kind != "tcpin":
+            raise InputError(f"address {address!r}: must be tcpin:HOST:PORT for PX4, which connects by TCP")
         self.link: Link = open_link(address, component=COMPONENT)
         self.in_step = False
-        self._messages, self._interval, self._act = messages, interval, act
+        self._messages, self._interval, self._act, self._answer = messages, interval, act, answer
         self._patience, self._clock, self._sleep = patience, clock, sleep
+        self._cadence = Cadence(patience)
+        self._pacer = Pacer(interval, speed, clock, sleep)
         self._connected = False
         self._next = 0.0
 
@@ -77,23 +114,30 @@ class Px4Lockstep(Lockstep):
             return
         if not self._connected:
             self._connected, self._next = True, self._clock()
+            self._pacer.restart(self._pacer.speed)
             self.progress.connections += 1
+        if not self._pacer.wait(lambda: not stop()):
+            return
         for message in self._messages():
             self.link.send(message)
         self.progress.steps += 1
+        due = self._cadence.sent()
         if self.in_step:
-            self._await(stop)
-        else:
+            if due:
+                self._await(stop)
+        elif self._pacer.speed == 0.0:
             self._pace()
 
     def _stand_still(self) -> None:
         self._connected = self.in_step = False
+        self._cadence = Cadence(self._patience)
         self.link.wait(0.1)
 
     def _await(self, stop: Stop) -> None:
-        deadline = self._clock() + self._patience
+        sent = self._clock()
+        deadline = sent + self._cadence.wait_s
         while self.link.peers and not stop():
-            if self._take():
+            if self._take(since=sent):
                 return
             left = deadline - self._clock()
             if left <= 0.0:
@@ -106,16 +150,24 @@ class Px4Lockstep(Lockstep):
         while not self._take() and self._clock() < self._next:
             self._sleep(min(max(self._next - self._clock(), 0.0), self._interval))
 
-    def _take(self) -> bool:
-        """Act on received outputs; whether there were any with the lockstep flag."""
+    def _take(self, since: float | None = None) -> bool:
+        """Act on received outputs and answer requests; whether there were outputs with the lockstep flag.
+
+        since: clock time (s) of the sample that waits for them.
+        """
         in_step = False
-        for _, message in self.link.receive():
+        for peer, message in self.link.receive():
             if message.get_type() != "HIL_ACTUATOR_CONTROLS":
+                for reply in self._answer(message):
+                    self.link.send_to(peer, reply)
                 continue
             self.progress.answers += 1
             in_step = self.in_step = bool(message.flags & LOCKSTEP)
             values = tuple(float(value) for value in message.controls)
             self._act(Controls(message.time_usec * 1e-6, values, bool(message.mode & ARMED)))
+        if in_step:
+            self._cadence.answered(None if since is None else self._clock() - since)
+            self.progress.samples_per_answer = self._cadence.samples
         return in_step
 
     def close(self) -> None:

@@ -11,7 +11,6 @@ from math import degrees, hypot, isfinite, nan, pi, sqrt
 
 import numpy as np
 
-from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.fields import CENTI_DEG, Message
 from insenv.mavlink.messages.view import View, by_name
 from insenv.mavlink.surroundings import GAS_CONSTANT
@@ -90,7 +89,10 @@ def altitude(view: View) -> Message | None:
 
 
 def estimator_status(view: View) -> Message | None:
-    """ESTIMATOR_STATUS: flags by `View.thresholds`; ratios are squared innovations divided by the squared gate."""
+    """ESTIMATOR_STATUS: flags by `View.thresholds`; ratios are squared innovations divided by the squared gate.
+
+    In an outage the present position is not absolute, but predicted by dead reckoning, and there are no innovations.
+    """
     estimate, limits = view.estimate, view.thresholds
     flags = _ATTITUDE if view.aligned else 0
     velocity_sigma, position_sigma = estimate.get("velocity_sigma"), view.position_sigma
@@ -101,11 +103,12 @@ def estimator_status(view: View) -> Message | None:
     if position_sigma is not None:
         horizontal, vertical = hypot(*position_sigma[:2].tolist()) / sqrt(2.0), float(position_sigma[2])
         if horizontal < limits.position:
-            flags |= _POS_HORIZ_REL | _POS_HORIZ_ABS | _PRED_POS_HORIZ_REL | _PRED_POS_HORIZ_ABS
-        flags |= _POS_VERT_ABS if vertical < limits.position else 0
+            flags |= _POS_HORIZ_REL | _PRED_POS_HORIZ_REL | _PRED_POS_HORIZ_ABS
+            flags |= 0 if view.in_outage else _POS_HORIZ_ABS
+        flags |= _POS_VERT_ABS if vertical < limits.position and not view.in_outage else 0
     ratios = [nan, nan, nan]
     gate = view.simulation.estimator_row("innovation_gate")
-    if "test_ratio" in estimate and gate:
+    if "test_ratio" in estimate and gate and not view.in_outage:
         test = (estimate["test_ratio"] / gate) ** 2
         ratios = [float(np.max(test[3:])), float(np.max(test[:2])), float(test[2])]
         flags |= _GPS_GLITCH if np.max(test) > 1.0 else 0
@@ -113,13 +116,13 @@ def estimator_status(view: View) -> Message | None:
 
 
 def hil_state_quaternion(view: View) -> Message | None:
-    """HIL_STATE_QUATERNION: the truth.  Accelerations are specific forces in milli-g, as MAVLink defines them."""
+    """HIL_STATE_QUATERNION: the truth.  Accelerations are specific forces in the unit `View.hil_acceleration`."""
     truth, values, dt = view.truth, view.values, view.simulation.interval
     velocity = truth["velocity_n"]
     speed = float(np.sqrt(np.dot(velocity, velocity)))
     air = view.air.data
     density = air.pressure / (GAS_CONSTANT * air.temperature)
-    force = truth["true_delta_velocity"] / dt * (1e3 / STANDARD_GRAVITY)
+    force = truth["true_delta_velocity"] / dt * view.hil_acceleration
     return view.fields.message(
         "HIL_STATE_QUATERNION", view.time_us, truth["q_nb"].tolist(), *values["true_rate_nb_b"].tolist(),
         *view.place(float(truth["latitude"]), float(values["true_longitude_wrapped"]), float(truth["height"])),

@@ -15,7 +15,7 @@ from functools import lru_cache
 from math import degrees, inf, isfinite
 from typing import Any
 
-from insenv.mavlink.wire import dialect
+from insenv.mavlink.wire.frames import message_class
 
 Message = Any
 """A message object of `pymavlink.dialects.v20.common`."""
@@ -118,7 +118,7 @@ class Fields:
 @lru_cache(maxsize=256)
 def _plan(name: str) -> tuple[Callable[..., Message], list[_Field]]:
     """The class of a message and its fields, in the order of its definition."""
-    make = getattr(dialect(), f"MAVLink_{name.lower()}_message")
+    make = message_class(name)
     unknown, nan = UNKNOWN.get(name, {}), MAY_BE_NAN.get(name, frozenset())
     plan = []
     for place, (field, kind) in enumerate(zip(make.fieldnames, make.fieldtypes, strict=True)):

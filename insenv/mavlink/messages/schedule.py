@@ -12,18 +12,23 @@ from math import ceil
 
 from insenv.errors import InputError, nearest
 
+MAX_HZ = 1000.0
+
 DEFAULT_HZ: dict[str, float] = {
     "HEARTBEAT": 1.0,
     "SYS_STATUS": 1.0,
     "SYSTEM_TIME": 1.0,
     "EXTENDED_SYS_STATE": 1.0,
+    "CURRENT_MODE": 0.0,
     "HOME_POSITION": 0.5,
     "GPS_GLOBAL_ORIGIN": 0.5,
     "HIL_SENSOR": 200.0,
     "HIGHRES_IMU": 50.0,
+    "RAW_IMU": 0.0,
+    "SCALED_IMU": 0.0,
     "SCALED_PRESSURE": 2.0,
     "GPS_RAW_INT": 5.0,
-    "HIL_GPS": 10.0,
+    "HIL_GPS": MAX_HZ,
     "HIL_STATE_QUATERNION": 20.0,
     "ATTITUDE": 20.0,
     "ATTITUDE_QUATERNION": 20.0,
@@ -34,12 +39,10 @@ DEFAULT_HZ: dict[str, float] = {
     "ALTITUDE": 5.0,
     "ESTIMATOR_STATUS": 1.0,
 }
-"""Default rate (Hz) of every streamed message.  HIL_GPS is sent once per fix, and at most at this rate."""
-
-MAX_HZ = 1000.0
+"""Default rate (Hz) of every streamed message.  HIL_GPS is looked for at each sample and sent once per fix."""
 
 STREAMS: dict[int, tuple[str, ...]] = {
-    1: ("HIGHRES_IMU", "SCALED_PRESSURE"),
+    1: ("HIGHRES_IMU", "RAW_IMU", "SCALED_PRESSURE"),
     2: ("SYS_STATUS", "GPS_RAW_INT", "EXTENDED_SYS_STATE"),
     6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE"),
     10: ("ATTITUDE", "ATTITUDE_QUATERNION"),

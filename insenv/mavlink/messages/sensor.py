@@ -12,7 +12,7 @@ import numpy as np
 
 from insenv.core.tables import Vector
 from insenv.mavlink.messages.fields import Message
-from insenv.mavlink.messages.view import View, by_name, wrapped
+from insenv.mavlink.messages.view import MILLI_G, View, by_name, wrapped
 
 ACCELEROMETER, GYRO, MAGNETOMETER = 0b111, 0b111 << 3, 0b111 << 6
 STATIC, DYNAMIC = 0b1101 << 9, 1 << 10
@@ -44,6 +44,27 @@ def _imu(view: View, name: str) -> Message | None:
         name, view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
         air.pressure * _HPA, air.dynamic_pressure * _HPA, air.pressure_height, air.temperature - _KELVIN, updated, 0,
     )  # fmt: skip
+
+
+def raw_imu(view: View) -> Message | None:
+    """RAW_IMU: milli-g, mrad/s and mG, as ArduPilot sends them; nothing in the vehicle has raw counts."""
+    return view.fields.message("RAW_IMU", view.time_us, *_milli(view, "RAW_IMU"), 0, _temperature(view))
+
+
+def scaled_imu(view: View) -> Message | None:
+    """SCALED_IMU: milli-g, mrad/s and mG, which is coarse: HIGHRES_IMU is not rounded."""
+    return view.fields.message("SCALED_IMU", view.time_ms, *_milli(view, "SCALED_IMU"), _temperature(view))
+
+
+def _milli(view: View, name: str) -> list[float]:
+    rates, forces, _ = _means(view, name)
+    magnetic_mg = view.air.data.magnetic_b * _GAUSS * 1e3
+    return [*(forces * MILLI_G).tolist(), *(rates * 1e3).tolist(), *magnetic_mg.tolist()]
+
+
+def _temperature(view: View) -> float:
+    """In 0.01 degrees Celsius; 0 would mean "unknown"."""
+    return round((view.air.data.temperature - _KELVIN) * 100.0) or 1
 
 
 def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
@@ -88,11 +109,17 @@ def gps_raw_int(view: View) -> Message | None:
 
 
 def hil_gps(view: View) -> Message | None:
-    """HIL_GPS: each fix once.  eph and epv are 1-sigma accuracies in cm, as PX4 reads them, not dilutions."""
-    fix = view.fix
-    if fix is None or not view.has_lock or view.sent_fix == view.simulation.fixes:
+    """HIL_GPS: each fix once; while there is none, "no fix" at the receiver's rate, with the latest position.
+
+    eph and epv are 1-sigma accuracies in cm, as PX4 reads them, not dilutions.
+    """
+    fix, simulation = view.fix, view.simulation
+    gnss = simulation.plant.scenario.gnss
+    if not view.has_lock:
+        return None if gnss is None else _no_fix(view, gnss.interval_s, gnss.latency_s)
+    if fix is None or view.sent_fix == simulation.fixes:
         return None
-    view.sent_fix = view.simulation.fixes
+    view.sent_fix, view.sent_gps_at = simulation.fixes, simulation.samples
     north, east, down = fix.velocity_n.tolist() if fix.velocity_valid else (0.0, 0.0, 0.0)
     horizontal, vertical, _ = _accuracies(view)
     return view.fields.message(
@@ -101,6 +128,19 @@ def hil_gps(view: View) -> Message | None:
         hypot(north, east) * 1e2 if fix.velocity_valid else nan, north * 1e2, east * 1e2, down * 1e2,
         _course(north, east) if fix.velocity_valid else nan, nan, 0, nan,
     )  # fmt: skip
+
+
+def _no_fix(view: View, interval: float, latency: float) -> Message | None:
+    """HIL_GPS without a fix, due one fix interval after the one before; the first fix may take one and a half."""
+    simulation, fix = view.simulation, view.fix
+    if simulation.samples - view.sent_gps_at < round(interval / simulation.interval):
+        return None
+    if fix is None and simulation.time < 1.5 * interval + latency:
+        return None
+    view.sent_gps_at = simulation.samples
+    place = (0.0, 0.0, 0.0) if fix is None else view.place(fix.latitude, wrapped(fix.longitude), fix.height)
+    time_us = round(max(simulation.time - latency, 0.0) * 1e6)
+    return view.fields.message("HIL_GPS", time_us, GPS_FIX_TYPE_NO_FIX, *place, nan, nan, nan, 0, 0, 0, nan, nan, 0, nan)
 
 
 def _accuracies(view: View) -> tuple[float, float, float]:
@@ -120,4 +160,4 @@ def _course(north: float, east: float) -> float:
     return round(degrees(atan2(east, north)) * 100.0) % 36000
 
 
-SENSORS = by_name(highres_imu, hil_sensor, scaled_pressure, gps_raw_int, hil_gps)
+SENSORS = by_name(highres_imu, hil_sensor, raw_imu, scaled_imu, scaled_pressure, gps_raw_int, hil_gps)

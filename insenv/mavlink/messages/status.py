@@ -9,22 +9,30 @@ from insenv import __version__
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.view import View, by_name
 
-SYSTEM, COMPONENT = 1, 1
-"""System and component of the vehicle: clients look for component 1."""
-
-_MAV_AUTOPILOT_GENERIC, _MAV_STATE_ACTIVE, _MAVLINK_VERSION = 0, 4, 3
+_MAV_AUTOPILOT_GENERIC, _MAVLINK_VERSION = 0, 3
+_BOOT, _STANDBY, _ACTIVE, _CRITICAL = 1, 3, 4, 5  # MAV_STATE
 _CUSTOM_MODE, _ARMED = 1, 128
 _LANDED_ON_GROUND, _LANDED_IN_AIR = 1, 2
 _GYRO, _ACCEL, _MAG, _ABSOLUTE_PRESSURE, _DIFFERENTIAL_PRESSURE, _GPS, _PREARM = 1, 2, 4, 8, 16, 32, 1 << 28
 _IMU_LOST = 10  # consecutive lost samples after which the inertial unit counts as failed
-_CAPABILITY_PARAM_FLOAT, _CAPABILITY_COMMAND_INT, _CAPABILITY_MAVLINK2 = 2, 8, 8192
+_PARAM_FLOAT, _MISSION_INT, _COMMAND_INT, _FTP, _MAVLINK2, _MISSION_FENCE, _MISSION_RALLY = 2, 4, 8, 32, 8192, 16384, 32768
+_NOT_SELECTABLE, _AUTO_MODE = 2, 4
+_ERRORS = {"tilt": "ERR_TILT", "heading": "ERR_HDG", "velocity": "ERR_VEL", "position": "ERR_POS"}
+METADATA_URI = "mftp:///general.json"
 
 
 def heartbeat(view: View) -> Message | None:
-    """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track."""
+    """HEARTBEAT: autopilot GENERIC, since there is none on board; armed, so that ground stations draw the track.
+
+    The state is BOOT before the first sample, STANDBY while aligning, ACTIVE afterwards, CRITICAL after a divergence.
+    """
+    if view.simulation.diverged:
+        state = _CRITICAL
+    else:
+        state = _BOOT if not view.simulation.samples else _ACTIVE if view.aligned else _STANDBY
     mode = _CUSTOM_MODE | (_ARMED if view.armed else 0)
     kind = view.traits.mavlink_type
-    return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, 0, _MAV_STATE_ACTIVE, _MAVLINK_VERSION)
+    return view.fields.message("HEARTBEAT", kind, _MAV_AUTOPILOT_GENERIC, mode, view.mode.number, state, _MAVLINK_VERSION)
 
 
 def sys_status(view: View) -> Message | None:
@@ -67,18 +75,57 @@ def gps_global_origin(view: View) -> Message | None:
     return view.fields.message("GPS_GLOBAL_ORIGIN", *view.place(*view.home), view.time_us)
 
 
+def error_messages(view: View) -> list[Message]:
+    """NAMED_VALUE_FLOAT: the errors of the estimate against the truth (`View.errors`), by the names of `_ERRORS`."""
+    errors = {_ERRORS[name]: value for name, value in view.errors.items()}
+    made = [view.fields.message("NAMED_VALUE_FLOAT", view.time_ms, name, value) for name, value in errors.items()]
+    return [message for message in made if message is not None]
+
+
 def autopilot_version(view: View) -> Message | None:
-    """AUTOPILOT_VERSION: the version of insenv; the uid depends on scenario and seed."""
+    """AUTOPILOT_VERSION: the version of insenv; the uid depends on scenario, seed and system."""
     major, minor, patch = (int(part) for part in (__version__.split("+")[0] + ".0.0").split(".")[:3])
     version = major << 24 | minor << 16 | patch << 8
     plant = view.simulation.plant
-    uid = int.from_bytes(blake2b(f"{plant.scenario.name}:{plant.seed}".encode(), digest_size=8).digest(), "little")
-    capabilities = _CAPABILITY_PARAM_FLOAT | _CAPABILITY_COMMAND_INT | _CAPABILITY_MAVLINK2
+    uid = int.from_bytes(
+        blake2b(f"{plant.scenario.name}:{plant.seed}:{view.system}".encode(), digest_size=8).digest(), "little"
+    )
+    # missions, fences and rally points are all empty, but a client that reads them must be told so
+    capabilities = _PARAM_FLOAT | _MISSION_INT | _COMMAND_INT | _FTP | _MAVLINK2 | _MISSION_FENCE | _MISSION_RALLY
     none = [0] * 8
     return view.fields.message("AUTOPILOT_VERSION", capabilities, version, 0, 0, 0, none, none, none, 0, 0, uid)
 
 
-STATUS = by_name(heartbeat, sys_status, extended_sys_state, system_time, home_position, gps_global_origin)
+def protocol_version(view: View) -> Message | None:
+    """PROTOCOL_VERSION: MAVLink 2 only."""
+    return view.fields.message("PROTOCOL_VERSION", 200, 200, 200, [0] * 8, [0] * 8)
+
+
+def current_mode(view: View) -> Message | None:
+    """CURRENT_MODE: what steers the vehicle."""
+    return view.fields.message("CURRENT_MODE", 0, view.mode.number, view.mode.number)
+
+
+def available_modes(view: View) -> list[Message]:
+    """AVAILABLE_MODES: one message for each mode.  None can be selected: manual control begins with its first message."""
+    return [
+        view.fields.message(
+            "AVAILABLE_MODES", len(view.modes), place, 0, mode.number,
+            _NOT_SELECTABLE | (_AUTO_MODE if mode.automatic else 0), mode.name,
+        )
+        for place, mode in enumerate(view.modes, 1)
+    ]  # fmt: skip
+
+
+def component_metadata(view: View) -> Message | None:
+    """COMPONENT_METADATA: where names, units and ranges of the parameters can be read."""
+    return view.fields.message("COMPONENT_METADATA", view.time_ms, view.metadata_crc, METADATA_URI)
+
+
+STATUS = by_name(heartbeat, sys_status, extended_sys_state, system_time, home_position, gps_global_origin, current_mode)
 """Makers of the streamed messages, by name."""
 
-ON_REQUEST = by_name(autopilot_version)
+ON_REQUEST = {
+    **by_name(autopilot_version, protocol_version, component_metadata),
+    "AVAILABLE_MODES": lambda view: available_modes(view)[0],
+}

@@ -9,11 +9,25 @@ from typing import Any
 
 import numpy as np
 
+from insenv import attitude, geodesy
 from insenv.core.tables import Vector
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
 from insenv.mavlink.simulation import Fix, Simulation
 from insenv.mavlink.surroundings import Surroundings
+
+
+@dataclass(frozen=True)
+class Mode:
+    """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether nobody steers it."""
+
+    number: int
+    name: str
+    automatic: bool
+
+
+SCRIPTED, MANUAL = Mode(0, "Scenario", True), Mode(1, "Manual control", False)
 
 
 @dataclass(frozen=True)
@@ -26,11 +40,17 @@ class Thresholds:
     position: float = 20.0
 
 
+MILLI_G, MM_S2 = 1e3 / STANDARD_GRAVITY, 1e3
+"""Units of accelerations in HIL_STATE_QUATERNION per m/s^2: of MAVLink's definition, and as PX4 reads them."""
+
+
 class View:
     """The state from which messages are made.
 
     start_unix: Unix time (s) at the start of the run.  undulation: height of the geoid above the ellipsoid (m), the
-    same everywhere: height above mean sea level = ellipsoidal height - undulation.  home: the known initial latitude,
+    same everywhere: height above mean sea level = ellipsoidal height - undulation.  system, component: the sender that
+    messages state.  hil_acceleration: `MILLI_G` or `MM_S2`.  mode: the present one of `modes`.  metadata_crc: checksum of the
+    file that COMPONENT_METADATA names.  home: the known initial latitude,
     longitude (rad) and height (m).  traits: of the vehicle.  load: share of one core that the process takes.
     """
 
@@ -41,6 +61,10 @@ class View:
         self.thresholds = Thresholds()
         self.start_unix = start_unix
         self.undulation = 0.0
+        self.system, self.component = 1, 1  # clients look for component 1
+        self.hil_acceleration = MILLI_G
+        self.mode = SCRIPTED
+        self.metadata_crc = 0
         self.armed = True
         self.load = 0.0
         known = simulation.plant.knowledge
@@ -48,7 +72,7 @@ class View:
         self.traits = simulation.plant.scenario.vehicle.traits
         self.sent_increments: dict[str, tuple[int, Vector]] = {}
         self.sent_air: dict[str, tuple[int, int]] = {}
-        self.sent_fix = 0
+        self.sent_fix = self.sent_gps_at = 0
         self._derived = Derived()
         self._derived.inputs["home"][:] = self.home
         self._derived_at = -1
@@ -58,6 +82,11 @@ class View:
     def forget(self) -> None:
         """Discard derived quantities: the estimate has changed between two samples."""
         self._derived_at = -1
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes that the vehicle can have."""
+        return (SCRIPTED, MANUAL) if self.simulation.commands else (SCRIPTED,)
 
     # --- time ---------------------------------------------------------------------------------------
 
@@ -147,6 +176,11 @@ class View:
         return self.simulation.fix
 
     @property
+    def in_outage(self) -> bool:
+        """Whether the estimator is aided by fixes and there are none: its position is dead reckoning."""
+        return self.simulation.estimator.aided and not self.has_lock
+
+    @property
     def has_lock(self) -> bool:
         """Whether the receiver is on and its latest fix is younger than 2.5 fix intervals."""
         fix, simulation = self.simulation.fix, self.simulation
@@ -177,12 +211,32 @@ class View:
 
     @property
     def aligned(self) -> bool:
-        """Whether the stated sigmas of tilt and heading are below `thresholds`; True if none are stated."""
+        """Whether the stated sigmas of tilt and heading are below `thresholds`, and the estimator has no note against them.
+
+        True if none are stated: such an estimator navigates from a known attitude.
+        """
         if self.simulation.diverged:
             return False
         if "attitude_sigma" not in self.estimate:
             return True
-        return self.tilt_sigma_deg < self.thresholds.tilt_deg and self.heading_sigma_deg < self.thresholds.heading_deg
+        small = self.tilt_sigma_deg < self.thresholds.tilt_deg and self.heading_sigma_deg < self.thresholds.heading_deg
+        return small and not self.simulation.notes()
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Errors of the estimate, against the truth: tilt, heading (deg); of a navigation velocity (m/s), position (m) too.
+
+        tilt: of the vertical.  heading: signed.  velocity, position: lengths of the differences.
+        """
+        estimate, truth = self.estimate, self.truth
+        rotation = np.ravel(attitude.numeric.error_rotation_vector(estimate["q_nb"], truth["q_nb"]))
+        found = {"tilt": degrees(float(np.hypot(rotation[0], rotation[1]))), "heading": degrees(float(rotation[2]))}
+        if self.simulation.estimator.navigates:
+            found["velocity"] = float(np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]))
+            place = (tuple(float(each[name]) for name in ("latitude", "longitude", "height")) for each in (estimate, truth))
+            estimated, true = place
+            found["position"] = float(np.linalg.norm(np.ravel(geodesy.numeric.ned_offset(*estimated, *true))))
+        return found
 
     @property
     def state(self) -> str:

@@ -12,10 +12,12 @@ length, sequence, system, component, message number.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, astuple, dataclass
 from functools import lru_cache
 from typing import Any
+
+from insenv.mavlink.wire.further import further_messages
 
 V1, V2 = 0xFE, 0xFD
 SIGNED = 0x01
@@ -39,7 +41,8 @@ class Statistics:
     summed over peers.  dropped_frames: not sent because a peer reads too slowly or a system buffer is full.
     received_messages: verified and returned.  received_bytes: all bytes read.  Rejected: wrong_checksum; unknown
     (message number or incompatibility flag: such frames cannot be checked); undecodable; unsigned; wrongly_signed;
-    replayed (a signing time not newer than the last); stale (too old for a new sender); reflected (our own frames,
+    replayed (a signing time not newer than the last); stale (too old for a new sender); early (a signing time more than
+    a day ahead of our clock); reflected (our own frames,
     returned to us); oversized (datagrams larger than any of MAVLink); skipped_bytes (between frames); overflowed
     (datagrams of a peer that sends faster than it is read); refused_peers (too many peers).
     """
@@ -57,11 +60,17 @@ class Statistics:
     wrongly_signed: int = 0
     replayed: int = 0
     stale: int = 0
+    early: int = 0
     reflected: int = 0
     oversized: int = 0
     skipped_bytes: int = 0
     overflowed: int = 0
     refused_peers: int = 0
+
+    @classmethod
+    def total(cls, parts: Iterable[Statistics]) -> Statistics:
+        """The sums over several links."""
+        return cls(*(sum(counts) for counts in zip(*(astuple(part) for part in parts), strict=True)))
 
     def as_dict(self) -> dict[str, int]:
         """The counts by name."""
@@ -76,12 +85,22 @@ def dialect() -> Any:
     return common
 
 
+def message_class(name: str) -> Any:
+    """The class of a message by name: pymavlink's, or ours where pymavlink has none.  Raises `AttributeError`."""
+    ours = further_messages().get(name)
+    found = getattr(dialect(), f"MAVLink_{name.lower()}_message", ours)
+    if found is None:
+        raise AttributeError(f"no message {name!r}")
+    return found
+
+
 @lru_cache(maxsize=1)
 def _tools() -> tuple[dict[int, int], Callable[[bytes], int]]:
     """CRC_EXTRA by message number, and the checksum function."""
     from fastcrc import crc16
 
-    return {number: kind.crc_extra for number, kind in dialect().mavlink_map.items()}, crc16.mcrf4xx
+    kinds = {**{kind.id: kind for kind in further_messages().values()}, **dialect().mavlink_map}
+    return {number: kind.crc_extra for number, kind in kinds.items()}, crc16.mcrf4xx
 
 
 def sender(frame: bytes) -> tuple[int, int]:

@@ -33,18 +33,21 @@ class Link:
     """Base class of the links, which `open_link` makes.
 
     address: with the actual port where port 0 was requested.  signing: None on an unsigned link.  system, component:
-    the sender that messages state, 1 to 255.  clock: seconds.  statistics: counts.  Raises `InputError`: a wrong system
-    or component, an unknown host, a port in use, a device that does not open.
+    the sender that messages state, 1 to 255.  clock: seconds.  number: the link number in its signatures, 0 to 255;
+    None: that of `signing`.  statistics: counts.  Raises `InputError`: a wrong system or component, an unknown host, a
+    port in use, a device that does not open.
     """
 
-    def __init__(self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock) -> None:
+    def __init__(
+        self, address: Address, signing: Signing | None, system: int, component: int, clock: Clock, number: int | None = None
+    ) -> None:
         for name, value in (("system", system), ("component", component)):
             if not 1 <= value <= HIGHEST_ID:
                 raise InputError(f"{name} {value}: allowed is 1 to {HIGHEST_ID}")
         self.address = address
         self.signing = signing
         self.statistics = Statistics()
-        self.system, self.component = system, component
+        self.system, self.component, self.number = system, component, number
         self._clock = clock
         self._peers: list[Peer] = []
         self._turn = 0
@@ -97,7 +100,7 @@ class Link:
     def _framed(self, plain: bytes, sequence: int, made: dict[int, bytes]) -> bytes:
         if sequence not in made:
             frame = resequenced(plain, sequence, signed=self.signing is not None)
-            made[sequence] = frame if self.signing is None else self.signing.signed(frame)
+            made[sequence] = frame if self.signing is None else self.signing.signed(frame, self.number)
         return made[sequence]
 
     # --- in --------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ def open_link(
     system: int = 1,
     component: int = 1,
     clock: Clock = time.monotonic,
+    number: int | None = None,
 ) -> Link:
     """Open a link.
 
@@ -33,8 +34,9 @@ def open_link(
     ``tcpin:HOST:PORT`` to every client; ``tcpout:HOST:PORT`` connects, and reconnects when the connection is lost;
     ``serial:DEVICE:BAUD``.  Without HOST: the loopback address.  Port 0 of an ``in`` address selects a free port
     (`link.address.port`).  signing: signs outgoing frames and rejects all that are not signed with the same key.
-    system, component: the sender that messages state, 1 to 255.  clock: seconds, for the expiry of peers.  Raises
-    `InputError`: a wrong address, an unknown host, a port in use, a device that does not open, pyserial not installed.
+    system, component: the sender that messages state, 1 to 255.  clock: seconds, for the expiry of peers.  number: the
+    link number in its signatures, where several links share one `signing`.  Raises `InputError`: a wrong address, an
+    unknown host, a port in use, a device that does not open, pyserial not installed.
     """
     parsed = parse_address(address)
-    return _LINKS[parsed.kind](parsed, signing, system, component, clock)
+    return _LINKS[parsed.kind](parsed, signing, system, component, clock, number)

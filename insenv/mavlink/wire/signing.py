@@ -8,9 +8,15 @@ The order of the checks matters: nothing about a sender is stored before its has
 without the key can advance a sender's time and lock it out.
 
 Times are kept in a file beside the key.  For each stream it holds a mark one second *ahead* of the last accepted time,
-and for our own signatures one ahead of the last time used.  A new mark is stored before the first frame that needs it
-takes effect.  After a restart, and even after a crash, no accepted frame is accepted again, and no signing time of ours
-is used twice.  A sender that continues during our restart is accepted again after one second at most.
+for our own signatures one ahead of the last time used, and for streams that it does not list one ahead of our clock.  A
+new mark is stored before the first frame that needs it takes effect; all marks are renewed together, so that the file
+is written about once a second for any number of streams.  After a restart, and even after a crash, no accepted frame is
+accepted again, and no signing time of ours is used twice.  A sender that continues during our restart is accepted again
+after one second at most.
+
+The table of streams is bounded.  When it is full, streams are forgotten whose last time is so old that none of their
+frames could be accepted as the first of a new stream; the newest of these times is kept, as a floor for new streams, in
+case our clock is set back.
 """
 
 from __future__ import annotations
@@ -40,9 +46,11 @@ WINDOW_TICKS = 60 * TICKS_PER_S
 AHEAD_TICKS = TICKS_PER_S
 """How far the stored marks are ahead of the times."""
 MOST_STREAMS = 1024
+"""Largest number of streams kept."""
 HASH_BYTES = 6
-FOLLOW_TICKS = 24 * 3600 * TICKS_PER_S
-"""Largest lead of our signing times over our clock when they follow a sender whose clock is ahead."""
+LEAD_TICKS = 24 * 3600 * TICKS_PER_S
+"""Largest lead of a signing time over our clock: a time that is accepted locks its stream out until then, so that a
+sender whose clock was once years ahead would be locked out for good."""
 
 Stream = tuple[int, int, int]
 """Link number, system, component."""
@@ -56,6 +64,7 @@ class Verdict(Enum):
     WRONGLY_SIGNED = "wrongly_signed"
     REPLAYED = "replayed"
     STALE = "stale"
+    EARLY = "early"
     REFLECTED = "reflected"
 
 
@@ -121,6 +130,7 @@ class Signing:
         self._own_mark = 0
         self._last: dict[Stream, int] = {}
         self._mark: dict[Stream, int] = {}
+        self._floor = self._floor_mark = 0  # times up to it are not accepted from streams that are not listed
         self.unstored = 0
         if self._marks is not None:
             self._load(self._marks)
@@ -136,13 +146,16 @@ class Signing:
 
     # --- out -------------------------------------------------------------------------------------
 
-    def signed(self, frame: bytes) -> bytes:
-        """A frame (signed flag set, checksum correct) with its signature; signing times increase strictly."""
+    def signed(self, frame: bytes, link: int | None = None) -> bytes:
+        """A frame (signed flag set, checksum correct) with its signature; signing times increase strictly.
+
+        link: the link number, instead of the object's, for one of several links that share the key.
+        """
         self._own = max(self._own + 1, self._now())
         if self._own > self._own_mark and self._marks is not None:
             self._own_mark = self._own + AHEAD_TICKS
             self._store_marks()
-        return frame + signature(self._key, frame, self._link, self._own)
+        return frame + signature(self._key, frame, self._link if link is None else link, self._own)
 
     # --- in --------------------------------------------------------------------------------------
 
@@ -159,22 +172,47 @@ class Signing:
         who = sender(frame)
         if own == who:
             return Verdict.REFLECTED
-        stream = (link, *who)
+        stream, now = (link, *who), self._now()
+        if ticks > now + LEAD_TICKS:
+            return Verdict.EARLY
         last = self._last.get(stream)
-        if last is not None:
-            if ticks <= last:
-                return Verdict.REPLAYED
-        elif ticks + WINDOW_TICKS < self._now() or len(self._last) >= MOST_STREAMS:
+        if ticks <= (self._floor if last is None else last):
+            return Verdict.REPLAYED
+        if last is None and (ticks + WINDOW_TICKS < now or not self._has_room(now)):
             return Verdict.STALE
-        if self._marks is not None and ticks > self._mark.get(stream, -1):
-            before, self._mark = self._mark, {**self._mark, stream: min(ticks + AHEAD_TICKS, MOST_TICKS)}
-            if not self._store_marks():
-                self._mark = before
-                return Verdict.STALE
+        if (
+            self._marks is not None
+            and ticks > self._mark.get(stream, self._floor_mark)
+            and not self._renewed(stream, ticks, now)
+        ):
+            return Verdict.STALE
         self._last[stream] = ticks
         # the other end compares our first frame with its own clock, which may be ahead of ours
-        self._own = max(self._own, min(ticks, self._now() + FOLLOW_TICKS))
+        self._own = max(self._own, ticks)
         return Verdict.GOOD
+
+    def _has_room(self, now: int) -> bool:
+        """Whether a new stream fits; forgets those that are older than the window if it does not."""
+        if len(self._last) < MOST_STREAMS:
+            return True
+        old = {stream: ticks for stream, ticks in self._last.items() if ticks + WINDOW_TICKS < now}
+        for stream, ticks in old.items():
+            self._floor = max(self._floor, ticks)
+            del self._last[stream]
+            self._mark.pop(stream, None)
+        self._floor_mark = max(self._floor_mark, self._floor)
+        return bool(old)
+
+    def _renewed(self, stream: Stream, ticks: int, now: int) -> bool:
+        """Renew the marks of all streams, of this one for a frame at `ticks`, and of new ones; whether they are stored."""
+        before = self._mark, self._floor_mark
+        times = {**self._last, stream: ticks}
+        self._mark = {each: max(self._mark.get(each, 0), min(last + AHEAD_TICKS, MOST_TICKS)) for each, last in times.items()}
+        self._floor_mark = max(self._floor_mark, min(now + AHEAD_TICKS, MOST_TICKS))
+        if self._store_marks():
+            return True
+        self._mark, self._floor_mark = before
+        return False
 
     # --- the file of times -------------------------------------------------------------------------
 
@@ -182,7 +220,7 @@ class Signing:
         try:
             stored = json.loads(path.read_text("utf-8"))
             streams = {_stream(name): _ticks(ticks) for name, ticks in stored["streams"].items()}
-            own = _ticks(stored["own"])
+            own, floor = _ticks(stored["own"]), _ticks(stored.get("others", 0))
         except FileNotFoundError:
             return
         except OSError as error:
@@ -194,10 +232,12 @@ class Signing:
             ) from None
         self._own = self._own_mark = own
         self._last, self._mark = dict(streams), dict(streams)
+        self._floor = self._floor_mark = floor
 
     def _write(self, path: Path) -> None:
         streams = {" ".join(map(str, stream)): ticks for stream, ticks in sorted(self._mark.items())}
-        text = json.dumps({"own": max(self._own, self._own_mark), "streams": streams}, indent=1)
+        marks = {"own": max(self._own, self._own_mark), "others": self._floor_mark, "streams": streams}
+        text = json.dumps(marks, indent=1)
         try:
             with atomic(path, private=True) as file:
                 file.write(f"{text}\n".encode())
@@ -220,7 +260,7 @@ class Signing:
         """Store the exact times at an orderly end, so that no sender has to wait for the marks."""
         if self._marks is not None:
             self._mark = dict(self._last)
-            self._own_mark = self._own
+            self._own_mark, self._floor_mark = self._own, self._floor
             self._write(self._marks)
 
 
