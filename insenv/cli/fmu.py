@@ -39,7 +39,17 @@ def export_fmu(
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="File to write.")],
+    estimator: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(
+            "--estimator", "-e", metavar="ID", help="With a scenario: put this estimator behind its plant, in one FMU."
+        ),
+    ] = None,
     fmi: Annotated[Version, typer.Option(help="FMI version: 2.0 has scalars, 3.0 arrays.")] = Version.two,
+    arrays: Annotated[
+        Optional[bool],  # noqa: UP045
+        typer.Option("--arrays/--no-arrays", help="FMI 3: vectors as arrays (the default), or a scalar for each element."),
+    ] = None,
     platform: Platforms = None,
     set_: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -49,7 +59,7 @@ def export_fmu(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write an estimator or a scenario's plant as an FMU for Co-Simulation."""
+    """Write an estimator, a scenario's plant, or both in one, as an FMU for Co-Simulation."""
     from insenv.cli.output import print_json, print_line, quiet_warnings, working
     from insenv.fmu import export_fmu as write
     from insenv.fmu.exporter import summary
@@ -57,7 +67,7 @@ def export_fmu(
 
     names, settings = _platforms(platform), _settings(set_, texts=(FILE,))
     with quiet_warnings(), working(f"exporting {subject}"):
-        write(subject, output, fmi=int(fmi.value), platforms=names, settings=settings)
+        write(subject, output, estimator=estimator, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
     content = summary(output)
     if as_json:
         print_json(content)

@@ -95,6 +95,7 @@ GNSS_PARAMETERS = Table(
         Row(
             "gnss_has_velocity",
             "1 if the receiver measures velocity, 0 if not",
+            flag=True,
             start=1.0,
             lower=0.0,
             upper=1.0,
@@ -118,8 +119,8 @@ _FIX = (
 
 GNSS_STATE = Table(
     (
-        Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
-        Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
+        Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0, flag=True),
+        Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0, flag=True),
         *(Row(f"gnss_{name}", f"{what}, latest fix delivered", unit, shape, frame) for name, what, unit, shape, frame in _FIX),
         Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
         Row(

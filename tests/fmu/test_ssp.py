@@ -75,8 +75,11 @@ def test_units_are_those_of_the_components(loop):
         defined = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
         for connector in part.iterfind(".//ssd:Connector", ns):
             variable, real = variables[connector.get("name")], connector.find("ssc:Real", ns)
-            assert real.get("unit") == (variable.unit or variable.declaredType.unit)
             assert connector.get("kind") == variable.causality
+            assert (real is None) == (variable.type == "Boolean") == (connector.find("ssc:Boolean", ns) is not None)
+            if real is None:
+                continue
+            assert real.get("unit") == (variable.unit or variable.declaredType.unit)
             if real.get("unit") is not None:
                 used.add(real.get("unit"))
                 base = defined[real.get("unit")]
