@@ -105,7 +105,7 @@ def ssp(
 @deferred
 def run(
     fmu: Annotated[
-        Path, typer.Argument(metavar="X.fmu", help="An FMU for Co-Simulation, FMI 2 or 3, of insenv or another tool.")
+        Path, typer.Argument(metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs.")
     ],
     input_: Annotated[
         Optional[Path],  # noqa: UP045
@@ -127,20 +127,31 @@ def run(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Run an FMU over sampled inputs; print or write its outputs."""
+    """Run an FMU over sampled inputs, or the FMUs of an SSP file; print or write the outputs."""
     from insenv.cli.output import print_json, print_line, quiet_warnings, working
     from insenv.files.output import check_output_file
+    from insenv.fmu.master import run_ssp
     from insenv.fmu.running import run, some
     from insenv.fmu.series import read_csv, write_csv
 
     parameters = _scalars(set_)
     if output is not None:
         check_output_file(output)
+    is_system = fmu.suffix == ".ssp"
+    if is_system and input_ is not None:
+        raise InputError(f"--input with {fmu}: a system has no inputs here: allowed is --input with an .fmu file")
     inputs = None if input_ is None else read_csv(input_)
     with quiet_warnings(), working(fmu.name) as progress:
-        found = run(fmu, inputs, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
+        if is_system:
+            found = run_ssp(fmu, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
+        else:
+            found = run(fmu, inputs, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
     if output is not None:
         write_csv(output, found)
+    if found.ended:
+        print_line(f"insenv: {fmu} ended the simulation at {found.steps * found.step:g} s", stderr=True)
+    if not found.steps:
+        raise InputError(f"{fmu} ended the simulation in its first step")
     time_s, us_per_step = float(found.time[-1]), found.seconds / found.steps * 1e6
     last = dict(zip(found.names, found.values[-1].tolist(), strict=True))
     if as_json:

@@ -52,8 +52,7 @@ class Subject:
     @property
     def identifier(self) -> str:
         """The id as a C identifier."""
-        name = re.sub(r"\W", "_", self.id)
-        return name if name[0].isalpha() else f"model_{name}"
+        return identifier(self.id)
 
     @property
     def title(self) -> str:
@@ -63,6 +62,12 @@ class Subject:
         smoothed = self.smooths
         forward = f" (here the forward pass: the estimates of {smoothed}, and what the backward pass needs)" if smoothed else ""
         return self.model.title + forward
+
+
+def identifier(name: str) -> str:
+    """`name` as a C identifier."""
+    name = re.sub(r"\W", "_", name)
+    return name if name[0].isalpha() else f"model_{name}"
 
 
 def subject(
