@@ -1,6 +1,11 @@
 /* FMI 2.0 for Co-Simulation over instance.h.  A value reference is a place in the instance's array of variables. */
 #include "instance.h"
 
+/* In a program that links several FMUs, each function's name begins with that of its model.  FMI2_OVERRIDE_FUNCTION_PREFIX, for a
+ * shared library, leaves the plain names. */
+#if !defined(FMI2_FUNCTION_PREFIX) && !defined(FMI2_OVERRIDE_FUNCTION_PREFIX)
+#define FMI2_FUNCTION_PREFIX MODEL_PREFIX
+#endif
 #include "fmi2Functions.h"
 
 #define STATUS(done) ((done) ? fmi2OK : fmi2Error)
@@ -76,20 +81,14 @@ void fmi2FreeInstance(fmi2Component c) { free_instance((Instance *)c); }
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
                                fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
-  State *s;
   (void)toleranceDefined, (void)tolerance; /* there is no solver with a tolerance */
   ENTER(INSTANTIATED, "fmi2SetupExperiment");
-  s = &it->now;
-  if (!enter_initialization(it, "fmi2SetupExperiment", startTime, stopTimeDefined, stopTime)) return fmi2Error;
-  s->mode = INSTANTIATED;
-  return fmi2OK;
+  return STATUS(set_times(it, "fmi2SetupExperiment", startTime, stopTimeDefined, stopTime));
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
-  State *s;
   ENTER(INSTANTIATED, "fmi2EnterInitializationMode");
-  s = &it->now;
-  return STATUS(enter_initialization(it, "fmi2EnterInitializationMode", s->start_time, s->stop_defined, s->stop_time));
+  return STATUS(enter_initialization(it));
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
@@ -111,34 +110,54 @@ fmi2Status fmi2Reset(fmi2Component c) {
   return fmi2OK;
 }
 
+/* Whether the value references are those of variables of one type. */
+static int check_references(Instance *it, const char *function, const fmi2ValueReference vr[], size_t nvr, const void *value,
+                            int flags) {
+  if (nvr && (vr == NULL || value == NULL)) REFUSE("%s: vr or value is NULL", function);
+  for (size_t i = 0; i < nvr; ++i) {
+    if (vr[i] >= N_VALUE || KIND[vr[i]] == NONE) REFUSE("%s: no variable has the value reference %u", function, vr[i]);
+    if (is_flag(vr[i]) != flags)
+      REFUSE("%s: %s is a %s", function, row_of(vr[i])->name, flags ? "Real" : "Boolean: call the function of this type");
+  }
+  return 1;
+}
+
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[]) {
   ENTER(INITIALIZATION | STEPPING | TERMINATED | FAILED, "fmi2GetReal");
-  if (nvr && (vr == NULL || value == NULL)) NONE_SUCH("fmi2GetReal", "vr or value is NULL");
-  for (size_t i = 0; i < nvr; ++i)
-    if (vr[i] >= N_VALUE || KIND[vr[i]] == NONE) {
-      say(it, 1, "fmi2GetReal: no variable has the value reference %u", vr[i]);
-      return fmi2Error;
-    }
-  if (!refresh(it)) return fmi2Error;
+  if (!check_references(it, "fmi2GetReal", vr, nvr, value, 0) || !refresh(it)) return fmi2Error;
   for (size_t i = 0; i < nvr; ++i) value[i] = it->now.v[vr[i]];
   return fmi2OK;
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[]) {
   ENTER(INSTANTIATED | INITIALIZATION | STEPPING, "fmi2SetReal");
-  if (nvr && (vr == NULL || value == NULL)) NONE_SUCH("fmi2SetReal", "vr or value is NULL");
-  for (size_t i = 0; i < nvr; ++i) {
-    if (vr[i] >= N_VALUE || KIND[vr[i]] == NONE) {
-      say(it, 1, "fmi2SetReal: no variable has the value reference %u", vr[i]);
-      return fmi2Error;
-    }
+  if (!check_references(it, "fmi2SetReal", vr, nvr, value, 0)) return fmi2Error;
+  for (size_t i = 0; i < nvr; ++i)
     if (!settable(it, vr[i], "fmi2SetReal") || !check_values(it, "fmi2SetReal", vr[i], 1, &value[i])) return fmi2Error;
-  }
   for (size_t i = 0; i < nvr; ++i) put_values(it, vr[i], 1, &value[i]);
   return fmi2OK;
 }
 
-/* Every variable is a Real: there are no variables of other types to get or set. */
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[]) {
+  ENTER(INITIALIZATION | STEPPING | TERMINATED | FAILED, "fmi2GetBoolean");
+  if (!check_references(it, "fmi2GetBoolean", vr, nvr, value, 1) || !refresh(it)) return fmi2Error;
+  for (size_t i = 0; i < nvr; ++i) value[i] = it->now.v[vr[i]] != 0;
+  return fmi2OK;
+}
+
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[]) {
+  ENTER(INSTANTIATED | INITIALIZATION | STEPPING, "fmi2SetBoolean");
+  if (!check_references(it, "fmi2SetBoolean", vr, nvr, value, 1)) return fmi2Error;
+  for (size_t i = 0; i < nvr; ++i)
+    if (!settable(it, vr[i], "fmi2SetBoolean")) return fmi2Error;
+  for (size_t i = 0; i < nvr; ++i) {
+    double flag = value[i] != 0;
+    put_values(it, vr[i], 1, &flag);
+  }
+  return fmi2OK;
+}
+
+/* Every variable is a Real or a Boolean: there are no variables of other types to get or set. */
 #define NO_VARIABLES(type)                                                                                                    \
   fmi2Status fmi2Get##type(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2##type value[]) {                   \
     ENTER(INITIALIZATION | STEPPING | TERMINATED | FAILED, "fmi2Get" #type);                                                  \
@@ -153,7 +172,6 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     return fmi2OK;                                                                                                            \
   }
 NO_VARIABLES(Integer)
-NO_VARIABLES(Boolean)
 NO_VARIABLES(String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate) {

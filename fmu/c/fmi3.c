@@ -1,6 +1,12 @@
-/* FMI 3.0 for Co-Simulation over instance.h.  A value reference is the number of a row, which is an array or a scalar. */
+/* FMI 3.0 for Co-Simulation over instance.h.  A value reference is the number of a row, which is an array or a scalar; without
+ * ARRAYS it is a place in the instance's array of variables. */
 #include "instance.h"
 
+/* In a program that links several FMUs, each function's name begins with that of its model.  FMI3_OVERRIDE_FUNCTION_PREFIX, for a
+ * shared library, leaves the plain names. */
+#if !defined(FMI3_FUNCTION_PREFIX) && !defined(FMI3_OVERRIDE_FUNCTION_PREFIX)
+#define FMI3_FUNCTION_PREFIX MODEL_PREFIX
+#endif
 #include "fmi3Functions.h"
 
 #define STATUS(done) ((done) ? fmi3OK : fmi3Error)
@@ -100,7 +106,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime) {
   (void)toleranceDefined, (void)tolerance; /* there is no solver with a tolerance */
   ENTER(INSTANTIATED, "fmi3EnterInitializationMode");
-  return STATUS(enter_initialization(it, "fmi3EnterInitializationMode", startTime, stopTimeDefined, stopTime));
+  return STATUS(set_times(it, "fmi3EnterInitializationMode", startTime, stopTimeDefined, stopTime) && enter_initialization(it));
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
@@ -122,15 +128,28 @@ fmi3Status fmi3Reset(fmi3Instance instance) {
   return fmi3OK;
 }
 
-/* Whether the value references are rows whose sizes add up to nValues. */
-static int check_rows(Instance *it, const char *function, const fmi3ValueReference rows[], size_t n, const void *values,
-                      size_t nValues) {
+/* Place and number of elements of a variable. */
+#if ARRAYS
+#define N_REFERENCE N_ROW
+#define PLACE(reference) (ROWS[reference].place)
+#define SIZE(reference) (ROWS[reference].size)
+#else
+#define N_REFERENCE N_VALUE
+#define PLACE(reference) ((size_t)(reference))
+#define SIZE(reference) ((size_t)((void)(reference), 1))
+#endif
+
+/* Whether the value references are those of variables of one type, whose sizes add up to nValues. */
+static int check_references(Instance *it, const char *function, const fmi3ValueReference vr[], size_t n, const void *values,
+                            size_t nValues, int flags) {
   size_t size = 0;
-  if ((n && rows == NULL) || (nValues && values == NULL)) REFUSE("%s: valueReferences or values is NULL", function);
+  if ((n && vr == NULL) || (nValues && values == NULL)) REFUSE("%s: valueReferences or values is NULL", function);
   for (size_t i = 0; i < n; ++i) {
-    if (rows[i] >= N_ROW || KIND[ROWS[rows[i]].place] == NONE)
-      REFUSE("%s: no variable has the value reference %lu", function, (unsigned long)rows[i]);
-    size += ROWS[rows[i]].size;
+    if (vr[i] >= N_REFERENCE || KIND[PLACE(vr[i])] == NONE)
+      REFUSE("%s: no variable has the value reference %lu", function, (unsigned long)vr[i]);
+    if (is_flag(PLACE(vr[i])) != flags)
+      REFUSE("%s: %s is a %s", function, row_of(PLACE(vr[i]))->name, flags ? "Float64" : "Boolean: call the function of this type");
+    size += SIZE(vr[i]);
   }
   if (size != nValues)
     REFUSE("%s: nValues = %lu: allowed is %lu, the number of elements of the variables", function, (unsigned long)nValues,
@@ -141,12 +160,10 @@ static int check_rows(Instance *it, const char *function, const fmi3ValueReferen
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                           fmi3Float64 values[], size_t nValues) {
   ENTER(INITIALIZATION | STEPPING | TERMINATED | FAILED, "fmi3GetFloat64");
-  if (!check_rows(it, "fmi3GetFloat64", valueReferences, nValueReferences, values, nValues) || !refresh(it)) return fmi3Error;
-  for (size_t i = 0; i < nValueReferences; ++i) {
-    const Row *row = &ROWS[valueReferences[i]];
-    memcpy(values, it->now.v + row->place, row->size * sizeof *values);
-    values += row->size;
-  }
+  if (!check_references(it, "fmi3GetFloat64", valueReferences, nValueReferences, values, nValues, 0) || !refresh(it))
+    return fmi3Error;
+  for (size_t i = 0; i < nValueReferences; values += SIZE(valueReferences[i]), ++i)
+    memcpy(values, it->now.v + PLACE(valueReferences[i]), SIZE(valueReferences[i]) * sizeof *values);
   return fmi3OK;
 }
 
@@ -154,22 +171,39 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
                           const fmi3Float64 values[], size_t nValues) {
   const double *value = values;
   ENTER(INSTANTIATED | INITIALIZATION | STEPPING, "fmi3SetFloat64");
-  if (!check_rows(it, "fmi3SetFloat64", valueReferences, nValueReferences, values, nValues)) return fmi3Error;
-  for (size_t i = 0; i < nValueReferences; ++i) {
-    const Row *row = &ROWS[valueReferences[i]];
-    if (!settable(it, row->place, "fmi3SetFloat64")) return fmi3Error;
-    if (!check_values(it, "fmi3SetFloat64", row->place, row->size, value)) return fmi3Error;
-    value += row->size;
+  if (!check_references(it, "fmi3SetFloat64", valueReferences, nValueReferences, values, nValues, 0)) return fmi3Error;
+  for (size_t i = 0; i < nValueReferences; value += SIZE(valueReferences[i]), ++i) {
+    if (!settable(it, PLACE(valueReferences[i]), "fmi3SetFloat64")) return fmi3Error;
+    if (!check_values(it, "fmi3SetFloat64", PLACE(valueReferences[i]), SIZE(valueReferences[i]), value)) return fmi3Error;
   }
+  for (size_t i = 0; i < nValueReferences; values += SIZE(valueReferences[i]), ++i)
+    put_values(it, PLACE(valueReferences[i]), SIZE(valueReferences[i]), values);
+  return fmi3OK;
+}
+
+fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                          fmi3Boolean values[], size_t nValues) {
+  ENTER(INITIALIZATION | STEPPING | TERMINATED | FAILED, "fmi3GetBoolean");
+  if (!check_references(it, "fmi3GetBoolean", valueReferences, nValueReferences, values, nValues, 1) || !refresh(it))
+    return fmi3Error;
+  for (size_t i = 0; i < nValueReferences; ++i) values[i] = it->now.v[PLACE(valueReferences[i])] != 0;
+  return fmi3OK;
+}
+
+fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                          const fmi3Boolean values[], size_t nValues) {
+  ENTER(INSTANTIATED | INITIALIZATION | STEPPING, "fmi3SetBoolean");
+  if (!check_references(it, "fmi3SetBoolean", valueReferences, nValueReferences, values, nValues, 1)) return fmi3Error;
+  for (size_t i = 0; i < nValueReferences; ++i)
+    if (!settable(it, PLACE(valueReferences[i]), "fmi3SetBoolean")) return fmi3Error;
   for (size_t i = 0; i < nValueReferences; ++i) {
-    const Row *row = &ROWS[valueReferences[i]];
-    put_values(it, row->place, row->size, values);
-    values += row->size;
+    double flag = values[i] != 0;
+    put_values(it, PLACE(valueReferences[i]), 1, &flag);
   }
   return fmi3OK;
 }
 
-/* Every variable is a Float64: there are no variables of other types to get or set. */
+/* Every variable is a Float64 or a Boolean: there are no variables of other types to get or set. */
 #define NO_VARIABLES(name, type)                                                                                              \
   fmi3Status fmi3Get##name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
                            type values[], size_t nValues) {                                                                   \
@@ -194,7 +228,6 @@ NO_VARIABLES(Int32, fmi3Int32)
 NO_VARIABLES(UInt32, fmi3UInt32)
 NO_VARIABLES(Int64, fmi3Int64)
 NO_VARIABLES(UInt64, fmi3UInt64)
-NO_VARIABLES(Boolean, fmi3Boolean)
 NO_VARIABLES(String, fmi3String)
 
 /* A function whose arguments after the first are not used. */
@@ -205,10 +238,6 @@ NO_VARIABLES(String, fmi3String)
 #define NO_EVENTS "there is no event mode (hasEventMode is false)"
 #define NO_DERIVATIVES "not provided (modelDescription.xml says so)"
 #define EXCHANGE "for Model Exchange only: this FMU is for Co-Simulation"
-
-#if defined(__GNUC__)
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
 
 WITHOUT(fmi3GetBinary, NO_TYPE, const fmi3ValueReference rows[], size_t n, size_t sizes[], fmi3Binary values[], size_t nValues)
 WITHOUT(fmi3SetBinary, NO_TYPE, const fmi3ValueReference rows[], size_t n, const size_t sizes[], const fmi3Binary values[],

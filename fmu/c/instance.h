@@ -6,8 +6,7 @@
  *     time | parameters | inputs | outputs        (FIRST_PARAMETER, FIRST_INPUT, FIRST_OUTPUT, N_VALUE)
  *
  * config.h, which insenv writes from the model's tables, defines the sizes, ROWS (the variables: name, unit, place, size,
- * bounds), START (start values), KIND (kind of each place) and INPUTS_HELD_BACK (flags of events that belong to one sample).
- * equations.h holds the generated functions.  A function that refuses a call logs the reason and returns 0; a refused call
+ * bounds), START (start values), KIND (kind of each place) and how long a communication step may be.  equations.h holds the generated functions.  A function that refuses a call logs the reason and returns 0; a refused call
  * changes nothing.
  */
 #include <float.h>
@@ -27,16 +26,17 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 
-/* equations.h also defines entry points for runs of many samples, which are not called here */
+/* equations.h also defines entry points for runs of many samples, which are not called here; all equations have the same arguments */
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 
 #include "config.h"
 #include "equations.h"
 
-/* Kinds of the places of `v`. */
-enum { NONE, TIME, CONSTANT, PARAMETER, INPUT, OUTPUT };
+/* Kinds of the places of `v`; a TUNABLE parameter may be set between steps too. */
+enum { NONE, TIME, CONSTANT, PARAMETER, INPUT, OUTPUT, TUNABLE };
 
 /* Modes of the instance, one bit each, so that a function can name all modes in which it may be called. */
 enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, TERMINATED = 8, FAILED = 16 };
@@ -124,6 +124,9 @@ static const Row *row_of(size_t place) {
   return &ROWS[low];
 }
 
+/* Whether a place holds a Boolean, stored as 0 or 1. */
+static int is_flag(size_t place) { return FLAG[place]; }
+
 /* Log that `value` is not allowed at `place`. */
 static void say_bad_value(Instance *it, const char *function, size_t place, double value) {
   const Row *row = row_of(place);
@@ -182,16 +185,16 @@ static void free_instance(Instance *it) {
 static int settable(Instance *it, size_t place, const char *function) {
   int modes = 0;
   if (KIND[place] == PARAMETER) modes = INSTANTIATED | INITIALIZATION;
-  if (KIND[place] == INPUT) modes = INSTANTIATED | INITIALIZATION | STEPPING;
+  if (KIND[place] == INPUT || KIND[place] == TUNABLE) modes = INSTANTIATED | INITIALIZATION | STEPPING;
   if (it->now.mode & modes) return 1;
   REFUSE("%s: %s cannot be set%s%s", function, row_of(place)->name, modes ? " in this state: " : "",
          modes ? mode_name(it->now.mode) : "");
 }
 
-/* Check `size` values for the places that begin at `place`. */
+/* Check `size` values for the places that begin at `place`; an input that a flag can switch off is checked by the step. */
 static int check_values(Instance *it, const char *function, size_t place, size_t size, const double *values) {
   for (size_t i = 0; i < size; ++i) {
-    int bad = !is_finite(values[i]) || (KIND[place] == PARAMETER && out_of_bounds(place + i, values[i]));
+    int bad = KIND[place] == INPUT ? !is_finite(values[i]) && row_of(place)->flag < 0 : out_of_bounds(place + i, values[i]);
     if (bad) return say_bad_value(it, function, place + i, values[i]), 0;
   }
   return 1;
@@ -199,10 +202,10 @@ static int check_values(Instance *it, const char *function, size_t place, size_t
 
 static void put_values(Instance *it, size_t place, size_t size, const double *values) {
   memcpy(it->now.v + place, values, size * sizeof *values);
-  if (KIND[place] == PARAMETER) it->now.stale = 1;
+  if (KIND[place] != INPUT && it->now.mode != STEPPING) it->now.stale = 1;
 }
 
-static int enter_initialization(Instance *it, const char *function, double start_time, int stop_defined, double stop_time) {
+static int set_times(Instance *it, const char *function, double start_time, int stop_defined, double stop_time) {
   State *s = &it->now;
   if (!is_finite(start_time)) REFUSE("%s: startTime = %g: allowed is a finite number", function, start_time);
   if (stop_defined && !(stop_time > start_time))
@@ -210,7 +213,11 @@ static int enter_initialization(Instance *it, const char *function, double start
   s->start_time = s->v[0] = start_time;
   s->stop_defined = stop_defined != 0;
   s->stop_time = stop_defined ? stop_time : 0;
-  s->mode = INITIALIZATION;
+  return 1;
+}
+
+static int enter_initialization(Instance *it) {
+  it->now.mode = INITIALIZATION;
   say(it, 0, "initialization mode");
   return 1;
 }
@@ -229,52 +236,96 @@ static int is_used(const State *s, const Row *row) {
   return 1;
 }
 
-static int check_inputs(Instance *it, const char *function) {
+/* Whether the inputs are the increments over the whole communication step, of any length. */
+static int is_one_increment(const State *s) {
+#if defined(DT)
+  return s->v[STEP_IS_ONE_INCREMENT] != 0;
+#else
+  return (void)s, 0;
+#endif
+}
+
+#if ONE_SAMPLE_A_STEP
+#if defined(DT)
+#define OTHERWISE ", or set parameters.step_is_one_increment if the inputs are the increments over the whole step"
+#else
+#define OTHERWISE ""
+#endif
+
+/* Check that a step is one sample, or one increment. */
+static int check_length(Instance *it, const char *function, double step, double rounding, double *samples) {
+  *samples = 1;
+#if defined(DT)
+  if (is_one_increment(&it->now)) {
+    const Row *dt = row_of(DT);
+    if (!is_finite(step) || step < dt->lower || step > dt->upper)
+      REFUSE("%s: the communication step is %.15g s: allowed is %g to %g s", function, step, dt->lower, dt->upper);
+    return 1;
+  }
+#endif
+  if (!is_finite(step) || fabs(step - SAMPLE_INTERVAL) > rounding)
+    REFUSE("%s: the communication step is %.15g s: allowed is one sample interval, %.15g s.  Set the importer's step to it (FMPy: "
+           "output_interval=%.15g)" OTHERWISE,
+           function, step, (double)SAMPLE_INTERVAL, (double)SAMPLE_INTERVAL);
+  return 1;
+}
+#else
+/* Check that a step is a whole number of samples. */
+static int check_length(Instance *it, const char *function, double step, double rounding, double *samples) {
+  *samples = floor(step / SAMPLE_INTERVAL + 0.5);
+  if (!is_finite(step) || *samples < 1 || fabs(step - *samples * SAMPLE_INTERVAL) > rounding)
+    REFUSE("%s: the communication step is %.15g s: allowed is a whole number of sample intervals of %.15g s", function, step,
+           (double)SAMPLE_INTERVAL);
+  if (*samples > MAX_SAMPLES)
+    REFUSE("%s: the communication step is %g s: allowed is up to %g sample intervals", function, step, (double)MAX_SAMPLES);
+  return 1;
+}
+#endif
+
+/* Copy the inputs to u and check them: an unused one may have any value, and one that is not finite is then left out. */
+static int take_inputs(Instance *it, const char *function, double step, double *u) {
   const State *s = &it->now;
+  memcpy(u, inputs(&it->now), N_INPUT * sizeof *u);
+#if defined(DT)
+  if (is_one_increment(s)) u[DT - FIRST_INPUT] = step;
+#endif
   for (size_t r = FIRST_INPUT_ROW; r < FIRST_INPUT_ROW + N_INPUT_ROW; ++r) {
     const Row *row = &ROWS[r];
-    for (size_t i = row->place; i < row->place + row->size; ++i)
-      if ((s->v[i] < row->lower || s->v[i] > row->upper) && is_used(s, row)) {
-        say_bad_value(it, function, i, s->v[i]);
-        return 0;
-      }
+    int used = is_used(s, row);
+    for (size_t i = row->place; i < row->place + row->size; ++i) {
+      double *value = &u[i - FIRST_INPUT];
+      if (used && out_of_bounds(i, *value)) return say_bad_value(it, function, i, *value), 0;
+      if (!used && !is_finite(*value)) *value = START[i];
+    }
   }
+#if defined(DT)
+  if (u[DT - FIRST_INPUT] < 0.5 * step || u[DT - FIRST_INPUT] > 2 * step)
+    REFUSE("%s: dt = %g s in a step of %.15g s: allowed is half to twice the step", function, u[DT - FIRST_INPUT], step);
+#endif
   return 1;
 }
 
-/* Advance by n samples with the inputs held; the flags in INPUTS_HELD_BACK apply to the last sample only. */
-static void advance_samples(State *s, int64_t n) {
-  double *p = parameters(s), *u = inputs(s);
-  if (n > 1) {
-    double came[N_HELD_BACK + 1];
-    for (int i = 0; i < N_HELD_BACK; ++i) came[i] = s->v[INPUTS_HELD_BACK[i]], s->v[INPUTS_HELD_BACK[i]] = 0;
-    for (int64_t k = 1; k < n; ++k) advance(p, s->x, u);
-    for (int i = 0; i < N_HELD_BACK; ++i) s->v[INPUTS_HELD_BACK[i]] = came[i];
-  }
-  advance(p, s->x, u);
-  s->samples += n;
-}
-
-/* Make a communication step, which must be a whole number of samples. */
+/* Make a communication step. */
 static int do_step(Instance *it, const char *function, double point, double step) {
   State *s = &it->now;
-  double count = step / SAMPLE_INTERVAL, whole = floor(count + 0.5), lost = 0;
+  double u[N_INPUT + 1], samples, lost = 0, nothing = 1e-6 * SAMPLE_INTERVAL;
   /* a step that an importer computes as a difference of two times has their rounding error */
-  double rounding = 1e-6 * SAMPLE_INTERVAL + 4 * DBL_EPSILON * fabs(point);
+  double rounding = nothing + 4 * DBL_EPSILON * fabs(point);
 
   if (!is_finite(point) || fabs(point - s->v[0]) > 0.25 * SAMPLE_INTERVAL)
-    REFUSE("%s: the communication point is %.17g s: the instance stands at %.17g s", function, point, s->v[0]);
-  if (!is_finite(step) || whole < 1 || fabs(step - whole * SAMPLE_INTERVAL) > rounding)
-    REFUSE("%s: the communication step is %.17g s: allowed is a whole number of sample intervals of %.17g s", function, step,
-           (double)SAMPLE_INTERVAL);
-  if (whole > MAX_SAMPLES)
-    REFUSE("%s: the communication step is %g s: allowed is up to %g sample intervals", function, step, (double)MAX_SAMPLES);
+    REFUSE("%s: the communication point is %.15g s: the instance stands at %.15g s", function, point, s->v[0]);
+  if (step > 0 && step < nothing) return 1; /* what is left to the stop time of an importer that sums up steps */
+  if (!check_length(it, function, step, rounding, &samples)) return 0;
   if (s->stop_defined && point + step > s->stop_time + 0.5 * SAMPLE_INTERVAL)
     REFUSE("%s: a step of %g s from %g s passes the stop time, %g s", function, step, point, s->stop_time);
-  if (!check_inputs(it, function)) return 0;
+  if (!take_inputs(it, function, step, u)) return 0;
 
-  advance_samples(s, (int64_t)whole);
-  s->v[0] = s->start_time + (double)s->samples * SAMPLE_INTERVAL;
+  for (int64_t k = 0; k < (int64_t)samples; ++k) advance(parameters(s), s->x, u);
+#if defined(DT)
+  s->v[DT] = u[DT - FIRST_INPUT];
+#endif
+  s->samples += (int64_t)samples;
+  s->v[0] = is_one_increment(s) ? point + step : s->start_time + (double)s->samples * SAMPLE_INTERVAL;
   insenv_output(1, parameters(s), s->x, outputs_of(s));
   for (int i = 0; i < N_OUTPUT; ++i) lost += outputs_of(s)[i] - outputs_of(s)[i];
   if (lost != 0) {

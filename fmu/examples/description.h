@@ -1,4 +1,4 @@
-/* The parts of modelDescription.xml that a host needs: version, token, identifier, and the floating-point inputs and outputs.
+/* The parts of modelDescription.xml that a host needs: version, token, identifier, and the inputs and outputs: numbers and Booleans.
  *
  * This is not a full XML reader: it reads tags and attributes, which is enough for a well-formed file without comments inside
  * the variables.
@@ -17,13 +17,14 @@ typedef struct {
   char name[NAME];
   uint32_t reference;
   size_t size, rows, columns; /* elements; a scalar has no rows, a vector no columns */
+  int is_boolean;
 } Variable;
 
 typedef struct {
   int version;
   char token[NAME], identifier[NAME];
-  Variable *inputs, *outputs;
-  size_t input_count, output_count, input_elements, output_elements;
+  Variable *inputs, *outputs; /* first the numbers, then the Booleans, each in the order of the file */
+  size_t input_count, output_count, input_elements, output_elements, boolean_inputs, boolean_outputs;
 } Description;
 
 /* The text of a file, terminated by a zero byte; NULL if it cannot be read. */
@@ -77,6 +78,18 @@ static void attribute(const char *tag, size_t length, const char *name, char val
   }
 }
 
+/* Put the Booleans behind the numbers and return how many there are. */
+static size_t booleans_last(Variable *list, size_t count) {
+  Variable *kept = malloc((count + 1) * sizeof *kept);
+  size_t filled = 0, booleans = 0;
+  for (int boolean = 0; boolean < 2; boolean++)
+    for (size_t i = 0; i < count; i++)
+      if (list[i].is_boolean == boolean) kept[filled++] = list[i], booleans += (size_t)boolean;
+  if (count) memcpy(list, kept, count * sizeof *kept);
+  free(kept);
+  return booleans;
+}
+
 static Description describe(const char *xml) {
   Description d;
   memset(&d, 0, sizeof d);
@@ -87,6 +100,7 @@ static Description describe(const char *xml) {
   memset(&now, 0, sizeof now);
   while ((tag = next_tag(&at, &length))) {
     const int variable = is_tag(tag, "ScalarVariable"), real = is_tag(tag, "Real"), array = is_tag(tag, "Float64");
+    const int boolean = is_tag(tag, "Boolean"), whole = array || (boolean && d.version == 3);
     if (is_tag(tag, "fmiModelDescription")) {
       attribute(tag, length, "fmiVersion", value);
       d.version = atoi(value);
@@ -99,7 +113,7 @@ static Description describe(const char *xml) {
       attribute(tag, length, "start", value);
       *(kept->rows ? &kept->columns : &kept->rows) = (size_t)strtoul(value, NULL, 10);
     }
-    if (variable || array) {
+    if (variable || whole) {
       memset(&now, 0, sizeof now);
       kept = NULL;
       attribute(tag, length, "name", now.name);
@@ -107,15 +121,18 @@ static Description describe(const char *xml) {
       attribute(tag, length, "valueReference", value);
       now.reference = (uint32_t)strtoul(value, NULL, 10);
     }
-    if ((real || array) && now.name[0] && (!strcmp(causality, "input") || !strcmp(causality, "output"))) {
+    if ((real || array || boolean) && now.name[0] && (!strcmp(causality, "input") || !strcmp(causality, "output"))) {
       Variable **list = causality[0] == 'i' ? &d.inputs : &d.outputs;
       size_t *count = causality[0] == 'i' ? &d.input_count : &d.output_count;
       *list = realloc(*list, (*count + 1) * sizeof **list);
       kept = &(*list)[(*count)++];
       *kept = now;
+      kept->is_boolean = boolean;
       now.name[0] = 0;
     }
   }
+  d.boolean_inputs = booleans_last(d.inputs, d.input_count);
+  d.boolean_outputs = booleans_last(d.outputs, d.output_count);
   for (size_t i = 0; i < d.input_count + d.output_count; i++) {
     Variable *v = i < d.input_count ? &d.inputs[i] : &d.outputs[i - d.input_count];
     v->size = (v->rows ? v->rows : 1) * (v->columns ? v->columns : 1);

@@ -59,12 +59,14 @@ typedef struct {
 typedef Instance (*Instantiate2)(const char *, int, const char *, const char *, const Callbacks2 *, int, int);
 typedef int (*Setup2)(Instance, int, double, double, int, double);
 typedef int (*Values2)(Instance, const uint32_t *, size_t, double *);
+typedef int (*Booleans2)(Instance, const uint32_t *, size_t, int *);
 typedef int (*DoStep2)(Instance, double, double, int);
 typedef void (*Logger3)(void *, int, const char *, const char *);
 typedef Instance (*Instantiate3)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *, size_t, void *,
                                  Logger3, void *);
 typedef int (*Enter3)(Instance, bool, double, double, bool, double);
 typedef int (*Values3)(Instance, const uint32_t *, size_t, double *, size_t);
+typedef int (*Booleans3)(Instance, const uint32_t *, size_t, bool *, size_t);
 typedef int (*DoStep3)(Instance, double, double, bool, bool *, bool *, bool *, double *);
 typedef int (*Simple)(Instance);
 typedef void (*Release)(Instance);
@@ -102,6 +104,8 @@ typedef struct {
   Enter3 enter3;
   Values2 set2, get2;
   Values3 set3, get3;
+  Booleans2 set_booleans2, get_booleans2;
+  Booleans3 set_booleans3, get_booleans3;
   DoStep2 do_step2;
   DoStep3 do_step3;
   Simple enter2, leave, reset, terminate;
@@ -136,6 +140,8 @@ static void instantiate(Fmu *fmu, const Description *d) {
     resolve(fmu, "EnterInitializationMode", &fmu->enter2);
     resolve(fmu, "SetReal", &fmu->set2);
     resolve(fmu, "GetReal", &fmu->get2);
+    resolve(fmu, "SetBoolean", &fmu->set_booleans2);
+    resolve(fmu, "GetBoolean", &fmu->get_booleans2);
     resolve(fmu, "DoStep", &fmu->do_step2);
     fmu->instance = create("host", 1, d->token, "", &callbacks, 0, 0);
   } else {
@@ -144,6 +150,8 @@ static void instantiate(Fmu *fmu, const Description *d) {
     resolve(fmu, "EnterInitializationMode", &fmu->enter3);
     resolve(fmu, "SetFloat64", &fmu->set3);
     resolve(fmu, "GetFloat64", &fmu->get3);
+    resolve(fmu, "SetBoolean", &fmu->set_booleans3);
+    resolve(fmu, "GetBoolean", &fmu->get_booleans3);
     resolve(fmu, "DoStep", &fmu->do_step3);
     fmu->instance = create("host", d->token, "", false, false, false, false, NULL, 0, NULL, logged3, NULL);
   }
@@ -163,25 +171,48 @@ static void initialize(const Fmu *fmu, double start) {
   check(fmu->leave(fmu->instance), "initialization");
 }
 
-/* Variables that are set or read together. */
+/* Variables that are set or read together: numbers, then Booleans (scalars), whose values are kept as 0 or 1. */
 typedef struct {
   uint32_t *references;
-  size_t count, elements;
+  size_t count, elements, booleans; /* all variables, all elements, and those of them that are Booleans */
 } Group;
 
-/* One step: set the inputs, advance, read the outputs. */
-static void advance(const Fmu *fmu, double now, double step, const Group *set, double *in, const Group *get, double *out) {
-  if (fmu->version == 2) {
-    if (set->count) check(fmu->set2(fmu->instance, set->references, set->count, in), "inputs");
-    check(fmu->do_step2(fmu->instance, now, step, 1), "step");
-    check(fmu->get2(fmu->instance, get->references, get->count, out), "outputs");
-  } else {
-    bool event, terminate, early;
-    double last;
-    if (set->count) check(fmu->set3(fmu->instance, set->references, set->count, in, set->elements), "inputs");
-    check(fmu->do_step3(fmu->instance, now, step, true, &event, &terminate, &early, &last), "step");
-    check(fmu->get3(fmu->instance, get->references, get->count, out, get->elements), "outputs");
+static void set(const Fmu *fmu, const Group *group, const double *values) {
+  const size_t count = group->count - group->booleans, elements = group->elements - group->booleans;
+  const uint32_t *booleans = group->references + count;
+  if (count && fmu->version == 2) check(fmu->set2(fmu->instance, group->references, count, (double *)values), "inputs");
+  if (count && fmu->version == 3) check(fmu->set3(fmu->instance, group->references, count, (double *)values, elements), "inputs");
+  for (size_t i = 0; i < group->booleans; i++) {
+    const bool value = values[elements + i] != 0;
+    int as2 = value;
+    bool as3 = value;
+    if (fmu->version == 2) check(fmu->set_booleans2(fmu->instance, booleans + i, 1, &as2), "inputs");
+    else check(fmu->set_booleans3(fmu->instance, booleans + i, 1, &as3, 1), "inputs");
   }
+}
+
+static void get(const Fmu *fmu, const Group *group, double *values) {
+  const size_t count = group->count - group->booleans, elements = group->elements - group->booleans;
+  const uint32_t *booleans = group->references + count;
+  if (count && fmu->version == 2) check(fmu->get2(fmu->instance, group->references, count, values), "outputs");
+  if (count && fmu->version == 3) check(fmu->get3(fmu->instance, group->references, count, values, elements), "outputs");
+  for (size_t i = 0; i < group->booleans; i++) {
+    int as2 = 0;
+    bool as3 = false;
+    if (fmu->version == 2) check(fmu->get_booleans2(fmu->instance, booleans + i, 1, &as2), "outputs");
+    else check(fmu->get_booleans3(fmu->instance, booleans + i, 1, &as3, 1), "outputs");
+    values[elements + i] = as2 || as3;
+  }
+}
+
+/* One step: set the inputs, advance, read the outputs. */
+static void advance(const Fmu *fmu, double now, double step, const Group *inputs, double *in, const Group *outputs, double *out) {
+  bool event, terminate, early;
+  double last;
+  set(fmu, inputs, in);
+  if (fmu->version == 2) check(fmu->do_step2(fmu->instance, now, step, 1), "step");
+  else check(fmu->do_step3(fmu->instance, now, step, true, &event, &terminate, &early, &last), "step");
+  get(fmu, outputs, out);
 }
 
 /* A CSV file in memory: names of its columns, and numbers by rows. */
@@ -268,22 +299,23 @@ int main(int argc, char **argv) {
 
   /* only the inputs that have columns are set; the others keep their start values */
   long *column = columns_of(d.inputs, d.input_count, d.input_elements, &input);
-  Group set = {malloc((d.input_count + 1) * sizeof(uint32_t)), 0, 0};
-  Group get = {malloc((d.output_count + 1) * sizeof(uint32_t)), d.output_count, d.output_elements};
+  Group inputs = {malloc((d.input_count + 1) * sizeof(uint32_t)), 0, 0, 0};
+  Group outputs = {malloc((d.output_count + 1) * sizeof(uint32_t)), d.output_count, d.output_elements, d.boolean_outputs};
   for (size_t i = 0, k = 0; i < d.input_count; k += d.inputs[i++].size) {
     if (column[k] < 0) continue;
-    set.references[set.count++] = d.inputs[i].reference;
+    inputs.references[inputs.count++] = d.inputs[i].reference;
+    inputs.booleans += (size_t)d.inputs[i].is_boolean;
     for (size_t e = 0; e < d.inputs[i].size; e++) {
       if (column[k + e] < 0) fail("not all elements have a column: ", d.inputs[i].name);
-      column[set.elements++] = column[k + e];
+      column[inputs.elements++] = column[k + e];
     }
   }
-  for (size_t i = 0; i < d.output_count; i++) get.references[i] = d.outputs[i].reference;
+  for (size_t i = 0; i < d.output_count; i++) outputs.references[i] = d.outputs[i].reference;
 
-  double *rows = malloc((input.rows * set.elements + 1) * sizeof *rows), start = 0.0;
-  double *results = malloc((input.rows * get.elements + 1) * sizeof *results);
+  double *rows = malloc((input.rows * inputs.elements + 1) * sizeof *rows), start = 0.0;
+  double *results = malloc((input.rows * outputs.elements + 1) * sizeof *results);
   for (size_t r = 0; r < input.rows; r++)
-    for (size_t e = 0; e < set.elements; e++) rows[r * set.elements + e] = input.values[r * input.columns + (size_t)column[e]];
+    for (size_t e = 0; e < inputs.elements; e++) rows[r * inputs.elements + e] = input.values[r * input.columns + (size_t)column[e]];
   for (size_t c = 0; c < input.columns; c++)
     if (!strcmp(input.names[c], "time") && input.rows) start = input.values[c];
 
@@ -296,7 +328,7 @@ int main(int argc, char **argv) {
     initialize(&fmu, start);
     const clock_t begin = clock();
     for (size_t r = 0; r < input.rows; r++)
-      advance(&fmu, start + (double)r * step, step, &set, rows + r * set.elements, &get, results + r * get.elements);
+      advance(&fmu, start + (double)r * step, step, &inputs, rows + r * inputs.elements, &outputs, results + r * outputs.elements);
     const double seconds = (double)(clock() - begin) / CLOCKS_PER_SEC;
     fprintf(stderr, "%zu steps, %.4f us a step\n", input.rows, input.rows ? seconds / (double)input.rows * 1e6 : 0.0);
   }

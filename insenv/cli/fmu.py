@@ -39,7 +39,17 @@ def export_fmu(
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="File to write.")],
+    estimator: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(
+            "--estimator", "-e", metavar="ID", help="With a scenario: put this estimator behind its plant, in one FMU."
+        ),
+    ] = None,
     fmi: Annotated[Version, typer.Option(help="FMI version: 2.0 has scalars, 3.0 arrays.")] = Version.two,
+    arrays: Annotated[
+        Optional[bool],  # noqa: UP045
+        typer.Option("--arrays/--no-arrays", help="FMI 3: vectors as arrays (the default), or a scalar for each element."),
+    ] = None,
     platform: Platforms = None,
     set_: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -49,7 +59,7 @@ def export_fmu(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write an estimator or a scenario's plant as an FMU for Co-Simulation."""
+    """Write an estimator, a scenario's plant, or both in one, as an FMU for Co-Simulation."""
     from insenv.cli.output import print_json, print_line, quiet_warnings, working
     from insenv.fmu import export_fmu as write
     from insenv.fmu.exporter import summary
@@ -57,7 +67,7 @@ def export_fmu(
 
     names, settings = _platforms(platform), _settings(set_, texts=(FILE,))
     with quiet_warnings(), working(f"exporting {subject}"):
-        write(subject, output, fmi=int(fmi.value), platforms=names, settings=settings)
+        write(subject, output, estimator=estimator, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
     content = summary(output)
     if as_json:
         print_json(content)
@@ -95,7 +105,7 @@ def ssp(
 @deferred
 def run(
     fmu: Annotated[
-        Path, typer.Argument(metavar="X.fmu", help="An FMU for Co-Simulation, FMI 2 or 3, of insenv or another tool.")
+        Path, typer.Argument(metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs.")
     ],
     input_: Annotated[
         Optional[Path],  # noqa: UP045
@@ -117,20 +127,31 @@ def run(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Run an FMU over sampled inputs; print or write its outputs."""
+    """Run an FMU over sampled inputs, or the FMUs of an SSP file; print or write the outputs."""
     from insenv.cli.output import print_json, print_line, quiet_warnings, working
     from insenv.files.output import check_output_file
+    from insenv.fmu.master import run_ssp
     from insenv.fmu.running import run, some
     from insenv.fmu.series import read_csv, write_csv
 
     parameters = _scalars(set_)
     if output is not None:
         check_output_file(output)
+    is_system = fmu.suffix == ".ssp"
+    if is_system and input_ is not None:
+        raise InputError(f"--input with {fmu}: a system has no inputs here: allowed is --input with an .fmu file")
     inputs = None if input_ is None else read_csv(input_)
     with quiet_warnings(), working(fmu.name) as progress:
-        found = run(fmu, inputs, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
+        if is_system:
+            found = run_ssp(fmu, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
+        else:
+            found = run(fmu, inputs, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
     if output is not None:
         write_csv(output, found)
+    if found.ended:
+        print_line(f"insenv: {fmu} ended the simulation at {found.steps * found.step:g} s", stderr=True)
+    if not found.steps:
+        raise InputError(f"{fmu} ended the simulation in its first step")
     time_s, us_per_step = float(found.time[-1]), found.seconds / found.steps * 1e6
     last = dict(zip(found.names, found.values[-1].tolist(), strict=True))
     if as_json:

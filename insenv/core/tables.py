@@ -36,6 +36,7 @@ class Row:
     frame: the frame of the components (``"n"``, ``"b"``, ...), or empty.
     start: start value, a number for every element or a nested sequence of the row's shape.
     lower, upper: inclusive bounds of every element.
+    flag: whether it is 0 (no) or 1 (yes) and nothing between; an FMU shows it as a Boolean.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Row:
     start: Any = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+    flag: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():

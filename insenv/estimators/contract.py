@@ -203,6 +203,27 @@ class Estimator:
                 return check_rows(self.prepare(known), self.model.parameters)
         return known.rows_of(self.model.parameters)
 
+    @cached_property
+    def tunable(self) -> tuple[str, ...]:
+        """Parameter rows that may be changed during a run, from one sample to the next: noises, gates and the lever arm.
+
+        Not among them: what is known of the start, and rows that the equations of the start use.
+        """
+        import casadi as ca
+
+        table, known = self.model.parameters, {f.name for f in fields(Knowledge)} - {"antenna_lever_arm"}
+        p = ca.SX.sym("p", table.size)
+        start = self.model.kernels["start"].function(p, ca.SX.sym("r", self.model.start_uniforms))
+        used = set(ca.jacobian_sparsity(start, p).get_triplet()[1])
+        return tuple(
+            row.name
+            for row in table
+            if row.name.endswith(_TUNABLE)
+            and not row.name.startswith("start_")
+            and row.name not in known
+            and not used.intersection(range(table.slice(row.name).start, table.slice(row.name).stop))
+        )
+
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
         if self.applicability is None:
@@ -212,6 +233,8 @@ class Estimator:
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}
+_TUNABLE = ("_random_walk", "_sigma", "_gate", "_error", "_correlation_time", "antenna_lever_arm")
+"""Ends of the names of noises, gates and the lever arm."""
 
 
 def shown_name(sensor: str) -> str:

@@ -133,7 +133,7 @@ MODEL = Model(
     parameters=filter15.PARAMETERS,
     state=filter15.STATE + Table(tuple(row for row in RECORDED if row.name not in filter15.STATE)),
     inputs=rows.AIDED_INPUTS
-    + Table((Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1),)),
+    + Table((Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True),)),
     outputs=rows.AIDED_OUTPUTS + RECORDED + Table(tuple(row for row in NOMINAL if row.name not in rows.AIDED_OUTPUTS)),
     steps={
         "sample": Step(sample),

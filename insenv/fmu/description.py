@@ -14,12 +14,12 @@ import insenv
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.fmu import units
-from insenv.fmu.sources import TOKEN, main_source
+from insenv.fmu.sources import OVERRIDE, TOKEN, main_source
 from insenv.fmu.subject import Subject
 from insenv.fmu.units import Quantity
 from insenv.fmu.variables import Kind, Variable
 
-_CAUSALITY = {
+_CAUSALITY = {  # of numbers; Booleans cannot be continuous
     Kind.TIME: ("independent", "continuous", None),
     Kind.CONSTANT: ("local", "constant", "exact"),
     Kind.PARAMETER: ("parameter", "fixed", "exact"),
@@ -34,13 +34,14 @@ TERMINALS = {
     "command": ("command_",),
     "truth": ("true_", "gyro_bias_true", "accel_bias_true"),
     "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height"),
+    "estimator": ("estimator_",),
 }
 """Terminals: prefixes of the names of their variables.  A variable belongs to the first that matches."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """An entry of the model description: a row in FMI 3, an element of a row in FMI 2."""
+    """An entry of the model description: a row, or, without arrays, an element of a row."""
 
     variable: Variable
     name: str
@@ -51,14 +52,14 @@ class Item:
     places: range  # of its elements within the row
 
 
-def items(variables: Sequence[Variable], fmi: int) -> list[Item]:
-    """The entries, in order."""
+def items(variables: Sequence[Variable], arrays: bool) -> list[Item]:
+    """The entries, in order; arrays: rows, not elements."""
     found = []
     for v in variables:
         if v.kind is Kind.NONE:
             continue
         kinds = units.parts(v.row)
-        if fmi == 3:
+        if arrays:
             quantity = units.quantity(v.row, kinds[0]) if len(kinds) == 1 else None
             text = v.description + (f" [{v.row.unit}]" if len(kinds) > 1 else "")
             found.append(Item(v, v.name, v.number, text, quantity, v.start, range(v.row.size)))
@@ -70,9 +71,9 @@ def items(variables: Sequence[Variable], fmi: int) -> list[Item]:
     return found
 
 
-def model_description(subject: Subject, variables: Sequence[Variable], fmi: int) -> str:
+def model_description(subject: Subject, variables: Sequence[Variable], fmi: int, arrays: bool) -> str:
     """modelDescription.xml, with the placeholder `TOKEN` for the token."""
-    entries = items(variables, fmi)
+    entries = items(variables, arrays)
     root = ET.Element("fmiModelDescription", _head(subject, fmi))
     _interface(root, subject, fmi)
     _units(root, entries)
@@ -82,7 +83,7 @@ def model_description(subject: Subject, variables: Sequence[Variable], fmi: int)
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime=number(subject.stop_time), stepSize=step)
     listed = ET.SubElement(root, "ModelVariables")
     for entry in entries:
-        _variable(listed, entry, fmi)
+        _variable(listed, entry, fmi, arrays)
     _structure(root, subject, variables, entries, fmi)
     return to_text(root)
 
@@ -109,7 +110,7 @@ def _head(subject: Subject, fmi: int) -> dict[str, str]:
 
 
 def _interface(root: ET.Element, subject: Subject, fmi: int) -> None:
-    # a step may be any whole number of samples, but not of any length
+    # the importer must not shorten steps at its events and at the stop time
     same = {
         "modelIdentifier": subject.identifier,
         "needsExecutionTool": "false",
@@ -145,7 +146,7 @@ def _interface(root: ET.Element, subject: Subject, fmi: int) -> None:
 
 
 def _units(root: ET.Element, entries: Sequence[Item]) -> None:
-    used = {entry.quantity.unit for entry in entries if entry.quantity}
+    used = {entry.quantity.unit for entry in entries if entry.quantity and not entry.variable.row.flag}
     definitions = ET.SubElement(root, "UnitDefinitions")
     for name in [*(n for n in units.UNITS if n in used), *sorted(used - set(units.UNITS))]:
         unit = units.UNITS.get(name, units.Unit(name, None))
@@ -161,7 +162,7 @@ def _types(root: ET.Element, entries: Sequence[Item], fmi: int) -> None:
     """A declared type for each quantity, whose bounds contain those of all its variables."""
     bounds: dict[Quantity, list[tuple[float, float]]] = {}
     for entry in entries:
-        if entry.quantity:
+        if entry.quantity and not entry.variable.row.flag:
             bounds.setdefault(entry.quantity, []).append((entry.variable.row.lower, entry.variable.row.upper))
     definitions = ET.SubElement(root, "TypeDefinitions")
     for quantity in sorted(bounds, key=lambda q: q.name):
@@ -192,13 +193,24 @@ def _log_categories(root: ET.Element, fmi: int) -> None:
         ET.SubElement(listed, "Category", name=name, description=description)
 
 
-def _variable(listed: ET.Element, entry: Item, fmi: int) -> None:
+def _variable(listed: ET.Element, entry: Item, fmi: int, arrays: bool) -> None:
     row = entry.variable.row
     causality, variability, initial = _CAUSALITY[entry.variable.kind]
+    if entry.variable.tunable:
+        variability = "tunable"
+    if row.flag and variability == "continuous":
+        variability = "discrete"
     names = {"name": entry.name, "valueReference": str(entry.reference), "description": entry.description,
              "causality": causality, "variability": variability}  # fmt: skip
     if initial:
         names["initial"] = initial
+    if row.flag:
+        values = {} if entry.start is None else {"start": "true" if entry.start.any() else "false"}
+        if fmi == 2:
+            ET.SubElement(ET.SubElement(listed, "ScalarVariable", names), "Boolean", values)
+        else:
+            ET.SubElement(listed, "Boolean", {**names, **values})
+        return
     values = {} if entry.quantity is None else {"declaredType": entry.quantity.name}
     values |= {name: bound for name, bound in (("min", _bound(row.lower)), ("max", _bound(row.upper))) if bound}
     if entry.start is not None:
@@ -207,7 +219,7 @@ def _variable(listed: ET.Element, entry: Item, fmi: int) -> None:
         ET.SubElement(ET.SubElement(listed, "ScalarVariable", names), "Real", values)
         return
     element = ET.SubElement(listed, "Float64", {**names, **values})
-    for length in row.shape:
+    for length in row.shape if arrays else ():
         ET.SubElement(element, "Dimension", start=str(length))
 
 
@@ -272,12 +284,17 @@ def build_description(subject: Subject, fmi: int) -> str:
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=subject.identifier, description="C99 and libm")
     files = ET.SubElement(configuration, "SourceFileSet", language="C99")
     ET.SubElement(files, "SourceFile", name=main_source(fmi))
+    told = "In a shared library the functions have their plain names; leave it undefined to link several FMUs into one program"
+    ET.SubElement(files, "PreprocessorDefinition", name=OVERRIDE.format(fmi), optional="true", description=told)
     ET.SubElement(configuration, "Library", name="m", external="true", description="Mathematics of the C library")
     return to_text(root)
 
 
-def terminals(variables: Sequence[Variable]) -> str:
-    """terminalsAndIcons.xml of FMI 3: the variables of each sensor, bus or solution, and the place of the icon."""
+def terminals(variables: Sequence[Variable], arrays: bool) -> str:
+    """terminalsAndIcons.xml: the variables of each sensor, bus or solution, and the place of the icon.
+
+    Its format is that of FMI 3, which FMI 2.0.4 takes too.
+    """
     root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = ET.SubElement(root, "GraphicalRepresentation")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
@@ -295,8 +312,9 @@ def terminals(variables: Sequence[Variable]) -> str:
         causality = _CAUSALITY[kind][0]
         terminal = ET.SubElement(listed, "Terminal", name=name, matchingRule="bus", description=f"{name}, {causality}s")
         for v in members:
-            kinds = {"variableName": v.name, "memberName": v.name, "variableKind": "signal"}
-            ET.SubElement(terminal, "TerminalMemberVariable", kinds)
+            for name in [v.name] if arrays else v.elements:
+                kinds = {"variableName": name, "memberName": name, "variableKind": "signal"}
+                ET.SubElement(terminal, "TerminalMemberVariable", kinds)
     return to_text(root)
 
 

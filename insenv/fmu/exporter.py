@@ -16,7 +16,7 @@ from insenv.fmu import description
 from insenv.fmu.documentation import page
 from insenv.fmu.platforms import FLAGS, build, chosen
 from insenv.fmu.reference import reference_files
-from insenv.fmu.sources import TOKEN, amalgamated, main_source, sources, token
+from insenv.fmu.sources import TOKEN, amalgamated, sources, token
 from insenv.fmu.subject import Subject, subject
 from insenv.fmu.variables import Variable, variables
 from insenv.scenario import ScenarioLike
@@ -28,17 +28,22 @@ def export_fmu(
     what: Estimator | ScenarioLike,
     output: str | Path,
     *,
+    estimator: Estimator | str | None = None,
     fmi: int = 2,
+    arrays: bool | None = None,
     platforms: Sequence[str] = ("host",),
     settings: Mapping[str, object] | None = None,
 ) -> Path:
-    """Write the FMU of an estimator or of a scenario's plant.
+    """Write the FMU of an estimator, of a scenario's plant, or of a plant with an estimator behind it.
 
     what: the id of an estimator or an `Estimator`; or a scenario: its name, the path of its .toml file, a `Scenario` or its
-    values.  fmi: 2 (scalars) or 3 (arrays).  platforms: "host" (this machine's C compiler), "all", or names of
+    values.  estimator: with a scenario, the estimator (or its id) of the plant's measurements; both are then one FMU, without
+    delay between them.  fmi: 2 (scalars) or 3.  arrays: whether a vector is one variable, for FMI 3 alone; None: in FMI 3 yes.
+    platforms: "host" (this machine's C compiler), "all", or names of
     `insenv.fmu.platforms.PLATFORMS` (built with ziglang).  settings: start values of parameters by row name, in SI units, or,
     for an estimator, by name and data-sheet unit as in a scenario (``arw_deg_sqrt_h``); for an estimator also
-    ``sample_interval``, s.
+    ``sample_interval``, s, and ``step_is_one_increment``, 0 or 1.  Those of the estimator of a scenario begin with
+    ``estimator.``.
 
     Returns the path.  Raises `InputError` for an unknown id, platform or setting, for a value that is not allowed and for a
     file that cannot be written; `InsenvError` if there is no compiler or it fails.
@@ -46,17 +51,20 @@ def export_fmu(
     output = Path(output)
     if fmi not in (2, 3):
         raise InputError(f"fmi = {fmi!r}: allowed is 2 or 3")
+    if arrays and fmi == 2:
+        raise InputError("arrays with FMI 2: allowed is FMI 3")
+    arrays = fmi == 3 if arrays is None else arrays
     check_output(output, ".fmu")
     targets = chosen([platforms] if isinstance(platforms, str) else platforms)
-    exported = subject(what, settings or {})
+    exported = subject(what, settings or {}, estimator)
     listed = variables(exported)
-    xml = description.model_description(exported, listed, fmi)
-    code = sources(exported, listed, fmi)
+    xml = description.model_description(exported, listed, fmi, arrays)
+    code = sources(exported, listed, fmi, arrays)
     guid = token(xml, code, FLAGS)
     code = {name: text.replace(TOKEN, guid) for name, text in code.items()}
-    libraries = build(amalgamated(code, main_source(fmi)), exported.identifier, targets, fmi)
+    libraries = build(amalgamated(code, fmi), exported.identifier, targets, fmi)
     files = {
-        **_documents(exported, listed, fmi, libraries),
+        **_documents(exported, listed, fmi, arrays, libraries),
         "modelDescription.xml": xml.replace(TOKEN, guid).encode(),
         "sources/buildDescription.xml": description.build_description(exported, fmi).encode(),
         **{f"sources/{name}": text.encode() for name, text in code.items()},
@@ -66,19 +74,20 @@ def export_fmu(
     return output
 
 
-def _documents(subject: Subject, listed: Sequence[Variable], fmi: int, libraries: Mapping[str, bytes]) -> dict[str, bytes]:
+def _documents(
+    subject: Subject, listed: Sequence[Variable], fmi: int, arrays: bool, libraries: Mapping[str, bytes]
+) -> dict[str, bytes]:
     """The files beside description, sources and libraries: documentation, licences, icon, reference signals."""
     folder = fmu_folder()
-    icon = (folder / "icons" / f"{subject.kind}.png").read_bytes()
+    icon = (folder / "icons" / f"{'estimator' if subject.kind == 'estimator' else 'plant'}.png").read_bytes()
     files = {"documentation/index.html": page(subject, listed, fmi, libraries).encode()}
     for licence in sorted((folder / "licenses").iterdir()):
         files[f"documentation/licenses/{licence.name}"] = licence.read_bytes()
     if fmi == 2:
         files["model.png"] = icon
-    else:
-        files["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals(listed).encode()
-        files["terminalsAndIcons/icon.png"] = icon
-    return files | reference_files(subject, listed, fmi)
+    files["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals(listed, arrays).encode()
+    files["terminalsAndIcons/icon.png"] = icon
+    return files | reference_files(subject, listed, arrays)
 
 
 def check_output(path: Path, ending: str) -> None:

@@ -7,17 +7,20 @@ preallocated arrays, so that a long sampled input costs little more than the FMU
 from __future__ import annotations
 
 import ctypes
+import functools
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.errors import InputError, InsenvError, nearest
+from insenv.fmu.ports import Ports
 from insenv.fmu.reading import KINDS, KINDS_3, Array, Variable, read_description, read_variable
 
 Progress = Callable[[int, int], None]
@@ -25,6 +28,9 @@ Progress = Callable[[int, int], None]
 
 PROGRESS_STEPS = 5_000  # steps between two calls of the progress function
 MOST_MESSAGES = 20  # messages of the FMU kept for an error
+_INSTANCES: WeakValueDictionary[int, Instance] = WeakValueDictionary()
+"""Instances of FMI 2 by their component environment."""
+_TERMINATED = 3  # fmi2StatusKind
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
@@ -50,6 +56,7 @@ class Instance:
         self.messages: list[str] = []
         self._folder = Path(tempfile.mkdtemp(prefix="insenv-fmu-"))
         self._slave: Any = None
+        self._terminate = ctypes.c_bool()  # FMI 3: whether the FMU has ended the simulation
         try:
             self.description = read_description(self.path)
             self.version = int(self.description.fmiVersion[0])
@@ -96,34 +103,59 @@ class Instance:
         """Make `steps` steps of `step` seconds; return the outputs after every `every` steps, (steps // every, elements).
 
         inputs: (steps,) by element name, with all elements of an array.  Value k is set before step k, which begins at
-        start_time + k step.  Other inputs keep their values.  Raises `InsenvError` with the FMU's messages if a call fails.
+        start_time + k step.  Other inputs keep their values.  An FMU that ends the simulation itself gives fewer rows.  Raises
+        `InsenvError` with the FMU's messages if a call fails.
         """
         setters = [self._calls("Set", group, _packed(group, inputs, steps)) for group in self._groups(self.inputs, inputs)]
         recorded = steps // every
         groups = self._groups(self.outputs)
         arrays = [np.zeros((recorded, sum(len(v.elements) for v in g)), dtype=self._dtype(g)) for g in groups]
         getters = [self._calls("Get", group, array) for group, array in zip(groups, arrays, strict=True)]
-        do_step = self._do_step()
+        do_step, ended = self._do_step(), False
         for k in range(steps):
             for call, address, stride, changes in setters:
                 if (changes is None or changes[k]) and (status := call(address + k * stride)) > 1:
                     raise self._failure("setting the inputs", k, start_time + k * step, status)
-            if (status := do_step(start_time + k * step, step)) > 1:
+            status = do_step(start_time + k * step, step)
+            if self._ends(status):
+                ended = True
+                if status > 1:  # this step was not made to its end
+                    recorded = k // every
+                    break
+            elif status > 1:
                 raise self._failure("the step", k, start_time + k * step, status)
             if (k + 1) % every == 0:
                 for call, address, stride, _ in getters:
                     if (status := call(address + k // every * stride)) > 1:
                         raise self._failure("reading the outputs", k, start_time + k * step, status)
+            if ended:
+                recorded = (k + 1) // every
+                break
             if progress is not None and (k + 1) % PROGRESS_STEPS == 0:
                 progress(k + 1, steps)
         if progress is not None:
             progress(steps, steps)
         columns = {
-            name: array[:, place]
+            name: array[:recorded, place]
             for group, array in zip(groups, arrays, strict=True)
             for place, name in enumerate(_names(group))
         }
         return np.array([columns[n] for v in self.outputs for n in v.elements], dtype=np.float64).reshape(-1, recorded).T
+
+    def ports(self, connected: Sequence[str]) -> Ports:
+        """The inputs named in `connected` and all outputs, for a master that steps it."""
+        wanted = dict.fromkeys(connected, np.zeros(1))
+        calls: tuple[list[Any], list[Any]] = ([], [])
+        places: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
+        groups = (self._groups(self.inputs, wanted), self._groups(self.outputs))
+        for verb, kept, found, listed in zip(("Set", "Get"), calls, places, groups, strict=True):
+            for group in listed:
+                row = np.zeros((1, len(_names(group))), dtype=self._dtype(group))
+                call, address, _, _ = self._calls(verb, group, row)
+                kept.append((functools.partial(call, address), row))
+                found.update({name: (row, place) for place, name in enumerate(_names(group))})
+        order = {name: places[1][name] for variable in self.outputs for name in variable.elements}
+        return Ports(str(self.path.name), *calls, (places[0], order), self._do_step(), self._failure)
 
     def close(self) -> None:
         """Free the instance and remove the unpacked files."""
@@ -173,21 +205,30 @@ class Instance:
             if (status := call(address)) > 1:
                 raise InputError(f"{self.path}: parameter {name} = {value:g} refused: {self._said() or _LABELS[status]}")
 
-    def _callbacks(self) -> Any:
-        """The callbacks of FMI 2, with a logger that keeps the messages, formatted if FMPy has its helper for this."""
-        from fmpy import calloc, fmi2, free
+    def _ends(self, status: int) -> bool:
+        """Whether the FMU has ended the simulation in the last step."""
+        if self.version == 3:
+            return bool(self._terminate.value)
+        if status != _LABELS.index("discard"):
+            return False
+        ended = ctypes.c_int()
+        function = self._slave.dll["fmi2GetBooleanStatus"]
+        function.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p]
+        return function(ctypes.c_void_p(self._component), _TERMINATED, ctypes.byref(ended)) == 0 and bool(ended.value)
 
+    def _callbacks(self) -> Any:
+        """The callbacks of FMI 2, with a logger that keeps the messages."""
+        from fmpy import fmi2
+
+        shared = _shared_callbacks()
         callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
-            lambda _, instance, status, category, text: self._log(status, category, text)
+        callbacks.logger, callbacks.allocateMemory, callbacks.freeMemory = (
+            shared.logger,
+            shared.allocateMemory,
+            shared.freeMemory,
         )
-        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
-        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-        try:
-            from fmpy.logging import addLoggerProxy
-        except OSError:  # FMPy has no such helper for this platform
-            return callbacks
-        addLoggerProxy(ctypes.byref(callbacks))
+        _INSTANCES[id(self)] = self
+        callbacks.componentEnvironment = id(self)
         return callbacks
 
     def _log(self, status: int, category: bytes | None, text: bytes | None) -> None:
@@ -253,7 +294,8 @@ class Instance:
             function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int]
             return lambda time, step: int(function(component, time, step, 1))
         function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_bool] + [ctypes.c_void_p] * 4
-        event, terminate, early, last = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+        event, early, last = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+        terminate = self._terminate
         places = tuple(ctypes.c_void_p(ctypes.addressof(place)) for place in (event, terminate, early, last))
 
         def do_step(time: float, step: float, kept: Any = (event, terminate, early, last)) -> int:
@@ -265,6 +307,37 @@ class Instance:
     def _component(self) -> int:
         component = self._slave.component
         return int(getattr(component, "value", component))
+
+
+@functools.cache
+def _shared_callbacks() -> Any:
+    """The callbacks of FMI 2 for all instances of this process; messages are formatted if FMPy has its helper for this.
+
+    The helper keeps the address of the last logger that it was given, for all FMUs: this logger lives as long as the process,
+    and prints the messages of FMUs that are not ours as FMPy does.
+    """
+    from fmpy import calloc, fmi2, free
+    from fmpy.fmi1 import printLogMessage
+
+    def log(environment: int | None, name: bytes, status: int, category: bytes | None, text: bytes) -> None:
+        instance = _INSTANCES.get(environment or 0)
+        if instance is None:
+            printLogMessage(environment, name, status, category, text)
+        else:
+            instance._log(status, category, text)
+
+    callbacks = fmi2.fmi2CallbackFunctions()
+    logger = fmi2.fmi2CallbackLoggerTYPE(log)
+    callbacks.logger = logger
+    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+    try:
+        from fmpy.logging import addLoggerProxy
+    except OSError:  # FMPy has no such helper for this platform
+        return callbacks
+    addLoggerProxy(ctypes.byref(callbacks))
+    callbacks.kept = logger  # the helper has replaced it in the structure
+    return callbacks
 
 
 def _names(group: Sequence[Variable]) -> list[str]:

@@ -67,16 +67,22 @@ def read_description(path: Path) -> Any:
     except Exception as error:  # from zipfile, lxml or FMPy
         raise InputError(f"{path}: not an FMU: {error}") from None
     if description.coSimulation is None or description.fmiVersion[0] not in "23":
-        raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is FMI {description.fmiVersion})")
+        kinds = {"Model Exchange": description.modelExchange, "Scheduled Execution": description.scheduledExecution}
+        own = " and ".join(name for name, declared in kinds.items() if declared is not None)
+        this = f"FMI {description.fmiVersion}{f' for {own} only' if own else ''}"
+        raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is {this})")
     return description
 
 
 def read_variable(read: Any) -> Variable | None:
-    """A variable that FMPy read; None if it is not numeric."""
+    """A variable that FMPy read; None if it is not numeric.
+
+    A dimension that a structural parameter sets has its start value: these parameters keep it.
+    """
     if read.type not in KINDS:
         return None
     declared = read.declaredType
     unit = read.unit or (declared.unit if declared is not None else None) or ""
-    shape = tuple(int(dimension.start) for dimension in read.dimensions)
+    shape = tuple(int(d.start if d.start is not None else d.variable.start) for d in read.dimensions)
     names = element_names(read.name, shape)
     return Variable(read.name, read.valueReference, read.type, read.causality, unit, read.description or "", names)

@@ -23,16 +23,16 @@ STEPS = 300  # more than one second in every scenario, so that a fix arrives
 EVERY = 10  # samples between two rows of the outputs
 
 
-def reference_files(subject: Subject, variables: Sequence[Variable], fmi: int) -> dict[str, bytes]:
+def reference_files(subject: Subject, variables: Sequence[Variable], arrays: bool) -> dict[str, bytes]:
     """The files by their path in the FMU: inputs, outputs, experiments.xml and the manifest."""
     step, has_inputs = subject.sample_interval, bool(subject.model.inputs.size)
     inputs, outputs = signals(subject)
     texts, roles = {}, {"experiments.xml": "experiment"}
     if has_inputs:
         roles["in.csv"] = "testcase"
-        texts["in.csv"] = csv([k * step for k in range(STEPS)], variables, Kind.INPUT, inputs, fmi)
+        texts["in.csv"] = csv([k * step for k in range(STEPS)], variables, Kind.INPUT, inputs, arrays)
     roles["ref.csv"] = "result"
-    texts["ref.csv"] = csv([k * step for k in range(0, STEPS + 1, EVERY)], variables, Kind.OUTPUT, outputs, fmi)
+    texts["ref.csv"] = csv([k * step for k in range(0, STEPS + 1, EVERY)], variables, Kind.OUTPUT, outputs, arrays)
     texts["experiments.xml"] = _experiments(STEPS * step, step, has_inputs)
     texts["fmi-ls-manifest.xml"] = _manifest(roles)
     return {FOLDER + name: text.encode() for name, text in texts.items()}
@@ -44,7 +44,7 @@ def signals(subject: Subject) -> tuple[Array, Array]:
     The first row of the outputs belongs to the start.
     """
     model = subject.model
-    if subject.kind == "plant":
+    if subject.kind != "estimator":
         inputs = np.tile(model.inputs.start_vector(), (STEPS, 1))
     else:
         plant = subject.plant
@@ -58,20 +58,22 @@ def signals(subject: Subject) -> tuple[Array, Array]:
     return inputs, np.vstack([begin, runner.run(STEPS, inputs, EVERY)])
 
 
-def csv(times: Sequence[float], variables: Sequence[Variable], kind: Kind, values: Array, fmi: int) -> str:
+def csv(times: Sequence[float], variables: Sequence[Variable], kind: Kind, values: Array, arrays: bool) -> str:
     """A table in the format of FMPy and of the FMI cross-checks.
 
-    FMI 2: one column per element.  FMI 3: one column per array, with its elements separated by blanks.
+    One column per element; with `arrays` one column per row, with its elements separated by blanks.  A flag is 0 or 1.
     """
     shown = [v for v in variables if v.kind is kind]
     first = min((v.place for v in variables if v.kind is kind or (kind is Kind.OUTPUT and v.kind is Kind.NONE)), default=0)
-    names = [name for v in shown for name in (v.elements if fmi == 2 else [v.name])]
+    names = [name for v in shown for name in ([v.name] if arrays else v.elements)]
     lines = [",".join(f'"{name}"' for name in ["time", *names])]
     for time, row in zip(times, values, strict=True):
         cells = [repr(float(time))]
         for v in shown:
-            numbers = [repr(float(x)) for x in row[v.place - first : v.place - first + v.row.size]]
-            cells += numbers if fmi == 2 else [" ".join(numbers)]
+            numbers = [
+                str(int(x)) if v.row.flag else repr(float(x)) for x in row[v.place - first : v.place - first + v.row.size]
+            ]
+            cells += [" ".join(numbers)] if arrays else numbers
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
 

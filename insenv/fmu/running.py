@@ -27,7 +27,8 @@ MOST_STEPS = 10**9
 class Outputs(Series):
     """Outputs of a run of an FMU.
 
-    units: by element name.  step: s.  steps: number of steps made.  seconds: wall-clock time of the steps.
+    units: by element name.  step: s.  steps: number of steps recorded; fewer than asked for if the FMU ended the simulation
+    itself (`ended`).  seconds: wall-clock time of the steps.
     passed_over: given columns that are not inputs of the FMU.  held: inputs without a column, which keep their start values.
     """
 
@@ -37,6 +38,7 @@ class Outputs(Series):
     seconds: float
     passed_over: tuple[str, ...]
     held: tuple[str, ...]
+    ended: bool = False
 
 
 def run(
@@ -63,7 +65,9 @@ def run(
     given = inputs.columns() if isinstance(inputs, Series) else flattened(inputs or {})
     with Instance(fmu, parameters, start_time=start_time) as instance:
         step = instance.step if step is None else step
-        if step is None or not (math.isfinite(step) and step > 0.0):
+        if step is None:
+            raise InputError(f"{fmu} declares no step: give one (step, --step)")
+        if not (math.isfinite(step) and step > 0.0):
             raise InputError(f"{fmu}: step = {step}: allowed is a number of seconds above 0")
         names = [name for variable in instance.inputs for name in variable.elements]
         used, passed_over, held = chosen(names, given)
@@ -85,9 +89,11 @@ def run(
             progress=progress,
         )
         seconds = time.perf_counter() - begin
+        ended = len(values) < steps // every
+        steps = len(values) * every if ended else steps
         units = {name: variable.unit for variable in instance.outputs for name in variable.elements}
-    times = start_time + step * np.arange(every, steps + 1, every, dtype=np.float64)
-    return Outputs(times, tuple(units), values, units, step, steps, seconds, tuple(passed_over), tuple(held))
+    times = start_time + step * np.arange(every, every * len(values) + 1, every, dtype=np.float64)
+    return Outputs(times, tuple(units), values, units, step, steps, seconds, tuple(passed_over), tuple(held), ended)
 
 
 def _steps(used: Mapping[str, Array], start_time: float, step: float, stop_time: float | None) -> int:
@@ -96,11 +102,17 @@ def _steps(used: Mapping[str, Array], start_time: float, step: float, stop_time:
         raise InputError(f"inputs of different lengths: {sorted(lengths)}")
     if stop_time is None and not lengths:
         raise InputError("neither inputs nor a stop time: nothing to run")
+    return steps_between(start_time, step, stop_time, lengths.pop() if lengths else math.inf)
+
+
+def steps_between(start_time: float, step: float, stop_time: float | None, most: float = math.inf) -> int:
+    """The number of steps to the stop time, at most `most`.  Raises `InputError` unless it is 1 to `MOST_STEPS`."""
     wanted = math.inf if stop_time is None else (stop_time - start_time) / step
-    steps = min(wanted, lengths.pop() if lengths else math.inf)
+    steps = min(wanted, most)
     if not 0.5 < steps <= MOST_STEPS:
         raise InputError(
-            f"stop time {stop_time} s: allowed is one step, {step:g} s, to {MOST_STEPS:.0e} of them after {start_time:g} s"
+            f"stop time {stop_time} s: allowed is one step, {step:g} s, to {MOST_STEPS:.0e} of them after {start_time:g} s "
+            "(stop_time, --stop; step, --step)"
         )
     return round(steps)
 

@@ -10,31 +10,31 @@ from collections.abc import Iterable, Mapping, Sequence
 from insenv.core.codegen import embedded_source
 from insenv.core.tables import Row
 from insenv.files.resources import fmu_folder
-from insenv.fmu.subject import EVENTS, Subject
-from insenv.fmu.variables import Kind, Variable
+from insenv.fmu.subject import Subject
+from insenv.fmu.variables import STEP_IS_ONE_INCREMENT, Kind, Variable
 
 TOKEN = "@TOKEN@"
 """Placeholder in sources and description for the token, which is a hash of both."""
 _HEADERS = {2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
             3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h")}  # fmt: skip
 _INCLUDE = re.compile(r'^[ \t]*#include "([^"]+)"[ \t]*$', re.MULTILINE)
+OVERRIDE = "FMI{}_OVERRIDE_FUNCTION_PREFIX"
+"""Macro that leaves the functions of a shared library their plain names, by version of FMI."""
 MAX_SAMPLES = 10**9
 """Largest number of samples in a communication step."""
+_TUNABLE = 6  # the kind of a tunable parameter in fmu/c/instance.h
 
 
-def sources(subject: Subject, variables: Sequence[Variable], fmi: int) -> dict[str, str]:
-    """The files of ``sources/`` by name; the first is compiled and includes the others."""
+def sources(subject: Subject, variables: Sequence[Variable], fmi: int, arrays: bool) -> dict[str, str]:
+    """The files of ``sources/`` by name; the first is compiled and includes the others and the headers of the standard."""
     folder = fmu_folder()
     main = main_source(fmi)
-    files = {
+    return {
         main: (folder / "c" / main).read_text(encoding="utf-8"),
         "instance.h": (folder / "c" / "instance.h").read_text(encoding="utf-8"),
-        "config.h": config(subject, variables),
+        "config.h": config(subject, variables, arrays),
         "equations.h": embedded_source(subject.model),
     }
-    for name in _HEADERS[fmi]:
-        files[name] = (folder / "headers" / name).read_text(encoding="utf-8")
-    return files
 
 
 def main_source(fmi: int) -> str:
@@ -42,15 +42,20 @@ def main_source(fmi: int) -> str:
     return f"fmi{fmi}.c"
 
 
-def amalgamated(files: Mapping[str, str], main: str) -> str:
-    """`main` with its includes replaced by the text of the files, each once."""
+def amalgamated(files: Mapping[str, str], fmi: int) -> str:
+    """The text of a shared library: the main source with its includes replaced by the text of the files, each once.
+
+    Its functions have their plain names.
+    """
     taken: set[str] = set()
+    headers = {name: (fmu_folder() / "headers" / name).read_text(encoding="utf-8") for name in _HEADERS[fmi]}
+    files = {**files, **headers}
 
     def whole(name: str) -> str:
         taken.add(name)
         return _INCLUDE.sub(lambda found: "" if found.group(1) in taken else whole(found.group(1)), files[name])
 
-    return whole(main)
+    return f"#define {OVERRIDE.format(fmi)}\n{whole(main_source(fmi))}"
 
 
 def token(description: str, files: Mapping[str, str], further: Iterable[str]) -> str:
@@ -62,7 +67,7 @@ def token(description: str, files: Mapping[str, str], further: Iterable[str]) ->
     return f"{{{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}}}"
 
 
-def config(subject: Subject, variables: Sequence[Variable]) -> str:
+def config(subject: Subject, variables: Sequence[Variable], arrays: bool) -> str:
     """config.h: sizes, start values, rows with their bounds."""
     model = subject.model
     size = sum(v.row.size for v in variables)
@@ -71,6 +76,8 @@ def config(subject: Subject, variables: Sequence[Variable]) -> str:
     input_row = len(variables) - len(model.outputs.rows) - len(model.inputs.rows)
     defines = {
         "TOKEN": f'"{TOKEN}"',
+        "MODEL_PREFIX": f"{subject.identifier}_",
+        "ARRAYS": f"{int(arrays)} /* whether a value reference is a row */",
         "SAMPLE_INTERVAL": f"{subject.sample_interval!r} /* s */",
         "MAX_SAMPLES": f"{MAX_SAMPLES} /* in one step */",
         "N_ROW": len(variables),
@@ -82,10 +89,14 @@ def config(subject: Subject, variables: Sequence[Variable]) -> str:
         "N_INPUT_ROW": len(model.inputs.rows),
     }
     inputs = {v.row.name: v for v in variables if v.kind is Kind.INPUT}
-    held = [inputs[name].place for name in EVENTS if name in inputs]
+    defines["ONE_SAMPLE_A_STEP"] = int(subject.kind == "estimator")
+    if subject.kind == "estimator" and "dt" in inputs:
+        own = {v.row.name: v.place for v in variables if v.kind is Kind.PARAMETER}
+        defines |= {"DT": inputs["dt"].place, STEP_IS_ONE_INCREMENT.name.upper(): own[STEP_IS_ONE_INCREMENT.name]}
     rows = [f"  {{{', '.join(_fields(v, inputs))}}}," for v in variables]
     start = [value for v in variables for value in (v.start if v.start is not None else [0.0] * v.row.size)]
-    kinds = [str(int(v.kind)) for v in variables for _ in range(v.row.size)]
+    kinds = [str(_TUNABLE if v.tunable else int(v.kind)) for v in variables for _ in range(v.row.size)]
+    flags = [str(int(v.row.flag)) for v in variables for _ in range(v.row.size)]
     return "\n".join(
         [
             f"/* {subject.id}: sizes and tables of its variables, generated by insenv. */",
@@ -100,11 +111,12 @@ def config(subject: Subject, variables: Sequence[Variable]) -> str:
             *_lines([repr(float(value)) for value in start]),
             "};",
             "static const unsigned char KIND[N_VALUE] = {",
-            *_lines(kinds),
+            *_lines(kinds, 32),
             "};",
-            "/* places of the inputs that apply to the last sample of a step only */",
-            f"#define N_HELD_BACK {len(held)}",
-            f"static const size_t INPUTS_HELD_BACK[N_HELD_BACK + 1] = {{{', '.join(map(str, [*held, 0]))}}};",
+            "/* whether a place holds a Boolean */",
+            "static const unsigned char FLAG[N_VALUE] = {",
+            *_lines(flags, 32),
+            "};",
             "",
         ]
     )

@@ -19,10 +19,13 @@ from xml.etree import ElementTree
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
 from insenv.fmu.exporter import check_output, export_fmu, write_archive
+from insenv.fmu.subject import identifier
 from insenv.scenario import ScenarioLike, build, load
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
+OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 PLANT, ESTIMATOR = "plant", "estimator"
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _LIKE = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeration": "Integer"}
@@ -61,8 +64,8 @@ def export_ssp(
         files = {"SystemStructure.ssd": ssd}
         files |= {f"resources/{part.name}": part.read_bytes() for part in parts.values()}
     write_archive(output, files)
-    connections = ElementTree.fromstring(ssd).iter(f"{{{SSD}}}Connection")
-    return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": len(list(connections))}
+    ends = [connection.get("endElement") for connection in ElementTree.fromstring(ssd).iter(f"{{{SSD}}}Connection")]
+    return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": ends.count(ESTIMATOR)}
 
 
 def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes:
@@ -72,6 +75,8 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
     """
     ElementTree.register_namespace("ssd", SSD)
     ElementTree.register_namespace("ssc", SSC)
+    ElementTree.register_namespace("oms", OMS)
+    ElementTree.register_namespace("osp", OSP)
     outputs = {v.name: v for v in plant.modelVariables if v.causality == "output"}
     joined = [v for v in estimator.modelVariables if v.causality == "input" and v.name in outputs]
     if not joined:
@@ -82,14 +87,17 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
                 f"{variable.name}: {_unit(outputs[variable.name])} in the plant, {_unit(variable)} in the estimator"
             )
 
-    root = ElementTree.Element(f"{{{SSD}}}SystemStructureDescription", version="1.0", name=title, generationTool="insenv")
+    root = ElementTree.Element(
+        f"{{{SSD}}}SystemStructureDescription", version="1.0", name=identifier(title), generationTool="insenv"
+    )
     system = ElementTree.SubElement(
         root, f"{{{SSD}}}System", name="loop", description=f"{plant.modelName}; {estimator.modelName}"
     )
+    own = [v for v in estimator.modelVariables if v.causality == "output"]
+    _connectors(system, own)
     elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
     # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
-    own = [v for v in estimator.modelVariables if v.causality == "output"]
     _component(elements, ESTIMATOR, estimator, [*joined, *own], left=400.0)
     connections = ElementTree.SubElement(system, f"{{{SSD}}}Connections")
     for variable in joined:
@@ -101,8 +109,23 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
             endElement=ESTIMATOR,
             endConnector=variable.name,
         )
+    for variable in own:  # the outputs of the system are those of the estimator
+        ElementTree.SubElement(
+            connections,
+            f"{{{SSD}}}Connection",
+            startElement=ESTIMATOR,
+            startConnector=variable.name,
+            endConnector=variable.name,
+        )
+    step = repr(float(plant.defaultExperiment.stepSize))
+    openmodelica = _annotation(system, "org.openmodelica", f"{{{OMS}}}Annotations")
+    information = ElementTree.SubElement(openmodelica, f"{{{OMS}}}SimulationInformation")
+    tolerances = {"absoluteTolerance": "0.0001", "relativeTolerance": "0.0001"}
+    ElementTree.SubElement(information, f"{{{OMS}}}FixedStepMaster", {"description": "oms-ma", "stepSize": step, **tolerances})
     _units(root, [*outputs.values(), *own], [*plant.unitDefinitions, *estimator.unitDefinitions])
-    ElementTree.SubElement(root, f"{{{SSD}}}DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
+    experiment = ElementTree.SubElement(root, f"{{{SSD}}}DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
+    algorithm = _annotation(experiment, "com.opensimulationplatform", f"{{{OSP}}}Algorithm")
+    ElementTree.SubElement(algorithm, f"{{{OSP}}}FixedStepAlgorithm", baseStepSize=step)
     ElementTree.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
 
@@ -117,14 +140,24 @@ def _component(elements: ElementTree.Element, name: str, description: Any, varia
         source=f"resources/{name}.fmu",
         implementation="CoSimulation",
     )
-    connectors = ElementTree.SubElement(component, f"{{{SSD}}}Connectors")
+    _connectors(component, variables)
+    box = {"x1": repr(left), "y1": "0.0", "x2": repr(left + 200.0), "y2": "200.0"}
+    ElementTree.SubElement(component, f"{{{SSD}}}ElementGeometry", box)
+
+
+def _connectors(element: ElementTree.Element, variables: Sequence[Any]) -> None:
+    connectors = ElementTree.SubElement(element, f"{{{SSD}}}Connectors")
     for variable in variables:
         connector = ElementTree.SubElement(connectors, f"{{{SSD}}}Connector", name=variable.name, kind=variable.causality)
         kind = _LIKE[variable.type]
         unit = _unit(variable)
         ElementTree.SubElement(connector, f"{{{SSC}}}{kind}", {"unit": unit} if kind == "Real" and unit else {})
-    box = {"x1": repr(left), "y1": "0.0", "x2": repr(left + 200.0), "y2": "200.0"}
-    ElementTree.SubElement(component, f"{{{SSD}}}ElementGeometry", box)
+
+
+def _annotation(element: ElementTree.Element, kind: str, tag: str) -> ElementTree.Element:
+    """A new annotation of another tool (it gives the step of its master), as the last child of `element`."""
+    listed = ElementTree.SubElement(element, f"{{{SSD}}}Annotations")
+    return ElementTree.SubElement(ElementTree.SubElement(listed, f"{{{SSC}}}Annotation", type=kind), tag)
 
 
 def _units(root: ElementTree.Element, variables: Sequence[Any], definitions: Sequence[Any]) -> None:

@@ -16,23 +16,25 @@ import numpy as np
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
-from insenv.estimators import Estimator, registered
+from insenv.estimators import Estimator, get, registered
+from insenv.plant.loop import PREFIX, loop_model
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names, tuning
 
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
 """Scenario from which the start values of an estimator come, by its kind."""
-EVENTS = ("gnss_valid", "smoothed")
-"""Flags of an event that belongs to one sample; in a step of several samples it belongs to the last."""
 _FASTEST, _SLOWEST = 1e4, 0.1
+_ESTIMATOR = "estimator."  # prefix of the settings of a loop's estimator
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
     """An estimator or a plant to export.
 
-    id: its id or the scenario's name.  kind: "estimator" or "plant".  model: its equations.  parameters: flat, SI.
-    sample_interval: s.  stop_time: of the default experiment, s.  plant: source of the samples of the reference signals.
-    values_from: a sentence that says where the start values come from.
+    id: its id or the scenario's name; of a loop both.  kind: "estimator", "plant" or "loop", which is a plant with an
+    estimator of its measurements behind it.  model: its equations.  parameters: flat, SI.  sample_interval: s.  stop_time: of
+    the default experiment, s.  plant: source of the samples of the reference signals.  values_from: a sentence that says where
+    the start values come from.  tunable: parameter rows that may be set between steps.  step_is_one_increment: start value of
+    this parameter of the FMU of an estimator.
     """
 
     id: str
@@ -44,28 +46,41 @@ class Subject:
     plant: Plant
     values_from: str
     smooths: str = ""
+    tunable: tuple[str, ...] = ()
+    step_is_one_increment: bool = False
 
     @property
     def identifier(self) -> str:
         """The id as a C identifier."""
-        name = re.sub(r"\W", "_", self.id)
-        return name if name[:1].isalpha() else f"model_{name}"
+        return identifier(self.id)
 
     @property
     def title(self) -> str:
         """A title in one line."""
-        if self.kind == "plant":
+        if self.kind != "estimator":
             return f"{self.model.title}: {self.plant.scenario.title}"
         smoothed = self.smooths
         forward = f" (here the forward pass: the estimates of {smoothed}, and what the backward pass needs)" if smoothed else ""
         return self.model.title + forward
 
 
-def subject(what: Estimator | ScenarioLike, settings: Mapping[str, object]) -> Subject:
-    """The estimator or the plant of a scenario that `what` names, or is.
+def identifier(name: str) -> str:
+    """`name` as a C identifier."""
+    name = re.sub(r"\W", "_", name)
+    return name if name[0].isalpha() else f"model_{name}"
 
-    Raises `InputError` for an unknown name and for wrong settings.
+
+def subject(
+    what: Estimator | ScenarioLike, settings: Mapping[str, object], estimator: Estimator | str | None = None
+) -> Subject:
+    """The estimator or the plant of a scenario that `what` names, or is; with `estimator` the plant and it, as a loop.
+
+    Raises `InputError` for an unknown name, for wrong settings, and for an estimator that the scenario does not suit.
     """
+    if estimator is not None:
+        if isinstance(what, Estimator) or (isinstance(what, str) and what in registered()):
+            raise InputError(f"estimator {what!r} behind an estimator: allowed is a scenario and an estimator")
+        return _loop(load(what), get(estimator), settings)
     if isinstance(what, Estimator):
         return _estimator(what, settings)
     if isinstance(what, str) and what in registered():
@@ -79,6 +94,10 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
     name = SCENARIOS[estimator.kind]
     scenario, left = load(name), dict(settings)
     interval = _sample_interval(left.pop("sample_interval", 1.0 / scenario.rate_hz))
+    one_increment = left.pop("step_is_one_increment", False)
+    if one_increment not in (0, 1) or "dt" not in estimator.model.inputs:
+        reason = "allowed is 0 or 1" if "dt" in estimator.model.inputs else f"{estimator.id!r} has no input dt"
+        raise InputError(f"step_is_one_increment = {one_increment!r}: {reason}")
     if interval != 1.0 / scenario.rate_hz:
         scenario = _at_rate(scenario, 1.0 / interval)
     plant = build(scenario)
@@ -95,6 +114,8 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
         values_from=f"The start values of the parameters are those that {estimator.id} has in the scenario {name}"
         + (f", with {', '.join(settings)} as set at the export." if settings else "."),
         smooths=estimator.smooths,
+        tunable=estimator.tunable,
+        step_is_one_increment=bool(one_increment),
     )
 
 
@@ -110,7 +131,7 @@ def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]
         except InputError as error:
             if "unknown key" not in str(error):
                 raise
-            allowed = ["sample_interval", *table.names]
+            allowed = ["sample_interval", "step_is_one_increment", *table.names]
             raise InputError(f"no parameter {name!r} in {estimator.id!r}{nearest(name, allowed)}") from None
         for row, number in converted.items():
             if row in rows:
@@ -140,6 +161,28 @@ def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
         plant=plant,
         values_from=f"The start values of the parameters are those of the scenario {scenario.name}"
         + (f", with {', '.join(settings)} as set at the export." if settings else "."),
+    )
+
+
+def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, object]) -> Subject:
+    """The plant with the estimator behind it, which starts as in `insenv.runs.simulated`."""
+    of_plant = {name: value for name, value in settings.items() if not name.startswith(_ESTIMATOR)}
+    alone = _plant(scenario, of_plant)
+    if alone.parameters[alone.model.parameters.slice("imu_drop_probability")].any():
+        raise InputError(
+            f"scenario {scenario.name!r} loses inertial samples: `insenv run` interpolates over the gap, which needs the next "
+            "sample; an FMU does not have it"
+        )
+    rows = _set(estimator, {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant})
+    started = alone.plant.parameters_of(estimator, rows, whole=False)
+    model = loop_model(alone.model, estimator.model)
+    return replace(
+        alone,
+        id=f"{scenario.name}-{estimator.id}",
+        kind="loop",
+        model=model,
+        parameters=np.concatenate([alone.parameters, estimator.model.parameters.pack(started)]),
+        tunable=tuple(PREFIX + name for name in estimator.tunable),
     )
 
 

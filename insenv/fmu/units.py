@@ -92,7 +92,6 @@ _QUANTITIES = {
 }
 _GYRO_ERROR = Quantity("GyroError", "AngularVelocity", "rad/s", "deg/h", nominal=1e-7)
 _ACCEL_ERROR = Quantity("AccelerometerError", "Acceleration", "m/s^2", "ug", nominal=1e-3)
-_FLAG = Quantity("Flag", "Dimensionless", "1")
 
 
 def parts(row: Row) -> tuple[str, ...]:
@@ -104,8 +103,6 @@ def parts(row: Row) -> tuple[str, ...]:
 
 def quantity(row: Row, unit: str) -> Quantity:
     """The declared type of a row's elements in `unit`; sensor errors are displayed in data-sheet units."""
-    if unit == "1" and not row.shape and (row.lower, row.upper) == (0, 1):
-        return _FLAG
     if any(word in row.name for word in _SMALL):
         if unit == "rad/s":
             return _GYRO_ERROR

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from insenv.core.tables import Row, Vector
 from insenv.fmu.reading import element_names
 from insenv.fmu.subject import Subject
+from insenv.plant.loop import PREFIX as LOOP_PREFIX
 
 PREFIX = "parameters."
 """Prefix of parameters, because an output may have the same name (`velocity_sigma`)."""
@@ -26,6 +27,19 @@ _FRAMES = {
     "w": "wander azimuth",
     "n at the start": "north, east, down at the start",
 }
+_SAMPLED = ("delta_angle", "delta_velocity")
+_NOT_INTERPOLATED = "; one sample for each step, held over it and not interpolated"
+
+
+STEP_IS_ONE_INCREMENT = Row(
+    "step_is_one_increment",
+    "Whether the inputs are the increments over the whole communication step, whose length dt then takes (1), or over one "
+    "sample interval, which is then the only step allowed (0)",
+    lower=0,
+    upper=1,
+    flag=True,
+)
+"""Parameter of the FMU of an estimator that is no row of its model."""
 
 
 class Kind(IntEnum):
@@ -36,7 +50,11 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Variable:
-    """A row as a variable.  name: in the FMU.  number: of the row.  place: of its first element.  start: flat, or None."""
+    """A row as a variable.
+
+    name: in the FMU.  number: of the row.  place: of its first element.  start: flat, or None.  tunable: whether it is a
+    parameter that may be set between steps.
+    """
 
     row: Row
     name: str
@@ -44,6 +62,7 @@ class Variable:
     number: int
     place: int
     start: Vector | None
+    tunable: bool = False
 
     @property
     def elements(self) -> list[str]:
@@ -55,16 +74,21 @@ class Variable:
         """Meaning and frame."""
         frame = _FRAMES.get(self.row.frame, self.row.frame)
         components = "scalar first" if self._is_quaternion else frame
-        return self.row.meaning + (f" ({components})" if components and self.row.shape else "")
+        told = not components or components in self.row.meaning or not self.row.shape
+        return self.row.meaning + ("" if told else f" ({components})") + self._further
 
     def element_description(self, element: int) -> str:
         """Meaning and axis of one element."""
         axes = ("w", "x", "y", "z") if self._is_quaternion else _AXES.get(self.row.frame.split(" ")[0], ())
         if not self.row.shape:
-            return self.row.meaning
+            return self.row.meaning + self._further
         if len(self.row.shape) == 1 and axes and self.row.size % len(axes) == 0:
-            return f"{self.row.meaning}: {axes[element % len(axes)]}"
+            return f"{self.row.meaning}: {axes[element % len(axes)]}{self._further}"
         return f"{self.row.meaning}: element {element + 1}"
+
+    @property
+    def _further(self) -> str:
+        return _NOT_INTERPOLATED if self.kind is Kind.INPUT and self.row.name in _SAMPLED else ""
 
     @property
     def _is_quaternion(self) -> bool:
@@ -72,30 +96,43 @@ class Variable:
 
 
 def variables(subject: Subject) -> list[Variable]:
-    """All rows in order: time, sample interval, parameters, inputs, outputs; rows of kind NONE are not variables of the FMU."""
+    """All rows in order: time, sample interval, how a step is read (of an estimator), parameters, inputs, outputs.
+
+    Rows of kind NONE are not variables of the FMU.
+    """
     model = subject.model
     found: list[tuple[Row, str, Kind, Vector | None]] = [(Row("time", "Time", "s"), "time", Kind.TIME, None)]
     if "sample_interval" not in model.parameters:
         row = Row("sample_interval", "Time from one inertial sample to the next", "s", start=subject.sample_interval)
         found.append((row, row.name, Kind.CONSTANT, row.flat_start()))
+    if subject.kind == "estimator" and "dt" in model.inputs:
+        row = replace(STEP_IS_ONE_INCREMENT, start=float(subject.step_is_one_increment))
+        found.append((row, PREFIX + row.name, Kind.PARAMETER, row.flat_start()))
     for row in model.parameters:
         given = subject.parameters[model.parameters.slice(row.name)]
         if row.name == "sample_interval":
             found.append((row, row.name, Kind.CONSTANT, given))
         else:
-            found.append((row, PREFIX + row.name, Kind.PARAMETER, given))
+            found.append((row, _name(subject, row.name, PREFIX), Kind.PARAMETER, given))
     for row in model.inputs:
         held = np.array([subject.sample_interval]) if row.name == "dt" else row.flat_start()
         found.append((row, row.name, Kind.INPUT, held))
     for row in model.outputs:
         kind = Kind.NONE if row.name == "time" else Kind.OUTPUT  # FMI has its own variable for the time
-        found.append((row, row.name, kind, None))
+        found.append((row, _name(subject, row.name), kind, None))
 
     result, place = [], 0
     for number, (row, name, kind, start) in enumerate(found):
-        result.append(Variable(row, name, kind, number, place, start))
+        result.append(Variable(row, name, kind, number, place, start, kind is Kind.PARAMETER and row.name in subject.tunable))
         place += row.size
     names = [v.name for v in result if v.kind is not Kind.NONE]
     if len(set(names)) != len(names):
         raise ValueError(f"{subject.id}: two variables have the same name")
     return result
+
+
+def _name(subject: Subject, row: str, prefix: str = "") -> str:
+    """The name of a row; in a loop, those of the estimator begin with ``estimator.``."""
+    if subject.kind == "loop" and row.startswith(LOOP_PREFIX):
+        return f"estimator.{prefix}{row.removeprefix(LOOP_PREFIX)}"
+    return prefix + row

@@ -98,6 +98,7 @@ GNSS_PARAMETERS = Table((
         start=1.0,
         lower=0.0,
         upper=1.0,
+        flag=True,
     ),
     Row("gnss_outage_start", "Outage windows: first epoch lost, time since the start", "s", (OUTAGES,)),
     Row(
@@ -117,8 +118,8 @@ def _fix(prefix: str, when: str) -> tuple[Row, ...]:
 
 
 GNSS_STATE = Table((
-    Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0),
-    Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0),
+    Row("gnss_valid", "1 on the one sample on which a fix is delivered", lower=0.0, upper=1.0, flag=True),
+    Row("gnss_velocity_valid", "1 where gnss_valid is and the fix has a velocity", lower=0.0, upper=1.0, flag=True),
     *_fix("gnss_", "latest fix delivered"),
     Row("gnss_position_sigma", "Standard deviation of position that the receiver reports", "m", (3,), "n", 1.0),
     Row(

@@ -180,7 +180,7 @@ IMU_STATE = Table((
         (3,),
         "b",
     ),
-    Row("imu_valid", "1 if the sample arrived, 0 if it was lost", lower=0.0, upper=1.0),
+    Row("imu_valid", "1 if the sample arrived, 0 if it was lost", lower=0.0, upper=1.0, flag=True),
     *GYRO.state(),
     *ACCEL.state(),
     Row("gyro_g_matrix", "Gyro bias per specific force in body axes", "(rad/s)/(m/s^2)", (3, 3), "s"),

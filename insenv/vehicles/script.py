@@ -45,7 +45,8 @@ class Script:
         shape = (N_SEGMENTS, 1 + len(self.commands))
         return Table((
             Row("segments", meaning, "1", shape),
-            Row("segments_repeat", "Whether the script restarts at its end (1) or keeps the last (0)", lower=0, upper=1),
+            Row("segments_repeat", "Whether the script restarts at its end (1) or keeps the last (0)",
+                lower=0, upper=1, flag=True),
         ))  # fmt: skip
 
     @property
@@ -65,7 +66,7 @@ class Script:
     def inputs(self) -> Table:
         """External commands."""
         rows = [replace(row, name=f"command_{row.name}", meaning=f"Command: {row.meaning}") for row in self.commands]
-        return Table((*rows, Row("command_valid", "Whether the commands apply (1) or not (0)")))
+        return Table((*rows, Row("command_valid", "Whether the commands apply (1) or not (0)", lower=0, upper=1, flag=True)))
 
     def start(self, p: Values, otherwise: Mapping[str, Any]) -> dict[str, Any]:
         """The first segment, or if there is none the commands `otherwise` (by name; default: their start values)."""

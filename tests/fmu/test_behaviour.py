@@ -16,6 +16,7 @@ from fmpy.logging import addLoggerProxy
 from fmu_tools import exported, unzipped
 from places import ROOT
 
+from insenv import estimators
 from insenv.core.compile import find_compiler
 from insenv.core.runner import make_runner
 from insenv.fmu.subject import subject
@@ -42,10 +43,11 @@ class Slave:
             kind: [v for v in description.modelVariables if v.causality == kind] for kind in ("parameter", "input", "output")
         }
         self.references = {kind: [v.valueReference for v in found] for kind, found in listed.items()}
+        self.booleans = {v.valueReference for v in description.modelVariables if v.type == "Boolean"}
+        self.widths = {v.valueReference: int(np.prod([int(d.start) for d in v.dimensions])) for v in description.modelVariables}
         self.names = {v.name: v.valueReference for v in description.modelVariables}
         model = self.what.model
         self.shown = np.concatenate([np.full(row.size, row.name != "time") for row in model.outputs])
-        self.sizes = {"output": int(self.shown.sum())}
         if fmi == 2:
             callbacks = fmi2.fmi2CallbackFunctions()
             callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda e, name, *message: self.said.append(message))
@@ -67,12 +69,30 @@ class Slave:
         self.fmu.exitInitializationMode()
 
     def set(self, references, values):
-        (self.fmu.setReal if self.fmi == 2 else self.fmu.setFloat64)(references, values)
+        """Set variables; the values of all are flat, in order."""
+        places = np.cumsum([0, *(self.widths.get(reference, 1) for reference in references)])
+        for number, reference in enumerate(references):
+            if reference in self.booleans:
+                self.fmu.setBoolean([reference], [bool(values[places[number]])])
+        numbers = [r for r in references if r not in self.booleans]
+        kept = [values[i] for n, r in enumerate(references) if r not in self.booleans for i in range(places[n], places[n + 1])]
+        if numbers:
+            (self.fmu.setReal if self.fmi == 2 else self.fmu.setFloat64)(numbers, kept)
 
     def outputs(self):
+        """All outputs, flat."""
+        found = []
+        numbers = [r for r in self.references["output"] if r not in self.booleans]
         if self.fmi == 2:
-            return self.fmu.getReal(self.references["output"])
-        return self.fmu.getFloat64(self.references["output"], self.sizes["output"])
+            values = list(self.fmu.getReal(numbers))
+        else:
+            values = list(self.fmu.getFloat64(numbers, sum(self.widths[r] for r in numbers)))
+        for reference in self.references["output"]:
+            if reference in self.booleans:
+                found += [float(value) for value in self.fmu.getBoolean([reference])]
+            else:
+                found += [values.pop(0) for _ in range(self.widths[reference])]
+        return found
 
     def step(self, k, n=1):
         self.fmu.doStep(currentCommunicationPoint=k * self.interval, communicationStepSize=n * self.interval)
@@ -83,7 +103,7 @@ class Slave:
 
     def run(self, rows, first=0, n=1):
         """Make steps of n samples with a row of inputs each; return the outputs after each."""
-        found = np.empty((len(rows), self.sizes["output"]))
+        found = np.empty((len(rows), int(self.shown.sum())))
         for k, row in enumerate(rows):
             if row.size:
                 self.set(self.references["input"], row.tolist())
@@ -171,20 +191,122 @@ def test_simulate_fmu_gets_the_reason_for_a_refused_interval():
     said = []
     with pytest.raises(FMICallException):
         fmpy.simulate_fmu(path, output_interval=0.0123, validate=False, logger=lambda *message: said.append(message[-1]))
-    assert b"communication step is 0.0123" in said[-1] and b"whole number of sample intervals" in said[-1]
+    assert b"communication step is 0.0123" in said[-1] and b"one sample interval, 0.005 s" in said[-1]
 
 
 @pytest.mark.parametrize("fmi", (2, 3))
-def test_a_step_of_several_samples_holds_the_inputs(slave, fmi):
-    rows, one = rows_for("loosely-coupled", 210), slave("loosely-coupled", fmi)
-    held = np.repeat(rows[::10], 10, axis=0)
-    flag = one.what.model.inputs.slice("gnss_valid").start
-    coming = rows[::10].copy()
-    coming[5, flag] = 1.0  # a fix in the sixth step applies to the last sample of the step
-    held[:, flag] = 0.0
-    held[59, flag] = 1.0
-    rows_of_steps = coming
-    np.testing.assert_array_equal(one.run(rows_of_steps, n=10), expected("loosely-coupled", held, one.shown)[9::10])
+def test_a_plant_takes_several_samples_a_step_and_holds_its_commands(slave, fmi):
+    one = slave("ship-underway", fmi)
+    inputs = one.what.model.inputs
+    commands = np.zeros((30, inputs.size))
+    commands[10:20, inputs.slice("command_speed")] = 4.0
+    commands[10:20, inputs.slice("command_valid")] = 1.0
+    held = np.repeat(commands, 10, axis=0)
+    np.testing.assert_array_equal(one.run(commands, n=10), expected("ship-underway", held, one.shown)[9::10])
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("id", estimators.registered())
+def test_an_estimator_takes_one_sample_a_step(slave, id, fmi):
+    one = slave(id, fmi)
+    for step in (0.01, 0.16, 1.0, 0.0025):
+        one.refused(
+            lambda step=step: one.fmu.doStep(0.0, step), "allowed is one sample interval, 0.005 s", "output_interval=0.005"
+        )
+
+
+def test_the_default_step_of_fmpy_is_refused_with_the_step_to_set():
+    said, rows = [], np.zeros(20_000, dtype=[(name, float) for name in ("time", "delta_velocity[3]")])
+    rows["time"], rows["delta_velocity[3]"] = 0.005 * np.arange(len(rows)), -9.8 * 0.005
+    path = str(exported("q-method", 2))
+    with pytest.raises(FMICallException):
+        fmpy.simulate_fmu(path, input=rows, stop_time=100.0, validate=False, logger=lambda *message: said.append(message[-1]))
+    assert b"communication step is 0.16 s" in said[-1] and b"output_interval=0.005" in said[-1]
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("id", ("qakf-improved", "loosely-coupled"))
+def test_a_step_can_be_one_increment_of_its_own_length(slave, id, fmi):
+    rows, one = rows_for(id, 200), slave(id, fmi, start=False)
+    one.set([one.names["parameters.step_is_one_increment"]], [True])
+    one.begin()
+    lengths = np.tile([0.005, 0.01, 0.16, 0.0042], 50)
+    rows[:, one.what.model.inputs.slice("dt")] = lengths[:, None]
+    wanted, time = expected(id, rows, one.shown), 0.0
+    for k, length in enumerate(lengths):
+        row = rows[k].copy()
+        row[one.what.model.inputs.slice("dt")] = 0.005  # dt follows the step, whatever it was
+        one.set(one.references["input"], row.tolist())
+        one.fmu.doStep(time, length)
+        time += length
+        np.testing.assert_array_equal(one.outputs(), wanted[k])
+    one.refused(lambda: one.fmu.doStep(time, 11.0), "communication step is 11 s", "1e-06 to 10 s")
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("id", ("qakf-improved", "ship-swaying"))
+def test_the_rest_of_summed_up_steps_counts_as_done(slave, id, fmi):
+    """An importer that sums up its steps ends 400 steps of 0.005 s 2e-14 s before 2 s."""
+    rows, one, time = rows_for(id, 401), slave(id, fmi, stop_time=2.0), 0.0
+    while time < 2.0:
+        step = min(0.005, 2.0 - time)
+        row = rows[round(time / 0.005)]
+        if row.size:
+            one.set(one.references["input"], row.tolist())
+        one.fmu.doStep(time, step)
+        time += step
+    assert step < 1e-12
+    np.testing.assert_array_equal(one.outputs(), expected(id, rows[:400], one.shown)[-1])
+
+
+def test_dt_must_be_about_the_step(slave):
+    one = slave("qakf-improved", 2)
+    for dt in (9.9, 0.011, 0.0024):
+        one.set([one.names["dt"]], [dt])
+        one.refused(lambda: one.step(0), f"dt = {dt:g} s in a step of 0.005 s", "half to twice the step")
+    one.set([one.names["dt"]], [0.0051])
+    one.step(0)
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_what_a_flag_switches_off_may_be_nan(slave, fmi):
+    rows, one = rows_for("loosely-coupled", 300), slave("loosely-coupled", fmi)
+    wanted, inputs = expected("loosely-coupled", rows, one.shown), one.what.model.inputs
+    assert rows[:, inputs.slice("gnss_valid")].sum() == 1
+    off = rows[:, inputs.slice("gnss_valid")][:, 0] == 0
+    for name in inputs.names:
+        if name.startswith("gnss_") and not inputs[name].flag:
+            rows[off, inputs.slice(name)] = np.nan
+    np.testing.assert_array_equal(one.run(rows), wanted)
+    one.set([one.names["gnss_valid"]], [True])
+    one.refused(lambda: one.step(300), "gnss_age = nan s", "allowed is a finite number")
+
+
+def test_flags_are_booleans(slave):
+    one = slave("loosely-coupled", 2)
+    assert {one.names[name] for name in ("gnss_valid", "gnss_velocity_valid", "standing")} <= one.booleans
+    one.refused(lambda: one.fmu.setReal([one.names["gnss_valid"]], [1.0]), "gnss_valid is a Boolean")
+    one.refused(lambda: one.fmu.getBoolean([one.names["gnss_age"]]), "gnss_age is a Real")
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+def test_a_tunable_parameter_counts_from_the_next_step(slave, fmi):
+    rows, one = rows_for("loosely-coupled", 600), slave("loosely-coupled", fmi)
+    model = one.what.model
+    runner = make_runner(model, one.what.parameters)
+    wanted = [runner.run(250, rows[:250])]
+    changed = one.what.parameters.copy()
+    changed[model.parameters.slice("innovation_gate")] = 0.5
+    changed[model.parameters.slice("angle_random_walk")] *= 3
+    runner.p[:] = changed
+    wanted.append(runner.run(350, rows[250:]))
+    found = [one.run(rows[:250])]
+    values = [0.5, float(changed[model.parameters.slice("angle_random_walk")][0])]
+    one.set([one.names[f"parameters.{name}"] for name in ("innovation_gate", "angle_random_walk")], values)
+    found.append(one.run(rows[250:], first=250))
+    np.testing.assert_array_equal(np.concatenate(found), np.concatenate(wanted)[:, one.shown])
+    one.refused(lambda: one.set([one.names["parameters.innovation_gate"]], [-1.0]), "innovation_gate = -1")
+    one.refused(lambda: one.set([one.names["parameters.heading_sigma"]], [0.1]), "heading_sigma cannot be set in this state")
 
 
 @pytest.mark.parametrize("fmi", (2, 3))
@@ -249,16 +371,18 @@ def test_two_instances_interleaved_and_a_reset(slave, fmi):
 
 
 @pytest.mark.parametrize("fmi", (2, 3))
-def test_steps_that_are_not_a_whole_number_of_samples_are_refused(slave, fmi):
+def test_steps_of_another_length_are_refused(slave, fmi):
     rows, one = rows_for("qakf-improved", 20), slave("qakf-improved", fmi, stop_time=0.2)
-    for step in (0.0, -0.005, 0.0049, 0.0075, float("nan"), float("inf"), 1e300):
+    for step in (0.0, -0.005, 0.0049, 0.0075, 0.01, float("nan"), float("inf"), 1e300):
         one.refused(lambda step=step: one.fmu.doStep(0.0, step), "communication step is", "sample interval")
     for point in (0.005, -1.0, float("nan")):
         one.refused(lambda point=point: one.fmu.doStep(point, 0.005), "communication point is", "the instance stands at 0 s")
-    one.refused(lambda: one.fmu.doStep(0.0, 0.205), "passes the stop time, 0.2 s")
     # the refused calls have changed nothing; times with rounding errors are accepted
     np.testing.assert_array_equal(one.run(rows), expected("qakf-improved", rows, one.shown))
     one.fmu.doStep(0.1 + 1e-13, 0.1 + 0.005 - 0.1)
+    plant = slave("ship-swaying", fmi, stop_time=0.2)
+    plant.refused(lambda: plant.fmu.doStep(0.0, 0.205), "passes the stop time, 0.2 s")
+    plant.refused(lambda: plant.fmu.doStep(0.0, 0.0075), "communication step is", "whole number of sample intervals")
 
 
 @pytest.mark.parametrize("fmi", (2, 3))

@@ -90,25 +90,25 @@ def test_another_tool_finds_it_compliant(uncompiled, tmp_path, fmi):
     assert "ERROR" not in said and "WARNING" not in said
 
 
-@pytest.mark.parametrize("fmi", (2, 3))
-def test_the_schema_of_terminals_and_icons(uncompiled, tmp_path, fmi):
+@pytest.mark.parametrize(("fmi", "arrays"), ((2, False), (3, True), (3, False)))
+def test_the_schema_of_terminals_and_icons(uncompiled, tmp_path, fmi, arrays):
     import fmpy
     from lxml import etree
 
-    with ZipFile(export_fmu("loosely-coupled", tmp_path / "x.fmu", fmi=fmi)) as archive:
+    with ZipFile(export_fmu("loosely-coupled", tmp_path / "x.fmu", fmi=fmi, arrays=arrays)) as archive:
         names = set(archive.namelist())
-        assert {"documentation/index.html", "documentation/licenses/Apache-2.0.txt", "sources/config.h"} <= names
-        assert ("model.png" if fmi == 2 else "terminalsAndIcons/icon.png") in names
+        assert {"documentation/index.html", "documentation/licenses/license.txt", "sources/config.h"} <= names
+        assert {"terminalsAndIcons/icon.png", *(["model.png"] if fmi == 2 else [])} <= names
+        assert not any(name.startswith("sources/fmi") and name.endswith(".h") for name in names)  # the importer has its own
         manifest = etree.fromstring(archive.read("extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml"))
         assert {related.get("source") for related in manifest} == {"in.csv", "ref.csv", "experiments.xml"}
-        if fmi == 3:
-            folder = next(iter(fmpy.__path__))
-            schema = etree.XMLSchema(file=f"{folder}/schema/fmi3/fmi3TerminalsAndIcons.xsd")
-            root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
-            schema.assertValid(root)
-            members = {m.get("variableName") for m in root.iter("TerminalMemberVariable")}
-            known = {v.get("name") for v in ET.fromstring(archive.read("modelDescription.xml")).find("ModelVariables")}
-            assert members <= known and {"delta_angle", "gnss_latitude", "q_nb"} <= members
+        folder = next(iter(fmpy.__path__))
+        schema = etree.XMLSchema(file=f"{folder}/schema/fmi3/fmi3TerminalsAndIcons.xsd")
+        root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+        schema.assertValid(root)
+        members = {m.get("variableName") for m in root.iter("TerminalMemberVariable")}
+        known = {v.get("name") for v in ET.fromstring(archive.read("modelDescription.xml")).find("ModelVariables")}
+        assert members <= known and {"gnss_latitude", "q_nb" if arrays else "q_nb[4]"} <= members
 
 
 def test_the_variables_are_those_of_the_tables(uncompiled, tmp_path):
@@ -116,8 +116,9 @@ def test_the_variables_are_those_of_the_tables(uncompiled, tmp_path):
     scalars = description(export_fmu(model.id, tmp_path / "2.fmu", fmi=2)).findall("ModelVariables/*")
     arrays = description(export_fmu(model.id, tmp_path / "3.fmu", fmi=3)).findall("ModelVariables/*")
     for causality, table in (("parameter", model.parameters), ("input", model.inputs), ("output", model.outputs)):
-        assert sum(v.get("causality") == causality for v in scalars) == table.size
-        assert sum(v.get("causality") == causality for v in arrays) == len(table.rows)
+        own = causality == "parameter"  # one parameter is not in the tables: step_is_one_increment
+        assert sum(v.get("causality") == causality for v in scalars) == table.size + own
+        assert sum(v.get("causality") == causality for v in arrays) == len(table.rows) + own
     by_name = {v.get("name"): v for v in scalars}
     assert by_name["velocity_n[2]"].get("description") == "Velocity over the Earth: east"
     assert by_name["delta_angle[1]"].get("variability") == "continuous"
@@ -181,7 +182,9 @@ def test_settings_are_start_values(uncompiled, tmp_path):
     settings = {"heading_sigma_deg": 2.0, "antenna_lever_arm": [1.0, 2.0, 3.0], "sample_interval": 0.01}
     path = export_fmu("loosely-coupled", tmp_path / "x.fmu", settings=settings)
     root = description(path)
-    start = {v.get("name"): float(v[0].get("start")) for v in root.find("ModelVariables") if v[0].get("start")}
+    start = {
+        v.get("name"): float(v[0].get("start")) for v in root.find("ModelVariables") if v[0].tag == "Real" and v[0].get("start")
+    }
     assert start["parameters.heading_sigma"] == pytest.approx(np.radians(2.0), rel=1e-15)
     assert [start[f"parameters.antenna_lever_arm[{i}]"] for i in (1, 2, 3)] == [1.0, 2.0, 3.0]
     assert start["dt"] == start["sample_interval"] == 0.01
@@ -276,7 +279,7 @@ def test_the_command(tmp_path):
     status, out, err = call("fmu", "export", "qakf", "-o", path, "--fmi", "3", "--set", "start_quaternion=1,0,0,0", "--json")
     told = strict(out)
     assert (status, err) == (0, "") and told["fmi"] == "3.0" and told["bytes"] == path.stat().st_size
-    assert told["variables"] == {"parameters": 9, "inputs": 3, "outputs": 4}
+    assert told["variables"] == {"parameters": 10, "inputs": 3, "outputs": 4}
     assert description(path).get("instantiationToken") == told["token"]
     status, out, _ = call("fmu", "export", "qakf", "-o", path, "--platform", "host")
     assert status == 0 and "FMI 2.0" in out and max(map(len, out.splitlines())) <= 80 + len(str(path))

@@ -14,6 +14,8 @@ from fmu_tools import INTERVAL, columns_for, exported, in_process
 from insenv import estimators
 from insenv.errors import InputError, InsenvError
 from insenv.fmu import run
+from insenv.fmu.instance import Instance
+from insenv.fmu.reading import read_variable
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 SAMPLES = 3000
@@ -152,12 +154,55 @@ def test_the_messages_of_the_fmu_are_part_of_the_error(fmi):
     fmu, columns = exported("qakf-improved", fmi), columns_for("qakf-improved", 100)
     with pytest.raises(InputError, match=r"parameter latitude = 7 refused: .*latitude = 7 rad"):
         run(fmu, columns, parameters={"latitude": 7.0})
-    with pytest.raises(InsenvError, match=r"the step failed at step 0, t = 0 s \(error\): .*whole number of sample intervals"):
+    with pytest.raises(InsenvError, match=r"the step failed at step 0, t = 0 s \(error\): .*allowed is one sample interval"):
         run(fmu, columns, step=1.5 * INTERVAL)
     broken = {name: column.copy() for name, column in columns.items()}
     broken["delta_velocity"][40, 2] = np.nan
     with pytest.raises(InsenvError, match=r"setting the inputs failed at step 40, t = 0.2 s \(error\): .*delta_velocity"):
         run(fmu, broken)
+
+
+def test_an_fmu_of_fmpy_after_ours_can_log(tmp_path):
+    """FMPy keeps one logger for all FMUs of a process: ours must outlive its instance."""
+    script = (
+        "import sys, numpy as np\nfrom fmpy.ssp.simulation import FMU2Slave\nimport fmpy\nfrom insenv.fmu import run\n"
+        "run(sys.argv[1], stop_time=0.1)\n"
+        "d = fmpy.read_model_description(sys.argv[1])\n"
+        "s = FMU2Slave(guid=d.guid, unzipDirectory=fmpy.extract(sys.argv[1]), instanceName='x',\n"
+        "              modelIdentifier=d.coSimulation.modelIdentifier)\n"
+        "s.instantiate()\ns.setupExperiment()\ns.enterInitializationMode()\ns.exitInitializationMode()\n"
+        "s.doStep(0.0, 0.0123)\n"
+    )
+    command = [sys.executable, "-c", script, str(exported("ship-swaying"))]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1, done.stderr[-500:]
+    assert "communication step is 0.0123 s" in done.stdout
+
+
+def test_a_dimension_of_a_structural_parameter_has_its_start_value():
+    from types import SimpleNamespace
+
+    size = SimpleNamespace(start=None, variable=SimpleNamespace(start="3"))
+    read = SimpleNamespace(
+        name="u",
+        valueReference=1,
+        type="Float64",
+        causality="input",
+        declaredType=None,
+        unit=None,
+        description="",
+        dimensions=[size],
+    )
+    assert read_variable(read).elements == ("u[1]", "u[2]", "u[3]")
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_an_fmu_that_ends_the_simulation_gives_the_rows_until_then(monkeypatch, fmi):
+    made = []
+    monkeypatch.setattr(Instance, "_ends", lambda self, status: made.append(status) or len(made) == 40)
+    found = run(exported("ship-swaying", fmi), stop_time=1.0, every=4)
+    assert found.ended
+    assert (found.steps, len(found.time), found.values.shape[0]) == (40, 10, 10)
 
 
 def test_a_file_that_is_not_an_fmu_is_reported(tmp_path):

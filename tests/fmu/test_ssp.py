@@ -3,6 +3,8 @@
 The estimate is that of `insenv run` except for the master's delay of one step.
 """
 
+import subprocess
+import sys
 import zipfile
 
 import numpy as np
@@ -14,6 +16,7 @@ from insenv import attitude, estimators, run
 from insenv.errors import InputError
 from insenv.evaluation.errors import ATTITUDE
 from insenv.files.resources import scenario_folder
+from insenv.fmu.reading import element_names
 from insenv.fmu.ssp import export_ssp, structure
 from insenv.scenario import build, load
 
@@ -54,9 +57,31 @@ def test_the_structure_validates_and_connects_by_name(loop):
         ("plant", "resources/plant.fmu"),
         ("estimator", "resources/estimator.fmu"),
     ]
+    assert ssd.name == "ship_swaying"  # OMSimulator's command line takes identifiers only
     joined = {(a.parent.name, a.name, b.parent.name, b.name) for a, b in get_connections(ssd.system)}
     names = [f"{name}[{k}]" for name in ("delta_angle", "delta_velocity") for k in (1, 2, 3)]
-    assert joined == {("plant", name, "estimator", name) for name in names}
+    outputs = [v for row in estimators.get(ID).model.outputs for v in element_names(row.name, row.shape)]
+    shown = {("estimator", name, "loop", name) for name in outputs}
+    assert joined == {("plant", name, "estimator", name) for name in names} | shown
+
+
+def test_the_step_stands_in_the_annotations_of_other_masters(loop):
+    from lxml import etree
+
+    with zipfile.ZipFile(loop) as archive:
+        root = etree.fromstring(archive.read("SystemStructure.ssd"))
+    (system,) = [a for a in root.iter("{*}Annotation") if a.get("type") == "org.openmodelica"]
+    assert system.find(".//{*}FixedStepMaster").get("stepSize") == "0.005"
+    (experiment,) = [a for a in root.iter("{*}Annotation") if a.get("type") == "com.opensimulationplatform"]
+    assert experiment.find(".//{*}FixedStepAlgorithm").get("baseStepSize") == "0.005"
+
+
+def test_a_master_with_another_step_is_refused(loop):
+    script = "import sys; from fmpy.ssp.simulation import simulate_ssp; simulate_ssp(sys.argv[1], stop_time=100.0)"
+    done = subprocess.run([sys.executable, "-c", script, str(loop)], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "fmi2DoStep failed with status 3" in done.stderr
+    assert "communication step is 1 s: allowed is one sample interval, 0.005 s" in done.stdout
 
 
 def test_units_are_those_of_the_components(loop):
@@ -75,8 +100,11 @@ def test_units_are_those_of_the_components(loop):
         defined = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
         for connector in part.iterfind(".//ssd:Connector", ns):
             variable, real = variables[connector.get("name")], connector.find("ssc:Real", ns)
-            assert real.get("unit") == (variable.unit or variable.declaredType.unit)
             assert connector.get("kind") == variable.causality
+            assert (real is None) == (variable.type == "Boolean") == (connector.find("ssc:Boolean", ns) is not None)
+            if real is None:
+                continue
+            assert real.get("unit") == (variable.unit or variable.declaredType.unit)
             if real.get("unit") is not None:
                 used.add(real.get("unit"))
                 base = defined[real.get("unit")]

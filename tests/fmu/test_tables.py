@@ -15,7 +15,7 @@ from insenv.fmu.reading import element_names
 from insenv.fmu.subject import subject
 from insenv.scenario import names
 
-EXTRA = {"time", "sample_interval"}  # not rows of the tables
+EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment"}  # not rows of the tables
 NO_UNIT = {"1", "SI"}  # dimensionless, and a matrix whose elements have different units
 
 
@@ -46,7 +46,11 @@ def inherited(variable, types, name):
 
 
 def check(variable, types, row: Row):
-    """Unit and bounds of one variable (FMI 3) or of one element (FMI 2)."""
+    """Unit and bounds of one variable (FMI 3) or of one element (FMI 2); a flag is a Boolean."""
+    assert (variable.tag == "Boolean") == row.flag
+    if row.flag:
+        assert (row.lower, row.upper, row.unit, row.shape) == (0, 1, "1", ())
+        return
     unit = inherited(variable, types, "unit")
     mixed = [part.strip() for part in row.unit.split(",")]
     if row.unit in NO_UNIT:
@@ -86,6 +90,8 @@ def test_every_variable_is_a_row(monkeypatch, tmp_path, id, fmi):
             check(typed, types, row)
             if start is None:
                 assert typed.get("start") is None
+            elif row.flag:
+                assert typed.get("start") == ("true" if start[0] else "false")
             elif fmi == 2:
                 assert float(typed.get("start")) == start[place]
             else:

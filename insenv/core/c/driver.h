@@ -40,6 +40,7 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
   do {                                                                                 \
     real r[(count) + 1];                                                               \
     if (count) uniforms(p[SEED_PLACE], x[STEP_PLACE], (uint32_t)(k), (count), r);      \
+    else r[0] = constant(0.0);                                                         \
     function(p, x, u, r);                                                              \
   } while (0)
 
@@ -48,6 +49,7 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
   do {                                                                                 \
     real r[(count) + 1], changed[N_STATE + 1];                                         \
     if (count) uniforms(p[SEED_PLACE], x[STEP_PLACE], (uint32_t)(k), (count), r);      \
+    else r[0] = constant(0.0);                                                         \
     function(p, x, u, r, changed);                                                     \
     lay(x, changed, mask);                                                             \
   } while (0)
@@ -130,6 +132,7 @@ EXPORT void insenv_start(int64_t blocks, const real *p, real *x) {
   for (int64_t block = 0; block < blocks; ++block, p += N_PARAMETER, x += N_STATE) {
     real r[N_UNIFORMS + 1];
     if (START_UNIFORMS) uniforms(p[SEED_PLACE], constant(0.0), 0xFFFFFFFFu, START_UNIFORMS, r);
+    else r[0] = constant(0.0);
     start(p, r, x);
   }
 }

@@ -70,17 +70,17 @@ SAMPLE_INPUTS = Table((
 """Inputs: one inertial sample, which every estimator takes."""
 
 FIX_INPUTS = Table((
-    Row("gnss_valid", "1 when a fix arrives with this sample", lower=0, upper=1),
+    Row("gnss_valid", "1 when a fix arrives with this sample", lower=0, upper=1, flag=True),
     Row("gnss_age", "Time from the fix's validity to the end of this sample", "s", lower=-1.0, upper=10.0),
     *bounded_place_rows("gnss_", " of the antenna"),
     Row("gnss_position_sigma", "Standard deviation of the position", "m", (3,), "n", 1.0, lower=1e-6, upper=1e9),
-    Row("gnss_velocity_valid", "1 when the fix has a velocity", lower=0, upper=1),
+    Row("gnss_velocity_valid", "1 when the fix has a velocity", lower=0, upper=1, flag=True),
     Row("gnss_velocity_n", "Velocity of the antenna", "m/s", (3,), "n"),
     Row("gnss_velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n", 1.0, lower=1e-6, upper=1e9),
 ))  # fmt: skip
 """Inputs: one GNSS fix."""
 
-STANDING_INPUT = Table((Row("standing", "1 when the vehicle is known to be at rest", lower=0, upper=1),))
+STANDING_INPUT = Table((Row("standing", "1 when the vehicle is known to be at rest", lower=0, upper=1, flag=True),))
 
 ALIGNMENT = Table((
     Row("q_nb", "Attitude: takes b components to n components", "1", (4,), "n", (1, 0, 0, 0)),

@@ -91,6 +91,7 @@ static int read_state(Instance c, const char *b, size_t n, Saved *s) {
 static Description d;
 static double step, *results;
 static uint32_t *in_references, *out_references;
+static size_t numbers_in, numbers_out, elements_out; /* without the Booleans */
 
 static void expect(int holds, const char *what) {
   checks++;
@@ -121,10 +122,10 @@ static Instance started(const char *name) {
 
 /* Set increments of a small rotation and vibration; the other inputs keep their start values. */
 static void feed(Instance c, int k) {
-  for (size_t i = 0; i < d.input_count; i++) {
+  for (size_t i = 0; i < numbers_in; i++) {
     const bool angle = !strncmp(d.inputs[i].name, "delta_angle", 11), velocity = !strncmp(d.inputs[i].name, "delta_velocity", 14);
     double values[3];
-    if (!angle && !velocity) continue;
+    if ((!angle && !velocity) || d.inputs[i].is_boolean) continue;
     for (size_t e = 0; e < d.inputs[i].size; e++) {
       const char *place = strchr(d.inputs[i].name, '[');
       const int axis = place ? atoi(place + 1) - 1 : (int)e;
@@ -140,12 +141,12 @@ static void advance(Instance c, int from, int to, double *out) {
   for (int k = from; k < to; k++) {
     feed(c, k);
     good(step_to(c, k * step, step), "step");
-    good(get(c, out_references, d.output_count, out + (size_t)k * d.output_elements, d.output_elements), "outputs");
+    good(get(c, out_references, numbers_out, out + (size_t)k * elements_out, elements_out), "outputs");
   }
 }
 
 static int same(const double *a, const double *b, int from, int to) {
-  const size_t n = d.output_elements;
+  const size_t n = elements_out;
   return !memcmp(a + (size_t)from * n, b + (size_t)from * n, (size_t)(to - from) * n * sizeof *a);
 }
 
@@ -214,7 +215,7 @@ static void wrong_order(void) {
   advance(c, 0, 1, results);
   good((int)F(Terminate)(c), "terminate");
   REFUSED(step_to(c, step, step), "a step after the end");
-  REFUSED(set(c, d.input_count ? in_references : out_references, 1, &value, 1), "setting after the end");
+  REFUSED(set(c, numbers_in ? in_references : out_references, 1, &value, 1), "setting after the end");
   REFUSED(F(Terminate)(c), "ending twice");
   good((int)F(Reset)(c), "reset");
   REFUSED(step_to(c, 0.0, step), "a step after a reset");
@@ -222,11 +223,15 @@ static void wrong_order(void) {
 }
 
 static void wrong_steps(Instance c, double now) {
-  const double wrong[] = {0.0, -step, 1.5 * step, 0.1 * step, 1e-12, NAN, INFINITY, -INFINITY, 1e300};
+  const double wrong[] = {0.0, -step, 1.5 * step, 0.1 * step, 2e-6 * step, NAN, INFINITY, -INFINITY, 1e300};
   const double times[] = {now + step, now - step, NAN, INFINITY, -1e300};
+  good(step_to(c, now, 1e-9 * step), "the rest of a sum of steps, which changes nothing");
   for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) REFUSED(step_to(c, now, wrong[i]), "a wrong step");
   for (size_t i = 0; i < sizeof times / sizeof *times; i++) REFUSED(step_to(c, times[i], step), "a wrong time");
 }
+
+/* Whether a Boolean can switch the input off; only a step whose Boolean is true then refuses its value. */
+static bool can_be_off(const char *name) { return !strncmp(name, "gnss_", 5) || !strncmp(name, "command_", 8); }
 
 static void wrong_values(Instance c) {
   static double values[4096];
@@ -241,12 +246,13 @@ static void wrong_values(Instance c) {
   REFUSED(get(c, out_references, 1, NULL, d.outputs[0].size), "values at NULL");
   good(get(c, NULL, 0, NULL, 0), "nothing read");
   good(set(c, NULL, 0, NULL, 0), "nothing set");
-  for (size_t i = 0; i < d.input_count; i++) {
+  for (size_t i = 0; i < numbers_in; i++) {
     const size_t n = d.inputs[i].size;
     for (size_t b = 0; b < 3; b++) {
       for (size_t e = 0; e < n; e++) values[e] = 0.0;
       values[n - 1] = bad[b];
-      REFUSED(set(c, &in_references[i], 1, values, n), "an input that is no finite number");
+      if (!can_be_off(d.inputs[i].name))
+        REFUSED(set(c, &in_references[i], 1, values, n), "an input that is no finite number");
     }
     REFUSED(set(c, &in_references[i], 1, NULL, n), "an input at NULL");
     REFUSED(set(c, NULL, 1, values, n), "references at NULL");
@@ -305,12 +311,15 @@ int main(int argc, char **argv) {
   if (!xml) return 2;
   d = describe(xml);
   step = atof(argv[2]);
-  in_references = malloc((d.input_count + 1) * sizeof *in_references);
-  out_references = malloc((d.output_count + 1) * sizeof *out_references);
-  for (size_t i = 0; i < d.input_count; i++) in_references[i] = d.inputs[i].reference;
-  for (size_t i = 0; i < d.output_count; i++) out_references[i] = d.outputs[i].reference;
-  results = calloc((size_t)STEPS * d.output_elements, sizeof *results);
-  double *again = calloc((size_t)STEPS * d.output_elements, sizeof *again);
+  numbers_in = d.input_count - d.boolean_inputs;
+  numbers_out = d.output_count - d.boolean_outputs;
+  elements_out = d.output_elements - d.boolean_outputs;
+  in_references = malloc((numbers_in + 1) * sizeof *in_references);
+  out_references = malloc((numbers_out + 1) * sizeof *out_references);
+  for (size_t i = 0; i < numbers_in; i++) in_references[i] = d.inputs[i].reference;
+  for (size_t i = 0; i < numbers_out; i++) out_references[i] = d.outputs[i].reference;
+  results = calloc((size_t)STEPS * elements_out, sizeof *results);
+  double *again = calloc((size_t)STEPS * elements_out, sizeof *again);
 
   instances_refused();
   without_instance();
@@ -334,7 +343,7 @@ int main(int argc, char **argv) {
   expect(same(results, again, 0, STEPS), "refused calls change nothing");
 
   good(restore(b, half), "set state");
-  memset(again, 0, (size_t)STEPS * d.output_elements * sizeof *again);
+  memset(again, 0, (size_t)STEPS * elements_out * sizeof *again);
   advance(b, HALF, STEPS, again);
   expect(same(results, again, HALF, STEPS), "a rolled-back instance gives the same again");
 
@@ -342,11 +351,11 @@ int main(int argc, char **argv) {
   Saved carried = NULL;
   good(read_state(e, bytes, size, &carried), "deserialize");
   good(restore(e, carried), "set state");
-  memset(again, 0, (size_t)STEPS * d.output_elements * sizeof *again);
+  memset(again, 0, (size_t)STEPS * elements_out * sizeof *again);
   good((int)F(Reset)(a), "reset");
   good(enter(a), "enter initialization");
   good((int)F(ExitInitializationMode)(a), "exit initialization");
-  double *first = calloc((size_t)STEPS * d.output_elements, sizeof *first);
+  double *first = calloc((size_t)STEPS * elements_out, sizeof *first);
   for (int k = HALF; k < STEPS; k++) { /* interleaved: one from the middle, one from the start */
     advance(e, k, k + 1, again);
     advance(a, k - HALF, k - HALF + 1, first);
