@@ -24,7 +24,7 @@ FIRST_PIECE = 2000
 """Inertial samples of a block, all its runs together, before the first look: milliseconds to a tenth of a second."""
 
 
-class Interrupted(Exception):
+class StoppedError(Exception):
     """The campaign of a block was interrupted."""
 
 
@@ -34,7 +34,7 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arra
     Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `known`
     (runs, 4): latitude (rad), height (m) and the white noise of gyros and accelerometers that the estimator knows;
     `wander` (runs, 3), m: standard deviation of the correlated error of the fixes. Raises `InputError` if the parts of
-    the plant differ between runs, `Interrupted` soon after `stopped` returns true.
+    the plant differ between runs, `StoppedError` soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]
@@ -63,7 +63,7 @@ def _records(batch: Batch, plan: Plan, stopped: Stopped) -> NDArray[np.float64]:
         left = plan.record_samples
         while left:
             if stopped():
-                raise Interrupted
+                raise StoppedError
             now = min(piece, left)
             left -= now
             begun = perf_counter()
@@ -80,7 +80,7 @@ def _plants(plan: Plan, seeds: list[int], stopped: Stopped) -> list[Plant]:
     plants = []
     for seed in seeds:
         if stopped():
-            raise Interrupted
+            raise StoppedError
         plants.append(plan.plant_of(seed))
     for plant in plants:
         if plant.model is not plan.plant.model:

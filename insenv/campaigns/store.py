@@ -21,7 +21,7 @@ import numpy as np
 from insenv.campaigns.block import Arrays
 from insenv.campaigns.plan import Plan
 from insenv.errors import InputError, InsenvError
-from insenv.files.lock import Locked, exclusive
+from insenv.files.lock import LockedError, exclusive
 from insenv.files.output import atomic
 
 FORMAT, VERSION = "insenv-campaign", 1
@@ -99,7 +99,7 @@ class Folder:
     def _lock(self, stack: ExitStack) -> None:
         try:
             stack.enter_context(exclusive(self.path / LOCK))
-        except Locked:
+        except LockedError:
             raise InputError(f"{str(self.path)!r} is in use: another campaign runs there; choose another folder") from None
         except OSError as error:
             raise InsenvError(f"cannot lock {str(self.path / LOCK)!r}: {error.strerror or error}") from error

@@ -20,7 +20,7 @@ else:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-class Locked(Exception):
+class LockedError(Exception):
     """Another process, or another part of this one, holds the lock."""
 
 
@@ -28,7 +28,7 @@ class Locked(Exception):
 def exclusive(path: Path) -> Iterator[None]:
     """Hold the lock `path` during the block; the file is created, and removed at the end.
 
-    Raises `Locked` at once if it is held; OSError if the file cannot be created or its file system has no locks.
+    Raises `LockedError` at once if it is held; OSError if the file cannot be created or its file system has no locks.
     """
     handle = _locked(path)
     try:
@@ -49,7 +49,7 @@ def _locked(path: Path) -> int:
                 return handle
         except (BlockingIOError, PermissionError):
             os.close(handle)
-            raise Locked from None
+            raise LockedError from None
         except BaseException:
             os.close(handle)
             raise

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError, InsenvError
+from insenv.errors import InputError
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.installing import install_extra
 from insenv.scenario import Scenario, load

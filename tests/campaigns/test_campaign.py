@@ -20,7 +20,7 @@ from insenv.campaigns import block as block_module
 from insenv.campaigns.block import run_block
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
-from insenv.files.lock import Locked, exclusive
+from insenv.files.lock import LockedError, exclusive
 from insenv.scenario import build, load, reseeded
 
 has_compiler = shutil.which("cc") is not None
@@ -318,7 +318,7 @@ def test_a_lock_is_released_when_its_process_dies(tmp_path):
     )
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout.readline().strip() == b"held"
-        with pytest.raises(Locked), exclusive(path):
+        with pytest.raises(LockedError), exclusive(path):
             pass
         holder.kill()
     with exclusive(path):
@@ -348,7 +348,7 @@ def test_a_block_ends_soon_after_an_interruption():
         asked.append(time.perf_counter())
         return len(asked) > 4
 
-    with pytest.raises(block_module.Interrupted):
+    with pytest.raises(block_module.StoppedError):
         run_block(plan, 0, stopped)
     assert len(asked) == 5
 
