@@ -16,8 +16,8 @@ from insenv.scenario import build, parse
 
 ID = "insenv/Manoeuvre-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3, "backend": "interpreter"}
-SCENARIO = {"imu": None, "start_speed_mps": (12.0, 12.0)}
-"""The unit and the start speed of the scenario, which the default draws."""
+SCENARIO = {"imu": None, "start_speed_mps": (12.0, 12.0), "samples_per_step": 200}
+"""The unit and the start speed of the scenario, which the default draws, and steps of one second."""
 has_compiler = shutil.which("cc") is not None
 
 
