@@ -60,7 +60,9 @@ def main():
     parser = argparse.ArgumentParser(description="Ways to drive that make the heading of a car observable")
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
-    env = gymnasium.make("insenv/Manoeuvre-v0", goal_deg=1e-3)  # a goal out of reach: every drive lasts its full time
+    # the unit and the speed of the scenario, and a goal out of reach: every drive lasts its full time
+    drive = {"imu": None, "start_speed_mps": (12.0, 12.0), "goal_deg": 1e-3}
+    env = gymnasium.make("insenv/Manoeuvre-v0", samples_per_step=200, **drive)
     found = {}
     for name, pattern in PATTERNS.items():
         runs = [drive(env, pattern, seed) for seed in SEEDS]

@@ -10,7 +10,7 @@ SPECS: dict[str, tuple[str, dict[str, object]]] = {
     "insenv/VehicleNavigation-v0": ("Navigation", {"scenario": "car-city-drive", "vehicle": "car"}),
     "insenv/AircraftNavigation-v0": ("Navigation", {"scenario": "aircraft-survey", "vehicle": "aircraft"}),
     "insenv/Tuning-v0": ("Tuning", {"scenario": "car-city-drive"}),
-    "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading", "heading_deg": (0.0, 360.0)}),
+    "insenv/Manoeuvre-v0": ("Manoeuvre", {"scenario": "car-unknown-heading"}),
 }
 IDS = tuple(SPECS)
 """Ids of all environments."""

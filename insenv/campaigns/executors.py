@@ -33,11 +33,11 @@ def threads(count: int | None = None) -> Workers:
 def processes(count: int) -> Workers:
     """`count` newly started processes of this machine, which inherit no state."""
     number = _checked(count)
-    return lambda: _Processes(number, mp_context=multiprocessing.get_context("spawn"))
+    return lambda: Processes(number, mp_context=multiprocessing.get_context("spawn"))
 
 
-class _Processes(ProcessPoolExecutor):
-    """Processes that ignore Ctrl-C, which a terminal sends to all of them: the main process cancels the work."""
+class Processes(ProcessPoolExecutor):
+    """Processes that ignore Ctrl-C, which a terminal sends to all of them: the main process ends them."""
 
     def submit(self, *call: Any, **options: Any) -> Future[Any]:
         """Start processes with SIGINT blocked, which they inherit; a signal that arrives meanwhile is raised later."""
@@ -48,6 +48,14 @@ class _Processes(ProcessPoolExecutor):
             return super().submit(*call, **options)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    def end(self) -> None:
+        """End the processes at once; what they have not finished fails.
+
+        Its futures must not have been cancelled: the pool sets their exceptions.
+        """
+        for process in list((self._processes or {}).values()):
+            process.terminate()
 
 
 def cluster(address: str) -> Workers:

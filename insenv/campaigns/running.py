@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import closing
 from math import isfinite
 from pathlib import Path
+from uuid import uuid4
 
 from insenv import __version__
 from insenv.campaigns.block import Arrays, run_block
-from insenv.campaigns.executors import Workers, processes, threads
+from insenv.campaigns.executors import Processes, Workers, processes, threads
 from insenv.campaigns.model import measured_model
 from insenv.campaigns.plan import Plan, make_plan
 from insenv.campaigns.store import Folder, Memory
@@ -80,9 +81,15 @@ def run_campaign(
     all.
 
     The result is bit-identical for any workers, with or without interruptions. Raises `InsenvError` if workers die
-    repeatedly; finished blocks stay in the store.
+    repeatedly, `InputError` if another process holds the store; finished blocks stay in the store. Ctrl-C ends the
+    blocks that run; those that are finished are stored, and the message of the KeyboardInterrupt says how many.
     """
     store = Memory() if store is None else store
+    with store.held():
+        return _run_held(plan, store, workers or threads(), progress)
+
+
+def _run_held(plan: Plan, store: Memory | Folder, make: Workers, progress: Progress | None) -> Summary:
     measured = measured_model(plan.plant.model, plan.chosen)
     if resolve_backend(None) == "native":
         batch_library_path(measured.model, None)  # compile once here, not once in each worker
@@ -94,39 +101,73 @@ def run_campaign(
         if progress is not None:
             progress(total - sum(len(blocks[number]) for number in left) * plan.samples, total)
 
-    report()
-    make, attempts = workers or threads(), 0
-    while left:
-        try:
-            # cancel blocks that have not begun before leaving the executor, which waits for the others
-            with make() as executor, closing(_finished(executor, plan, sorted(left))) as finished:
-                for number, arrays in finished:
-                    store.put(number, arrays)
-                    left.discard(number)
-                    attempts = 0
-                    report()
-        except BrokenExecutor as error:
-            attempts += 1
-            if attempts == ATTEMPTS:
-                raise InsenvError(
-                    f"workers died {ATTEMPTS} times ({error}): out of memory? A script that starts worker processes must do so "
-                    'below `if __name__ == "__main__":`'
-                ) from None
+    def keep(number: int, arrays: Arrays) -> None:
+        store.put(number, arrays)
+        left.discard(number)
+
+    attempts = 0
+    try:
+        report()
+        while left:
+            try:
+                # end the blocks that run before leaving the executor, which waits for them
+                with make() as executor, closing(_finished(executor, plan, sorted(left), keep)) as finished:
+                    for _ in finished:
+                        attempts = 0
+                        report()
+            except BrokenExecutor as error:
+                attempts += 1
+                if attempts == ATTEMPTS:
+                    raise InsenvError(
+                        f"workers died {ATTEMPTS} times ({error}): out of memory? A script that starts worker processes must "
+                        'do so below `if __name__ == "__main__":`'
+                    ) from None
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_interrupted(store, len(blocks) - len(left), len(blocks))) from None
     return summarise(plan, measured, lambda name: [store.column(number, name) for number in range(len(blocks))])
 
 
-def _finished(executor: Executor, plan: Plan, numbers: list[int]) -> Generator[tuple[int, Arrays], None, None]:
-    """Yield (number, arrays) of the blocks as they finish; on leaving, cancel those that have not begun."""
-    digest = plan.digest
+def _interrupted(store: Memory | Folder, done: int, blocks: int) -> str:
+    """What an interrupted campaign leaves."""
+    if not isinstance(store, Folder):
+        return "interrupted; nothing written: --out DIR keeps finished blocks"
+    if not done:
+        return f"interrupted before the first of {blocks} blocks was finished; nothing is kept"
+    return f"interrupted; {done} of {blocks} blocks are finished and kept: --resume continues"
+
+
+def _finished(
+    executor: Executor, plan: Plan, numbers: list[int], keep: Callable[[int, Arrays], None]
+) -> Generator[int, None, None]:
+    """Call `keep` with the blocks as they finish and yield their numbers.
+
+    On an error or an interruption stop and cancel all others, and keep those that have finished meanwhile.
+    """
+    digest, token = plan.digest, uuid4().hex
     futures: dict[Future[Arrays], int] = {}
     try:
         for number in numbers:
-            futures[executor.submit(_block, plan, number, digest)] = number
+            futures[executor.submit(_block, plan, number, digest, token)] = number
         for future in as_completed(list(futures)):
-            yield futures.pop(future), _result(future)
-    finally:
-        for future in futures:
-            future.cancel()
+            number = futures[future]
+            keep(number, _result(future))
+            del futures[future]
+            yield number
+    except (Exception, KeyboardInterrupt, GeneratorExit):
+        _stopped.add(token)  # seen by the threads of this process
+        if isinstance(executor, Processes):
+            executor.end()
+        else:
+            for future in futures:
+                future.cancel()
+        for future, number in futures.items():
+            if future.done() and not future.cancelled() and future.exception() is None:
+                keep(number, future.result())
+        raise
+
+
+_stopped: set[str] = set()
+"""Tokens of the interrupted campaigns of this process."""
 
 
 def _result(future: Future[Arrays]) -> Arrays:
@@ -141,10 +182,10 @@ def _result(future: Future[Arrays]) -> Arrays:
         raise
 
 
-def _block(plan: Plan, number: int, digest: str) -> Arrays:
+def _block(plan: Plan, number: int, digest: str, token: str = "") -> Arrays:
     """Run a block on a worker, provided that the worker's version gives the same results."""
     if plan.digest != digest:
         raise InsenvError(
             f"a worker has insenv {__version__}, another version than this process: install the same version on all"
         )
-    return run_block(plan, number)
+    return run_block(plan, number, lambda: token in _stopped)

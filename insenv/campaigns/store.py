@@ -2,7 +2,8 @@
 
 A folder holds `manifest.json`, the plan with its digest, and `blocks/NNNNNN.npz`, the summaries of the runs of each
 block.  Files are written under a temporary name and renamed, so that a file with its final name is complete.  A damaged
-block counts as not done.
+block counts as not done.  One campaign at a time holds the lock of a folder, and every block that is read must have the
+digest of the plan.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +21,11 @@ import numpy as np
 from insenv.campaigns.block import Arrays
 from insenv.campaigns.plan import Plan
 from insenv.errors import InputError, InsenvError
+from insenv.files.lock import LockedError, exclusive
 from insenv.files.output import atomic
 
 FORMAT, VERSION = "insenv-campaign", 1
-MANIFEST, BLOCKS = "manifest.json", "blocks"
+MANIFEST, BLOCKS, LOCK = "manifest.json", "blocks", ".lock"
 _DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
@@ -43,6 +47,11 @@ class Memory:
         """One array of a finished block."""
         return self._blocks[number][name]
 
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Hold the store for one campaign; memory belongs to this process."""
+        yield
+
 
 class Folder:
     """Blocks kept in a folder.
@@ -54,14 +63,46 @@ class Folder:
 
     def __init__(self, path: str | Path, plan: Plan, resume: bool = False) -> None:
         self.path, self.plan = Path(path), plan
-        self._digest = plan.digest
+        self._digest, self._resume, self._wrote = plan.digest, resume, False
+        self._check_folder(resume)
+
+    def _check_folder(self, resume: bool) -> None:
         manifest = self.path / MANIFEST
         if manifest.exists():
             self._check(manifest, resume)
         elif self.path.exists() and not self.path.is_dir():
-            raise InputError(f"cannot write to the output folder {str(path)!r}: it is not a folder")
+            raise InputError(f"cannot write to the output folder {str(self.path)!r}: it is not a folder")
         elif (self.path / BLOCKS).exists():
             raise InputError(f"{str(self.path)!r} holds blocks of a campaign, but no {MANIFEST} to identify it")
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Hold the folder for one campaign during the block: lock it, and check again what it holds.
+
+        Raises `InputError` if another process runs a campaign there, or has finished one since this object was made.
+        """
+        made = [path for path in (self.path, *self.path.parents) if not path.exists()]
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
+        try:
+            with ExitStack() as lock:
+                self._lock(lock)
+                self._check_folder(self._resume or self._wrote)
+                yield
+        finally:
+            for path in made:  # what is still empty was made for the lock only
+                with suppress(OSError):
+                    path.rmdir()
+
+    def _lock(self, stack: ExitStack) -> None:
+        try:
+            stack.enter_context(exclusive(self.path / LOCK))
+        except LockedError:
+            raise InputError(f"{str(self.path)!r} is in use: another campaign runs there; choose another folder") from None
+        except OSError as error:
+            raise InsenvError(f"cannot lock {str(self.path / LOCK)!r}: {error.strerror or error}") from error
 
     def has(self, number: int) -> bool:
         """Whether the block is stored and undamaged."""
@@ -75,22 +116,27 @@ class Folder:
         return str(whole.get("plan", "")) == self._digest and np.array_equal(whole.get("seed", ()), expected)
 
     def put(self, number: int, arrays: Arrays) -> None:
-        """Write a finished block, preceded by the manifest if it is the first."""
+        """Write a finished block, preceded by the manifest if it is the first.  Raises `InputError` beside another's."""
         try:
             (self.path / BLOCKS).mkdir(parents=True, exist_ok=True)
-            if not (self.path / MANIFEST).exists():
+            if (self.path / MANIFEST).exists():
+                self._check(self.path / MANIFEST, True)
+            else:
                 text = json.dumps(self._manifest(), indent=1) + "\n"
                 with atomic(self.path / MANIFEST) as stream:
                     stream.write(text.encode())
             with atomic(self._file(number)) as stream:
                 np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays)
+            self._wrote = True
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
     def column(self, number: int, name: str) -> np.ndarray:
-        """One array of a finished block."""
+        """One array of a finished block.  Raises `InsenvError` if it is damaged or a block of another campaign."""
         try:
             with self._file(number).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+                if str(arrays["plan"]) != self._digest:
+                    raise InsenvError(f"{self._file(number)}: a block of another campaign: its digest differs from the plan's")
                 return arrays[name]
         except _DAMAGE as error:
             raise InsenvError(f"{self._file(number)}: can no longer be read: {error}") from None

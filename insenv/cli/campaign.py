@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, deferred
+from insenv.cli.options import Duration, Json, NoFigure, Out, Scenario, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @deferred
 def campaign(
     scenario: Scenario,
-    estimator: Estimator,
+    estimator: Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")],
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of runs.")],
     seed: Annotated[
         Optional[int],  # noqa: UP045
@@ -43,19 +43,20 @@ def campaign(
     from insenv.report import OutputFolder
     from insenv.scenario import load
 
+    if len(estimator) != 1:
+        raise InputError(
+            f"--estimator: {' and '.join(estimator)} are given: a campaign runs one; run one campaign for each, with the same "
+            "--seed and another --out"
+        )
     if resume and out is None:
         raise InputError("--resume continues from a folder: name it with --out DIR")
     pool = _workers(workers, scheduler)
     variations = [parse_variation(text) for text in vary or []]
-    plan = make_plan(load(scenario), estimator, runs, first_seed=seed, duration_s=duration, variations=variations)
+    plan = make_plan(load(scenario), estimator[0], runs, first_seed=seed, duration_s=duration, variations=variations)
     folder = None if out is None else OutputFolder(out)
     store = None if folder is None else Folder(folder.path, plan, resume)
     with quiet_warnings(), working(f"{plan.name}, {plan.runs} runs") as progress:
-        try:
-            found = run_campaign(plan, store=store, workers=pool, progress=progress)
-        except KeyboardInterrupt:
-            kept = "finished blocks are kept: --resume continues" if store else "nothing written: --out DIR keeps them"
-            raise KeyboardInterrupt(f"interrupted; {kept}") from None
+        found = run_campaign(plan, store=store, workers=pool, progress=progress)
         written = None if folder is None else write_campaign(found, folder, not no_figure)
     paths = [str(path) for path in written.paths] if written else []
     if written and written.note:

@@ -35,11 +35,12 @@ AIRCRAFT_CLIMB = 10.0
 class Commands:
     """The commands of one kind of vehicle.
 
-    actions: rows of the action.  taken: ``(plant, p, x, u) -> {state row: value}``, the commands in force after an
-    action.
+    actions: rows of the action.  start_speeds: range from which an episode draws its start speed, m/s.
+    taken: ``(plant, p, x, u) -> {state row: value}``, the commands in force after an action.
     """
 
     actions: Table
+    start_speeds: tuple[float, float] | None
     taken: Callable[[Model, Any, Any, Any], Mapping[str, Any]]
 
 
@@ -85,6 +86,7 @@ COMMANDS = {
             _action("accelerate", f"Acceleration along the path, in {CAR_ACCELERATION:g} m/s^2; negative: brake to a stop"),
             _action("steer", f"Acceleration across the path, positive to the right, in {CAR_ACCELERATION:g} m/s^2"),
         )),
+        (2.0, 12.0),
         _drive,
     ),
     "aircraft": Commands(
@@ -93,8 +95,9 @@ COMMANDS = {
             _action("bank", f"Bank of a coordinated turn, positive to the right, in {AIRCRAFT_BANK:g} rad"),
             _action("climb", f"Rate of climb, in {AIRCRAFT_CLIMB:g} m/s"),
         )),
+        (70.0, 110.0),
         _fly,
     ),
-    "turntable": Commands(Table((_action("index", "Target angle of the turntable, clockwise, in 180 deg"),)), _index),
+    "turntable": Commands(Table((_action("index", "Target angle of the turntable, clockwise, in 180 deg"),)), None, _index),
 }  # fmt: skip
 """Commands by kind of vehicle; "turntable": a vehicle that stays in place."""

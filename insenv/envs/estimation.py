@@ -13,6 +13,12 @@ from insenv.envs.vector import InertialVectorEnv
 from insenv.errors import InputError
 from insenv.scenario import plant_of
 
+INITIAL_ERROR = (30.0, 180.0)
+"""Default standard deviations of the reported tilt and heading of an alignment, deg: vague enough that stating the report does
+not pay."""
+MOUNTING_DEG = 20.0
+"""Default of the largest tilt with which the unit is mounted, deg: a level estimate is then no answer."""
+
 
 def _setup(
     navigates: bool, scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None,
@@ -40,7 +46,7 @@ class AlignmentEnv(InertialEnv):
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
-    | 0-3 | quaternion `q_nb` (b to n, scalar first), any norm but 0 | -1 | 1 | 1 |
+    | 0-3 | quaternion `q_nb` (b to n, scalar first), any norm but 0: it is normalized | -1 | 1 | 1 |
     | 4 | above 0: aligned, end the episode | -1 | 1 | 1 |
 
     ## Observation Space
@@ -66,13 +72,19 @@ class AlignmentEnv(InertialEnv):
 
     ## Rewards
     Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the 1-sigma
-    error that biases and white noise leave at the end of the time), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20,
-    and T the number of steps. Every step gives `-(time_weight + m) / T`; the step that ends the episode gives `-m` in
-    addition. An invalid estimate (a zero quaternion, or an action outside the space) ends the episode with the lowest
-    reward: `-20 - (time_weight + 20) * (share of the time left)`.
+    error that biases and white noise leave at the end of the time), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20
+    (`info["measure"]`), T the number of steps and w = `time_weight`. Every step gives
+
+        (m of the estimate before) - (m of this estimate) - w / T
+
+    The first estimate before is the reported attitude. The rewards of an episode therefore add up to `m of the reported
+    attitude - m of the last estimate - w * (share of the time used)`, whenever it ends. Declaring the reported attitude
+    at the first step returns `-w / T`. An invalid estimate (a zero quaternion, or a number that is not finite) ends the
+    episode as if m were 20 and all the time were used.
 
     ## Starting State
-    That of the scenario, with a seed from the environment's generator; the arguments add further random draws.
+    That of the scenario, with a seed from the environment's generator. By default heading, phases of the sway, mounting
+    and the errors of the reported attitude are drawn, so that no constant attitude is an estimate.
 
     ## Episode End
     Terminated when the agent declares itself aligned or gives an invalid estimate. Truncated at the end of the time.
@@ -82,13 +94,15 @@ class AlignmentEnv(InertialEnv):
     - `duration_s`: length of an episode, s; None: that of the scenario. `samples_per_step`: inertial samples per step.
     - `imu`: a grade of `insenv list`, or "random" for a draw between the two grades `imu_range` at each reset.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway,
-      engine and gusts. `initial_error`: standard deviations (tilt, heading) of the initial attitude, deg.
+      engine and gusts. `initial_error`: standard deviations (tilt, heading) of the reported attitude, deg.
+      `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted
+      unit are drawn within plus and minus this angle, deg. None (False for the phases) keeps the scenario's value.
     - `gnss_outages_s`: pairs (begin, end) of outages, s, instead of those of the scenario. `time_weight`: see Rewards.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
-    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error and gnss_outages_s for one episode, and
-    `run_seed`: the seed of the `insenv run` that produces the same samples. `gymnasium.make(..., max_episode_steps=)`
-    truncates earlier, without the additional reward of the last step.
+    `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, sway_phases, mounting_deg and gnss_outages_s for
+    one episode, and `run_seed`: the seed of the `insenv run` that produces the same samples; nothing is drawn then that
+    the other options do not name.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is bit-identical to the single environment reset
@@ -101,12 +115,15 @@ class AlignmentEnv(InertialEnv):
     def __init__(
         self, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "", samples_per_step: int = 100,
         duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
-        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, time_weight: float = 1.0, backend: str | None = None,
-        render_mode: str | None = None,
+        heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
+        initial_error: Range | None = INITIAL_ERROR, gnss_outages_s: tuple[Range, ...] | None = None,
+        sway_phases: bool = True, mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
+        backend: str | None = None, render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        ranges = Ranges(
+            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, sway_phases, mounting_deg
+        )  # fmt: skip
         setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
@@ -134,7 +151,9 @@ class NavigationEnv(InertialEnv):
     Let e be the error with its nine components, s the limit (`info["limit"]`: the root mean square over the scenario of
     the standard deviations that the 15-state filter states; for position it includes the part of the fix error that
     does not average out), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps. Every step gives
-    `-m / T`. An invalid estimate ends the episode with `-20 * (share of the time left)`.
+    `-m / T`. An invalid estimate (a zero quaternion, or a
+    number that is not finite) ends the episode with `-20 * (share of the time left)`. Velocity and position are clipped to
+    the space.
 
     ## Starting State
     That of the scenario, with a seed from the environment's generator; the arguments add further random draws.
@@ -143,7 +162,8 @@ class NavigationEnv(InertialEnv):
     Terminated when the agent gives an invalid estimate. Truncated at the end of the time.
 
     ## Arguments
-    Those of `AlignmentEnv` except `time_weight`.
+    Those of `AlignmentEnv` except `sway_phases`, `mounting_deg` and `time_weight`. `heading_deg` and `initial_error` are
+    None by default: those of the scenario.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `NavigationVectorEnv`, as for `AlignmentEnv`.
@@ -170,13 +190,17 @@ class AlignmentVectorEnv(InertialVectorEnv):
     def __init__(
         self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "",
         samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
-        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, time_weight: float = 1.0,
+        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = (0.0, 360.0),
+        sea_state: Range | None = None, initial_error: Range | None = INITIAL_ERROR,
+        gnss_outages_s: tuple[Range, ...] | None = None, sway_phases: bool = True,
+        mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
         render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        ranges = Ranges(
+            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, sway_phases, mounting_deg
+        )  # fmt: skip
         setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,

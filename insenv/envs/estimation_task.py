@@ -6,12 +6,16 @@ run`.
 
 Error measure, with each of the k error components e (a rotation vector in n; for navigation also velocity and position)
 in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST`.
+
+The score of an alignment is -(m of its last estimate + time_weight * share of the time used).  It is paid as the fall of m
+in each step less the cost of the step's time, so that the rewards of an episode add up to the score plus m of the reported
+attitude, whenever the episode ends.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any
 
 import casadi as ca
@@ -20,12 +24,12 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.core.compose import Part, as_part, merge
-from insenv.core.elementary import clamp, log, minimum, select
+from insenv.core.elementary import clamp, log, maximum, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.envs.checks import as_numbers, refused
 from insenv.envs.knowledge import KNOWN
-from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, from_reference, truth
+from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, finite_action, from_reference, truth
 from insenv.errors import InputError
 
 Array = NDArray[np.float64]
@@ -61,6 +65,7 @@ FLAGS = Table((
     Row("declared", "1 if the agent has declared itself aligned", lower=0.0, upper=1.0),
     Row("diverged", "1 if the estimate was invalid", lower=0.0, upper=1.0),
 ))  # fmt: skip
+MEASURE = Row("measure", "Measure of the latest estimate's error; before the first, of the reported attitude's")
 
 
 def fix_part() -> Part:
@@ -106,22 +111,36 @@ def _rows(navigates: bool) -> tuple[Table, Row, Row]:
     return Table((quaternion, *own)), error, limit
 
 
+def _measure(error: Any, limit: Any) -> Any:
+    """Return the error measure m of the module's docstring."""
+    return minimum(log(1.0 + ca.sqrt(ca.sumsqr(error / limit) / error.numel())), WORST)
+
+
+def _measure_before(p: Any, x: Any) -> Any:
+    """Return the measure of the latest estimate of an alignment: before the first one, of the reported attitude."""
+    reported = attitude.from_euler(*(p.known_attitude[k] for k in range(3)))
+    told = _measure(attitude.error_rotation_vector(reported, x.q_nb), p.limit)
+    return select(x.decisions > 0.0, x.measure, told)
+
+
 def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Score the action; actions outside the bounds are invalid."""
+    """Score the action.
+
+    A quaternion is normalized and all else is clipped to [-1, 1]; what is not finite, and a zero quaternion, is invalid.
+    """
     navigates = "declare" not in actions
-    given = ca.vertcat(*(getattr(u, row.name) for row in actions))
-    outside = ca.sumsqr(select(ca.fabs(given) > 1.0 + 1e-9, 1.0, 0.0)) > 0.0
-    # values outside the bounds must not overflow below
-    action = actions.symbols(clamp(given, -1.0, 1.0))
+    finite, given = finite_action(ca.vertcat(*(getattr(u, row.name) for row in actions)))
+    # a long quaternion must not overflow when it is squared
+    largest = reduce(maximum, (ca.fabs(given[k]) for k in range(4)), ca.SX(1.0))
+    action = actions.symbols(ca.vertcat(given[:4] / largest, clamp(given[4:], -1.0, 1.0)))
     square = ca.dot(action.estimate_q_nb, action.estimate_q_nb)
-    invalid = ca.logic_or(square < SHORT, outside)
+    invalid = ca.logic_or(square < SHORT, ca.logic_not(finite))
     q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), action.estimate_q_nb)
     error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
     if navigates:
         velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
         error = ca.vertcat(error, velocity, action.estimate_position * POSITION_RANGE - from_reference(p, x))
-    ratio = error / p.limit
-    measure = minimum(log(1.0 + ca.sqrt(ca.sumsqr(ratio) / error.numel())), WORST)
+    measure = _measure(error, p.limit)
 
     decisions = x.decisions + 1.0
     last = decisions >= p.decision_limit
@@ -129,21 +148,23 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     left = 1.0 - x.decisions * share  # share of the time left, this decision included
     if navigates:
         declared = ca.SX(0)
-        paid, forfeit = share * measure, left * WORST
+        reward = -select(invalid, left * WORST, share * measure)
+        own = {}
     else:
         declared = ca.logic_and(action.declare > 0.0, ca.logic_not(invalid))
-        over = ca.logic_or(declared, last)
-        paid = share * (p.time_weight + measure) + select(over, measure, 0.0)
-        forfeit = left * (p.time_weight + WORST) + WORST
+        measure = select(invalid, WORST, measure)
+        reward = _measure_before(p, x) - measure - p.time_weight * select(invalid, left, share)
+        own = {"measure": measure}
     terminated = ca.logic_or(declared, invalid)
     return {
-        "reward": -select(invalid, forfeit, paid),
+        "reward": reward,
         "terminated": terminated,
         "truncated": ca.logic_and(last, ca.logic_not(terminated)),
         "declared": declared,
         "diverged": invalid,
         "decisions": decisions,
         "error": error,
+        **own,
         **({"fix_new": ca.SX(0)} if hasattr(x, "fix_new") else {}),
     }
 
@@ -161,11 +182,13 @@ def estimation_task(plant: Model, navigates: bool, shown: tuple[str, ...] = ()) 
     actions, error, limit = _rows(navigates)
     fix = Table((FIX["fix_new"], FIX_AGE)) + Table(FIX.rows[2:]) if has_gnss else Table()
     observation = Table((CLOCK,)) + fix + KNOWN
-    info = TRUTH + Table((error, limit)) + FLAGS
+    info = TRUTH + Table((error, limit)) + FLAGS + Table(() if navigates else (MEASURE,))
 
     def output(p: Any, x: Any) -> dict[str, Any]:
         rows = {name: getattr(p, name) for name in (*KNOWN.names, "limit")}
         rows |= {name: getattr(x, name) for name in ("time", *RESULT.names, "error", *FLAGS.names)}
+        if not navigates:
+            rows[MEASURE.name] = _measure_before(p, x)
         if has_gnss:
             rows |= {name: getattr(x, name) for name in fix.names if name != "fix_age"}
             rows["fix_age"] = (x.time - x.fix_time) + x.fix_delay
@@ -175,7 +198,7 @@ def estimation_task(plant: Model, navigates: bool, shown: tuple[str, ...] = ()) 
     weight = Row("time_weight", "Reward lost by using all the time before declaring", start=1.0, lower=0.0, upper=1e6)
     referee = Part(
         parameters=KNOWN + Table((limit, DECISION_LIMIT, weight)),
-        state=RESULT + FLAGS + Table((DECISIONS, error, NEVER)),
+        state=RESULT + FLAGS + Table((DECISIONS, error, NEVER, *(() if navigates else (MEASURE,)))),
         inputs=actions,
         steps={"judge": Step(lambda p, x, u: _judge(actions, p, x, u), when="never")},
     )

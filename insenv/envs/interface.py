@@ -23,7 +23,7 @@ class Snapshot:
 
     parameters, state, inputs: vectors of the model, (rows, elements) for a vector environment.  over: whether the
     episode has ended, None before the first reset.  generators: states of the random generators.  elapsed: steps made
-    in the episode (vector environments).
+    in the episode (vector environments).  history: observations and infos of the episode so far, if it is rendered.
     """
 
     parameters: Array
@@ -32,6 +32,7 @@ class Snapshot:
     over: Any
     generators: tuple[Mapping[str, Any], ...]
     elapsed: Any = 0
+    history: tuple[tuple[Array, dict[str, Any]], ...] = ()
 
 
 class Interface:

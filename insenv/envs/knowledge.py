@@ -14,7 +14,7 @@ from insenv import attitude, geodesy
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge, SensorNotes
 from insenv.geodesy.rows import bounded_place_rows
-from insenv.scenario import Scenario, start_errors
+from insenv.scenario import Scenario, reported_attitude, start_errors
 from insenv.sensors.imu_tables import HUGE
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def known_rows(
         np.tile(np.broadcast_to(section.position_sigma_m, 3), (k, 1)),
         state["velocity_n"] + error[:, 6:9],
         np.tile(np.broadcast_to(section.velocity_sigma_mps, 3), (k, 1)),
-        np.stack(attitude.numeric.to_euler(state["q_nb"]), axis=1) + error[:, 0:3],
+        reported_attitude(np.stack(attitude.numeric.to_euler(state["q_nb"]), axis=1), error[:, 0:3]),
         np.tile(np.radians([section.tilt_sigma_deg, section.heading_sigma_deg]), (k, 1)),
         lever_arm,
         np.broadcast_to(sheets, (k, sheets.shape[1])),

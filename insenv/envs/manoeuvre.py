@@ -7,8 +7,10 @@ the inertial samples.  The score is how much better the heading is known after t
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache, partial
 from math import radians
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -24,8 +26,8 @@ from insenv.envs.commands import COMMANDS
 from insenv.envs.filter_inside import COMMON, ERROR, SMALLEST, Inner, inner_loop, log10, within
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import IMU_RANGE, InnerStarts, Range, Ranges
-from insenv.envs.task import CLOCK, DECISIONS, NEVER, RESULT, TRUTH, Task, truth
+from insenv.envs.starts import InnerStarts, Range, Ranges
+from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
 from insenv.envs.window import SHOWN, begun, shown, window_part
 from insenv.errors import InputError
@@ -39,6 +41,8 @@ WORST = 10.0
 FARTHEST = 1e5
 """Position error above which the filter has diverged, m."""
 
+UNITS = ("tactical", "industrial")
+"""Default grades between which the unit is drawn."""
 GOAL = "Stated standard deviation of the heading below which the task is done"
 _PARAMETERS = COMMON + Table((
     Row("time_weight", "Reward lost by using all the time", start=1.0, lower=0.0, upper=1e6),
@@ -47,6 +51,7 @@ _PARAMETERS = COMMON + Table((
 _STATE = Table((
     NEVER,
     DECISIONS,
+    INVALID,
     Row("level_before", "Natural logarithm of the heading uncertainty at the last action"),
 ))  # fmt: skip
 _FOUND = Table((
@@ -84,7 +89,7 @@ def _by_error(inner: Inner, p: Any, x: Any) -> Any:
     return 0.5 * _log(error * error + p.goal * p.goal)
 
 
-REWARDS: dict[str, Callable[[Inner, Any, Any], Any]] = {"uncertainty": _by_uncertainty, "error": _by_error}
+REWARDS: dict[str, Callable[[Inner, Any, Any], Any]] = {"error": _by_error, "uncertainty": _by_uncertainty}
 """Logarithm whose fall is the reward, by the name of the reward."""
 
 
@@ -101,9 +106,11 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
     observation = Table((CLOCK,)) + _FOUND + SHOWN + Table((command,))
 
     def act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        action = ca.vertcat(*(clamp(getattr(u, row.name), -1.0, 1.0) for row in commands.actions))
+        finite, given = finite_action(ca.vertcat(*(getattr(u, row.name) for row in commands.actions)))
+        action = clamp(given, -1.0, 1.0)
         return {
-            **commands.taken(plant, p, x, u),
+            **commands.taken(plant, p, x, SimpleNamespace(**{**vars(u), **vars(commands.actions.symbols(action))})),
+            "invalid": ca.logic_not(finite),
             "command": action,
             "decisions": x.decisions + 1.0,
             "level_before": level(inner, p, x),
@@ -150,6 +157,7 @@ def _scored(inner: Inner, level: Callable[[Inner, Any, Any], Any], p: Any, x: An
     error, sigma = inner.error(p, x), inner.found(p, x).attitude_sigma[2]
     # comparisons with NaN are false
     sound = ca.logic_and(ca.sumsqr(error) <= FARTHEST**2, ca.logic_and(sigma >= 0.0, sigma <= 1e3))
+    sound = ca.logic_and(sound, ca.logic_not(x.invalid))
     reached = ca.logic_and(sound, sigma < p.goal)
     each = 1.0 / p.decision_limit
     left = 1.0 - (x.decisions - 1.0) * each  # share of the time left, this decision included
@@ -196,6 +204,8 @@ def _setup(
         "goal": radians(check_number("goal_deg", goal_deg, 0.0, 180.0, "deg", above=True)),
     }
     plant, kind = _commanded(found)
+    if ranges.start_speed_mps is None and plant_of(found)[1].get("start_speed", 0.0) > 0.0:
+        ranges = replace(ranges, start_speed_mps=COMMANDS[kind].start_speeds)
     task = manoeuvre_task(plant, kind, estimator, reward)
     starts = partial(InnerStarts, inner=inner_loop(plant, estimator))
     return make_setup(found, task, ranges, samples_per_step, duration_s, constants, starts)
@@ -222,7 +232,8 @@ class ManoeuvreEnv(InertialEnv):
     agent turns (indexing). Id: `insenv/Manoeuvre-v0`.
 
     ## Action Space
-    `Box(-1, 1, float64)`; actions outside the space are clipped to it. A car, (2,):
+    `Box(-1, 1, float64)`; actions outside the space are clipped to it, and one that is not finite ends the episode as a
+    divergence. A car, (2,):
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
@@ -263,14 +274,16 @@ class ManoeuvreEnv(InertialEnv):
     | 58 .. 57+A | the action in force | -1 | 1 | 1 |
 
     ## Rewards
-    Let k be the logarithm of the stated standard deviation of the heading (`reward="uncertainty"`), or `ln sqrt(error^2
-    + goal^2)` with the true error of the heading (`reward="error"`), and T the number of steps. Every step gives `(k
-    before - k after) - time_weight / T`. The sum over an episode is the total fall of k, minus `time_weight` times the
-    share of the time used. Divergence ends the episode with `-10 - time_weight * (share of the time left)`.
+    Let k be `ln sqrt(error^2 + goal^2)` with the true error of the heading (`reward="error"`), or the logarithm of its
+    stated standard deviation (`reward="uncertainty"`, which also pays for overconfidence), and T the number of steps.
+    Every step gives `(k before - k after) - time_weight / T`. The sum over an episode is the total fall of k, minus
+    `time_weight` times the share of the time used. Divergence ends the episode with
+    `-10 - time_weight * (share of the time left)`.
 
     ## Starting State
-    That of the scenario, with a seed from the environment's generator; the arguments add further random draws. The
-    first action ends the commands of the scenario's own legs.
+    That of the scenario, with a seed from the environment's generator; inertial unit, heading and start speed are drawn,
+    so that no fixed sequence of commands is the best for every seed. The first action ends the commands of the scenario's
+    own legs.
 
     ## Episode End
     Terminated when the stated standard deviation of the heading is below the goal, or when the filter diverges: a
@@ -279,7 +292,9 @@ class ManoeuvreEnv(InertialEnv):
     ## Arguments
     - `scenario`: as for `AlignmentEnv`, of a car or aircraft with GNSS.
     - `estimator`: "aqe-ekf", "aqe-sukf" (both made for an unknown heading) or "loosely-coupled".
-    - `reward`: "uncertainty" or "error". `goal_deg`: goal for the heading, deg. `time_weight`: see Rewards.
+    - `start_speed_mps`: range of the start speed, m/s. None: from 2 to 12 m/s for a car and from 70 to 110 m/s for an
+      aircraft, if the vehicle of the scenario moves at the start.
+    - `reward`: "error" or "uncertainty". `goal_deg`: goal for the heading, deg. `time_weight`: see Rewards.
     - All others, and the options of `reset`: as for `AlignmentEnv`.
 
     ## Vectorized environment
@@ -290,14 +305,17 @@ class ManoeuvreEnv(InertialEnv):
     """
 
     def __init__(
-        self, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "", samples_per_step: int = 200,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
-        heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf", reward: str = "uncertainty",
-        goal_deg: float = 0.5, time_weight: float = 1.0, backend: str | None = None, render_mode: str | None = None,
+        self, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "", samples_per_step: int = 400,
+        duration_s: float | None = None, imu: str | None = "random", imu_range: tuple[str, str] = UNITS,
+        heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None, initial_error: Range | None = None,
+        start_speed_mps: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf",
+        reward: str = "error", goal_deg: float = 0.1, time_weight: float = 1.0, backend: str | None = None,
+        render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        ranges = Ranges(
+            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps
+        )  # fmt: skip
         setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight)
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
@@ -307,15 +325,18 @@ class ManoeuvreVectorEnv(InertialVectorEnv):
 
     def __init__(
         self, num_envs: int = 1, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "",
-        samples_per_step: int = 200, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
-        initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf",
-        reward: str = "uncertainty", goal_deg: float = 0.5, time_weight: float = 1.0,
+        samples_per_step: int = 400, duration_s: float | None = None, imu: str | None = "random",
+        imu_range: tuple[str, str] = UNITS, heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
+        initial_error: Range | None = None, start_speed_mps: Range | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf", reward: str = "error",
+        goal_deg: float = 0.1, time_weight: float = 1.0,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
         render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
-        ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
+        ranges = Ranges(
+            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps
+        )  # fmt: skip
         setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight)
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,

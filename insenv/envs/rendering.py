@@ -104,7 +104,7 @@ def _track(axes: Any, setup: Setup, history: History) -> None:
 def _errors(axes: Any, setup: Setup, history: History) -> None:
     """Draw the magnitude of each error over time, with its limit."""
     step = setup.samples * setup.interval
-    times = np.arange(len(history)) * step
+    times = np.array([float(setup.layout.unpack(seen)["time"]) for seen, _ in history])
     axes.set_yscale("log")
     axes.set_xlabel("time, s", fontsize=8)
     axes.set_ylabel("magnitude of the error", fontsize=8)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from insenv.core.tables import Table
 from insenv.envs.checks import check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts
-from insenv.envs.task import Task
+from insenv.envs.task import HUGE_ACTION, Task
 from insenv.errors import InputError
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.description import MAX_DURATION_S
@@ -88,7 +88,10 @@ FLOAT64 = np.dtype(np.float64)
 
 
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
-    """Return the action as float64.  Raises `InputError` for a wrong shape or a number that is not finite."""
+    """Return the action as float64, with a huge number in place of what is not finite, for the task to judge.
+
+    Raises `InputError` for a wrong shape.
+    """
     # a sum is fast for a short row, and not finite if an element is not
     plain = type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape and len(shape) == 1
     if plain and isfinite(sum(action.tolist())):
@@ -99,7 +102,4 @@ def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
         raise refused("action", action, f"an array of shape {shape}") from None
     if array.shape != shape:
         raise InputError(f"action of shape {array.shape}: allowed is {shape}")
-    if not np.isfinite(array).all():
-        place = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise InputError(f"action{place} = {array[tuple(place)]}: allowed is a finite number from -1 to 1")
-    return array
+    return np.nan_to_num(array, nan=HUGE_ACTION, posinf=HUGE_ACTION, neginf=-HUGE_ACTION)

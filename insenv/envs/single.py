@@ -71,7 +71,8 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Judge the action, then advance to the next decision.
 
-        Raises `InputError` for an action of another shape or one that is not finite, `ResetNeeded` outside an episode.
+        An action outside the space is clipped (a quaternion is normalized), and one that is not finite ends the episode
+        with the lowest reward.  Raises `InputError` for an action of another shape, `ResetNeeded` outside an episode.
         """
         if self._over is not False:
             raise ResetNeeded(_NOT_STARTED if self._over is None else _OVER)
@@ -92,10 +93,14 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         """Return the complete state, for `restore` of this environment or of another made with the same arguments."""
         runner = self._runner
         state = self.np_random.bit_generator.state
-        return Snapshot(runner.p.copy(), runner.x.copy(), runner._u.copy(), self._over, (state,))
+        history = tuple(self.history or ())
+        return Snapshot(runner.p.copy(), runner.x.copy(), runner._u.copy(), self._over, (state,), history=history)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Return to a snapshot.  Raises `InputError` for a snapshot of a different environment."""
+        """Return to a snapshot.  Raises `InputError` for a snapshot of a different environment.
+
+        A rendered environment takes the history of the episode, if that of the snapshot was rendered too.
+        """
         check_type("snapshot", snapshot, Snapshot, "a Snapshot that snapshot() returned")
         runner = self._runner
         if snapshot.parameters.shape != runner.p.shape or snapshot.state.shape != runner.x.shape:
@@ -105,14 +110,18 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
             )
         runner.p[:], runner.x[:], runner._u[:] = snapshot.parameters, snapshot.state, snapshot.inputs
         self._over = snapshot.over
+        if self.history is not None:
+            self.history[:] = snapshot.history
         self.np_random.bit_generator.state = snapshot.generators[0]
 
     def render(self) -> Any:
         """Return the episode so far as an image (height, width, 3) uint8, or as text, depending on `render_mode`."""
         if self.render_mode is None:
             raise InputError('render() needs an environment made with render_mode="rgb_array" or "ansi"')
-        if not self.history:
+        if self._over is None:
             raise ResetNeeded("render() before reset(): call reset() first")
+        if not self.history:
+            raise ResetNeeded("render() after restore() of a snapshot that was not rendered: call step() or reset() first")
         return (draw if self.render_mode == "rgb_array" else write)(self.setup, self.history)
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import radians
+from math import pi, radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
-from insenv.envs.checks import as_numbers, check_range, check_type, is_number, refused
+from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
 from insenv.envs.episode_limits import episode_limits
 from insenv.envs.filter_inside import Inner
 from insenv.envs.knowledge import KNOWN, knowledge_of, known_rows
@@ -47,8 +47,14 @@ class Ranges:
     sea_state: Range | None = None
     initial_error: Range | None = None
     gnss_outages_s: tuple[Range, ...] | None = None
+    sway_phases: bool = False
+    mounting_deg: float | None = None
+    start_speed_mps: Range | None = None
 
-    OPTIONS = ("imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "run_seed")
+    OPTIONS = (
+        "imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "sway_phases", "mounting_deg", "start_speed_mps",
+        "run_seed",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
@@ -63,6 +69,10 @@ class Ranges:
             sigmas = as_numbers(self.initial_error)
             if sigmas is None or sigmas.shape != (2,) or not np.all((sigmas > 0.0) & (sigmas <= 360.0)):
                 raise refused("initial_error", self.initial_error, "two numbers (tilt, heading) above 0 up to 360 deg")
+        check_type("sway_phases", self.sway_phases, bool, "True or False")
+        if self.mounting_deg is not None:
+            check_number("mounting_deg", self.mounting_deg, 0.0, 80.0, "deg")
+        check_range("start_speed_mps", self.start_speed_mps, 0.0, 340.0, "m/s")
         if self.gnss_outages_s is not None:
             pairs = as_numbers(self.gnss_outages_s)
             if pairs is None or (pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2)) or not _are_intervals(pairs):
@@ -71,15 +81,21 @@ class Ranges:
                 raise InputError(f"gnss_outages_s has {len(pairs)} outages: allowed are at most {OUTAGES}")
 
     def overridden(self, options: Mapping[str, Any]) -> Ranges:
-        """Return the ranges with the options of a reset replaced; a number stands for a range of one value."""
+        """Return the ranges with the options of a reset replaced; a number stands for a range of one value.
+
+        The option run_seed asks for a run of the scenario: whatever the other options do not name is not drawn.
+        """
         check_type("options", options, Mapping, "a mapping")
         for name in options:
             if name not in self.OPTIONS:
                 raise InputError(f"options: unknown option {name!r}{nearest(str(name), self.OPTIONS)}")
         given = {name: value for name, value in options.items() if name != "run_seed"}
-        for name in ("heading_deg", "sea_state"):
+        for name in ("heading_deg", "sea_state", "start_speed_mps"):
             if name in given and is_number(given[name]):
                 given[name] = (given[name], given[name])
+        if "run_seed" in options:
+            imu = None if self.imu == "random" else self.imu
+            return replace(Ranges(imu, self.imu_range, gnss_outages_s=self.gnss_outages_s), **given)
         return replace(self, **given)
 
 
@@ -121,11 +137,29 @@ class Starts:
             if ranges.sea_state is not None:
                 rows = {name: vector[parameters.slice(name)] for name in self._vehicle.names}
                 _scale(rows, self._vehicle, _at(ranges.sea_state, sea))
+            self._draw_start(vector, np.random.default_rng(seed), ranges)
         if options and "run_seed" in options:
             vectors[:, parameters.slice("seed")] = _run_seeds(options["run_seed"], len(vectors))[:, None]
         p = np.tile(self._constants, (len(vectors), 1))
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
         return p
+
+    def _draw_start(self, vector: Array, generator: np.random.Generator, ranges: Ranges) -> None:
+        """Draw mounting, start speed and phases into the plant's parameters, from a generator of the run's seed."""
+        parameters = self._plant.parameters
+        tilts, speed = generator.uniform(-1.0, 1.0, size=2), generator.uniform()
+        if ranges.mounting_deg is not None:
+            for name, tilt in zip(("mean_roll", "mean_pitch"), tilts, strict=True):
+                if name in self._vehicle:
+                    row, place = self._vehicle[name], parameters.slice(name)
+                    most = min(radians(ranges.mounting_deg), row.upper - vector[place][0], vector[place][0] - row.lower)
+                    vector[place] += most * tilt
+        if ranges.start_speed_mps is not None and "start_speed" in self._vehicle and not self.scenario.vehicle.in_place:
+            vector[parameters.slice("start_speed")] = _at(ranges.start_speed_mps, speed)
+        if ranges.sway_phases:
+            for row in self._vehicle:
+                if row.name.endswith("_phase"):
+                    vector[parameters.slice(row.name)] = generator.uniform(0.0, 2.0 * pi, size=row.size)
 
     def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
         """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""
@@ -186,7 +220,7 @@ class InnerStarts(Starts):
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
         p = super().draw(generators, options)
-        if self.mistuning:
+        if self.mistuning and "run_seed" not in (options or {}):  # the filter of that run has the data sheet
             place = self.task.model.parameters.slice("mistuning")
             for row, generator in zip(p, generators, strict=True):
                 row[place] = generator.uniform(-self.mistuning, self.mistuning, place.stop - place.start)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import geodesy
+from insenv.core.elementary import select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
 from insenv.vehicles import TRUTH_STATE
@@ -19,7 +21,10 @@ CLOCK = Row("time", "Time since the start", "s", lower=0.0, upper=1e6)
 DECISION_LIMIT = Row("decision_limit", "Decisions in an episode", start=1.0, lower=1.0, upper=1e9)
 """Parameter row of every task.  A decision is one action of the agent, that is one call of an environment's `step`."""
 DECISIONS = Row("decisions", "Decisions so far")
+INVALID = Row("invalid", "1 if the latest action was not finite", lower=0.0, upper=1.0)
 NEVER = Row("never", "Always 0: steps conditioned on it run only when called by name")
+HUGE_ACTION = 1e308
+"""What a model gets for an element of an action that is not finite; half of it and more counts as not finite."""
 RESULT = Table((
     Row("reward", "Reward of the latest action"),
     Row("terminated", "1 if the task is over", lower=0.0, upper=1.0),
@@ -75,6 +80,12 @@ class Task:
 
 def _bound(table: Table, which: str) -> Array:
     return np.concatenate([np.full(row.size, getattr(row, which)) for row in table] or [np.zeros(0)])
+
+
+def finite_action(action: Any) -> tuple[Any, Any]:
+    """Return whether all elements of an action are finite, and the action with 0 in place of those that are not."""
+    wrong = select(ca.fabs(action) <= HUGE_ACTION / 2.0, 0.0, 1.0)  # 1 for a NaN too
+    return ca.sumsqr(wrong) == 0.0, select(wrong, 0.0, action)
 
 
 def truth(p: Values, x: Values) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from insenv.envs.filter_inside import COMMON, ERROR, SCALED, Inner, inner_loop, 
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
 from insenv.envs.starts import IMU_RANGE, InnerStarts, Range, Ranges
-from insenv.envs.task import CLOCK, DECISIONS, NEVER, RESULT, TRUTH, Task, truth
+from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
 from insenv.envs.window import SHOWN, begun, shown, window_part
 from insenv.errors import InputError
@@ -49,6 +49,7 @@ _PARAMETERS = COMMON + Table((
 _STATE = Table((
     NEVER,
     DECISIONS,
+    INVALID,
     Row("log_scale_now", "The action in force", "1", (6,)),
     Row("score_count", "Samples since the last evaluation of the error"),
     Row("score_due", "1 on a sample after which the error is evaluated"),
@@ -110,8 +111,10 @@ def tuning_task(plant: Model, estimator: str) -> Task:
 
 
 def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    action = clamp(u.log_scale, -1.0, 1.0)
+    finite, given = finite_action(u.log_scale)
+    action = clamp(given, -1.0, 1.0)
     return {
+        "invalid": ca.logic_not(finite),
         SCALED: power10(p.decades * action + p.mistuning),
         "log_scale_now": action,
         "decisions": x.decisions + 1.0,
@@ -143,7 +146,7 @@ def _scored(inner: Inner, p: Any, x: Any) -> dict[str, Any]:
     evaluations = select(x.scores > 0.0, x.scores, 1.0)
     square = x.error_square / evaluations
     ratio = ca.sumsqr(ca.sqrt(square) / p.limit) / 9.0
-    sound = ca.logic_and(ratio >= 0.0, ratio <= DIVERGED**2)  # both are false for NaN
+    sound = ca.logic_and(ca.logic_not(x.invalid), ca.logic_and(ratio >= 0.0, ratio <= DIVERGED**2))  # false for NaN
     measure = log(1.0 + ca.sqrt(select(sound, ratio, DIVERGED**2)))
     degrees = float(inner.nees(p, x)[1])
     nees = x.nees_sum / evaluations
@@ -212,7 +215,8 @@ class TuningEnv(InertialEnv):
     ## Action Space
     `Box(-1, 1, (6,), float64)`: the decimal logarithms, in units of `decades`, of the factors on the filter's noises
     (standard deviations) until the next step. With the default of 2 decades the factors are from 1/100 to 100; 0 is the
-    data sheet. Actions outside the space are clipped to it.
+    data sheet, times the factors of the mistuning. Actions outside the space are clipped to it; one that is not finite ends
+    the episode as a divergence.
 
     | Num | Action | Min | Max | Unit |
     |-----|--------|-----|-----|------|
@@ -269,8 +273,9 @@ class TuningEnv(InertialEnv):
     ## Arguments
     - `scenario`: as for `AlignmentEnv`, with GNSS. `estimator`: "loosely-coupled", "aqe-ekf" or "aqe-sukf".
     - `decades`: decimal logarithm of the factor for an action of 1. `consistency_weight`: see Rewards.
-    - `mistuning_decades`: if above 0, the filter's noises are wrong by factors 10^u, with u drawn at each reset from a
-      uniform distribution between plus and minus that value; an action of 0 is then no longer the data sheet.
+    - `mistuning_decades`: if above 0, as by default, the filter's noises are wrong by factors 10^u, with u drawn at each
+      reset from a uniform distribution between plus and minus that value. With 0 an action of 0 is the data sheet, and there
+      is little to learn.
     - All others, and the options of `reset`: as for `AlignmentEnv`, without `time_weight`.
 
     ## Vectorized environment
@@ -285,7 +290,7 @@ class TuningEnv(InertialEnv):
         duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
         heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
         gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "loosely-coupled", decades: float = 2.0,
-        mistuning_decades: float = 0.0, consistency_weight: float = 0.5, backend: str | None = None,
+        mistuning_decades: float = 1.5, consistency_weight: float = 0.5, backend: str | None = None,
         render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
@@ -304,7 +309,7 @@ class TuningVectorEnv(InertialVectorEnv):
         samples_per_step: int = 2000, duration_s: float | None = None, imu: str | None = None,
         imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
         initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
-        estimator: str = "loosely-coupled", decades: float = 2.0, mistuning_decades: float = 0.0,
+        estimator: str = "loosely-coupled", decades: float = 2.0, mistuning_decades: float = 1.5,
         consistency_weight: float = 0.5, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1, backend: str | None = None, render_mode: str | None = None,
         max_episode_steps: int | None = None,

@@ -132,7 +132,7 @@ def universal(libraries: Sequence[bytes]) -> bytes:
 def _host_compiler(identifier: str) -> Compiler:
     found = find_compiler()
     if found is None:
-        raise InsenvError(f"no C compiler found: allowed is cc, gcc, clang or ziglang: {install_extra('native')}")
+        raise InputError(f"no C compiler found: allowed is cc, gcc, clang or ziglang: {install_extra('native')}")
     # without an install name the library would contain the path of its build folder
     own = (f"-Wl,-install_name,@rpath/{identifier}.dylib",) if host().ending == ".dylib" else ()
     return Compiler(found.command, (*FLAGS, *host().further, *own))
@@ -140,7 +140,7 @@ def _host_compiler(identifier: str) -> Compiler:
 
 def _need_zig() -> None:
     if importlib.util.find_spec("ziglang") is None:
-        raise InsenvError(f"building for named platforms needs ziglang: {install_extra('native')} (or --platform host)")
+        raise InputError(f"building for named platforms needs ziglang: {install_extra('native')} (or --platform host)")
 
 
 def _cross_compiler(where: Platform, identifier: str) -> Compiler:

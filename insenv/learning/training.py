@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError, InsenvError
+from insenv.errors import InputError
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.installing import install_extra
 from insenv.scenario import Scenario, load
@@ -57,7 +57,7 @@ def train(
 ) -> TrainedMachine:
     """Train a machine on runs of `aqe-sukf`: every scenario (name, path or object) with every seed.
 
-    Raises `InputError` for unsuitable scenarios or too few seeds, `InsenvError` if scikit-learn or PyWavelets is not
+    Raises `InputError` for unsuitable scenarios or too few seeds, or if scikit-learn or PyWavelets is not
     installed.
     """
     need_packages()
@@ -137,12 +137,12 @@ def digest(scenario: Scenario) -> str:
 
 
 def need_packages() -> None:
-    """Raise `InsenvError` if a package that training needs is not installed."""
+    """Raise `InputError` if a package that training needs is not installed."""
     from importlib.util import find_spec
 
     missing = [name for module, name in (("sklearn", "scikit-learn"), ("pywt", "PyWavelets")) if find_spec(module) is None]
     if missing:
-        raise InsenvError(f"training needs {' and '.join(missing)}: {install_extra('ml')}")
+        raise InputError(f"training needs {' and '.join(missing)}: {install_extra('ml')}")
 
 
 def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable[[int, int], None] | None) -> tuple[Any, Array]:

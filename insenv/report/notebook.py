@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InsenvError
-from insenv.installing import install_extra
+from insenv.errors import InputError
+from insenv.installing import install_extra, install_package
 from insenv.report.figures import save
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ HtmlTable = tuple[str, Sequence[str], Iterable[Sequence[str]]]
 
 
 def require_matplotlib() -> None:
-    """Raise `InsenvError` if matplotlib is not installed."""
+    """Raise `InputError` if matplotlib is not installed."""
     if not find_spec("matplotlib"):
-        raise InsenvError(f"a figure needs matplotlib, which is not installed: {install_extra('plot')}")
+        raise InputError(f"a figure needs matplotlib, which is not installed: {install_extra('plot')}")
 
 
 def html_document(
@@ -55,12 +55,12 @@ def _table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) 
 def data_frame(time: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]]) -> DataFrame:
     """A DataFrame indexed by time (s); a column of an array (n, k) is split into ``NAME_0``, ``NAME_1``, ...
 
-    Raises `InsenvError` if pandas is not installed.
+    Raises `InputError` if pandas is not installed.
     """
     try:
         import pandas
     except ModuleNotFoundError:
-        raise InsenvError("a DataFrame needs pandas, which is not installed; install it with: pip install pandas") from None
+        raise InputError(f"a DataFrame needs pandas, which is not installed: {install_package('pandas')}") from None
     flat: dict[str, NDArray[np.float64]] = {}
     for name, values in columns.items():
         if values.ndim == 1:

@@ -4,7 +4,7 @@ plant = build(load("ship-swaying"), seed=1)
 runner = make_runner(plant.model, plant.parameters)
 """
 
-from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build, plant_of, reseeded, start_errors
+from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build, plant_of, reported_attitude, reseeded, start_errors
 from insenv.scenario.description import Scenario
 from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries
 from insenv.scenario.tuning import tuning
@@ -20,6 +20,7 @@ __all__ = [
     "names",
     "parse",
     "plant_of",
+    "reported_attitude",
     "reseeded",
     "start_errors",
     "summaries",

@@ -196,7 +196,7 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
 def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], seed: int) -> Knowledge:
     known = scenario.knowledge
     error = start_errors(known, seed)
-    roll, pitch, heading = np.array(attitude.numeric.to_euler(true["q_nb"])) + error[0:3]
+    roll, pitch, heading = reported_attitude(np.array(attitude.numeric.to_euler(true["q_nb"])), error[0:3])
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
         error[3:6], true["latitude"], true["longitude"], true["height"]
     )
@@ -216,6 +216,12 @@ def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sensor_notes(dict(parameters), scenario.vehicle.in_place),
     )
+
+
+def reported_attitude(true: Vector, error: Vector) -> Vector:
+    """Reported roll, pitch and heading (..., 3), rad; angles beyond a full turn, which no estimator takes, are wrapped."""
+    angles = true + error
+    return np.where(np.abs(angles) > 2.0 * np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
 
 
 def start_errors(known: KnowledgeSection, seed: int) -> Vector:

@@ -129,7 +129,7 @@ def test_diverged_runs_are_named_and_left_out(monkeypatch):
     plan, original = small_plan(24), block_module.run_block
     expected = run_campaign(plan)
 
-    def spoilt(plan, number):
+    def spoilt(plan, number, stopped):
         arrays = {name: value.copy() for name, value in original(plan, number).items()}
         if number == 1:
             arrays["error"][2, 30:, 1] = np.nan
@@ -279,6 +279,10 @@ def test_the_command(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (
+            ("ship-swaying", "-e", "q-method", "-e", "analytic", "-n", "4"),
+            "q-method and analytic are given: a campaign runs one",
+        ),
         (("ship-swaying", "-e", "q-methd", "-n", "4"), "did you mean 'q-method'"),
         (("ship-swaying", "-e", "q-method", "-n", "0"), "runs = 0"),
         (("ship-swaying", "-e", "loosely-coupled", "-n", "4"), "needs GNSS"),
@@ -301,10 +305,11 @@ def test_ctrl_c_says_what_is_kept(monkeypatch, tmp_path):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("insenv.campaigns.run_campaign", interrupted)
+    monkeypatch.setattr(running, "_finished", interrupted)
     arguments = ("campaign", "ship-swaying", "-e", "analytic", "-n", "6", "--duration", "1")
     assert call(*arguments)[0] == 130 and "nothing written" in call(*arguments)[2]
-    assert "--resume continues" in call(*arguments, "--out", tmp_path)[2]
+    assert "nothing is kept" in call(*arguments, "--out", tmp_path / "out")[2]  # no block was finished
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_noise_limit_follows_what_is_varied():

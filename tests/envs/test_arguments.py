@@ -70,11 +70,18 @@ VECTOR = [
     ({"render_mode": "x"}, "render_mode = 'x': allowed is None"),
 ]
 OWN = [
+    (AlignmentEnv, {"sway_phases": 1}, "sway_phases = 1: allowed is True or False"),
+    (AlignmentEnv, {"mounting_deg": -1.0}, "mounting_deg = -1.0 deg: allowed is a number from 0 to 80 deg"),
+    (
+        ManoeuvreEnv,
+        {"start_speed_mps": 3.0},
+        "start_speed_mps = 3.0: allowed is a pair (low, high) of numbers from 0 to 340",
+    ),
     (AlignmentEnv, {"time_weight": "1"}, "time_weight = '1': allowed is a number from 0 to 1e+06"),
     (ManoeuvreEnv, {"time_weight": "1"}, "time_weight = '1': allowed is a number from 0 to 1e+06"),
     (ManoeuvreEnv, {"goal_deg": "1"}, "goal_deg = '1': allowed is a number above 0 up to 180 deg"),
     (ManoeuvreEnv, {"goal_deg": 0}, "goal_deg = 0 deg: allowed is a number above 0 up to 180 deg"),
-    (ManoeuvreEnv, {"reward": ["error"]}, "reward = ['error']: allowed is 'uncertainty' or 'error'"),
+    (ManoeuvreEnv, {"reward": ["error"]}, "reward = ['error']: allowed is 'error' or 'uncertainty'"),
     (ManoeuvreEnv, {"estimator": ["aqe-ekf"]}, "estimator = ['aqe-ekf']: allowed is the id of an estimator"),
     (TuningEnv, {"estimator": 3}, "estimator = 3: allowed is the id of an estimator"),
     (TuningEnv, {"decades": "2"}, "decades = '2': allowed is a number from 0 to 4"),

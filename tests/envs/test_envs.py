@@ -7,7 +7,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
 from insenv import attitude
-from insenv.envs import IDS, AlignmentEnv, AlignmentVectorEnv, estimate_action, knowledge_of, testing
+from insenv.envs import IDS, AlignmentEnv, AlignmentVectorEnv, agents, estimate_action, knowledge_of, testing
 from insenv.errors import InputError
 from insenv.scenario import build, load
 
@@ -94,7 +94,11 @@ def test_observations_equal_the_sensor_outputs_of_a_run():
 
 def test_the_reward_follows_its_documentation():
     env = gymnasium.make(SHIP, samples_per_step=50, duration_s=10.0, time_weight=2.0).unwrapped
-    _, info = env.reset(seed=4)
+    observation, info = env.reset(seed=4)
+    reported = attitude.numeric.from_euler(*env.named(observation)["known_attitude"])
+    error = attitude.numeric.error_rotation_vector(reported, info["q_nb"])
+    told = before = np.log(1.0 + np.sqrt(np.mean((error / info["limit"]) ** 2)))
+    assert info["measure"] == pytest.approx(told, rel=1e-9)
     total, decisions = 0.0, 40
     for step in range(decisions):
         q_nb = attitude.numeric.multiply(attitude.numeric.from_rotation_vector(np.array([0.0, 0.0, 0.01])), info["q_nb"])
@@ -102,32 +106,79 @@ def test_the_reward_follows_its_documentation():
         assert info["error"] == pytest.approx([0.0, 0.0, 0.01], abs=1e-12)
         measure = np.log(1.0 + np.sqrt(np.mean((info["error"] / info["limit"]) ** 2)))
         last = step == decisions - 1
-        assert reward == pytest.approx(-(2.0 + measure) / decisions - measure * last, rel=1e-8)
+        assert info["measure"] == pytest.approx(measure, rel=1e-9)
+        assert reward == pytest.approx(before - measure - 2.0 / decisions, rel=1e-8)
+        before = measure
         assert not terminated and truncated == last
         total += reward
-    assert total == pytest.approx(-2.0 - 2.0 * measure, rel=1e-8)
+    assert total == pytest.approx(told - measure - 2.0, rel=1e-8)
+
+
+def test_stating_what_was_reported_returns_nothing():
+    env = gymnasium.make(SHIP, samples_per_step=50, duration_s=10.0)
+    observation, _ = env.reset(seed=4)
+    reported = attitude.numeric.from_euler(*env.unwrapped.named(observation)["known_attitude"])
+    _, reward, terminated, _, _ = env.step(estimate_action(env.unwrapped.setup.task, reported, declare=1.0))
+    assert terminated and reward == pytest.approx(-1.0 / 40.0, abs=1e-9)
+
+
+def test_no_constant_attitude_is_an_estimate():
+    """Heading, sway phases and mounting differ between episodes, unless options keep the scenario's."""
+    venv = gymnasium.make_vec(SHIP, 64, **SHORT)
+    _, info = venv.reset(seed=1)
+    roll, pitch, heading = attitude.numeric.to_euler(info["q_nb"])
+    # half the width of the mounting draws, 11.5 deg RMS, with a sway of 7 and 3.5 deg RMS
+    assert np.std(roll) > np.radians(10.0) and np.std(pitch) > np.radians(8.0) and np.std(heading) > 1.4
+    as_told = {"heading_deg": None, "sway_phases": False, "mounting_deg": None}
+    _, info = venv.reset(seed=1, options=as_told)
+    assert np.ptp(attitude.numeric.to_euler(info["q_nb"]), axis=1) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_reported_headings_are_wrapped():
+    """At a sigma of 360 deg a reported heading may be beyond a full turn, which no estimator takes."""
+    venv = gymnasium.make_vec(SHIP, 64, **SHORT, initial_error=(30.0, 360.0))
+    observation, info = venv.reset(seed=1)
+    known = venv.unwrapped.named(observation)["known_attitude"]
+    assert np.abs(known).max() <= 2.0 * np.pi and np.abs(known[:, 2]).max() > np.pi
+    venv.step(agents.make("gyrocompass", venv).act(observation, info))
 
 
 def test_declaring_ends_an_alignment_and_stops_the_cost_of_time():
     env = gymnasium.make(SHIP, samples_per_step=50, duration_s=10.0)
     _, info = env.reset(seed=4)
+    told = info["measure"]
     action = estimate_action(env.unwrapped.setup.task, info["q_nb"], declare=1.0)
     _, reward, terminated, truncated, info = env.step(action)
     assert terminated and not truncated and info["declared"] == 1.0
-    assert reward == pytest.approx(-1.0 / 40.0, abs=1e-6)  # a perfect estimate costs only the time of one step
+    assert reward == pytest.approx(told - 1.0 / 40.0, abs=1e-6)  # a perfect estimate costs only the time of one step
 
 
 @pytest.mark.parametrize("id", [SHIP, DRIVE])
-@pytest.mark.parametrize("fault", ["no quaternion", "outside", "huge"])
+@pytest.mark.parametrize("fault", [0.0, np.nan, np.inf, -np.inf])
 def test_an_invalid_estimate_ends_the_episode_with_a_finite_reward(id, fault):
     for env in (gymnasium.make(id, **SHORT), gymnasium.make_vec(id, 3, **SHORT)):
         _, info = env.reset(seed=1)
+        lowest = -21.0 + info["measure"] if id == SHIP else -20.0
         action = np.zeros(env.action_space.shape)
-        action[..., -1] = {"no quaternion": 0.0, "outside": 1.01, "huge": 1e300}[fault]
+        action[..., -1] = fault
+        action[..., 0] = 0.0 if fault == 0.0 else 1.0
         _, reward, terminated, truncated, info = env.step(action)
-        assert np.all(np.isfinite(reward)) and np.all(np.asarray(reward) < -19.0)
+        assert reward == pytest.approx(lowest)
         assert np.all(terminated) and not np.any(truncated)
         assert np.all(info["diverged"] == 1.0) and np.isfinite(info["error"]).all()
+
+
+@pytest.mark.parametrize("id", [SHIP, DRIVE])
+def test_an_action_outside_the_space_is_clipped_and_a_quaternion_normalized(id):
+    env, found = gymnasium.make(id, **SHORT), []
+    for scale, beyond in ((1.0, 1.0), (7.0, 3.0), (1e200, 1e200)):
+        env.reset(seed=1)
+        action = np.full(env.action_space.shape, -beyond)
+        action[:4] = scale * np.array([0.5, -0.25, 0.75, 0.125])
+        *_, info = env.step(action)
+        assert info["diverged"] == 0.0
+        found.append(info["error"])
+    assert found[1] == pytest.approx(found[0], rel=1e-12) and found[2] == pytest.approx(found[0], rel=1e-12)
 
 
 def test_an_invalid_estimate_is_worse_than_any_valid_one():
@@ -147,8 +198,6 @@ def test_an_invalid_estimate_is_worse_than_any_valid_one():
     ("action", "message"),
     [
         (np.zeros(4), r"action of shape \(4,\): allowed is \(5,\)"),
-        (np.array([1.0, 0, np.nan, 0, 0]), r"action\[2\] = nan: allowed is a finite number"),
-        (np.array([1.0, 0, 0, 0, np.inf]), r"action\[4\] = inf"),
         ("north", "action = 'north'"),
     ],
 )
@@ -161,13 +210,13 @@ def test_a_wrong_action_is_an_error_and_changes_nothing(action, message):
     testing.assert_same([env.step(LEVEL)], [other.step(LEVEL)], "after a wrong action")
 
 
-def test_a_nan_in_one_row_names_it():
+def test_a_nan_in_one_row_ends_that_row_alone():
     venv = gymnasium.make_vec(SHIP, 3, **SHORT)
     venv.reset(seed=1)
     actions = np.tile(LEVEL, (3, 1))
     actions[2, 1] = np.nan
-    with pytest.raises(InputError, match=r"action\[2, 1\] = nan"):
-        venv.step(actions)
+    _, _, terminated, _, info = venv.step(actions)
+    assert terminated.tolist() == [False, False, True] and info["diverged"].tolist() == [0.0, 0.0, 1.0]
 
 
 def test_step_before_reset_and_after_the_end():

@@ -16,6 +16,8 @@ from insenv.scenario import build, parse
 
 ID = "insenv/Manoeuvre-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3, "backend": "interpreter"}
+SCENARIO = {"imu": None, "start_speed_mps": (12.0, 12.0), "samples_per_step": 200}
+"""The unit and the start speed of the scenario, which the default draws, and steps of one second."""
 has_compiler = shutil.which("cc") is not None
 
 
@@ -33,7 +35,7 @@ PARKED = changed(
 @pytest.fixture(scope="module")
 def car():
     """An environment with steps of one second and a goal out of reach."""
-    return ManoeuvreEnv(goal_deg=1e-3, duration_s=40.0, heading_deg=(0.0, 360.0), backend="interpreter")
+    return ManoeuvreEnv(goal_deg=1e-3, duration_s=40.0, backend="interpreter", reward="uncertainty", **SCENARIO)
 
 
 def driven(env, pattern, seconds, seed):
@@ -83,7 +85,7 @@ def test_the_reward_is_the_fall_of_the_stated_sigma(car):
 
 
 def test_the_reward_by_error_is_the_fall_of_the_true_error():
-    env = ManoeuvreEnv(reward="error", goal_deg=2.0, time_weight=0.5, duration_s=20.0, backend="interpreter")
+    env = ManoeuvreEnv(reward="error", goal_deg=2.0, time_weight=0.5, duration_s=20.0, backend="interpreter", **SCENARIO)
     _, before = env.reset(seed=4)
     for _ in range(4):
         _, reward, terminated, _, info = env.step(np.array([1.0, 0.0]))
@@ -98,7 +100,7 @@ def test_the_reward_by_error_is_the_fall_of_the_true_error():
 
 
 def test_the_goal_ends_the_episode():
-    env = ManoeuvreEnv(goal_deg=2.0, duration_s=40.0, backend="interpreter")
+    env = ManoeuvreEnv(goal_deg=2.0, duration_s=40.0, backend="interpreter", **SCENARIO)
     env.reset(seed=1)
     for k in range(40):
         _, _, terminated, truncated, info = env.step(np.array([0.0, 1.0 if k % 16 < 8 else -1.0]))
@@ -125,7 +127,13 @@ def test_the_car_follows_its_commands(car):
 
 def test_an_aircraft_banks_climbs_and_keeps_its_speeds():
     env = ManoeuvreEnv(
-        "aircraft-inflight-alignment", goal_deg=1e-3, duration_s=40.0, samples_per_step=100, backend="interpreter"
+        "aircraft-inflight-alignment",
+        goal_deg=1e-3,
+        duration_s=40.0,
+        samples_per_step=100,
+        backend="interpreter",
+        imu=None,
+        start_speed_mps=(80.0, 80.0),
     )
     found = driven(env, lambda k: (1.0, 1.0, 0.5), 28, 1)
     angles = np.array([attitude.numeric.to_euler(q) for q in found["q_nb"]])
@@ -161,7 +169,7 @@ def test_a_turntable_changes_the_heading_only():
 
 def test_indexing_beats_standing_still():
     """Gyro biases turn with the table and the Earth rate does not, which makes them separable."""
-    env = ManoeuvreEnv(PARKED, samples_per_step=50, duration_s=200.0, goal_deg=1e-3, backend="interpreter")
+    env = ManoeuvreEnv(PARKED, samples_per_step=50, duration_s=200.0, goal_deg=1e-3, imu=None, backend="interpreter")
     still = driven(env, lambda k: [0.0], 200, 3)
     indexed = driven(env, lambda k: [1.0 if k % 60 >= 30 else 0.0], 200, 3)
     assert indexed["heading_sigma"][-1] < 0.6 * still["heading_sigma"][-1]
@@ -196,7 +204,7 @@ def test_an_action_outside_the_space_is_clipped():
         ({"estimator": "wander-sins"}, "loosely-coupled, aqe-ekf, aqe-sukf"),
         ({"scenario": "ship-underway"}, "needs a car or an aircraft"),
         ({"scenario": "car-parked"}, "has no .gnss."),
-        ({"reward": "speed"}, "reward = 'speed': allowed is 'uncertainty' or 'error'"),
+        ({"reward": "speed"}, "reward = 'speed': allowed is 'error' or 'uncertainty'"),
         ({"goal_deg": 0.0}, "goal_deg = 0"),
         ({"time_weight": -1.0}, "time_weight = -1"),
         ({"duration_s": 1e-3}, "duration_s"),
@@ -207,7 +215,28 @@ def test_bad_arguments_are_named(given, named):
         gymnasium.make(ID, **given)
 
 
-@pytest.mark.parametrize("action", [np.zeros(3), [np.nan, 0.0], [0.0, np.inf], None])
+@pytest.mark.parametrize("action", [np.nan, np.inf, -np.inf])
+def test_an_action_that_is_not_finite_ends_the_episode(car, action):
+    car.reset(seed=1)
+    observation, reward, terminated, truncated, info = car.step([0.0, action])
+    assert terminated and not truncated and info["diverged"] == 1.0 and reward == pytest.approx(-11.0)
+    assert car.observation_space.contains(observation)
+    assert all(np.all(np.isfinite(value)) for value in info.values())
+
+
+def test_unit_heading_and_start_speed_are_drawn():
+    env = gymnasium.make_vec(ID, 64, **SHORT)
+    _, info = env.reset(seed=3)
+    speed = np.linalg.norm(info["velocity_n"], axis=1)
+    heading = attitude.numeric.to_euler(info["q_nb"])[2]
+    known = env.unwrapped.setup.task.model.parameters.unpack(env.unwrapped.snapshot().parameters)
+    assert speed.min() > 1.99 and speed.max() < 12.01 and np.ptp(speed) > 8.0
+    assert np.ptp(heading) > 5.0 and len(np.unique(known["known_angle_random_walk"])) == 64
+    _, info = env.reset(seed=3, options={"run_seed": 5})
+    assert np.linalg.norm(info["velocity_n"], axis=1) == pytest.approx(12.0, abs=1e-3)  # that of the scenario
+
+
+@pytest.mark.parametrize("action", [np.zeros(3), None])
 def test_a_bad_action_is_an_error(car, action):
     car.reset(seed=1)
     with pytest.raises(InputError, match="action"):

@@ -84,7 +84,7 @@ def test_factors_act_like_scaled_parameters(second):
 
 def test_a_larger_driving_noise_of_the_biases_acts_after_the_start():
     """During the first quarter of a second, in which the biases are not observable."""
-    env = TuningEnv(samples_per_step=50, duration_s=1.0, backend="interpreter")
+    env = TuningEnv(samples_per_step=50, duration_s=1.0, mistuning_decades=0.0, backend="interpreter")
     observation, _ = env.reset(seed=1)
     before = env.named(observation)["sigma_level"][9:15]
     driven = env.named(env.step(np.array([0, 0, 1.0, 1.0, 0, 0]))[0])["sigma_level"][9:15]
@@ -204,12 +204,34 @@ def test_bad_arguments_are_named(given, named):
         gymnasium.make(ID, **given)
 
 
-@pytest.mark.parametrize("action", [np.zeros(5), np.full(6, np.nan), [0, 0, 0, 0, 0, np.inf], "up"])
+@pytest.mark.parametrize("action", [np.zeros(5), "up"])
 def test_a_bad_action_is_an_error(action):
     env = TuningEnv(**SHORT)
     env.reset(seed=1)
     with pytest.raises(InputError, match="action"):
         env.step(action)
+
+
+@pytest.mark.parametrize("action", [np.full(6, np.nan), [0, 0, 0, 0, 0, np.inf]])
+def test_an_action_that_is_not_finite_ends_the_episode(action):
+    env = TuningEnv(**SHORT)
+    env.reset(seed=1)
+    observation, reward, terminated, truncated, info = env.step(action)
+    assert terminated and not truncated and info["diverged"] == 1.0
+    assert reward == pytest.approx(-(np.log(1e4 + 1.0) + 5.0), rel=1e-6)  # the lowest for all of the time
+    assert env.observation_space.contains(observation) and np.isfinite(info["error"]).all()
+
+
+def test_the_default_has_something_to_learn():
+    """The filter's noises are wrong by other factors in each episode, up to 1.5 decades, and an option of a run is not."""
+    env = TuningEnv(**SHORT)
+    place, drawn = env.setup.task.model.parameters.slice("mistuning"), []
+    for _ in range(20):
+        env.reset(seed=None if drawn else 1)
+        drawn.append(env.snapshot().parameters[place])
+    assert 1.0 < np.abs(drawn).max() <= 1.5 and len(np.unique(drawn)) == 120
+    env.reset(options={"run_seed": 3})
+    assert not env.snapshot().parameters[place].any()
 
 
 def test_stable_baselines_accepts_it():

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import wrappers
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as vector_wrappers
 
@@ -136,3 +137,30 @@ def test_an_agent_acts_through_wrappers():
     agent = agents.make("q-method", env)
     observation, info = env.reset(seed=1)
     assert env.action_space.contains(agent.act(observation, info))
+
+
+@pytest.mark.parametrize("mode", ["rgb_array", "ansi"])
+def test_a_restored_or_pickled_environment_carries_its_history(mode):
+    env = gymnasium.make(SHIP, render_mode=mode, **SHORT).unwrapped
+    env.reset(seed=1)
+    for _ in range(4):
+        env.step(LEVEL)
+    other = gymnasium.make(SHIP, render_mode=mode, **SHORT).unwrapped
+    other.reset(seed=9)
+    other.restore(env.snapshot())
+    for copied in (other, pickle.loads(pickle.dumps(env)), copy.deepcopy(env)):
+        assert np.array_equal(copied.render(), env.render())
+        copied.step(LEVEL)
+        assert len(copied.history) == 6 and len(env.history) == 5
+
+
+def test_a_history_that_was_not_recorded_is_not_drawn():
+    plain, drawn = gymnasium.make(SHIP, **SHORT).unwrapped, gymnasium.make(SHIP, render_mode="ansi", **SHORT).unwrapped
+    plain.reset(seed=1)
+    drawn.reset(seed=9)
+    plain.step(LEVEL)
+    drawn.restore(plain.snapshot())
+    with pytest.raises(ResetNeeded, match="a snapshot that was not rendered"):
+        drawn.render()
+    drawn.step(LEVEL)
+    assert "0.10 s" in drawn.render()

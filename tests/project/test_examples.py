@@ -19,7 +19,8 @@ SAID = {  # what each script must print
     "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
     "env_loop.py": ("aligned after", "limit"),
     "navigate_a_log.py": ("vd_mps", "KF-GINS"),
-    "own_estimator.py": ("two vectors", "ship-swaying"),
+    "own_estimator.py": ("frozen frame", "q-method"),
+    "rank_policies.py": ("quit", "bound"),
     "step_by_step.py": ("90 s", "stated sigma"),
     "train_tuner.py": ("PPO minus untuned", "best fixed factors"),
 }
@@ -29,7 +30,7 @@ def test_each_script_is_named_here():
     assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
 
 
-COMPILES_LONG = {"active_alignment.py"}
+COMPILES_LONG = {"active_alignment.py", "rank_policies.py"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in COMPILES_LONG else ()) for n in sorted(SAID)])

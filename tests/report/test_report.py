@@ -278,7 +278,7 @@ def test_html_holds_the_tables_and_the_figure(monkeypatch):
     assert 'src="data:image/png;base64,' in text
     monkeypatch.setattr("insenv.report.notebook.find_spec", lambda name: None)
     assert "<img" not in made._repr_html_() and "<table>" in made._repr_html_()
-    with pytest.raises(InsenvError, match="pip install 'insenv"):
+    with pytest.raises(InputError, match=r"matplotlib, which is not installed: pip install"):
         made.plot()
 
 
