@@ -13,11 +13,16 @@ from insenv.errors import InputError, InsenvError, nearest
 
 
 @contextmanager
-def naming(where: str) -> Iterator[None]:
-    """Raise an error of the block as an `InputError` that begins with `where`, with the original as its cause."""
+def naming(where: str, prefixed: bool = True) -> Iterator[None]:
+    """Raise an error of the block as an `InputError` that begins with `where`, with the original as its cause.
+
+    prefixed: whether the message of an `InputError` begins with `where` too; else it stays.
+    """
     try:
         yield
     except InputError as error:
+        if not prefixed:
+            raise
         raise InputError(f"{where}: {error}") from error
     except InsenvError:
         raise

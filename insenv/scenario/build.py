@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from math import radians
 from statistics import NormalDist
 from typing import Any
@@ -113,7 +113,9 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     """The plant's model and its parameter rows (SI) except the seed.  Raises `InputError` for values that conflict."""
     interval, start = 1.0 / scenario.rate_hz, scenario.start
-    vehicle = scenario.vehicle.vehicle()
+    this = f"vehicle kind {scenario.vehicle.kind!r}"
+    with naming(f"{this}, vehicle", prefixed=False):
+        vehicle = scenario.vehicle.vehicle()
     model = _model(vehicle, (IMU, *(section.sensor for section in scenario.sensors.values())))
     rows = {
         "sample_interval": interval,
@@ -123,14 +125,16 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         "start_heading": radians(start.heading_deg),
         "mean_roll": radians(start.roll_deg),
         "mean_pitch": radians(start.pitch_deg),
-        **_checked(f"vehicle kind {scenario.vehicle.kind!r}", scenario.vehicle.rows(start), model.parameters),
+        **_checked(this, partial(scenario.vehicle.rows, start), model.parameters),
         **scenario.imu.rows(scenario.rate_hz),
     }
     for id, section in scenario.sensors.items():
-        rows |= _checked(f"sensor {id!r}", section.rows(scenario.rate_hz), model.parameters)
+        rows |= _checked(f"sensor {id!r}", partial(section.rows, scenario.rate_hz), model.parameters)
     for row in vehicle.parameters:
         if row.name not in rows and not row.flat_start().any():
-            raise InputError(f"vehicle kind {scenario.vehicle.kind!r}, rows: {row.name!r} is missing: its start value is 0")
+            raise InputError(
+                f"{this}, rows: {row.name!r} is missing: allowed is a value for every parameter row whose start value is 0"
+            )
     for name in rows:
         if name.endswith("_amplitude"):  # the square of an amplitude other than 0 is a divisor and must not underflow
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
@@ -139,10 +143,12 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
     return model, rows
 
 
-def _checked(where: str, rows: Any, table: Table) -> Mapping[str, Any]:
-    """What `rows` of a section gave.  Raises `InputError` if it is no mapping of rows of the table."""
+def _checked(where: str, rows: Callable[[], Any], table: Table) -> Mapping[str, Any]:
+    """What `rows` of a section gives.  Raises `InputError` if it fails or gives no mapping of rows of the table."""
+    with naming(f"{where}, rows", prefixed=False):
+        found = rows()
     with naming(f"{where}, rows"):
-        return check_rows(rows, table)
+        return check_rows(found, table)
 
 
 @lru_cache(maxsize=64)

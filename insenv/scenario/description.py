@@ -91,7 +91,7 @@ class Scenario(Section):
             for id in set(data) - set(cls.model_fields):
                 sensor_registry.check_loaded(id)
             vehicle = data.get("vehicle")
-            vehicle_registry.check_loaded(vehicle.get("kind", "") if isinstance(vehicle, Mapping) else "")
+            vehicle_registry.check_loaded(str(vehicle.get("kind")) if isinstance(vehicle, Mapping) else "")
         return data
 
     @model_validator(mode="after")

@@ -181,10 +181,12 @@ def section(rail, **methods):
     [
         ({"vehicle": lambda self: None}, "vehicle = None: allowed is an insenv.Vehicle"),
         ({"rows": lambda self, start: None}, "vehicle kind 'trolley', rows: the result is of type NoneType"),
+        ({"rows": lambda self, start: self.period}, "vehicle kind 'trolley', rows: AttributeError: 'Mine' object has no"),
+        ({"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine' object has no"),
         ({"rows": lambda self, start: {"rail_amp": 1}}, "vehicle kind 'trolley', rows: no row named 'rail_amp'"),
         (
             {"rows": lambda self, start: {"rail_amplitude": 1}},
-            "vehicle kind 'trolley', rows: 'rail_angular_frequency' is missing: its start value is 0",
+            "vehicle kind 'trolley', rows: 'rail_angular_frequency' is missing: allowed is a value",
         ),
     ],
 )
@@ -301,6 +303,8 @@ def test_a_broken_sensor_or_vehicle_stops_only_the_scenarios_that_name_it(monkey
     for registry, wanted in ((sensors, {"sonar": {}}), (vehicles, {"vehicle": {"kind": "sonar"}})):
         monkeypatch.setattr(registry._PLUGINS, "_broken", {"sonar": "package 'mine': cannot be loaded"})
         insenv.load(values)
+        with pytest.raises(InputError, match=r"vehicle\.kind"):
+            insenv.load({**values, "vehicle": {"kind": []}})
         with pytest.raises(InsenvError, match="'sonar': package 'mine': cannot be loaded"):
             insenv.load({**values, **wanted})
 
