@@ -54,59 +54,14 @@ def best_fixed(seeds, passes, **options):
     return best
 
 
-def batch_for_sb3(**options):
-    """Return the native batch as a `VecEnv` of Stable-Baselines3, which restarts ended rows within the step."""
-    from stable_baselines3.common.vec_env import VecEnv
-
-    class Batch(VecEnv):
-        def __init__(self):
-            self.venv = gymnasium.make_vec(ID, ROWS, autoreset_mode="Disabled", **EPISODE, **options)
-            super().__init__(ROWS, self.venv.single_observation_space, self.venv.single_action_space)
-            self.first = TRAINING
-
-        def reset(self):
-            return self.venv.reset(seed=self.first)[0]
-
-        def step_async(self, actions):
-            self.actions = actions.astype(float)
-
-        def step_wait(self):
-            observations, reward, terminated, truncated, _ = self.venv.step(self.actions)
-            over, infos = terminated | truncated, [{} for _ in range(ROWS)]
-            if over.any():
-                for row in np.flatnonzero(over):
-                    infos[row] = {"terminal_observation": observations[row], "TimeLimit.truncated": bool(truncated[row])}
-                fresh, _ = self.venv.reset(options={"reset_mask": over})
-                observations = np.where(over[:, None], fresh, observations)
-            return observations, reward, over, infos
-
-        def close(self):
-            self.venv.close()
-
-        def seed(self, seed=None):
-            return [None] * ROWS
-
-        def get_attr(self, name, indices=None):
-            return [getattr(self.venv, name, None)] * ROWS
-
-        def set_attr(self, name, value, indices=None):
-            raise NotImplementedError
-
-        def env_method(self, name, *args, indices=None, **kwargs):
-            raise NotImplementedError
-
-        def env_is_wrapped(self, wrapper, indices=None):
-            return [False] * ROWS
-
-    return Batch()
-
-
 def train(steps, **options):
     """Return the trained policy and the curve of mean episode rewards over the steps."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+    from insenv.envs.sb3 import BatchVecEnv
 
     class Curve(BaseCallback):
         points = []
@@ -121,7 +76,7 @@ def train(steps, **options):
                 print(f"  {self.num_timesteps:6d} steps, reward of an episode {mean:.2f}", flush=True)
 
     torch.set_num_threads(1)
-    venv = VecNormalize(VecMonitor(batch_for_sb3(**options)), gamma=0.9, clip_obs=5.0)
+    venv = VecNormalize(VecMonitor(BatchVecEnv(ID, ROWS, seed=TRAINING, **EPISODE, **options)), gamma=0.9, clip_obs=5.0)
     episode = round(EPISODE["duration_s"] * 200.0 / EPISODE["samples_per_step"])
     model = PPO(
         "MlpPolicy", venv, n_steps=episode, batch_size=96, n_epochs=10, gamma=0.9, gae_lambda=0.9, learning_rate=1e-3,

@@ -47,9 +47,10 @@ def make(
     `InputError` for an estimator that cannot act in `env`.
     """
     chosen, setup = estimators.get(estimator), getattr(env.unwrapped, "setup", None)
-    if not isinstance(setup, Setup) or not {"estimate_q_nb"} <= set(setup.task.actions.names):
+    if not isinstance(setup, Setup) or "estimate_q_nb" not in setup.task.actions or "delta_angle" not in setup.task.watched:
         raise InputError(
-            f"env = {env}: allowed is an environment whose action is an estimate (insenv/...Alignment, ...Navigation)"
+            f"env = {env}: allowed is an environment whose action is an estimate and whose observation holds the samples "
+            "(insenv/...Alignment, ...Navigation)"
         )
     navigates = "estimate_velocity" in setup.task.actions
     if navigates and not chosen.navigates:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gymnasium.vector import AutoresetMode
 
-from insenv.envs.checks import check_number
+from insenv.envs.checks import check_choice, check_number
 from insenv.envs.estimation_task import estimation_task
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
@@ -22,16 +22,18 @@ MOUNTING_DEG = 20.0
 
 def _setup(
     navigates: bool, scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None,
-    time_weight: float = 1.0,
+    time_weight: float = 1.0, observation: str = "samples", action: str = "attitude", dtype: str = "float64",
 ) -> Setup:  # fmt: skip
     """Return the setup for the arguments of the classes below."""
     found = chosen_scenario(scenario, vehicle)
     if not navigates and not found.vehicle.in_place:
         raise InputError(f"an alignment environment needs a vehicle in place: that of {found.name or found.title!r} moves")
+    check_choice("observation", observation, ("samples", "compact"))
+    check_choice("action", action, ("attitude", "correction"))
     constants = {"time_weight": check_number("time_weight", time_weight, 0.0, 1e6)}
     shown = tuple(name for id, section in found.sensors.items() if id != "gnss" for name in section.sensor.outputs)
-    task = estimation_task(plant_of(found)[0], navigates, shown)
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants)
+    task = estimation_task(plant_of(found)[0], navigates, shown, observation == "compact", action == "correction")
+    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, dtype=dtype)
 
 
 class AlignmentEnv(InertialEnv):
@@ -70,6 +72,14 @@ class AlignmentEnv(InertialEnv):
 
     The reference of positions is the reported start (`known_latitude`, `known_longitude`, `known_height`).
 
+    With `observation="compact"` twelve numbers of order one replace all that: the share of the time used; ln(1 + time / 5
+    s) / 4; the mean direction of gravity in the frame that the gyros keep frozen, turned by the held attitude, less the
+    expected one, north and east, on a logarithmic scale and in rad; the same for the slope of that direction, logarithmic
+    and in 6.3e-5 rad/s; the reported standard deviations. With `action="correction"` the action has four components: a
+    rotation vector in n by which the held attitude is turned, on a logarithmic scale (1 is 0.8, 0.8 and pi rad; the scale
+    begins at 1e-5, 1e-5 and 5.8e-4 rad), and the declaration, above 0.9. The held attitude starts as reported; the gyros
+    and the Earth's rotation carry it on to the present (`insenv.envs.gravity`).
+
     ## Rewards
     Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the 1-sigma
     error that biases and white noise leave at the end of the time), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20
@@ -98,6 +108,8 @@ class AlignmentEnv(InertialEnv):
       `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted
       unit are drawn within plus and minus this angle, deg. None (False for the phases) keeps the scenario's value.
     - `gnss_outages_s`: pairs (begin, end) of outages, s, instead of those of the scenario. `time_weight`: see Rewards.
+    - `observation`: "samples" or "compact". `action`: "attitude" or "correction".
+    - `dtype`: "float64" or "float32", of observations and actions; the model computes with float64.
     - `backend`: "native", "interpreter" or None (native if there is a compiler). `render_mode`: "rgb_array", "ansi".
 
     `reset(options=...)` takes imu, heading_deg, sea_state, initial_error, sway_phases, mounting_deg and gnss_outages_s for
@@ -106,7 +118,7 @@ class AlignmentEnv(InertialEnv):
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `AlignmentVectorEnv`, one batch: row i is bit-identical to the single environment reset
-    with seed + i. `autoreset_mode` is NEXT_STEP or DISABLED; `threads` is the number of worker threads.
+    with seed + i. `autoreset_mode` is NEXT_STEP, SAME_STEP or DISABLED; `threads` is the number of worker threads.
 
     ## Version History
     - v0: first version.
@@ -118,13 +130,14 @@ class AlignmentEnv(InertialEnv):
         heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
         initial_error: Range | None = INITIAL_ERROR, gnss_outages_s: tuple[Range, ...] | None = None,
         sway_phases: bool = True, mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
-        backend: str | None = None, render_mode: str | None = None,
+        observation: str = "samples", action: str = "attitude", dtype: str = "float64", backend: str | None = None,
+        render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(
             imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, sway_phases, mounting_deg
         )  # fmt: skip
-        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
+        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight, observation, action, dtype)
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
@@ -162,8 +175,8 @@ class NavigationEnv(InertialEnv):
     Terminated when the agent gives an invalid estimate. Truncated at the end of the time.
 
     ## Arguments
-    Those of `AlignmentEnv` except `sway_phases`, `mounting_deg` and `time_weight`. `heading_deg` and `initial_error` are
-    None by default: those of the scenario.
+    Those of `AlignmentEnv` except `sway_phases`, `mounting_deg`, `observation`, `action` and `time_weight`. `heading_deg`
+    and `initial_error` are None by default: those of the scenario.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `NavigationVectorEnv`, as for `AlignmentEnv`.
@@ -176,11 +189,12 @@ class NavigationEnv(InertialEnv):
         self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 100,
         duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
         heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
-        gnss_outages_s: tuple[Range, ...] | None = None, backend: str | None = None, render_mode: str | None = None,
+        gnss_outages_s: tuple[Range, ...] | None = None, dtype: str = "float64", backend: str | None = None,
+        render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s)
+        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s, dtype=dtype)
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
@@ -194,14 +208,16 @@ class AlignmentVectorEnv(InertialVectorEnv):
         sea_state: Range | None = None, initial_error: Range | None = INITIAL_ERROR,
         gnss_outages_s: tuple[Range, ...] | None = None, sway_phases: bool = True,
         mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        observation: str = "samples", action: str = "attitude",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
+        backend: str | None = None,
         render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(
             imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, sway_phases, mounting_deg
         )  # fmt: skip
-        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight)
+        setup = _setup(False, scenario, vehicle, ranges, samples_per_step, duration_s, time_weight, observation, action, dtype)
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
             max_episode_steps=max_episode_steps,
@@ -216,12 +232,13 @@ class NavigationVectorEnv(InertialVectorEnv):
         samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
         imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
         initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
+        backend: str | None = None,
         render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s)
+        setup = _setup(True, scenario, vehicle, ranges, samples_per_step, duration_s, dtype=dtype)
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
             max_episode_steps=max_episode_steps,

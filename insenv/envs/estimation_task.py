@@ -27,7 +27,9 @@ from insenv.core.compose import Part, as_part, merge
 from insenv.core.elementary import clamp, log, maximum, minimum, select
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
+from insenv.envs import gravity
 from insenv.envs.checks import as_numbers, refused
+from insenv.envs.gravity import CORRECTION
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.task import CLOCK, DECISION_LIMIT, DECISIONS, NEVER, RESULT, TRUTH, Task, finite_action, from_reference, truth
 from insenv.errors import InputError
@@ -130,12 +132,21 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     """
     navigates = "declare" not in actions
     finite, given = finite_action(ca.vertcat(*(getattr(u, row.name) for row in actions)))
-    # a long quaternion must not overflow when it is squared
-    largest = reduce(maximum, (ca.fabs(given[k]) for k in range(4)), ca.SX(1.0))
-    action = actions.symbols(ca.vertcat(given[:4] / largest, clamp(given[4:], -1.0, 1.0)))
-    square = ca.dot(action.estimate_q_nb, action.estimate_q_nb)
+    own: dict[str, Any] = {}
+    threshold = 0.0
+    if CORRECTION.name in actions:
+        action = actions.symbols(clamp(given, -1.0, 1.0))
+        threshold = gravity.DECLARE_ABOVE
+        own["held_q"] = gravity.corrected(p, x, action.correction)
+        quaternion = gravity.stated(p, x, own["held_q"])
+    else:
+        # a long quaternion must not overflow when it is squared
+        largest = reduce(maximum, (ca.fabs(given[k]) for k in range(4)), ca.SX(1.0))
+        action = actions.symbols(ca.vertcat(given[:4] / largest, clamp(given[4:], -1.0, 1.0)))
+        quaternion = action.estimate_q_nb
+    square = ca.dot(quaternion, quaternion)
     invalid = ca.logic_or(square < SHORT, ca.logic_not(finite))
-    q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), action.estimate_q_nb)
+    q_nb = select(square < SHORT, ca.SX([1, 0, 0, 0]), quaternion)
     error = attitude.error_rotation_vector(q_nb / ca.sqrt(select(square < SHORT, 1.0, square)), x.q_nb)
     if navigates:
         velocity = action.estimate_velocity * VELOCITY_RANGE - x.velocity_n
@@ -149,12 +160,11 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
     if navigates:
         declared = ca.SX(0)
         reward = -select(invalid, left * WORST, share * measure)
-        own = {}
     else:
-        declared = ca.logic_and(action.declare > 0.0, ca.logic_not(invalid))
+        declared = ca.logic_and(action.declare > threshold, ca.logic_not(invalid))
         measure = select(invalid, WORST, measure)
         reward = _measure_before(p, x) - measure - p.time_weight * select(invalid, left, share)
-        own = {"measure": measure}
+        own["measure"] = measure
     terminated = ca.logic_or(declared, invalid)
     return {
         "reward": reward,
@@ -170,25 +180,34 @@ def _judge(actions: Table, p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=64)
-def estimation_task(plant: Model, navigates: bool, shown: tuple[str, ...] = ()) -> Task:
+def estimation_task(
+    plant: Model, navigates: bool, shown: tuple[str, ...] = (), compact: bool = False, corrects: bool = False
+) -> Task:
     """Return the task of estimating the attitude of a plant, or (navigates) its attitude, velocity and position.
 
     shown: state rows of the plant, of sensors other than the inertial unit and the GNSS receiver, that an observation
-    contains for every inertial sample too.  Raises `InputError` for navigation without a GNSS receiver.
+    contains for every inertial sample too.  compact: whether the observation of an alignment is that of
+    `insenv.envs.gravity` instead of the samples.  corrects: whether its action is a correction.  Raises `InputError` for
+    navigation without a GNSS receiver.
     """
     has_gnss = "gnss_valid" in plant.state
     if navigates and not has_gnss:
         raise InputError("a navigation environment needs GNSS fixes: the scenario has no [gnss]")
     actions, error, limit = _rows(navigates)
+    if corrects:
+        actions = gravity.ACTIONS
+    held = compact or corrects
     fix = Table((FIX["fix_new"], FIX_AGE)) + Table(FIX.rows[2:]) if has_gnss else Table()
-    observation = Table((CLOCK,)) + fix + KNOWN
+    observation = gravity.OBSERVED if compact else Table((CLOCK,)) + fix + KNOWN
     info = TRUTH + Table((error, limit)) + FLAGS + Table(() if navigates else (MEASURE,))
 
     def output(p: Any, x: Any) -> dict[str, Any]:
-        rows = {name: getattr(p, name) for name in (*KNOWN.names, "limit")}
-        rows |= {name: getattr(x, name) for name in ("time", *RESULT.names, "error", *FLAGS.names)}
+        rows = {"limit": p.limit, **{name: getattr(x, name) for name in (*RESULT.names, "error", *FLAGS.names)}}
         if not navigates:
             rows[MEASURE.name] = _measure_before(p, x)
+        if compact:
+            return rows | gravity.observed(p, x) | truth(p, x)
+        rows |= {"time": x.time, **{name: getattr(p, name) for name in KNOWN.names}}
         if has_gnss:
             rows |= {name: getattr(x, name) for name in fix.names if name != "fix_age"}
             rows["fix_age"] = (x.time - x.fix_time) + x.fix_delay
@@ -202,9 +221,9 @@ def estimation_task(plant: Model, navigates: bool, shown: tuple[str, ...] = ()) 
         inputs=actions,
         steps={"judge": Step(lambda p, x, u: _judge(actions, p, x, u), when="never")},
     )
-    parts = [as_part(plant), *([fix_part()] if has_gnss else []), referee]
+    parts = [as_part(plant), *([fix_part()] if has_gnss else []), *([gravity.gravity_part()] if held else []), referee]
     model = merge(f"{plant.id}-{what}", f"{plant.title}: {what}", parts, observation + RESULT + info, output)
-    watched = SAMPLE + Table(tuple(plant.state[name] for name in shown))
+    watched = Table() if compact else SAMPLE + Table(tuple(plant.state[name] for name in shown))
     return Task(model, actions, watched, observation, info)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -50,6 +51,17 @@ class Interface:
 
     def __reduce__(self) -> Any:
         return _remade, (type(self), *self._made_with, self.snapshot())
+
+    @property
+    def spec(self) -> Any:
+        """Gymnasium's specification; `max_episode_steps` is that of the environment's own time."""
+        return getattr(self, "_spec", None)
+
+    @spec.setter
+    def spec(self, value: Any) -> None:
+        self._spec = copy(value)
+        if value is not None and value.max_episode_steps is None:
+            self._spec.max_episode_steps = self.setup.decisions
 
     @property
     def layout(self) -> Table:

@@ -188,7 +188,7 @@ def _log(value: Any) -> Any:
 
 def _setup(
     scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None, estimator: str,
-    reward: str, goal_deg: float, time_weight: float,
+    reward: str, goal_deg: float, time_weight: float, dtype: str,
 ) -> Setup:  # fmt: skip
     """Return the setup for the arguments of the classes below."""
     found = chosen_scenario(scenario, vehicle)
@@ -208,7 +208,7 @@ def _setup(
         ranges = replace(ranges, start_speed_mps=COMMANDS[kind].start_speeds)
     task = manoeuvre_task(plant, kind, estimator, reward)
     starts = partial(InnerStarts, inner=inner_loop(plant, estimator))
-    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, starts)
+    return make_setup(found, task, ranges, samples_per_step, duration_s, constants, starts, dtype)
 
 
 def _commanded(scenario: Scenario) -> tuple[Model, str]:
@@ -309,14 +309,15 @@ class ManoeuvreEnv(InertialEnv):
         duration_s: float | None = None, imu: str | None = "random", imu_range: tuple[str, str] = UNITS,
         heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None, initial_error: Range | None = None,
         start_speed_mps: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf",
-        reward: str = "error", goal_deg: float = 0.1, time_weight: float = 1.0, backend: str | None = None,
+        reward: str = "error", goal_deg: float = 0.1, time_weight: float = 1.0, dtype: str = "float64",
+        backend: str | None = None,
         render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(
             imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps
         )  # fmt: skip
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight)
+        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
@@ -330,14 +331,15 @@ class ManoeuvreVectorEnv(InertialVectorEnv):
         initial_error: Range | None = None, start_speed_mps: Range | None = None,
         gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf", reward: str = "error",
         goal_deg: float = 0.1, time_weight: float = 1.0,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, backend: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
+        backend: str | None = None,
         render_mode: str | None = None, max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(
             imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps
         )  # fmt: skip
-        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight)
+        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
             max_episode_steps=max_episode_steps,

@@ -23,7 +23,7 @@ SKY, GROUND, TRUTH, ESTIMATE = "#8fbbe8", "#a98a63", "#1f2a44", "#d1495b"
 def write(setup: Setup, history: History) -> str:
     """Return the present time, true attitude, error and limit as text for a terminal."""
     observation, info = history[-1]
-    lines = [f"time     {float(setup.layout.unpack(observation)['time']):9.2f} s"]
+    lines = [f"time     {setup.time_of(observation):9.2f} s"]
     roll, pitch, heading = np.degrees(attitude.numeric.to_euler(info["q_nb"]))
     lines.append(f"truth    roll {roll:8.3f} deg  pitch {pitch:8.3f} deg  heading {heading % 360.0:8.3f} deg")
     for name in ("error", "limit"):
@@ -67,7 +67,7 @@ def _indicator(axes: Any, setup: Setup, history: History) -> None:
     corners = [level - 3 * along, level + 3 * along, level + 3 * along - 4 * up, level - 3 * along - 4 * up]
     axes.fill(*np.array(corners).T, color=GROUND, lw=0)
     axes.plot(*np.array([level - 3 * along, level + 3 * along]).T, color="white", lw=1.5)
-    if setup.task.actions.names[0] == "estimate_q_nb" and len(history) > 1:
+    if setup.task.actions.names[0] in ("estimate_q_nb", "correction") and len(history) > 1:
         shown = attitude.numeric.to_euler(_estimate(history))
         along, up = np.array([np.cos(shown[0]), -np.sin(shown[0])]), np.array([np.sin(shown[0]), np.cos(shown[0])])
         level = -up * np.clip(shown[1] / np.radians(30.0), -0.9, 0.9)
@@ -104,7 +104,7 @@ def _track(axes: Any, setup: Setup, history: History) -> None:
 def _errors(axes: Any, setup: Setup, history: History) -> None:
     """Draw the magnitude of each error over time, with its limit."""
     step = setup.samples * setup.interval
-    times = np.array([float(setup.layout.unpack(seen)["time"]) for seen, _ in history])
+    times = np.array([setup.time_of(seen) for seen, _ in history])
     axes.set_yscale("log")
     axes.set_xlabel("time, s", fontsize=8)
     axes.set_ylabel("magnitude of the error", fontsize=8)

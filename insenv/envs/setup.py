@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
-from insenv.envs.checks import check_type, check_whole, is_number, refused
+from insenv.envs.checks import check_choice, check_type, check_whole, is_number, refused
 from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import HUGE_ACTION, Task
 from insenv.errors import InputError
@@ -20,6 +20,7 @@ from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.description import MAX_DURATION_S
 
 Array = NDArray[np.float64]
+FLOAT64 = np.dtype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class Setup:
     """Everything that defines an environment.
 
     samples: inertial samples per decision.  decisions: decisions per episode.  interval: time between inertial samples,
-    s.
+    s.  dtype: of observations and actions; the model computes with float64.
     """
 
     scenario: Scenario
@@ -36,6 +37,7 @@ class Setup:
     samples: int
     decisions: int
     interval: float
+    dtype: np.dtype[Any] = FLOAT64
 
     @property
     def layout(self) -> Table:
@@ -46,7 +48,19 @@ class Setup:
         """Return the action space and the observation space of one environment."""
         low, high = self.task.bounds(self.samples)
         size = self.task.actions.size
-        return spaces.Box(-1.0, 1.0, (size,), np.float64), spaces.Box(low, high, dtype=np.float64)
+        kind: Any = self.dtype.type
+        return spaces.Box(-1.0, 1.0, (size,), kind), spaces.Box(low.astype(kind), high.astype(kind), dtype=kind)
+
+    def seen(self, observation: Array) -> Any:
+        """Return observations, slices of a fresh float64 array, in `dtype`."""
+        return observation if self.dtype == np.float64 else observation.astype(self.dtype)
+
+    def time_of(self, observation: Any) -> float:
+        """Return the time since the start of an observation, s."""
+        seen = self.layout.unpack(observation)
+        if "time" in seen:
+            return float(seen["time"])
+        return float(seen["time_share"]) * self.decisions * self.samples * self.interval
 
 
 def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
@@ -66,7 +80,7 @@ def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
 
 def make_setup(
     scenario: Scenario, task: Task, ranges: Ranges, samples_per_step: int, duration_s: float | None,
-    constants: Mapping[str, float], make_starts: Callable[..., Starts] = Starts,
+    constants: Mapping[str, float], make_starts: Callable[..., Starts] = Starts, dtype: str = "float64",
 ) -> Setup:  # fmt: skip
     """Return the setup of a task in a scenario.
 
@@ -75,16 +89,14 @@ def make_setup(
     long.
     """
     samples = check_whole("samples_per_step", samples_per_step)
+    check_choice("dtype", dtype, ("float64", "float32"))
     duration = scenario.duration_s if duration_s is None else duration_s
     step = samples / scenario.rate_hz
     decisions = int(duration / step * (1.0 + 1e-12)) if is_number(duration) and 0.0 < duration <= MAX_DURATION_S else 0
     if decisions < 1:
         raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
     starts = make_starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
-    return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz)
-
-
-FLOAT64 = np.dtype(np.float64)
+    return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(dtype))
 
 
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:

@@ -63,7 +63,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         self._buffer[:] = 0.0
         self._buffer[self.setup.task.watched.size * self.setup.samples :] = runner.output()
         shown = self._buffer.copy()
-        observation, info = shown[: self._observed], self._info(shown)
+        observation, info = self.setup.seen(shown[: self._observed]), self._info(shown)
         if self.history is not None:
             self.history[:] = [(observation, info)]
         return observation, info
@@ -81,7 +81,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         shown = self._buffer.copy()
         terminated, truncated = shown.item(self._terminated) != 0.0, shown.item(self._truncated) != 0.0
         self._over = terminated or truncated
-        observation, info = shown[: self._observed], self._info(shown)
+        observation, info = self.setup.seen(shown[: self._observed]), self._info(shown)
         if self.history is not None:
             self.history.append((observation, info))
         return observation, shown.item(self._reward), terminated, truncated, info

@@ -51,7 +51,7 @@ def check_contract(make: Make) -> None:
     for space in (env.action_space, env.observation_space):
         assert isinstance(space, gymnasium.spaces.Box), f"space {space}: a Box is expected"
         assert np.isfinite(space.low).all() and np.isfinite(space.high).all(), f"space {space} has bounds that are not finite"
-        assert space.dtype == np.float64, f"space {space} is not of float64"
+        assert space.dtype in (np.float64, np.float32), f"space {space} is neither of float64 nor of float32"
     assert np.all(env.action_space.low == -1.0) and np.all(env.action_space.high == 1.0), "actions are not in [-1, 1]"
     observation, info = env.reset(seed=0)
     keys, inside = set(info), env.observation_space.contains(observation)
@@ -177,7 +177,7 @@ def episodes(env: Any, seed: int | None) -> list[Any]:
 def row_of(step: tuple[Any, ...], rows: slice) -> list[Any]:
     """Return some rows of a result of a vector environment's `reset` or `step`."""
     *arrays, infos = step
-    info = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and key != "final_info"}
+    info = {key: value[rows] for key, value in infos.items() if not key.startswith("_") and not key.startswith("final_")}
     return [np.asarray(array)[rows] for array in arrays] + [info]
 
 

@@ -184,7 +184,7 @@ SCORE_INTERVAL = 1.0
 
 def _setup(
     scenario: ScenarioLike, vehicle: str, ranges: Ranges, samples_per_step: int, duration_s: float | None, estimator: str,
-    decades: float, mistuning_decades: float, consistency_weight: float,
+    decades: float, mistuning_decades: float, consistency_weight: float, dtype: str,
 ) -> Setup:  # fmt: skip
     """Return the setup for the arguments of the classes below."""
     found = chosen_scenario(scenario, vehicle)
@@ -201,7 +201,7 @@ def _setup(
     plant = plant_of(found)[0]
     task = tuning_task(plant, estimator)
     starts = partial(InnerStarts, inner=inner_loop(plant, estimator, TUNED), mistuning=mistuning)
-    return make_setup(found, task, ranges, samples, duration_s, constants, starts)
+    return make_setup(found, task, ranges, samples, duration_s, constants, starts, dtype)
 
 
 class TuningEnv(InertialEnv):
@@ -276,7 +276,7 @@ class TuningEnv(InertialEnv):
     - `mistuning_decades`: if above 0, as by default, the filter's noises are wrong by factors 10^u, with u drawn at each
       reset from a uniform distribution between plus and minus that value. With 0 an action of 0 is the data sheet, and there
       is little to learn.
-    - All others, and the options of `reset`: as for `AlignmentEnv`, without `time_weight`.
+    - All others, and the options of `reset`: as for `AlignmentEnv`, without those of its reward, observation and action.
 
     ## Vectorized environment
     `gymnasium.make_vec` makes `TuningVectorEnv`, as for `AlignmentEnv`.
@@ -290,13 +290,22 @@ class TuningEnv(InertialEnv):
         duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
         heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
         gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "loosely-coupled", decades: float = 2.0,
-        mistuning_decades: float = 1.5, consistency_weight: float = 0.5, backend: str | None = None,
+        mistuning_decades: float = 1.5, consistency_weight: float = 0.5, dtype: str = "float64", backend: str | None = None,
         render_mode: str | None = None,
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
         setup = _setup(
-            scenario, vehicle, ranges, samples_per_step, duration_s, estimator, decades, mistuning_decades, consistency_weight
+            scenario,
+            vehicle,
+            ranges,
+            samples_per_step,
+            duration_s,
+            estimator,
+            decades,
+            mistuning_decades,
+            consistency_weight,
+            dtype,
         )
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
@@ -311,13 +320,22 @@ class TuningVectorEnv(InertialVectorEnv):
         initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
         estimator: str = "loosely-coupled", decades: float = 2.0, mistuning_decades: float = 1.5,
         consistency_weight: float = 0.5, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        threads: int = 1, backend: str | None = None, render_mode: str | None = None,
+        threads: int = 1, dtype: str = "float64", backend: str | None = None, render_mode: str | None = None,
         max_episode_steps: int | None = None,
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
         setup = _setup(
-            scenario, vehicle, ranges, samples_per_step, duration_s, estimator, decades, mistuning_decades, consistency_weight
+            scenario,
+            vehicle,
+            ranges,
+            samples_per_step,
+            duration_s,
+            estimator,
+            decades,
+            mistuning_decades,
+            consistency_weight,
+            dtype,
         )
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,

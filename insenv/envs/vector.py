@@ -29,7 +29,8 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
     """Many environments of a task in one batch; its subclasses define the task.
 
     num_envs: number of rows.  autoreset_mode: NEXT_STEP (an ended row restarts on the next step, which ignores its
-    action and gives it reward 0) or DISABLED (``reset(options={"reset_mask": mask})`` restarts the rows of the mask).
+    action and gives it reward 0), SAME_STEP (it restarts within the step; ``infos["final_obs"]`` and ``infos["final_info"]``
+    hold its end) or DISABLED (``reset(options={"reset_mask": mask})`` restarts the rows of the mask).
     threads: worker threads over the rows.  max_episode_steps: truncates as the wrapper TimeLimit does.
     """
 
@@ -41,7 +42,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
     ) -> None:  # fmt: skip
         if render_mode is not None:
             raise refused("render_mode", render_mode, "None; only a single environment is drawn")
-        allowed = (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)
+        allowed = tuple(AutoresetMode)
         mode = next((m for m in AutoresetMode if autoreset_mode in (m, m.value, m.name)), None)
         if mode not in allowed:
             raise refused("autoreset_mode", autoreset_mode, " or ".join(str(m) for m in allowed))
@@ -64,6 +65,18 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         self._inputs = np.tile(task.model.inputs.start_vector(), (self.num_envs, 1))
         self._over: NDArray[np.bool_] | None = None
         self._generators: list[np.random.Generator] = []
+        self._generator_seeds: list[int] = [-1] * self.num_envs
+
+    @property
+    def autoreset_mode(self) -> AutoresetMode:
+        """How ended rows restart."""
+        mode: AutoresetMode = self.metadata["autoreset_mode"]
+        return mode
+
+    @property
+    def np_random_seed(self) -> Any:
+        """Seed of each row's generator, a tuple; -1 where it is not known, as after `restore`."""
+        return tuple(self._generator_seeds)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -82,17 +95,17 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             raise ResetNeeded("reset() with a reset_mask before the first reset() of all rows")
         seeds = self._seeds(seed)
         if not self._generators:
-            self._generators = [seeding.np_random(s)[0] for s in seeds]
+            self._generators, self._generator_seeds = map(list, zip(*(seeding.np_random(s) for s in seeds), strict=True))
         else:
             for i in chosen:
                 if seeds[i] is not None:
-                    self._generators[i] = seeding.np_random(seeds[i])[0]
+                    self._generators[i], self._generator_seeds[i] = seeding.np_random(seeds[i])
         if self._over is None:
             self._over = np.zeros(self.num_envs, dtype=bool)
         self._start(rows, options or None)
         shown = np.zeros((self.num_envs, max(place.stop for place in self._places.values())))
         shown[:, self._outputs] = self._batch.output()
-        return shown[:, : self._observed], self._info(shown)
+        return self.setup.seen(shown[:, : self._observed]), self._info(shown)
 
     def step(self, actions: Array) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
         """Judge each row's action, then advance to the next decision; `autoreset_mode` decides about ended rows."""
@@ -104,19 +117,41 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             raise ResetNeeded(f'rows {over[:8].tolist()} have ended: reset(options={{"reset_mask": mask}}) starts them again')
         task = self.setup.task
         shown = self._batch.cycle(task.judge, task.watched.names, self.setup.samples, self._inputs)
-        if len(over):
-            self._start(over, None)
-            shown[over] = 0.0
-            shown[over, self._outputs] = self._batch.output()[over]
-            score = slice(self._places["reward"].start, self._places["truncated"].stop)
-            shown[over, score] = 0.0  # the new episode has no score yet
-        reward, terminated, truncated = (shown[:, self._places[name].start] for name in ("reward", "terminated", "truncated"))
         self._elapsed += 1
-        self._elapsed[over] = 0
+        if len(over):  # NEXT_STEP: the new episode has no score yet
+            self._show_starts(over, shown)
+            shown[over, self._places["reward"].start : self._places["truncated"].stop] = 0.0
+        reward, terminated, truncated = (shown[:, self._places[name].start] for name in ("reward", "terminated", "truncated"))
         # as the wrapper TimeLimit does for a single environment
         terminated, truncated = terminated != 0.0, (truncated != 0.0) | (self._elapsed >= self._most)
-        self._over = terminated | truncated
-        return shown[:, : self._observed], reward.copy(), terminated, truncated, self._info(shown)
+        self._over, reward = terminated | truncated, reward.copy()
+        final: Infos = {}
+        ended = np.flatnonzero(self._over)
+        if len(ended) and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
+            final = self._final(ended, shown)
+            self._show_starts(ended, shown)
+        return self.setup.seen(shown[:, : self._observed]), reward, terminated, truncated, {**self._info(shown), **final}
+
+    def _show_starts(self, rows: NDArray[np.intp], shown: Array) -> None:
+        """Start rows again and write their first observations into `shown`."""
+        self._start(rows, None)
+        shown[rows] = 0.0
+        shown[rows, self._outputs] = self._batch.output()[rows]
+
+    def _final(self, rows: NDArray[np.intp], shown: Array) -> Infos:
+        """Return the last observations and infos of ended rows, in the form of `gymnasium.vector.SyncVectorEnv`."""
+        ended = np.zeros(self.num_envs, dtype=bool)
+        ended[rows] = True
+        observations = np.full(self.num_envs, None, dtype=object)
+        for row in rows:
+            observations[row] = self.setup.seen(shown[row, : self._observed].copy())
+        infos: Infos = {}
+        for name, values in self._info(shown).items():
+            if name.startswith("_"):
+                infos[name] = ended.copy()
+            else:
+                infos[name] = np.where(ended.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+        return {"final_obs": observations, "_final_obs": ended, "final_info": infos, "_final_info": ended.copy()}
 
     def _start(self, rows: NDArray[np.intp], options: dict[str, Any] | None) -> None:
         if not len(rows):
@@ -174,6 +209,6 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         self._inputs[:] = snapshot.inputs
         self._elapsed[:] = snapshot.elapsed
         self._over = None if snapshot.over is None else snapshot.over.copy()
-        self._generators = [seeding.np_random(0)[0] for _ in snapshot.generators]
+        self._generators, self._generator_seeds = [seeding.np_random(0)[0] for _ in snapshot.generators], [-1] * self.num_envs
         for generator, state in zip(self._generators, snapshot.generators, strict=True):
             generator.bit_generator.state = state

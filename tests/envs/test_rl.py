@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from places import ROOT
 
@@ -28,3 +29,20 @@ def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
     assert found is not None, done.stdout
     gain, error = map(float, found.groups())
     assert gain > 4 * error, done.stdout
+
+
+def test_a_trained_aligner_beats_analytic_on_held_out_seeds(tmp_path):
+    done = subprocess.run(
+        [sys.executable, ROOT / "examples" / "train_aligner.py", "--minutes", "3", "--out", "figure"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=3000,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "figure" / "aligner.png").stat().st_size > 10_000
+    rows = re.findall(r"^(\S+) +(-[\d.]+) \+- ([\d.]+)$", done.stdout, re.M)
+    found = {name: (float(mean), float(error)) for name, mean, error in rows}
+    gain = found["PPO"][0] - found["analytic"][0]
+    assert gain > 4.0 * np.hypot(found["PPO"][1], found["analytic"][1]), done.stdout

@@ -22,6 +22,7 @@ SAID = {  # what each script must print
     "own_estimator.py": ("frozen frame", "q-method"),
     "rank_policies.py": ("quit", "bound"),
     "step_by_step.py": ("90 s", "stated sigma"),
+    "train_aligner.py": ("PPO", "q-method"),
     "train_tuner.py": ("PPO minus untuned", "best fixed factors"),
 }
 
@@ -35,7 +36,7 @@ COMPILES_LONG = {"active_alignment.py", "rank_policies.py"}
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in COMPILES_LONG else ()) for n in sorted(SAID)])
 def test_script(name, tmp_path):
-    if name == "train_tuner.py":
+    if name.startswith("train_"):
         pytest.skip("it trains for minutes: make test-rl runs it")
     if name == "navigate_a_log.py" and find_spec("onavdata") is None:
         pytest.skip("the log is in the package onavdata, which is not installed")

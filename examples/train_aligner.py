@@ -1,0 +1,103 @@
+"""Train PPO to align a swaying ship from twelve moments of gravity, and compare it with estimators on held-out seeds.
+
+python examples/train_aligner.py --minutes 5 --out aligner
+
+Needs stable-baselines3, and matplotlib for the figure of the learning curve.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+
+from insenv.envs import agents
+
+ID = "insenv/ShipAlignment-v0"
+EPISODE = {"samples_per_step": 1000, "initial_error": (20.0, 180.0)}  # 60 steps of 5 s
+COMPACT = {"observation": "compact", "action": "correction", "dtype": "float32"}
+HELD_OUT, SEEDS, ROWS = 1_000_000, 64, 48
+
+
+def scores(policy, **options):
+    """Return the scores of the held-out seeds, -(m of the last estimate + share of the time used)."""
+    venv = gymnasium.make_vec(ID, SEEDS, **EPISODE, **options)
+    observation, info = venv.reset(seed=HELD_OUT)
+    told, total, over = info["measure"], np.zeros(SEEDS), np.zeros(SEEDS, dtype=bool)
+    act = policy(venv)
+    while not over.all():
+        observation, reward, terminated, truncated, info = venv.step(act(observation))
+        total += np.where(over, 0.0, reward)
+        over |= terminated | truncated
+    return total - told
+
+
+def train(minutes, seed):
+    """Return the policy trained for some minutes, and the learning curve: minutes, steps, mean score."""
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from insenv.envs.sb3 import BatchVecEnv
+
+    torch.set_num_threads(1)
+    batch = VecNormalize(BatchVecEnv(ID, ROWS, seed=0, **EPISODE, **COMPACT), gamma=0.95)
+    model = PPO(
+        "MlpPolicy", batch, n_steps=60, batch_size=480, n_epochs=8, gamma=0.95, gae_lambda=0.95, learning_rate=1e-3,
+        policy_kwargs={"net_arch": [64, 64], "log_std_init": -0.7}, seed=seed, device="cpu",
+    )  # fmt: skip
+
+    def policy(venv):
+        def act(observation):
+            return model.predict(batch.normalize_obs(observation), deterministic=True)[0]
+
+        return act
+
+    curve, begun = [], time.perf_counter()
+
+    class Clock(BaseCallback):
+        def _on_rollout_start(self):
+            spent = (time.perf_counter() - begun) / 60.0
+            if spent >= len(curve) * 0.25:
+                curve.append((spent, self.num_timesteps, scores(policy, **COMPACT).mean()))
+                print(f"{spent:5.2f} min {self.num_timesteps:8d} steps: score {curve[-1][2]:7.2f}", flush=True)
+
+        def _on_step(self):
+            return time.perf_counter() - begun < minutes * 60.0
+
+    model.learn(10**9, callback=Clock())
+    return policy, np.array(curve)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, default=5.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=None, help="folder of the figure")
+    arguments = parser.parse_args()
+    policy, curve = train(arguments.minutes, arguments.seed)
+    found = {
+        "analytic": scores(lambda venv: agents.make("analytic", venv).act),
+        "PPO": scores(policy, **COMPACT),
+        "q-method": scores(lambda venv: agents.make("q-method", venv).act),
+    }
+    for name, values in found.items():
+        print(f"{name:10} {values.mean():7.2f} +- {values.std() / np.sqrt(SEEDS):.2f}")
+    if arguments.out is not None:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot(curve[:, 0], curve[:, 2], "o-", ms=3, label="PPO")
+        for name, style in (("analytic", ":"), ("q-method", "--")):
+            axes.axhline(found[name].mean(), ls=style, color="0.3", label=name)
+        axes.set(xlabel="minutes of training", ylabel=f"score, {SEEDS} held-out seeds")
+        axes.legend()
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        figure.savefig(arguments.out / "aligner.png", dpi=120)
+
+
+if __name__ == "__main__":
+    main()
