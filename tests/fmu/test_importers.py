@@ -1,4 +1,4 @@
-"""The models of Reference-FMUs in `insenv.fmu.run`, and our FMUs in its importer fmusim; docs/fmu.md tells how to build both."""
+"""The models of Reference-FMUs in `insenv.fmu.run`, and our FMUs in its importer fmusim; docs/fmu.md builds both."""
 
 import csv
 import os
