@@ -155,7 +155,7 @@ def run(
     time_s, us_per_step = float(found.time[-1]), found.seconds / found.steps * 1e6
     last = dict(zip(found.names, found.values[-1].tolist(), strict=True))
     if as_json:
-        counts = {"fmu": str(fmu), "steps": found.steps, "step_s": found.step, "us_per_step": us_per_step}
+        counts = {"fmu": str(fmu), "steps": found.steps, "step_s": found.step, "us_per_step": us_per_step, "ended": found.ended}
         columns = {"passed_over": found.passed_over, "held": found.held}
         written = None if output is None else str(output)
         print_json({**counts, **columns, "time_s": time_s, "outputs": last, "written": written})

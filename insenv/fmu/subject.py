@@ -168,7 +168,7 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
     """The plant with the estimator behind it, which starts as in `insenv.runs.simulated`."""
     of_plant = {name: value for name, value in settings.items() if not name.startswith(_ESTIMATOR)}
     alone = _plant(scenario, of_plant)
-    if alone.parameters[alone.model.parameters.slice("imu_drop_probability")].any():
+    if alone.model.parameters.unpack(alone.parameters).get("imu_drop_probability", 0.0) > 0.0:
         raise InputError(
             f"scenario {scenario.name!r} loses inertial samples: `insenv run` interpolates over the gap, which needs the next "
             "sample; an FMU does not have it"

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from ctypes import byref
+from zipfile import ZipFile
 
 import fmpy
 import numpy as np
@@ -19,6 +20,7 @@ from places import ROOT
 from insenv import estimators
 from insenv.core.compile import find_compiler
 from insenv.core.runner import make_runner
+from insenv.fmu import export_fmu
 from insenv.fmu.subject import subject
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler found")
@@ -184,6 +186,18 @@ def test_simulate_fmu_gives_the_same_and_the_reference_signals(id, fmi):
         np.testing.assert_array_equal(found[name][::10], reference[name], err_msg=name)
     np.testing.assert_allclose(found["time"][::10], reference["time"], rtol=1e-12)
     assert id != "loosely-coupled" or inputs["gnss_valid"].sum() == 1  # a fix arrived
+
+
+def test_simulate_fmu_takes_all_inputs_of_fmi_3_without_arrays(tmp_path):
+    path = export_fmu("loosely-coupled", tmp_path / "x.fmu", fmi=3, arrays=False)
+    with ZipFile(path) as archive:
+        for name in ("in.csv", "ref.csv"):
+            (tmp_path / name).write_bytes(archive.read(f"extra/org.fmi-standard.fmi-ls-ref/{name}"))
+    inputs, reference = (fmpy.read_csv(str(tmp_path / name)) for name in ("in.csv", "ref.csv"))
+    assert {"dt", "delta_angle[1]", "gnss_valid", "gnss_velocity_n[3]"} <= set(inputs.dtype.names)
+    found = fmpy.simulate_fmu(str(path), input=inputs, output_interval=0.005, stop_time=1.5, validate=False)
+    for name in reference.dtype.names[1:]:
+        np.testing.assert_array_equal(found[name][::10], reference[name], err_msg=name)
 
 
 def test_simulate_fmu_gets_the_reason_for_a_refused_interval():
