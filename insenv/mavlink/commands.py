@@ -60,6 +60,11 @@ def _speed(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     return ACCEPTED, []
 
 
+def _disturb(vehicle: Vehicle, p: Sequence[float]) -> Answer:
+    vehicle.disturb_gnss(p[0], p[1:4])
+    return ACCEPTED, []
+
+
 def _arm(vehicle: Vehicle, p: Sequence[float]) -> Answer:
     vehicle.view.armed = _flag(p[0], "param1")
     return ACCEPTED, []
@@ -141,6 +146,7 @@ ACTIONS: dict[int, _Action] = {
     31011: _gnss,  # MAV_CMD_USER_2
     31012: _pause,  # MAV_CMD_USER_3
     31013: _speed,  # MAV_CMD_USER_4
+    31014: _disturb,  # MAV_CMD_USER_5
     176: _set_mode,  # DO_SET_MODE: param2 the custom mode
     400: _arm,  # COMPONENT_ARM_DISARM
     510: _get_interval,  # GET_MESSAGE_INTERVAL

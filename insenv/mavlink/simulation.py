@@ -17,6 +17,7 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
+from insenv.mavlink.interference import Interference
 from insenv.scenario import Plant, Scenario, build
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
@@ -48,9 +49,9 @@ class Simulation:
 
     truth, estimate: outputs of the plant and of the estimator after the latest sample, by row name (views, overwritten
     by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
-    fixes: their number.  gnss_on: whether the receiver is on.  increments (6): sums of the delta angles (rad) and delta
-    velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up
-    to the latest.
+    fixes: their number.  gnss_on: whether the receiver is on.  interference: what disturbs it, or None.  increments
+    (6): sums of the delta angles (rad) and delta velocities (m/s) that the estimator received.  bridged: number of lost
+    samples; lost_in_a_row: consecutive ones up to the latest.
     """
 
     def __init__(self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None) -> None:
@@ -71,6 +72,8 @@ class Simulation:
         self.fixes = 0
         self.fix: Fix | None = None
         self.gnss_on = True
+        self.interference: Interference | None = None
+        self._delivered = 0
         self.alignments = 1
         self._aligning_since = 0
         self.increments = np.zeros(6)
@@ -127,6 +130,10 @@ class Simulation:
         self.increments += self._increment
         u[self._given[0]] = self._increment[:3]
         u[self._given[1]] = self._increment[3:]
+        if self.has_gnss and truth["gnss_valid"]:
+            self._delivered += 1
+            if self.interference is not None:
+                self.interference.apply(truth, self.time, self.plant.seed, self._delivered)
         u[self._to] = self._y[self._from]
         if self.has_gnss and truth["gnss_valid"]:
             if self.gnss_on:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from insenv.errors import InputError
 from insenv.estimators import Estimator
+from insenv.mavlink.interference import interference
 from insenv.mavlink.manual import LOST_AFTER_S, Sticks
 from insenv.mavlink.messages import MESSAGES, STREAMED, Message, Schedule, View
 from insenv.mavlink.messages.status import error_messages
@@ -142,6 +143,14 @@ class Vehicle:
         if on != self.simulation.gnss_on:
             self.simulation.gnss_on = on
             self.announce("GNSS on" if on else "GNSS off", "warning")
+
+    def disturb_gnss(self, kind: float, values: Sequence[float]) -> None:
+        """Disturb the receiver from now on.  kind, values: see `insenv.mavlink.interference`.  Raises `InputError`."""
+        if not self.simulation.has_gnss:
+            raise InputError("this scenario has no GNSS receiver")
+        self.simulation.interference = interference(kind, values, self.simulation.time)
+        found = self.simulation.interference
+        self.announce("GNSS: " + ("undisturbed" if found is None else found.name), "warning")
 
     def set_paused(self, paused: bool) -> None:
         """Pause or resume the simulation."""

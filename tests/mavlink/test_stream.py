@@ -142,7 +142,7 @@ def test_a_stream_without_a_receiver_reports_it():
     assert (status, err) == (0, "") and f"none sent: no receiver at {to}" in out
 
 
-def until(condition, seconds=20.0):
+def until(condition, seconds=60.0):
     """Wait for a condition."""
     end = time.monotonic() + seconds
     while not condition():
@@ -181,6 +181,33 @@ def test_every_request_to_end_completes_log_and_summary(number, program, tmp_pat
     assert summary["interrupted"] is True and summary["scenario"] == "ship-swaying"
     assert len(logged(tmp_path / "a.tlog")) == sum(summary["sent"].values()) == len(client.frames)
     assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
+def test_a_lockstep_that_waits_for_its_autopilot_is_ended_alike():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = ["stream", "car-city-drive", "--lockstep", "ardupilot-json", "--to", f"udpin:127.0.0.1:{port}", "--json"]
+    running = subprocess.Popen([sys.executable, "-c", PLAIN, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.settimeout(0.2)
+        autopilot.connect(("127.0.0.1", port))
+
+        def answered():
+            try:
+                autopilot.send(struct.pack("<HHI16H", 18458, 200, 0, *[1500] * 16))
+                return autopilot.recv(4096)
+            except (TimeoutError, ConnectionError):
+                time.sleep(0.05)
+                return b""
+
+        until(answered, 60.0)
+    running.terminate()
+    out, err = running.communicate(timeout=30)
+    assert (running.returncode, err) == (0, b"")
+    found = strict(out.decode())
+    assert found["interrupted"] is True and found["progress"]["steps"] == 1
 
 
 @pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX systems")
