@@ -61,8 +61,8 @@ def main():
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
     # the unit and the speed of the scenario, and a goal out of reach: every drive lasts its full time
-    drive = {"imu": None, "start_speed_mps": (12.0, 12.0), "goal_deg": 1e-3}
-    env = gymnasium.make("insenv/Manoeuvre-v0", samples_per_step=200, **drive)
+    fixed = {"imu": None, "start_speed_mps": (12.0, 12.0), "goal_deg": 1e-3}
+    env = gymnasium.make("insenv/Manoeuvre-v0", samples_per_step=200, **fixed)
     found = {}
     for name, pattern in PATTERNS.items():
         runs = [drive(env, pattern, seed) for seed in SEEDS]
