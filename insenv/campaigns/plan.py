@@ -149,7 +149,7 @@ def make_plan(
         estimator=estimator.id,
         runs=int(runs),
         first_seed=scenario.seed if first_seed is None else first_seed,
-        duration_s=scenario.duration_s if duration_s is None else float(duration_s),
+        duration_s=build(scenario, first_seed, duration_s).duration_s,
         variations=tuple(sorted(variations, key=lambda v: v.key)),
     )
     vars(plan)["chosen"] = estimator  # an object that need not be registered

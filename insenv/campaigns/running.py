@@ -21,6 +21,7 @@ from insenv.core.compile import batch_library_path
 from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator
+from insenv.files.output import as_path
 from insenv.plant.feeding import Progress
 from insenv.scenario import ScenarioLike
 
@@ -56,11 +57,15 @@ def campaign(
 
     Raises `InputError` for what is unknown, wrong, or cannot run; `InsenvError` if workers die again and again.
     """
+    if vary is not None and not (isinstance(vary, Mapping) and all(isinstance(key, str) for key in vary)):
+        raise InputError(f"vary = {vary!r}: allowed is a dict of ranges by key of the scenario")
     variations = [Variation(key, *_range(key, limits)) for key, limits in (vary or {}).items()]
     plan = make_plan(scenario, estimator, runs, first_seed=seed, duration_s=duration_s, variations=variations)
     if resume and folder is None:
         raise InputError("resume = True: name the folder that holds the campaign")
-    store = None if folder is None else Folder(folder, plan, resume)
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int)):
+        raise InputError(f"workers = {workers!r}: allowed is a whole number of processes")
+    store = None if folder is None else Folder(as_path("folder", folder), plan, resume)
     return run_campaign(plan, store=store, workers=None if workers is None else processes(workers), progress=progress)
 
 

@@ -10,7 +10,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from insenv.errors import InputError
 from insenv.estimators import Estimator
-from insenv.files.output import atomic, check_output_file
+from insenv.files.output import as_path, atomic, check_output_file
 from insenv.files.resources import fmu_folder
 from insenv.fmu import description
 from insenv.fmu.documentation import page
@@ -48,9 +48,11 @@ def export_fmu(
     Returns the path.  Raises `InputError` for an unknown id, platform or setting, for a value that is not allowed and for a
     file that cannot be written; `InsenvError` if there is no compiler or it fails.
     """
-    output = Path(output)
-    if fmi not in (2, 3):
+    output = as_path("output", output)
+    if fmi not in (2, 3) or not isinstance(fmi, int):
         raise InputError(f"fmi = {fmi!r}: allowed is 2 or 3")
+    if settings is not None and not (isinstance(settings, Mapping) and all(isinstance(name, str) for name in settings)):
+        raise InputError(f"settings = {settings!r}: allowed is a dict of values by name")
     if arrays and fmi == 2:
         raise InputError("arrays with FMI 2: allowed is FMI 3")
     arrays = fmi == 3 if arrays is None else arrays

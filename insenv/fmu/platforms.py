@@ -73,6 +73,8 @@ def host() -> Platform:
 
 def chosen(names: Sequence[str]) -> list[str]:
     """The named platforms without repetition, "host" unresolved.  Raises `InputError` for an unknown name or for none."""
+    if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"platforms = {names!r}: allowed are names of {', '.join(['host', *_ALIASES, *PLATFORMS])}")
     found: list[str] = []
     for name in names:
         if name != "host" and name not in PLATFORMS and name not in _ALIASES:

@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
+from insenv.files.output import as_path
 from insenv.fmu.exporter import check_output, export_fmu, write_archive
 from insenv.fmu.subject import identifier
 from insenv.scenario import ScenarioLike, build, load
@@ -47,7 +48,7 @@ def export_ssp(
     """
     from fmpy import read_model_description
 
-    output, estimator = Path(output), get(estimator)
+    output, estimator = as_path("output", output), get(estimator)
     check_output(output, ".ssp")
     loaded = load(scenario)
     plant = build(loaded, seed=seed)
