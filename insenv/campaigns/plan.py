@@ -19,6 +19,7 @@ from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, ScenarioLike, build, load, parse
+from insenv.scenario.build import seed_and_duration
 
 RECORDS = 120
 """Approximate upper bound of the number of recorded times."""
@@ -149,7 +150,7 @@ def make_plan(
         estimator=estimator.id,
         runs=int(runs),
         first_seed=scenario.seed if first_seed is None else first_seed,
-        duration_s=build(scenario, first_seed, duration_s).duration_s,
+        duration_s=seed_and_duration(scenario, first_seed, duration_s)[1],
         variations=tuple(sorted(variations, key=lambda v: v.key)),
     )
     vars(plan)["chosen"] = estimator  # an object that need not be registered

@@ -80,7 +80,7 @@ class Plant:
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None) -> Plant:
     """The plant of a scenario; `seed` and `duration_s` (None: the scenario's) are checked.  Raises `InputError`."""
-    seed, duration = _run(scenario, seed, duration_s)
+    seed, duration = seed_and_duration(scenario, seed, duration_s)
     model, parameters = plant_of(scenario)
     return _plant(scenario, model, parameters, model.parameters.pack({**parameters, "seed": seed}), seed, duration)
 
@@ -90,7 +90,7 @@ def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
     vector, place = plant.model.parameters.pack(plant.parameters), plant.model.parameters.slice("seed").start
     plants = []
     for number in seeds:
-        vector[place] = seed = _run(plant.scenario, number, plant.duration_s)[0]
+        vector[place] = seed = seed_and_duration(plant.scenario, number, plant.duration_s)[0]
         plants.append(_plant(plant.scenario, plant.model, plant.parameters, vector, seed, plant.duration_s))
     return plants
 
@@ -156,7 +156,7 @@ def _model(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> Model:
     return plant_model(vehicle, sensors)
 
 
-def _run(scenario: Scenario, seed: int | None, duration_s: float | None) -> tuple[int, float]:
+def seed_and_duration(scenario: Scenario, seed: int | None, duration_s: float | None) -> tuple[int, float]:
     """Checked seed and duration (s) of a run."""
     seed = scenario.seed if seed is None else seed
     duration = scenario.duration_s if duration_s is None else duration_s
