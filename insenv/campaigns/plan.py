@@ -51,7 +51,12 @@ class Plan:
 
     def as_json(self) -> dict[str, Any]:
         """Everything on which the results depend, including the version."""
-        return {"insenv": insenv.__version__, **asdict(self), "variations": [asdict(v) for v in self.variations]}
+        return {
+            "insenv": insenv.__version__,
+            **asdict(self),
+            "variations": [asdict(v) for v in self.variations],
+            "equations": self.chosen.model.fingerprint,
+        }
 
     @property
     def digest(self) -> str:

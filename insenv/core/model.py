@@ -15,6 +15,7 @@ random.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -132,6 +133,13 @@ class Model:
             self.outputs.assemble(shown)
             kernels["output"] = _kernel("output", [p, x], self.outputs, shown)
         return kernels
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of the tables and equations: models with the same give the same numbers."""
+        text = "".join(f"{name}{kernel.spans}{kernel.function.serialize()}" for name, kernel in self.kernels.items())
+        tables = (self.parameters, self.state, self.inputs, self.outputs)
+        return hashlib.sha256(f"{[table.rows for table in tables]}{text}".encode()).hexdigest()
 
     @cached_property
     def functions(self) -> dict[str, Any]:

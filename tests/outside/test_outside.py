@@ -123,3 +123,17 @@ def test_an_estimator_says_what_it_lacks():
         insenv.Estimator(model, kind="navigation")
     with pytest.raises(InputError, match="kind = 'filter': allowed is 'alignment' or 'navigation'"):
         insenv.Estimator(model, kind="filter")
+
+
+def test_a_campaign_of_other_equations_under_the_same_id_is_not_resumed(tmp_path):
+    analytic = registered()["analytic"].model
+    own = insenv.Estimator(replace(analytic, id="mine"), kind="alignment")
+    insenv.campaign("static-ecef", own, 2, duration_s=2.0, folder=tmp_path)
+    assert insenv.campaign("static-ecef", own, 2, duration_s=2.0, folder=tmp_path, resume=True).plan.runs == 2
+    turned = replace(
+        own.model, output=lambda p, x: {**analytic.output(p, x), "q_nb": analytic.output(p, x)["q_nb"][[0, 1, 2, 2]]}
+    )
+    with pytest.raises(InputError, match="holds another campaign: it differs in equations"):
+        insenv.campaign(
+            "static-ecef", insenv.Estimator(turned, kind="alignment"), 2, duration_s=2.0, folder=tmp_path, resume=True
+        )
