@@ -13,8 +13,8 @@ from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
-from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import require_matplotlib
 

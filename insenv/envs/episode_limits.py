@@ -13,7 +13,7 @@ from insenv import estimators, geodesy
 from insenv.core.runner import make_runner
 from insenv.envs.task import Task
 from insenv.estimators import SensorNotes
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.plant.feeding import input_rows
 from insenv.scenario import Scenario, build, load
 

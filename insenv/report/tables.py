@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
+from insenv.evaluation.limits import ratio as limit_ratio
+from insenv.evaluation.limits import ratio_bounds
 from insenv.report.run_data import RunData
 
 if TYPE_CHECKING:
@@ -58,6 +60,8 @@ def comparison(report: RunData) -> Iterator[RenderableType]:
     yield Text()
     if any(result.errors for result in report.results):
         yield Text("final: at the end; rms, max: over the statistics' time; limit: theory's 1 sigma", "dim")
+    if report.seed is not None and any(result.errors and result.limit for result in report.results):
+        yield Text(within(1), "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
 
@@ -66,6 +70,12 @@ def facts(report: RunData) -> list[str]:
     """Seed (of a simulation), duration and number of samples."""
     seed = [] if report.seed is None else [f"seed {report.seed}"]
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
+
+
+def within(runs: int) -> str:
+    """The sentence on how far rms/limit varies by chance over so many runs."""
+    low, high = ratio_bounds(runs)
+    return f"rms/limit of an optimal estimator over {runs} run{'s' if runs > 1 else ''}: {low:.2f} to {high:.2f} (95 %)"
 
 
 ERROR_COLUMNS = ("error", "final", "rms", "max", "limit", "rms/limit")
@@ -78,7 +88,7 @@ def error_rows(result: Result) -> list[tuple[str, list[float | None]]]:
     for name in (name for name in CHANNELS if name in result.errors):
         final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
         limit = result.limit.get(name)
-        rows.append((label(name), [final, rms, largest, limit, rms / limit if limit else None]))
+        rows.append((label(name), [final, rms, largest, limit, limit_ratio(rms, limit, name)]))
     return rows
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.reproduce import Quantity
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load

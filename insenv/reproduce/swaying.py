@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.estimators import inertial_fir
 from insenv.estimators.parts.fir import BLOCK_S
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load

@@ -21,9 +21,9 @@ from insenv.estimators import get
 from insenv.estimators import loosely_coupled as lc
 from insenv.estimators.parts import quaternion_error
 from insenv.estimators.parts.quaternion_error import Y
-from insenv.evaluation import limits
 from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
+from insenv.evaluation.limits import closed_forms as limits
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts.eigen import largest_eigenvector
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.plant.feeding import input_rows
 from insenv.scenario import load
 

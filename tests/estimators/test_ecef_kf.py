@@ -11,7 +11,7 @@ from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import ecef_kf, get
 from insenv.estimators.parts import kalman, two_sample
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load
