@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.campaigns.model import Measured, measured_model, predictor
+from insenv.campaigns.model import measured_model
 from insenv.campaigns.plan import Plan
 from insenv.core.batch import Batch, make_batch
 from insenv.errors import InputError
@@ -31,29 +31,21 @@ class StoppedError(Exception):
 def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arrays:
     """Simulate and estimate the runs of block `number` and return their summaries, run by run.
 
-    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `known`
-    (runs, 4): latitude (rad), height (m) and the white noise of gyros and accelerometers that the estimator knows;
-    `wander` (runs, 3), m: standard deviation of the correlated error of the fixes. Raises `InputError` if the parts of
-    the plant differ between runs, `StoppedError` soon after `stopped` returns true.
+    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...). Raises
+    `InputError` if the parts of the plant differ between runs, `StoppedError` soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]
     plants = _plants(plan, seeds, stopped)
     estimator = plan.chosen
     measured = measured_model(plants[0].model, estimator)
-    batch = make_batch(measured.model, len(plants), _parameters(plan, plants, estimator, measured))
+    batch = make_batch(measured.model, len(plants), _parameters(plan, plants, estimator))
     shown = measured.model.outputs.unpack(_records(batch, plan, stopped))
-    known = [plant.knowledge for plant in plants]
-    wander = [np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3) for plant in plants]
     return {
         "seed": np.array(seeds, dtype=np.float64),
         "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
-        "known": np.array([
-            (k.latitude, k.height, k.sensors.angle_random_walk, k.sensors.velocity_random_walk) for k in known
-        ]),
-        "wander": np.array(wander),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
-    }  # fmt: skip
+    }
 
 
 def _records(batch: Batch, plan: Plan, stopped: Stopped) -> NDArray[np.float64]:
@@ -88,7 +80,7 @@ def _plants(plan: Plan, seeds: list[int], stopped: Stopped) -> list[Plant]:
     return plants
 
 
-def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator, measured: Measured) -> NDArray[np.float64]:
+def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator) -> NDArray[np.float64]:
     """Parameters of the campaign's model, one row per run."""
     model = plants[0].model
     place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
@@ -99,9 +91,6 @@ def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator, measured:
             one = model.parameters.pack(plant.parameters)
         one[place] = plant.seed
         parts = [one, own.pack(plant.parameters_of(estimator))]
-        if measured.predicted:
-            unaided = predictor()
-            parts.append(unaided.model.parameters.pack(unaided.parameters(plant.knowledge, rows={"standing_window": 0.0})))
         parts.append(np.array([plan.evaluation_samples, plan.evaluations], dtype=np.float64))
         rows.append(np.concatenate(parts))
     return np.array(rows)

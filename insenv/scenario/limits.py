@@ -20,6 +20,7 @@ from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior
 from insenv.files.output import atomic
 from insenv.scenario.build import Plant, build
+from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
 
 Progress = Callable[[int, int], None]
@@ -28,7 +29,7 @@ TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
 KNOWN = frozenset({"gnss"})
 """Sensors, beside the inertial unit, whose errors the limit knows."""
-WORTH_KEEPING_S = 1.0
+WORTH_KEEPING_S = 0.5
 """A limit that takes longer to compute is kept on disk, beside the compiled models."""
 
 
@@ -61,18 +62,29 @@ def no_limit(plant: Plant) -> str:
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
     """The limit of a plant for which `no_limit` is empty; the same for every seed."""
-    known = plant.knowledge
-    model = plant.model
-    rows = model.parameters.pack({**plant.parameters, "seed": TRAJECTORY_SEED})
-    prior = Prior(
-        attitude=np.array([known.tilt_sigma, known.tilt_sigma, known.heading_sigma]),
-        velocity=np.array(known.velocity_sigma, dtype=float),
-        position=np.array(known.position_sigma, dtype=float),
+    rows = plant.model.parameters.pack(plant.parameters)
+    return limit_along(plant.model, rows, prior_of(plant.scenario.knowledge), plant.samples, plant.in_place, progress)
+
+
+def prior_of(known: KnowledgeSection) -> Prior:
+    """What a scenario tells of the start."""
+    return Prior(
+        attitude=np.radians([known.tilt_sigma_deg, known.tilt_sigma_deg, known.heading_sigma_deg]),
+        velocity=np.array(known.velocity_sigma_mps, dtype=float),
+        position=np.array(known.position_sigma_m, dtype=float),
     )
-    told = np.concatenate([prior.attitude, prior.velocity, prior.position, [plant.samples, float(plant.in_place)]])
+
+
+def limit_along(
+    model: Model, rows: Vector, prior: Prior, samples: int, in_place: bool, progress: Progress | None = None
+) -> Limit:
+    """The limit of a plant with the parameters `rows` (parameters.size,), except the seed, over `samples` samples."""
+    rows = np.array(rows)
+    rows[model.parameters.slice("seed")] = TRAJECTORY_SEED
+    told = np.concatenate([prior.attitude, prior.velocity, prior.position, [samples, float(in_place)]])
     text = f"{_version()}{model.fingerprint}".encode()
     digest = hashlib.sha256(text + rows.tobytes() + told.tobytes()).hexdigest()[:32]
-    return _kept(_Case(digest, model, rows, prior, plant.samples, plant.in_place, progress))
+    return _kept(_Case(digest, model, rows, prior, samples, in_place, progress))
 
 
 @dataclass(frozen=True)
@@ -107,7 +119,7 @@ def _read(path: Path) -> Limit | None:
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-        return Limit(arrays.pop("time"), arrays)
+        return Limit(arrays.pop("time"), arrays.pop("rotation"), arrays)
     except (OSError, ValueError, KeyError, EOFError):
         return None
 
@@ -117,7 +129,7 @@ def _write(path: Path, found: Limit) -> None:
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, exist_ok=True)
         with atomic(path, private=True) as stream:
-            np.savez(stream, allow_pickle=False, time=found.time, **found.sigma)
+            np.savez(stream, allow_pickle=False, time=found.time, rotation=found.rotation, **found.sigma)
 
 
 @cache

@@ -34,11 +34,12 @@ _ORDER = (*ATTITUDE, *VELOCITY, *POSITION)
 class Limit:
     """The smallest standard deviation that any method can have, over the ensemble of units, noises and start errors.
 
-    time (n,) s, rising from 0.  sigma: by channel (`insenv.evaluation.errors.CHANNELS`), (n,) deg, m/s or m, at these times,
-    after everything delivered by then.
+    time (n,) s, rising from 0.  rotation (n, 3): of the attitude as a rotation about north, east and down, rad.  sigma: by
+    channel (`insenv.evaluation.errors.CHANNELS`), (n,) deg, m/s or m.  All at these times, after everything delivered by then.
     """
 
     time: Array
+    rotation: Array
     sigma: dict[str, Array]
 
     def at(self, times: Array) -> dict[str, Array]:
@@ -102,7 +103,7 @@ def bound(
 
 
 def limit_of(time: Array, sigma: Array) -> Limit:
-    """`Limit` from standard deviations (n, 9) of roll, pitch, heading (rad), velocity and position in n."""
-    scaled = sigma * np.repeat([180.0 / np.pi, 1.0, 1.0], 3)
+    """`Limit` from the standard deviations (n, 12) of a `recursion`."""
+    scaled = sigma[:, :9] * np.repeat([180.0 / np.pi, 1.0, 1.0], 3)
     columns = dict(zip(_ORDER, scaled.T, strict=True))
-    return Limit(time, {name: np.ascontiguousarray(columns[name]) for name in CHANNELS})
+    return Limit(time, sigma[:, 9:], {name: np.ascontiguousarray(columns[name]) for name in CHANNELS})

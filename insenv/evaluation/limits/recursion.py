@@ -67,8 +67,8 @@ class Layout:
 
 
 def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable[tuple[Array, Array]]:
-    """Times (m,) and standard deviations (m, 9) of roll, pitch, heading (rad), velocity (m/s) and position (m) in n, block by
-    block; the first time is 0.
+    """Times (m,) and standard deviations (m, 12) of roll, pitch, heading (rad), velocity (m/s), position (m), and of the
+    attitude as a rotation (rad) about the axes n, block by block; the first time is 0.
 
     The covariance at a time is that after everything delivered by then.  A fix is applied at its epoch; up to its delivery
     the recorded covariance is a copy without it.
@@ -105,10 +105,11 @@ class _Filter:
         self.P[NAVIGATION:, NAVIGATION:] = np.diag(variance)
         self.without: Array | None = None  # the covariance without the fix that is not yet delivered
         self.due = 0  # sample of its delivery
-        self.start = np.concatenate([np.minimum(prior.attitude, UNIFORM), prior.velocity, prior.position])[None]
+        rotation = np.sqrt(np.diag(told[PSI, PSI]))
+        self.start = np.concatenate([np.minimum(prior.attitude, UNIFORM), prior.velocity, prior.position, rotation])[None]
 
     def block(self, steps: Steps) -> Array:
-        """The standard deviations (m, 9) after each step."""
+        """The standard deviations (m, 12) after each step."""
         layout, count = self.layout, len(steps.time)
         C_en = earth_axes(steps.latitude, steps.longitude)
         rest = steps.rest if layout.mooring is None else np.zeros(count, dtype=bool)
@@ -239,9 +240,9 @@ def _lever(steps: Steps, arm: Array) -> Array:
 
 
 def _channels(P: Array, steps: Steps, C_en: Array) -> Array:
-    """Standard deviations (m, 9) of roll, pitch, heading, velocity and position from covariances in e."""
+    """Standard deviations (m, 12), as `recursion` gives them, from covariances in e."""
     W = local(steps, C_en)
-    W[:, PSI] = euler_jacobian(steps.q_nb) @ W[:, PSI]
+    W = np.concatenate([euler_jacobian(steps.q_nb) @ W[:, PSI], W[:, DV], W[:, DR], W[:, PSI]], axis=1)
     sigma = np.sqrt(np.maximum(np.sum((W @ P) * W, axis=2), 0.0))
-    sigma[:, :3] = np.minimum(sigma[:, :3], UNIFORM)
+    sigma[:, :3], sigma[:, 9:] = np.minimum(sigma[:, :3], UNIFORM), np.minimum(sigma[:, 9:], UNIFORM)
     return np.asarray(sigma)
