@@ -82,8 +82,8 @@ class AlignmentEnv(InertialEnv):
 
     ## Rewards
     Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the smallest
-    standard deviation that any method can have at the end of the time, docs/limits.md), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20
-    (`info["measure"]`), T the number of steps and w = `time_weight`. Every step gives
+    standard deviation that any method can have at the end of the time, docs/limits.md), m = `ln(1 + sqrt(mean((e /
+    s)^2)))`, at most 20 (`info["measure"]`), T the number of steps and w = `time_weight`. Every step gives
 
         (m of the estimate before) - (m of this estimate) - w / T
 
@@ -162,7 +162,8 @@ class NavigationEnv(InertialEnv):
 
     ## Rewards
     Let e be the error with its nine components, s the limit (`info["limit"]`: the smallest standard deviation that any
-    method can have, docs/limits.md, as root mean square over the episode, up to 600 s), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps. Every step gives
+    method can have, docs/limits.md, as root mean square over the episode, up to 600 s), m = `ln(1 + sqrt(mean((e /
+    s)^2)))`, at most 20, and T the number of steps. Every step gives
     `-m / T`. An invalid estimate (a zero quaternion, or a
     number that is not finite) ends the episode with `-20 * (share of the time left)`. Velocity and position are clipped to
     the space.

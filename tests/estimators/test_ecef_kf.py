@@ -221,8 +221,9 @@ def test_start_attitude_with_errors(q):
 def test_analytic_has_the_error_of_the_biases():
     result = run(load("static-ecef"), ["analytic"], duration_s=60.0).results[0]
     final = result.statistics()["final"]
-    for name, value in final.items():
-        assert abs(value) == pytest.approx(result.limit[name], rel=0.02)
+    biases = np.full(3, np.radians(0.002) / 3600), np.full(3, 2e-4)
+    expected = np.degrees(limits.bias_tilts(*biases, np.radians(45), 0.0))
+    assert list(final.values()) == pytest.approx(expected, rel=0.02)
 
 
 def test_prepare_chooses_the_start():
