@@ -17,11 +17,11 @@ from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
 from insenv.campaigns.variation import Variation
 from insenv.core.compile import batch_library_path
+from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator
 from insenv.files.output import as_path
-from insenv.plant.feeding import Progress
 from insenv.scenario import ScenarioLike
 
 ATTEMPTS = 4
@@ -88,6 +88,7 @@ def run_campaign(
     repeatedly, `InputError` if another process holds the store; finished blocks stay in the store. Ctrl-C ends the
     blocks that run; those that are finished are stored, and the message of the KeyboardInterrupt says how many.
     """
+    check_progress(progress)
     store = Memory() if store is None else store
     with store.held():
         return _run_held(plan, store, workers or threads(), progress)
