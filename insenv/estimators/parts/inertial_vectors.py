@@ -46,6 +46,7 @@ DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butte
 SECTIONS = len(DAMPING)
 FADE_IN = 7.5  # smoothing times
 DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
+CORRELATION = 3.1  # smoothing times over which filtered white noise stays alike: 1 / (2 B), B its noise bandwidth
 LEAST_MEMORY = 30.0  # s: shorter windows would show waves
 LEAST_SIGMA_TIME = 1e-3  # s
 LARGEST_HEADING_SIGMA = math.pi / math.sqrt(3.0)  # rad: heading unknown
