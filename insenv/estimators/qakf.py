@@ -187,7 +187,7 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     average.
     """
     lost = inertial_vectors.DELAY * p.smoothing_time
-    limit = inertial_vectors.stated_sigma(p, x, lost, *(lag * x.time for lag in lags))
+    limit = inertial_vectors.stated_sigma(p, x, x.time, lost, *(lag * x.time for lag in lags))
     # successive residuals are equal over the correlation time of the low-pass, so as many samples count as one
     alike = 1 + inertial_vectors.CORRELATION * p.smoothing_time * x.samples / maximum(x.time, 1e-9)
     C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
