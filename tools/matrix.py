@@ -90,12 +90,21 @@ def main() -> None:
     parser.add_argument("--save")
     asked = parser.parse_args()
     for scenario, id in pairs(asked.scenario or names(), asked.estimator or list(estimators.registered())):
-        if id.startswith("wander"): continue
+        if id.startswith("wander"):
+            continue
         found = judge(scenario, id, asked.runs, asked.seed)
         if asked.save:
             np.savez(f"{asked.save}/{scenario}_{id}.npz", time=found.time, error=found.error, sigma=found.sigma)
         b = found.beyond() * 100
-        print(f"{scenario:27s} {id:18s} " + " ".join(f"{v:5.1f}" for v in b[:9]), "| rms/stated end", " ".join(f"{v:.2f}" for v in found.final_rms() / found.stated()), "| hdg", f"{found.final_rms()[2]:.4f}", "NOTE" if found.notes else "", flush=True)
+        print(
+            f"{scenario:27s} {id:18s} " + " ".join(f"{v:5.1f}" for v in b[:9]),
+            "| rms/stated end",
+            " ".join(f"{v:.2f}" for v in found.final_rms() / found.stated()),
+            "| hdg",
+            f"{found.final_rms()[2]:.4f}",
+            "NOTE" if found.notes else "",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 An alignment in place on a swaying base converges steeply, and nothing that is known in advance shows how large the sway
 is. Its own earlier answers do: they are kept at times that grow by the factor `GROWTH`, and the answer now is compared
-with the last two. The difference of two efficient estimates has the variance that the later one has less than the
+with the last `KEPT`. The difference of two efficient estimates has the variance that the later one has less than the
 earlier one, so a difference of up to `EXPECTED` standard deviations is noise, which is stated already; the rest is
 motion that has not averaged out.
 """
@@ -19,33 +19,30 @@ from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame
 
+KEPT = 2  # answers: one alone may agree by chance
 GROWTH = 1.25  # of the time from one kept answer to the next
 FIRST = 1.0  # s: time of the first kept answer
-EXPECTED = 2.0  # standard deviations
-SETTLED = 1.6  # an answer counts from this multiple of the time that the windows lose: two kept ones are then younger
+EXPECTED = 1.0  # standard deviations
+SETTLED = 1.6  # an answer counts from this multiple of the time that the windows lose
 UNSETTLED_TILT = 0.05  # rad: level before that, from the mean force of a base that sways
 
 STATE = Table((
-    Row("answer_before", "The last kept answer: takes b components at the start to n at the start", "1", (4,), start=(1, 0, 0, 0)),
-    Row("answer_earlier", "The one before it", "1", (4,), start=(1, 0, 0, 0)),
-    Row("time_before", "Time of the last kept answer", "s"),
-    Row("time_earlier", "Time of the one before it", "s"),
+    Row("answers", "The last answers kept, youngest first: take b components at the start to n at the start", "1", (KEPT, 4)),
+    Row("answer_times", "Their times", "s", (KEPT,)),
     Row("answer_due", "1 when the answer is to be kept", "1"),
 ))  # fmt: skip
 
 
 def due(x: Any, time: Any) -> Any:
     """1 if the answer at `time` (s) is to be kept."""
-    return time >= maximum(GROWTH * x.time_before, FIRST)
+    return time >= maximum(GROWTH * x.answer_times[0], FIRST)
 
 
 def kept(x: Any, answer: Any) -> dict[str, Any]:
     """Rows of `STATE` with the answer (4, a unit quaternion) kept."""
     return {
-        "answer_before": answer,
-        "answer_earlier": x.answer_before,
-        "time_before": x.time,
-        "time_earlier": x.time_before,
+        "answers": ca.vertcat(answer.T, x.answers[:-1, :]),
+        "answer_times": ca.vertcat(x.time, x.answer_times[:-1]),
         "answer_due": 0,
     }
 
@@ -58,9 +55,10 @@ def stated(x: Any, answer: Any, lost: Any, sigma: Callable[[Any], Any], unknown:
     """
     now, back = sigma(x.time), frozen_frame.q_n0n(x.half_turn, x.axis_n)
     excess = ca.SX.zeros(3)
-    for then, time in ((x.answer_before, x.time_before), (x.answer_earlier, x.time_earlier)):
-        moved = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, then))
-        excess = maximum(excess, moved**2 - EXPECTED**2 * maximum(sigma(time) ** 2 - now**2, 0.0))
+    for i in range(KEPT):
+        moved = attitude.rotate_inverse(back, attitude.error_rotation_vector(answer, x.answers[i, :].T))
+        expected = EXPECTED**2 * maximum(sigma(x.answer_times[i]) ** 2 - now**2, 0.0)
+        excess = maximum(excess, moved**2 - expected)
     unsettled = ca.logic_and(lost > 0, x.time < SETTLED * lost)
     rough = ca.vertcat(UNSETTLED_TILT, UNSETTLED_TILT, unknown)
     return select(unsettled, maximum(rough, now), ca.sqrt(now**2 + excess))
