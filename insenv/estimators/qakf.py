@@ -31,9 +31,11 @@ r <- (1 - c) r + c max(|e|^2 - trace(H P H^T), |e|^2 / 4) / trace(R / r), c = 10
 
 Accuracy: `qakf-improved` reaches that of the q-method, a sixth of the time later, and is smoother. `qakf` reaches it
 later, the more noise there is: the square of M's own noise enters the information as if it were information on heading,
-so heading errors decay only as (t0 / t)^3, t0 being the time at which the Earth's rotation exceeds that noise. P treats
-correlated residuals as independent, so it is no measure of accuracy: `attitude_sigma` states the limit that the sensors
-set.
+so heading errors decay only as (t0 / t)^3, t0 being the time at which the Earth's rotation exceeds that noise.
+
+Stated accuracy: the limit that the sensors set, and P. P treats successive residuals as independent, but the low-pass
+makes them alike over `inertial_vectors.CORRELATION` smoothing times: as many samples count as one. It takes the square
+of M's noise for information: `SURPLUS`. And it is linear: beyond `LINEAR` of heading it is raised.
 """
 
 from __future__ import annotations
