@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
-from insenv.plant.feeding import Progress
+from insenv.core.progress import Progress
 from insenv.scenario import limit_of, no_limit
 
 Array = NDArray[np.float64]

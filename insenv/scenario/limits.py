@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from insenv.core.compile import cache_folder
 from insenv.core.model import Model
+from insenv.core.progress import Progress, check_progress
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.evaluation import limits
@@ -22,8 +22,6 @@ from insenv.files.output import atomic
 from insenv.scenario.build import Plant, build
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
-
-Progress = Callable[[int, int], None]
 
 TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
@@ -45,6 +43,7 @@ def limit(scenario: ScenarioLike, *, duration_s: float | None = None, progress: 
     It depends neither on the seed nor on an estimator: see docs/limits.md.  Raises `InputError` for what is unknown or wrong,
     and for a scenario with a sensor whose errors are not known.
     """
+    check_progress(progress)
     plant = build(load(scenario), seed=TRAJECTORY_SEED, duration_s=duration_s)
     refusal = no_limit(plant)
     if refusal:
