@@ -99,7 +99,7 @@ class _Case:
     progress: Progress | None = field(compare=False)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=32)
 def _kept(case: _Case) -> Limit:
     path = cache_folder() / "limits" / f"{case.digest}.npz"
     found = _read(path)
