@@ -26,8 +26,8 @@ SWAY_SIGMA = 1e-4
 PLACE_SIGMA = 100.0
 """Standard deviation of the place of a mooring, m: nothing is known of it but what is told of the position."""
 _ANGLES, _DISPLACEMENTS = ("roll", "pitch", "yaw"), ("north", "east", "down")
-_LEAST_AMPLITUDE = 1e-4
-"""Smallest amplitude, m, of a frequency that counts as sway."""
+_LEAST_LENGTH, _LEAST_ANGLE = 1e-4, 1e-4
+"""Smallest amplitudes, m and rad, of a frequency that counts as sway."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,13 @@ class Mooring:
 def mooring_of(rows: Mapping[str, Any]) -> Mooring | None:
     """The sway of a vehicle that stays in place, from a plant's parameters by row name (SI); None if it rests.
 
-    Frequencies are those of the sinusoids (rows ``*_angular_frequency`` and ``*_amplitude``) that move the inertial unit,
-    with their effect on its lever arm.
+    Frequencies are those of all its sinusoids (rows ``*_angular_frequency`` and ``*_amplitude``), of rotations too: a ship
+    that rolls at a frequency moves at it.  Were that frequency left out, the roll would tell accelerometer biases, which turn
+    with the ship, from tilts, which do not.
     """
     arm = float(np.linalg.norm(rows.get("imu_lever_arm_b", 0.0)))
-    found: dict[float, float] = {}  # sum of the amplitudes (m) by angular frequency
+    moved: dict[float, float] = {}  # sum of the amplitudes, m, by angular frequency
+    turned: dict[float, float] = {}  # the same, rad
     for name, value in rows.items():
         bank = name.removesuffix("_angular_frequency")
         if bank == name:
@@ -64,10 +66,12 @@ def mooring_of(rows: Mapping[str, Any]) -> Mooring | None:
         frequencies = np.atleast_1d(np.asarray(value, dtype=float))
         for motion in (*_ANGLES, *_DISPLACEMENTS):
             amplitude = rows.get(f"{motion}_amplitude" if bank == motion else f"{bank}_{motion}_amplitude", 0.0)
-            lengths = np.abs(np.broadcast_to(amplitude, frequencies.shape)) * (arm if motion in _ANGLES else 1.0)
-            for frequency, length in zip(frequencies.tolist(), lengths.tolist(), strict=True):
-                found[frequency] = found.get(frequency, 0.0) + length
-    swaying = {frequency: length for frequency, length in found.items() if length > _LEAST_AMPLITUDE}
-    if np.sqrt(sum((w * length) ** 2 for w, length in swaying.items()) / 2.0) < REST_MPS / 2:
+            sizes = np.abs(np.broadcast_to(amplitude, frequencies.shape)).tolist()
+            for frequency, size in zip(frequencies.tolist(), sizes, strict=True):
+                turns = motion in _ANGLES
+                turned[frequency] = turned.get(frequency, 0.0) + (size if turns else 0.0)
+                moved[frequency] = moved.get(frequency, 0.0) + (arm * size if turns else size)
+    if np.sqrt(sum((w * length) ** 2 for w, length in moved.items()) / 2.0) < REST_MPS / 2:
         return None
-    return Mooring(np.array(sorted(swaying)), float(np.linalg.norm(list(swaying.values()))))
+    swaying = [w for w, length in moved.items() if length > _LEAST_LENGTH or turned[w] > _LEAST_ANGLE]
+    return Mooring(np.array(sorted(swaying)), float(np.linalg.norm(list(moved.values()))))
