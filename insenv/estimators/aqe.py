@@ -40,7 +40,8 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import gnss_fix, rows, strapdown
+from insenv.estimators.parts import gnss_fix, lever_arm, rows, strapdown
+from insenv.estimators.parts.gauss_markov import decays
 from insenv.estimators.parts.increments import compensated
 from insenv.estimators.parts.kalman import measure_joseph
 from insenv.estimators.parts.quaternion_error import (
@@ -54,6 +55,7 @@ from insenv.estimators.parts.quaternion_error import (
     Spread,
     U,
     Y,
+    decayed,
     left,
     process_noise,
     sensitivity,
@@ -81,7 +83,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + rows.FIX_RESIDUALS  # fmt: skip
+)) + lever_arm.MEMORY + rows.FIX_RESIDUALS  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -118,6 +120,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
         "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+        **lever_arm.followed(x, delta_angle / u.dt, u.dt, x.samples == 0),
         "predict_due": select(due, 1.0, 0.0),
     }
 
@@ -126,12 +129,15 @@ def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """The time update over the samples since the last one."""
     P = symmetric.full(x.covariance, N)
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
-    Phi = transition(x, part)
+    Phi = decayed(p, transition(x, part), x.stretch)
+    gyro_decay, accel_decay = decays(p, x.stretch)
     P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb)
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra
     return {
         **_placed(x, x.velocity_w - part.mean[:3], -part.mean[3:]),
+        "gyro_bias": gyro_decay * x.gyro_bias,
+        "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
         **_interval_start(x.q_wb),
     }
@@ -206,14 +212,15 @@ def basis(direction: Any) -> Any:
 def fix_sensitivity(p: Any, x: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
     """Derivative (6x16) of the antenna's position and velocity in w with respect to the error state."""
     q, C_wb = x.q_wb, antenna.C_wb
+    arm_by_rate, swing_by_rate = lever_arm.by_rate(antenna.rate_b, p.antenna_lever_arm, age)
     force_b = C_wb.T @ antenna.specific_force_w
     H = ca.SX(6, N)
     H[:3, POSITION] = H[3:, VELOCITY] = ca.SX.eye(3)
     H[:3, VELOCITY] = -age * ca.SX.eye(3)
     H[:3, DQ] = sensitivity(q, antenna.arm_b + force_b * (age**2 / 2))
     H[3:, DQ] = sensitivity(q, antenna.swing_b - force_b * age)
-    H[:3, GYRO] = age * (C_wb @ attitude.skew(p.antenna_lever_arm))
-    H[3:, GYRO] = -(C_wb @ attitude.skew(p.antenna_lever_arm))
+    H[:3, GYRO] = C_wb @ arm_by_rate
+    H[3:, GYRO] = C_wb @ swing_by_rate
     H[:3, ACCEL] = C_wb * (age**2 / 2)
     H[3:, ACCEL] = -C_wb * age
     return H
@@ -229,7 +236,7 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
     present = gnss_fix.present(u)
     changed, test_ratio = fused(x, innovation, H, variance, present)
-    return {**changed, "innovation": innovation * present, "test_ratio": test_ratio}
+    return {**changed, **lever_arm.lagged(u.gnss_age), "innovation": innovation * present, "test_ratio": test_ratio}
 
 
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:

@@ -138,8 +138,7 @@ def kept_pass(kept, p):
     function = ca.Function("A", [flat], [ca.densify(A)])
     density = np.repeat([0, p["velocity_random_walk"], p["angle_random_walk"], p["gyro_bias_sigma"], p["accel_bias_sigma"]], 3)
     density = density**2
-    density[9:12] *= 2 / p["gyro_correlation_time"]
-    density[12:15] *= 2 / p["accel_correlation_time"]
+    times = np.repeat([p["gyro_correlation_time"], p["accel_correlation_time"]], 3)
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
         covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
@@ -155,7 +154,8 @@ def kept_pass(kept, p):
                 E[i, i] = 1 + given[i, i]
                 Phi = E @ Phi
             transition.append(Phi)
-            noise.append(np.diag(density * rows["last_stretch"][0]))
+            duration = rows["last_stretch"][0]
+            noise.append(np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)]))
             used = rows["scalar_used"] == 1
             scalars.append(Scalars(*(rows[name][used] for name in ("H", "gain", "weight", "left"))))
     return Pass(np.array(transition), np.array(noise), np.array(covariance), scalars)

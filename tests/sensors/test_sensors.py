@@ -34,6 +34,7 @@ TRUTH = {
     "acceleration_n": (3,),
     "q_nb": (4,),
     "rate_eb_b": (3,),
+    "rate_change_b": (3,),
 }
 LEVEL = {"latitude": 0.7, "longitude": 1.9, "height": 50.0, "q_nb": (1.0, 0.0, 0.0, 0.0)}
 
@@ -49,7 +50,7 @@ def plant() -> Model:
     )
     tick = Part(steps={"tick": Step(lambda p, x, u: {"step": x.step + 1})})
     outputs = IMU_STATE + GNSS_STATE
-    parts = [given, imu_part(), gnss_part(lambda p, x: (x.rate_eb_b, x.acceleration_n)), tick]
+    parts = [given, imu_part(), gnss_part(lambda p, x: (x.rate_eb_b, x.rate_change_b, x.acceleration_n)), tick]
     return merge("sensors", "Sensors", parts, outputs, lambda p, x: {n: getattr(x, n) for n in outputs.names})
 
 
@@ -367,12 +368,14 @@ def test_fixes_come_at_their_rate_late_and_once() -> None:
 def test_lever_arm_and_an_epoch_between_samples() -> None:
     arm, rate = np.array([1.5, -0.7, -2.0]), np.array([0.3, -0.2, 0.5])
     velocity, acceleration, tau = np.array([20.0, -5.0, 1.0]), np.array([1.0, 2.0, -0.5]), 0.004
+    change = np.array([0.1, -0.15, 0.1])  # rad/s^2: 1.5 mm/s in tau
     attitude = Rotation.from_rotvec([0.4, -0.2, 1.1])
     x, y, z, w = attitude.as_quat()
-    truth = {"q_nb": (w, x, y, z), "rate_eb_b": rate, "velocity_n": velocity, "acceleration_n": acceleration}
+    truth = {"q_nb": (w, x, y, z), "rate_eb_b": rate, "rate_change_b": change, "velocity_n": velocity}
+    truth["acceleration_n"] = acceleration
 
     def antenna(t: float) -> Any:
-        turned = attitude * Rotation.from_rotvec(rate * t)
+        turned = attitude * Rotation.from_rotvec(rate * t + change * (t * t / 2))
         return velocity * t + 0.5 * acceleration * t**2 + turned.apply(arm)
 
     for offset in (0.0, tau):

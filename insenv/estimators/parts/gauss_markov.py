@@ -1,0 +1,26 @@
+"""Biases as first-order Gauss-Markov processes, stepped exactly over an interval of any length.
+
+    b <- a b + w,   a = exp(-T / time),   variance of w = sigma^2 (1 - a^2)
+
+so that a variance of sigma^2 stays sigma^2. The estimate of the bias decays as the bias does: between measurements the
+best estimate of b(T) is a b(0). Gelb (1974), chapter 3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from insenv.core.elementary import exp
+
+
+def decays(p: Any, duration: Any) -> tuple[Any, Any]:
+    """Factors a of the gyro and of the accelerometer biases over `duration` (s).
+
+    p: rows `gyro_correlation_time`, `accel_correlation_time` (s).
+    """
+    return exp(-duration / p.gyro_correlation_time), exp(-duration / p.accel_correlation_time)
+
+
+def driven_variance(sigma: Any, decay: Any) -> Any:
+    """Variance that the driving noise adds to each component of a bias of standard deviation `sigma`."""
+    return sigma**2 * (1 - decay) * (1 + decay)
