@@ -127,6 +127,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         "mean_pitch": radians(start.pitch_deg),
         **_checked(this, partial(scenario.vehicle.rows, start), model.parameters),
         **scenario.imu.rows(scenario.rate_hz),
+        **scenario.gravity.rows(start),
     }
     for id, section in scenario.sensors.items():
         rows |= _checked(f"sensor {id!r}", partial(section.rows, scenario.rate_hz), model.parameters)
