@@ -1,4 +1,4 @@
-"""Biases as first-order Gauss-Markov processes, stepped exactly over an interval of any length.
+"""Biases as first-order Gauss-Markov processes, stepped over an interval of any length.
 
     b <- a b + w,   a = exp(-T / time),   variance of w = sigma^2 (1 - a^2)
 
@@ -10,7 +10,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from insenv.core.elementary import exp
+
+def decay(duration: Any, time: Any) -> Any:
+    """a over `duration` with the correlation time `time` (s): 1 / exp(duration / time) by its series.
+
+    Within 1e-12 up to a hundredth of the time, 2e-4 up to half of it, and between 0 and 1 for any duration; the variance
+    stays sigma^2 with every a.
+    """
+    x = duration / time
+    return 1 / (1 + x * (1 + x * (1 / 2 + x * (1 / 6 + x / 24))))
 
 
 def decays(p: Any, duration: Any) -> tuple[Any, Any]:
@@ -18,7 +26,7 @@ def decays(p: Any, duration: Any) -> tuple[Any, Any]:
 
     p: rows `gyro_correlation_time`, `accel_correlation_time` (s).
     """
-    return exp(-duration / p.gyro_correlation_time), exp(-duration / p.accel_correlation_time)
+    return decay(duration, p.gyro_correlation_time), decay(duration, p.accel_correlation_time)
 
 
 def driven_variance(sigma: Any, decay: Any) -> Any:
