@@ -40,7 +40,7 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
-from insenv.estimators.parts import gnss_fix, lever_arm, rows, strapdown
+from insenv.estimators.parts import gnss_fix, lever_arm, motion_errors, rows, strapdown
 from insenv.estimators.parts.applicability import linear_start
 from insenv.estimators.parts.gauss_markov import decays
 from insenv.estimators.parts.increments import compensated
@@ -67,7 +67,7 @@ from insenv.estimators.parts.quaternion_error import (
 SPREAD = 3.0  # n + kappa
 _ROOT = 1.7320508075688772
 
-PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + Table((
+PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + rows.FIX_WANDER + rows.MOTION_ERRORS + Table((
     Row("filter_interval", "Longest interval between time updates", "s", start=1.0, lower=0.0, upper=10.0),
 ))  # fmt: skip
 
@@ -84,7 +84,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + lever_arm.MEMORY + rows.FIX_RESIDUALS  # fmt: skip
+)) + rows.SINCE_FIX + lever_arm.MEMORY + rows.FIX_RESIDUALS  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -113,6 +113,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {
         **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
         "dt": u.dt,
+        "since_fix": x.since_fix + u.dt,
         "stretch": stretch,
         "stretch_turn": turn,
         "stretch_velocity": x.stretch_velocity + gained,
@@ -132,7 +133,9 @@ def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
     Phi = decayed(p, transition(x, part), x.stretch)
     gyro_decay, accel_decay = decays(p, x.stretch)
-    P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb)
+    moved = attitude.rotate(x.stretch_q_wb, x.stretch_velocity) + ca.vertcat(0, 0, geodesy.NOMINAL_GRAVITY * x.stretch)
+    motion = motion_errors.variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)
+    P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb, motion)
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra
     return {
@@ -235,9 +238,11 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, x, u.gnss_age, antenna)
     P = symmetric.full(x.covariance, N)[DQ, DQ]
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
+    variance = variance + ca.vertcat(gnss_fix.correlated_variance(p, x.since_fix), ca.SX.zeros(3))
     present = gnss_fix.present(u)
     changed, test_ratio = fused(x, innovation, H, variance, present)
-    return {**changed, **lever_arm.lagged(u.gnss_age), "innovation": innovation * present, "test_ratio": test_ratio}
+    reported = {"innovation": innovation * present, "test_ratio": test_ratio, "since_fix": u.gnss_age}
+    return {**changed, **lever_arm.lagged(u.gnss_age), **reported}
 
 
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:

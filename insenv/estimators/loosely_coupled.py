@@ -22,15 +22,12 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, gnss_fix, lever_arm, rows, standing, strapdown
+from insenv.estimators.parts import applicability, gnss_fix, lever_arm, motion_errors, rows, standing, strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
 from insenv.estimators.parts.gauss_markov import decays, driven_variance
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
-# errors proportional to the motion accumulate in a manoeuvre and reverse in the next: white over one of this size
-COHERENT_ANGLE = 1.0  # rad
-COHERENT_SPEED = 10.0  # m/s
 
 PARAMETERS = (
     rows.AIDED_PARAMETERS
@@ -40,13 +37,8 @@ PARAMETERS = (
             start=5.0, lower=0, upper=1e12),
     ))
     + standing.PARAMETERS
-    + Table((
-        Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
-        Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
-        Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
-        Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
-            lower=0, upper=1.0),
-    ))
+    + rows.FIX_WANDER
+    + rows.MOTION_ERRORS
 )  # fmt: skip
 
 STATE = (
@@ -65,8 +57,8 @@ STATE = (
         Row("stretch_change_w", "Change of velocity over that time", "m/s", (3,), "w"),
     ))
     + standing.STATE
+    + rows.SINCE_FIX
     + Table((
-        Row("since_fix", "Time since the last fix", "s", start=1e9),
         Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     ))
     + lever_arm.MEMORY
@@ -131,11 +123,11 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
     interval = Interval(x.stretch, x.stretch_velocity_w, x.stretch_C_wb, x.omega_ie_w, x.omega_ew_w)
     A = transition(interval, geodesy.NOMINAL_GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
     gyro_decay, accel_decay = decays(p, x.stretch)
-    turned, pushed = ca.sqrt(ca.sumsqr(x.stretch_angle)), ca.sqrt(ca.sumsqr(x.stretch_change_w))
+    by_rotation, by_thrust = motion_errors.variances(p, x.stretch_angle, x.stretch_change_w)
     noise = ca.vertcat(
         ca.SX.zeros(3),
-        ca.repmat(p.velocity_random_walk**2 * x.stretch + p.thrust_error**2 * COHERENT_SPEED * pushed, 3, 1),
-        ca.repmat(p.angle_random_walk**2 * x.stretch + p.rotation_error**2 * COHERENT_ANGLE * turned, 3, 1),
+        ca.repmat(p.velocity_random_walk**2 * x.stretch + by_thrust, 3, 1),
+        ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
         ca.repmat(driven_variance(p.gyro_bias_sigma, gyro_decay), 3, 1),
         ca.repmat(driven_variance(p.accel_bias_sigma, accel_decay), 3, 1),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot
 from typing import Any
 
@@ -50,6 +51,12 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
         notes[f"{triad}_bias_sigma"] = sigma
         notes[f"{triad}_correlation_time"] = 2 * sigma**2 / max(drive, 2 * sigma**2 / CONSTANT)
     return SensorNotes(**notes)
+
+
+def motion_error(rows: Mapping[str, Any], triad: str) -> float:
+    """Scale factor and misalignment of a triad ("gyro", "accel"), 1 sigma, from a unit's rows: error per measured motion."""
+    sigmas = (rows.get(f"{triad}_{name}", 0.0) for name in ("scale_factor_sigma", "misalignment_sigma"))
+    return float(np.hypot(*(np.max(np.abs(sigma)) for sigma in sigmas)))
 
 
 CONSTANT = 1e9

@@ -137,14 +137,17 @@ def decayed(p: Any, Phi: Any, T: Any) -> Any:
     return Phi
 
 
-def process_noise(p: Any, T: Any, q: Any) -> Any:
-    """Covariance (16x16) that the driving white noises add in an interval T (s); q: the attitude at its end."""
+def process_noise(p: Any, T: Any, q: Any, motion: tuple[Any, Any]) -> Any:
+    """Covariance (16x16) that the driving white noises add in an interval T (s); q: the attitude at its end.
+
+    motion: variances of attitude (rad^2) and velocity (m^2/s^2) by errors that are proportional to the motion.
+    """
     Q = ca.SX(N, N)
-    Q[DQ, DQ] = p.angle_random_walk**2 * T / 4 * Y(q) @ Y(q).T
+    Q[DQ, DQ] = (p.angle_random_walk**2 * T + motion[0]) / 4 * Y(q) @ Y(q).T
     gyro_decay, accel_decay = decays(p, T)
     Q[GYRO, GYRO] = ca.SX.eye(3) * driven_variance(p.gyro_bias_sigma, gyro_decay)
     Q[ACCEL, ACCEL] = ca.SX.eye(3) * driven_variance(p.accel_bias_sigma, accel_decay)
-    velocity = p.velocity_random_walk**2 * T
+    velocity = p.velocity_random_walk**2 * T + motion[1]
     Q[VELOCITY, VELOCITY] = ca.SX.eye(3) * velocity
     Q[VELOCITY, POSITION] = Q[POSITION, VELOCITY] = ca.SX.eye(3) * (velocity * T / 2)
     Q[POSITION, POSITION] = ca.SX.eye(3) * (velocity * T * T / 3)
