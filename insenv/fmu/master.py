@@ -17,7 +17,7 @@ import numpy as np
 from insenv.errors import InputError
 from insenv.fmu.instance import Instance, Progress
 from insenv.fmu.running import Outputs, steps_between
-from insenv.fmu.stepping import DOING, STEP, Plan, make_steps
+from insenv.fmu.stepping import DOING, STEP, Plan, make_steps, prepared
 from insenv.fmu.system import System, read_system
 
 
@@ -29,14 +29,15 @@ def run_ssp(
     step: float | None = None,
     stop_time: float | None = None,
     every: int = 1,
+    backend: str | None = None,
     progress: Progress | None = None,
 ) -> Outputs:
     """Run the system of an SSP file (SSP 1.0, one level, FMUs for Co-Simulation) and return the outputs of all components.
 
     The parameter sets (SSV) of the file are applied.  parameters: further values by ``component.name``, set before
     initialization.  step: s; that of the components if None.  stop_time: s; that of the file if None.  every: record after
-    every N steps.  Output names are ``component.variable``.  The steps are made by compiled C, or in Python where there is no C
-    compiler (or INSENV_BACKEND=interpreter).  Raises `InputError` for a file that is not such a system, for one whose
+    every N steps.  backend: "native" (compiled C), "interpreter" (Python), or None: as in `insenv.core.runner.make_runner`.
+    Output names are ``component.variable``.  Raises `InputError` for a file that is not such a system, for one whose
     connections form a ring, and for wrong settings; `InsenvError` if an FMU fails.
     """
     with TemporaryDirectory(prefix="insenv-ssp-") as name, ExitStack() as stack:
@@ -64,9 +65,9 @@ def run_ssp(
             ports[owner].connect(target, ports[source], variable)
         units = {f"{c}.{e}": v.unit for c, part in parts.items() for v in part.outputs for e in v.elements}
         values = np.empty((steps // every, len(units)))
+        block = prepared(Plan(list(ports.values()), values, start_time, step, every), backend)
         begin = time.perf_counter()
-        plan = Plan(list(ports.values()), values, start_time, step, every)
-        done, stopped = make_steps(plan, steps, progress)
+        done, stopped = make_steps(block, steps, progress)
         seconds = time.perf_counter() - begin
         if stopped is not None:
             instance = parts[order[stopped.part]]

@@ -65,9 +65,13 @@ Block = Callable[[int, int], "tuple[int, Stopped | None]"]
 """Function that makes steps: from the first one and their number, the number of those that were completed."""
 
 
-def make_steps(plan: Plan, steps: int, progress: Progress | None) -> tuple[int, Stopped | None]:
+def prepared(plan: Plan, backend: str | None) -> Block:
+    """The steps of a plan by a backend: see `insenv.core.runner.resolve_backend`."""
+    return interpreted(plan) if resolve_backend(backend) == "interpreter" else native(plan)
+
+
+def make_steps(block: Block, steps: int, progress: Progress | None) -> tuple[int, Stopped | None]:
     """Make the steps in blocks; the number of those that were completed, and why they ended early."""
-    block = interpreted(plan) if resolve_backend() == "interpreter" else native(plan)
     done, size = 0, 1
     while done < steps:
         begin = time.perf_counter()

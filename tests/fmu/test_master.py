@@ -35,39 +35,36 @@ def system(request):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_the_outputs_are_bit_identical_to_those_of_a_run(system, backend, monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", backend)
+def test_the_outputs_are_bit_identical_to_those_of_a_run(system, backend):
     path, result = system
     calls = []
-    found = run_ssp(path, stop_time=DURATION, progress=lambda *done: calls.append(done))
+    found = run_ssp(path, stop_time=DURATION, backend=backend, progress=lambda *done: calls.append(done))
     places, named = np.round(result.time / found.step).astype(int) - 1, found.named()
     assert len(places) > 100
     for name, values in result.outputs.items():
         np.testing.assert_array_equal(named[f"estimator.{name}"][places], values, err_msg=name)
     assert calls[-1] == (found.steps, found.steps)
-    seventh = run_ssp(path, stop_time=DURATION, every=7)
+    seventh = run_ssp(path, stop_time=DURATION, every=7, backend=backend)
     np.testing.assert_array_equal(seventh.values, found.values[6::7])
     np.testing.assert_array_equal(seventh.time, found.time[6::7])
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_failed_step_is_reported_with_its_component_and_reason(system, backend, monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", backend)
+def test_a_failed_step_is_reported_with_its_component_and_reason(system, backend):
     with pytest.raises(
         InsenvError, match=r"\.ssp, component estimator: the step failed at step 0, t = 0 s .*allowed is one sample interval"
     ):
-        run_ssp(system[0], stop_time=1.0, step=0.05)
+        run_ssp(system[0], stop_time=1.0, step=0.05, backend=backend)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_component_that_ends_the_simulation_gives_the_rows_until_then(system, backend, monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", backend)
     monkeypatch.setattr(Instance, "ends", lambda self, status: True)
-    whole = run_ssp(system[0], stop_time=0.5)
+    whole = run_ssp(system[0], stop_time=0.5, backend=backend)
     with monkeypatch.context() as patch:
         patch.setattr(stepping, "native", ending_at(system, stepping.native))
         patch.setattr(stepping, "interpreted", ending_at(system, stepping.interpreted))
-        found = run_ssp(system[0], stop_time=0.5, every=4)
+        found = run_ssp(system[0], stop_time=0.5, every=4, backend=backend)
     assert found.ended
     assert not whole.ended
     assert (found.steps, len(found.time)) == (40, 10)
