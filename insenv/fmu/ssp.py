@@ -29,6 +29,8 @@ SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+COMPONENTS = "Components.ssd"
+"""The same system without connectors of its own: libcosim takes connections between components only."""
 PLANT, ESTIMATOR = "plant", "estimator"
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _LIKE = {"Float64": "Real", "Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeration": "Integer"}
@@ -66,8 +68,11 @@ def export_ssp(
         for role, subject in ((PLANT, loaded), (ESTIMATOR, estimator)):
             export_fmu(subject, parts[role], fmi=fmi, arrays=False, platforms=platforms, settings=settings[role])
         read = {role: read_model_description(str(part)) for role, part in parts.items()}
-        ssd = structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s)
-        files = {"SystemStructure.ssd": ssd}
+        shown = [v for v in read[ESTIMATOR].modelVariables if v.causality == "output"]
+        ssd, inner = (
+            structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s, outputs) for outputs in (shown, ())
+        )
+        files = {"SystemStructure.ssd": ssd, COMPONENTS: inner}
         files |= {f"resources/{role}.ssv": parameter_set(role, description) for role, description in read.items()}
         files |= {f"resources/{part.name}": part.read_bytes() for part in parts.values()}
     write_archive(output, files)
@@ -75,10 +80,11 @@ def export_ssp(
     return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": ends.count(ESTIMATOR)}
 
 
-def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes:
+def structure(title: str, plant: Any, estimator: Any, stop_time: float, shown: Sequence[Any]) -> bytes:
     """SystemStructure.ssd of two components; plant, estimator: their model descriptions as FMPy reads them.
 
-    Raises `InputError` if no output of the plant has the name of an input of the estimator, or if their units differ.
+    stop_time: s.  shown: the outputs of the estimator that are outputs of the system.  Raises `InputError` if no output of the
+    plant has the name of an input of the estimator, or if their units differ.
     """
     ElementTree.register_namespace("ssd", SSD)
     ElementTree.register_namespace("ssc", SSC)
@@ -102,8 +108,9 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
     )
     own = [v for v in estimator.modelVariables if v.causality == "output"]
     defined = _defined(plant, estimator)
-    exported = {v.name: _system_name(v.name) for v in own}
-    _connectors(system, own, defined, exported)
+    exported = {v.name: _system_name(v.name) for v in shown}
+    if shown:
+        _connectors(system, shown, defined, exported)
     elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
     # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
@@ -118,7 +125,7 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
             endElement=ESTIMATOR,
             endConnector=variable.name,
         )
-    for variable in own:  # the outputs of the system are those of the estimator
+    for variable in shown:
         ElementTree.SubElement(
             connections,
             f"{{{SSD}}}Connection",
