@@ -14,8 +14,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
-from insenv.fmu.instance import Instance, Progress
+from insenv.fmu.instance import Instance
 from insenv.fmu.running import Outputs, steps_between
 from insenv.fmu.stepping import DOING, STEP, Plan, make_steps, prepared
 from insenv.fmu.system import System, read_system
@@ -40,6 +41,7 @@ def run_ssp(
     Output names are ``component.variable``.  Raises `InputError` for a file that is not such a system, for one whose
     connections form a ring, and for wrong settings; `InsenvError` if an FMU fails.
     """
+    check_progress(progress)
     with TemporaryDirectory(prefix="insenv-ssp-") as name, ExitStack() as stack:
         system = read_system(Path(ssp), Path(name))
         try:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from insenv.core.compile import CompileError, compile_library, find_compiler
+from insenv.core.progress import Progress
 from insenv.core.runner import resolve_backend
 from insenv.files.resources import fmu_folder
-from insenv.fmu.instance import Progress
 from insenv.fmu.ports import Group, Move, Ports, append
 from insenv.fmu.reading import Array
 

@@ -7,10 +7,12 @@ from itertools import zip_longest
 
 import numpy as np
 import pytest
-from fmu_tools import INTERVAL, in_process, plant_outputs
+from fmu_tools import INTERVAL, columns_for, in_process, plant_outputs
 from scipy.io import loadmat
 
+from insenv import estimators
 from insenv.fmu import export_fmu, export_ssp, run, run_ssp
+from insenv.fmu.reading import element_names
 
 PROGRAM = os.environ.get("INSENV_OMSIMULATOR", "")
 pytestmark = pytest.mark.skipif(
@@ -82,6 +84,22 @@ def test_an_ssp_runs_one_step_late_at_the_step_of_its_annotation(fmi, tmp_path):
         np.testing.assert_array_equal(found[f"{prefix}estimator.q_nb[{k + 1}]"][1 : samples + 1], q_nb[:, k])
         # OMSimulator records the outputs of the system before it renews them
         np.testing.assert_array_equal(found[f"{prefix}q_nb_{k + 1}"][2 : samples + 1], q_nb[:-1, k])
+
+
+def test_flags_pass_in_an_ssp(tmp_path):
+    samples = 2000
+    export_ssp("car-city-drive", "loosely-coupled", tmp_path / "car.ssp")
+    found, said = simulated(tmp_path / "car.ssp", samples * INTERVAL, tmp_path)
+    assert found, said
+    columns = columns_for("loosely-coupled", samples)
+    assert columns["gnss_valid"].sum() == 9
+    late = {name: np.concatenate([np.zeros((1, *v.shape[1:])), v[:-1]]) for name, v in columns.items()}
+    wanted = in_process("loosely-coupled", late)
+    table = estimators.get("loosely-coupled").model.outputs
+    for name in ("q_nb", "velocity_n", "latitude"):
+        for element, place in zip(element_names(name, table[name].shape), range(*table.slice(name).indices(99)), strict=True):
+            shown = found[f"car_city_drive.loop.estimator.{element}"][1 : samples + 1]
+            np.testing.assert_array_equal(shown, wanted[:, place], err_msg=element)
 
 
 def test_the_parameter_set_of_an_ssp_is_applied(tmp_path):
