@@ -174,15 +174,17 @@ def navigated(name, gnss=None, imu=None, seeds=(0,), parameters=None, matched=Fa
     scenario = scenario.model_copy(
         update={"gnss": scenario.gnss.model_copy(update=gnss or {}), "imu": scenario.imu.model_copy(update=imu or {})}
     )
+    further = dict(parameters or {})
     for seed in seeds:
         plant = build(scenario, seed=seed, **update)
         if matched:
+            further |= {"rotation_error": 0.0, "thrust_error": 0.0}
             for key in plant.parameters:
                 if "scale_factor" in key or "misalignment" in key:
                     plant.parameters[key] = np.zeros_like(np.asarray(plant.parameters[key], dtype=float))
         columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
         columns["dt"] = np.full(plant.samples, plant.sample_interval)
-        runner = make_runner(estimator.model, {**estimator.parameters(plant.knowledge), **(parameters or {})})
+        runner = make_runner(estimator.model, {**estimator.parameters(plant.knowledge), **further})
         rows = input_rows(estimator.model, columns, plant.samples)
         yield plant, columns, runner, estimator.model.outputs.unpack(runner.run(plant.samples, rows))
 
@@ -229,9 +231,9 @@ def test_covariance_is_consistent_over_seeds():
 
 def test_outliers_are_gated():
     wild = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.05, "outlier_size_m": 50.0}
-    errors = {}
+    errors, plain = {}, {"fix_wander_sigma": np.zeros(3), "rotation_error": 0.0, "thrust_error": 0.0}
     for gate in (0.0, 5.0):
-        options = {"seeds": (2,), "parameters": {"innovation_gate": gate}, "duration_s": 150.0}
+        options = {"seeds": (2,), "parameters": {"innovation_gate": gate, **plain}, "duration_s": 150.0}
         _, columns, runner, y = next(navigated("car-city-drive", wild, **options))
         errors[gate] = np.abs(position_error(columns, y)[12000:]).max()
         assert (runner.state["rejected"] > 0) == (gate > 0)

@@ -126,7 +126,8 @@ def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), s
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     columns["standing"] = np.zeros(plant.samples)
-    return plant, columns, dict(get("smoother").parameters(plant.knowledge))
+    unmoved = {"rotation_error": 0.0, "thrust_error": 0.0}
+    return plant, columns, {**get("smoother").parameters(plant.knowledge), **unmoved}
 
 
 def kept_pass(kept, p):
