@@ -95,7 +95,9 @@ class Plan:
         """Notes on the estimator in the scenario of the first run (`Estimator.notes`)."""
         estimator = self.chosen
         table = estimator.model.parameters
-        found = estimator.notes(table.unpack(table.pack(self.plant.parameters_of(estimator))), self.duration_s)
+        parameters = table.unpack(table.pack(self.plant.parameters_of(estimator)))
+        short = estimator.too_short(parameters, self.duration_s)
+        found = (*((short,) if short else ()), *estimator.notes(parameters, self.duration_s))
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
             found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)
         return found

@@ -83,8 +83,7 @@ def _execute(arguments: list[str]) -> int:
     from insenv.cli.output import quiet_warnings
 
     with quiet_warnings():  # an installed package that is broken gives one
-        work()
-    return DONE
+        return int(work() or DONE)
 
 
 def _report(error: BaseException, as_json: bool) -> int:

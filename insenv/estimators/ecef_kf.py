@@ -35,6 +35,7 @@ lever arm; latitude, longitude and height are those of the fixes, propagated by 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot
 from typing import Any
 
@@ -413,4 +414,11 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     }
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", moving_row="moving", prepare=prepare, applicability=applicability.notes)
+def needs(parameters: Mapping[str, Any]) -> float:
+    """Time (s) of data: that of the coarse alignment, whose result the filter takes."""
+    return float(parameters["coarse_time"])
+
+
+ESTIMATOR = Estimator(
+    MODEL, kind="alignment", moving_row="moving", prepare=prepare, needs=needs, applicability=applicability.notes
+)

@@ -31,6 +31,7 @@ equal.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -46,6 +47,13 @@ DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butte
 SECTIONS = len(DAMPING)
 FADE_IN = 7.5  # smoothing times
 DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
+SETTLING = 25.0
+"""Smoothing times until errors are as small as stated on a swaying base: 100 s of 4 s.
+
+On ship-irregular-sea (seeds 100 to 131) the rms of heading is 2.0 times that stated after 81 s and 1.15 times after 99 s
+with the q-method; with `qakf-improved` 1.15 times after 75 s. A vehicle at rest needs half of it, but nothing given at the
+start tells rest from sway.
+"""
 LEAST_MEMORY = 30.0  # s: shorter windows would show waves
 LEAST_SIGMA_TIME = 1e-3  # s
 LARGEST_HEADING_SIGMA = math.pi / math.sqrt(3.0)  # rad: heading unknown
@@ -81,6 +89,11 @@ def start(p: Any) -> dict[str, Any]:
     """The rows that the place determines."""
     place = frozen_frame.start(p)
     return {"axis_n": place["axis_n"], "rest_force_n": ca.vertcat(0, 0, -place["gravity"])}
+
+
+def needs(parameters: Mapping[str, Any]) -> float:
+    """Time (s) of data until the errors are as small as stated, on a swaying base too."""
+    return SETTLING * float(parameters["smoothing_time"])
 
 
 def carried(p: Any, x: Any, u: Any) -> tuple[dict[str, Any], Any, Any]:
