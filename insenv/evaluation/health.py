@@ -25,13 +25,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Verdict = Literal["consistent", "overconfident", "diverged"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 PROBABILITIES = (0.025, 0.975)
 BLOCKS = 20

@@ -130,13 +130,17 @@ def _navigation_page(figure: Figure, report: RunData, shown: list[str]) -> dict[
     groups = [[name for name in group if name in shown] for group in (ATTITUDE, POSITION, VELOCITY)]
     groups = [group for group in groups if group]
     wide = report.truth.latitude is not None
-    healths = any(r.health is not None for r in report.results)
-    figure.set_size_inches(13.0 if wide else 9.5, 1.4 + 2.2 * len(groups) + 1.7 * healths)
-    mosaic = [[*(group + ["."] * (3 - len(group))), *(["track"] if wide else [])] for group in groups]
-    mosaic += [["health"] * 3 + ["track"] * wide] * healths
-    heights = [2.2] * len(groups) + [1.7] * healths
-    widths = [1, 1, 1, 1.35][: len(mosaic[0])]
-    axes = figure.subplot_mosaic(mosaic, width_ratios=widths, height_ratios=heights)  # type: ignore[arg-type]
+    fixes = any(r.health is not None for r in report.results)
+    figure.set_size_inches(
+        13.0 if wide or fixes else 9.5, 1.4 + 2.2 * len(groups) + 1.6 * (len(groups) == 1 and wide and fixes)
+    )
+    mosaic = [group + ["."] * (3 - len(group)) for group in groups]
+    if wide and fixes:  # on the right the track, and below it the test ratios, one row high
+        rows = mosaic if len(mosaic) > 1 else 2 * mosaic
+        mosaic = [[*row, "track"] for row in rows[:-1]] + [[*rows[-1], "health"]]
+    elif wide or fixes:
+        mosaic = [[*row, "track" if wide else "health"] for row in mosaic]
+    axes = figure.subplot_mosaic(mosaic, width_ratios=[1, 1, 1, 1.35][: len(mosaic[0])])  # type: ignore[arg-type]
     handles: dict[str, Any] = {}
     first: Axes | None = None
     begin = min(float(r.time[0]) for r in report.results)
@@ -156,7 +160,7 @@ def _navigation_page(figure: Figure, report: RunData, shown: list[str]) -> dict[
             else:
                 axis.tick_params(labelbottom=False)
             axis.set_xlim(begin, end)
-    if healths:
+    if fixes:
         handles |= _health(axes["health"], report)
         axes["health"].set_xlim(begin, end)
     if wide:
@@ -240,7 +244,7 @@ def _health(axis: Axes, report: RunData) -> dict[str, Any]:
     axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if largest < 100 * smallest else (1.0,)))
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.yaxis.set_minor_locator(NullLocator())
-    axis.set_title("Innovations of the fixes over their stated sigmas, rms between records (consistent: 1)", loc="left")
+    axis.set_title("Innovations of fixes over their stated sigmas, rms", loc="left")
     axis.set_xlabel("time [s]")
     return handles
 

@@ -57,7 +57,7 @@ def test_the_bounds_hold_the_mean_as_often_as_they_say(rho, least):
         inside += nis.low < nis.mean < nis.high
         white += abs(nis.mean - 1) < 1.96 * np.sqrt(2 / 3600)
     assert inside >= least * 400
-    # with rho 0.9 the variance of the mean is 9.5 times as large: the bounds of independent innovations hold it 47 % of the time
+    # with rho 0.9 the variance of the mean is 9.5 times as large: bounds of independent innovations hold it 47 % of the time
     assert white < 0.55 * 400 or rho < 0.9
 
 

@@ -174,7 +174,7 @@ def test_health_is_in_the_table_and_in_the_document():
 )  # fmt: skip
 def test_the_figure_has_a_panel_of_test_ratios(made):
     figure = draw(made)
-    panel = next(axis for axis in figure.axes if "Innovations of the fixes" in axis.get_title(loc="left"))
+    panel = next(axis for axis in figure.axes if "Innovations of fixes" in axis.get_title(loc="left"))
     (ratios,) = (line.get_ydata() for line in panel.lines if line.get_marker() == ".")
     expected = course(made.results[0].outputs)[0][1:]
     assert panel.get_yscale() == "log"
