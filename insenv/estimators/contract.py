@@ -92,6 +92,8 @@ class Drive:
     whole: bool = True
 
 
+Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]
+"""Of parameters by row name and a duration (s): sentences about where an estimate may not be trusted."""
 Kind = Literal["alignment", "navigation"]
 Motion = Literal["in place", "moving", "any"]
 
@@ -111,8 +113,8 @@ class Estimator:
     moving_row: parameter row that, set to 1, lets an alignment in place work on a moving vehicle with GNSS, or empty.
     prepare: its parameters by row name from what is known.  None: every parameter row that is named like a field of
         `Knowledge` or `SensorNotes`, or ``start_`` and such a name, has its value.
-    needs: ``(parameters by row name) -> s`` of data before which its errors have not settled, so that neither its stated
-        standard deviation nor a limit says anything of them.  None: 0.
+    needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
+        limit.  None: 0.
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
@@ -128,7 +130,7 @@ class Estimator:
     moving_row: str = ""
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
     needs: Callable[[Mapping[str, Any]], float] | None = None
-    applicability: Callable[[Mapping[str, Any], float], tuple[str, ...]] | None = None
+    applicability: Notes | None = None
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
     read_file: Callable[[str], Mapping[str, Any]] | None = None
@@ -252,8 +254,8 @@ class Estimator:
         if duration_s > needed * (1 - 1e-9):
             return ""
         return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then neither its stated sigma nor a "
-            "limit says anything of its errors"
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled, and "
+            "no limit is a measure of them"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

@@ -47,12 +47,13 @@ DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butte
 SECTIONS = len(DAMPING)
 FADE_IN = 7.5  # smoothing times
 DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
+CORRELATION = 3.1  # smoothing times over which filtered white noise stays alike: 1 / (2 B), B its noise bandwidth
 SETTLING = 25.0
-"""Smoothing times until errors are as small as stated on a swaying base: 100 s of 4 s.
+"""Smoothing times until sway no longer dominates the errors on a swaying base: 100 s of 4 s.
 
-On ship-irregular-sea (seeds 100 to 131) the rms of heading is 2.0 times that stated after 81 s and 1.15 times after 99 s
-with the q-method; with `qakf-improved` 1.15 times after 75 s. A vehicle at rest needs half of it, but nothing given at the
-start tells rest from sway.
+On ship-irregular-sea (seeds 100 to 131) the rms of heading is 2.0 times what biases and white noise leave after 81 s, and
+1.15 times after 99 s, with the q-method; with `qakf-improved` 1.15 times after 75 s. A vehicle at rest needs half of it, but
+nothing given at the start tells rest from sway.
 """
 LEAST_MEMORY = 30.0  # s: shorter windows would show waves
 LEAST_SIGMA_TIME = 1e-3  # s
@@ -92,7 +93,7 @@ def start(p: Any) -> dict[str, Any]:
 
 
 def needs(parameters: Mapping[str, Any]) -> float:
-    """Time (s) of data until the errors are as small as stated, on a swaying base too."""
+    """Time (s) of data until sway no longer dominates the errors."""
     return SETTLING * float(parameters["smoothing_time"])
 
 
@@ -142,8 +143,8 @@ def davenport(profile: Any) -> Any:
     return ca.vertcat(ca.horzcat(ca.trace(B), vector.T), ca.horzcat(vector, block))
 
 
-def stated_sigma(p: Any, x: Any, lost: Any, age: Any, mean_age: Any) -> Any:
-    """Stated accuracy (3, rad): the limit that biases and white noise set (`insenv.evaluation.limits`).
+def stated_sigma(p: Any, x: Any, time: Any, lost: Any, age: Any, mean_age: Any) -> Any:
+    """Stated accuracy (3, rad) after `time` seconds: the limit that biases and white noise set.
 
     lost: time that the windows leave out of the run, s. Tilt also has the rotation error of the gyros since the time of
     the estimated vertical: of their bias over `age` (s), of their noise over `mean_age` (s); the mean of a Brownian
@@ -151,7 +152,7 @@ def stated_sigma(p: Any, x: Any, lost: Any, age: Any, mean_age: Any) -> Any:
     the limits of gyro noise (N) and accelerometer noise (V) to within 5 %.
     """
     g, cosine = -x.rest_force_n[2], x.axis_n[0]
-    time = maximum(x.time - lost, LEAST_SIGMA_TIME)
+    time = maximum(time - lost, LEAST_SIGMA_TIME)
     N, V = p.angle_random_walk, p.velocity_random_walk / g
     tilt = p.accel_bias_sigma / g
     drifted = (p.gyro_bias_sigma * age) ** 2 + N**2 * mean_age * (2.0 / 3.0)
