@@ -84,7 +84,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + rows.SINCE_FIX + lever_arm.MEMORY + rows.FIX_RESIDUALS  # fmt: skip
+)) + rows.SINCE_FIX + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -242,7 +242,8 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     present = gnss_fix.present(u)
     changed, test_ratio = fused(x, innovation, H, variance, present)
     reported = {"innovation": innovation * present, "test_ratio": test_ratio, "since_fix": u.gnss_age}
-    return {**changed, **lever_arm.lagged(u.gnss_age), **reported}
+    counted = gnss_fix.counted(x, present, present, test_ratio)  # there is no gate
+    return {**changed, **lever_arm.lagged(u.gnss_age), **counted, **reported}
 
 
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -324,8 +325,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         "position_sigma": sigma(C_nw, POSITION),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
-        "innovation": x.innovation,
-        "test_ratio": x.test_ratio,
+        **{row.name: getattr(x, row.name) for row in rows.FIX_RESIDUALS + rows.FIX_HEALTH},
     }
 
 
