@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
+from insenv.evaluation.health import VERDICTS, Health
 from insenv.evaluation.limits import ratio_bounds
 
 Array = NDArray[np.float64]
@@ -59,6 +60,7 @@ class Statistics:
     limit_note: what must be said of the limit, or empty.
     diverged: seeds of runs with a number that is not finite.
     far: seeds of runs whose rms is `FAR` times the median.
+    health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
     """
 
     plan: Plan
@@ -74,6 +76,7 @@ class Statistics:
     diverged: tuple[int, ...]
     far: tuple[int, ...]
     limit_note: str = ""
+    health: tuple[Health | None, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
 
     @property
@@ -103,6 +106,20 @@ class Statistics:
             }
         return found
 
+    def verdicts(self) -> dict[str, Any] | None:
+        """Share of the runs with a health by verdict, their mean NIS and share of fixes refused; None if no run has one."""
+        known = [one for one in self.health if one is not None]
+        if not known:
+            return None
+        shares: dict[str, float] = {verdict: sum(one.verdict == verdict for one in known) / len(known) for verdict in VERDICTS}
+        fixes, refused = sum(one.fixes for one in known), sum(one.refused for one in known)
+        return {
+            "runs": len(known),
+            **shares,
+            "nis": float(np.mean([one.nis.mean for one in known])),
+            "refused": refused / fixes,
+        }
+
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
         plan, nees = self.plan, None
@@ -129,6 +146,7 @@ class Statistics:
             "errors": self.figures(),
             "limit_ratio_95": list(ratio_bounds(plan.runs - len(self.diverged))) if plan.runs > len(self.diverged) else None,
             "nees": nees,
+            "health": self.verdicts(),
             "diverged": list(self.diverged),
             "far": list(self.far),
             "notes": list(self.notes),

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from insenv.errors import InputError
 from insenv.estimators import SensorNotes
+from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.units import Array
@@ -37,12 +41,26 @@ class Positions:
 class GnssFixes(Positions):
     """Fixes of the antenna at their times of validity.
 
-    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None.
+    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated. Raises
+    `InputError` for a standard deviation that no estimator takes: with 0 a fix would be exact.
     """
 
     position_sigma: Array
     velocity_n: Array | None = None
     velocity_sigma: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position_sigma", "velocity_sigma"):
+            sigma, row = getattr(self, name), FIX_INPUTS[f"gnss_{name}"]
+            if sigma is None:
+                continue
+            bad = np.argwhere((sigma < row.lower) | (sigma > row.upper))
+            if bad.size:
+                at, axis = bad[0]
+                raise InputError(
+                    f"{name} of the fix at {self.time[at]:.10g} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: allowed is "
+                    f"from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
+                )
 
 
 @dataclass(frozen=True)

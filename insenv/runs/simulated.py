@@ -86,7 +86,7 @@ def run(
 def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None) -> Result:
     outputs = follower.named()
     estimator = follower.estimator
-    found = errors(track_of(track.time, outputs), track)
+    found, health = errors(track_of(track.time, outputs), track), follower.health(outputs)
     if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
         limit = None
     from_s = 0.0 if estimator.navigates else 0.75 * float(track.time[-1])
@@ -99,6 +99,8 @@ def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None)
         limit={} if limit is None else {name: value for name, value in limit.rms(track.time, from_s).items() if name in found},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=follower.notes(plant.duration_s),
+        notes=follower.notes(plant.duration_s, health),
+        health=health,
+        settled=not follower.too_short(plant.duration_s),
         limit_sigma={} if limit is None else {name: value for name, value in limit.at(track.time).items() if name in found},
     )

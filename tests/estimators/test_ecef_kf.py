@@ -296,6 +296,7 @@ def test_observation_of_a_fix_against_differences(seed, age):
         "q_eb": C_eb.as_quat(scalar_first=True),
         "velocity_e": rng.normal(size=3) * 10,
         "rate_b": rng.normal(size=3),
+        "rate_change_b": rng.normal(size=3),
         "acceleration_e": rng.normal(size=3),
         "gravity_e": rng.normal(size=3) * 6,
         "fix_velocity_n": rng.normal(size=3) * 10,

@@ -150,6 +150,14 @@ def test_biases_alone_give_the_closed_form():
     assert found.sigma["heading_deg"][-1] == pytest.approx(np.degrees(heading), rel=0.005)
 
 
+def test_a_deflection_of_the_vertical_is_a_tilt():
+    """At rest with a perfect unit: 60 arcsec to the north and 30 to the east."""
+    gravity = {"deflection_north_arcsec": 60.0, "deflection_east_arcsec": 30.0}
+    found = insenv.limit(changed("static-ecef", duration_s=60.0, imu={"grade": "perfect"}, gravity=gravity))
+    assert found.sigma["pitch_deg"][-1] == pytest.approx(60.0 / 3600, rel=0.02)
+    assert found.sigma["roll_deg"][-1] == pytest.approx(30.0 / 3600, rel=0.02)
+
+
 def test_velocity_and_position_without_aiding_grow_as_told():
     """A perfect unit in flight without GNSS, after 60 s: p + v T of the told start, and the tilt's g T^2 / 2."""
     scenario = changed("aircraft-free-inertial", duration_s=60.0, imu={"grade": "perfect"}, vehicle={"legs": []},
@@ -265,6 +273,7 @@ def test_the_errors_of_free_inertial_navigation_have_the_limit():
     """Nothing measured: the limit is the ensemble's rms. 96 units with every error that a scenario can draw."""
     unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,
             "gyro_instability_time_s": 30.0, "gyro_rrw_deg_h_sqrt_h": 20.0, "gyro_scale_factor_sigma_ppm": 300.0,
+            "gyro_flicker_deg_h": 2.0, "accel_flicker_ug": 200.0,
             "gyro_misalignment_sigma_urad": 200.0, "accel_bias_sigma_ug": 100.0, "accel_vrw_ug_sqrt_hz": 200.0,
             "accel_instability_ug": 300.0, "accel_instability_time_s": 20.0, "accel_scale_factor_sigma_ppm": 100.0,
             "accel_misalignment_sigma_urad": 100.0}  # fmt: skip
@@ -305,6 +314,10 @@ CITY = {"duration_s": 60.0, "rate_hz": 100.0, "vehicle": {"engine": []}}
         ("imu", "gyro_arw_deg_sqrt_h", 1.5),
         ("imu", "gyro_instability_deg_h", 50.0),
         ("imu", "gyro_rrw_deg_h_sqrt_h", 100.0),
+        ("imu", "gyro_flicker_deg_h", 20.0),
+        ("imu", "accel_flicker_ug", 5000.0),
+        ("gravity", "deflection_north_arcsec", 300.0),
+        ("gravity", "disturbance_mgal", 1000.0),
         ("imu", "gyro_scale_factor_sigma_ppm", 50_000.0),
         ("imu", "gyro_misalignment_sigma_urad", 50_000.0),
         ("imu", "gyro_g_sensitivity_deg_h_g", 100.0),

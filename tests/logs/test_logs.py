@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from places import ROOT
 
 from insenv.errors import InputError
-from insenv.logs import load
+from insenv.logs import GnssFixes, load
 from insenv.logs.inertial import bridge, missing_samples
 from insenv.logs.readers import read_table
 from insenv.logs.units import axes_matrix
@@ -675,3 +675,14 @@ def test_car_log_lever_arm(car) -> None:
     forward = np.mean(north * np.cos(psi) + east * np.sin(psi))
     right = np.mean(-north * np.sin(psi) + east * np.cos(psi))
     np.testing.assert_allclose([forward, right, -np.mean(fix.height[use] - h)], car.lever_arm_b, atol=0.05)
+
+
+@pytest.mark.parametrize("name, unit", [("position_sigma", "m"), ("velocity_sigma", "m/s")])
+@pytest.mark.parametrize("value", [0.0, -1.0, 1e-9])
+def test_a_fix_with_a_sigma_of_zero_is_refused(name, unit, value):
+    """Also one that is made in Python: an estimator would take such a fix as exact."""
+    three, sigmas = np.ones(3), {"position_sigma": np.ones((3, 3)), "velocity_sigma": np.ones((3, 3))}
+    sigmas[name][1, 2] = value
+    with pytest.raises(InputError) as error:
+        GnssFixes(np.arange(3.0), three, three, three, velocity_n=np.zeros((3, 3)), **sigmas)
+    assert f"{name} of the fix at 1 s, D: {value:g} {unit}: allowed is from 1e-06 to 1e+09 {unit}" in str(error.value)

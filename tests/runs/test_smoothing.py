@@ -16,7 +16,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import get, smoother
 from insenv.estimators.parts import error_model
-from insenv.evaluation.errors import POSITION, VELOCITY, errors
+from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
@@ -126,7 +126,8 @@ def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), s
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     columns["standing"] = np.zeros(plant.samples)
-    return plant, columns, dict(get("smoother").parameters(plant.knowledge))
+    unmoved = {"rotation_error": 0.0, "thrust_error": 0.0}
+    return plant, columns, {**get("smoother").parameters(plant.knowledge), **unmoved}
 
 
 def kept_pass(kept, p):
@@ -138,8 +139,7 @@ def kept_pass(kept, p):
     function = ca.Function("A", [flat], [ca.densify(A)])
     density = np.repeat([0, p["velocity_random_walk"], p["angle_random_walk"], p["gyro_bias_sigma"], p["accel_bias_sigma"]], 3)
     density = density**2
-    density[9:12] *= 2 / p["gyro_correlation_time"]
-    density[12:15] *= 2 / p["accel_correlation_time"]
+    times = np.repeat([p["gyro_correlation_time"], p["accel_correlation_time"]], 3)
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
         covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
@@ -155,7 +155,8 @@ def kept_pass(kept, p):
                 E[i, i] = 1 + given[i, i]
                 Phi = E @ Phi
             transition.append(Phi)
-            noise.append(np.diag(density * rows["last_stretch"][0]))
+            duration = rows["last_stretch"][0]
+            noise.append(np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)]))
             used = rows["scalar_used"] == 1
             scalars.append(Scalars(*(rows[name][used] for name in ("H", "gain", "weight", "left"))))
     return Pass(np.array(transition), np.array(noise), np.array(covariance), scalars)
@@ -267,4 +268,5 @@ def test_the_real_log_smoothed():
     rms = smoothed.statistics()["rms"]
     for channel, bound in {"north_m": 0.35, "east_m": 0.31, "down_m": 0.35, "vn_mps": 0.051, "ve_mps": 0.048}.items():
         assert rms[channel] < bound, channel
-    assert all(smoothed.limit[channel] < aided.limit[channel] for channel in aided.limit)
+    assert set(smoothed.stated()) == set(CHANNELS) and smoothed.limit == aided.limit == {}
+    assert all(smoothed.stated()[channel] < aided.stated()[channel] for channel in CHANNELS)

@@ -104,6 +104,16 @@ FIX_RESIDUALS = Table((
     Row("test_ratio", "Innovation over its standard deviation, in the same order", "1", (6,), "n"),
 ))  # fmt: skip
 
+FIX_HEALTH = Table((
+    Row("fix_count", "Fixes so far", "1"),
+    Row("fix_refused_count", "Fixes so far of which the gate refused a component", "1"),
+    Row("nis_used", "Sum of the squared test ratios of the components used: of position, of velocity", "1", (2,)),
+    Row("nis_used_count", "Number of these components", "1", (2,)),
+    Row("nis_refused", "Sum of the squared test ratios of the components refused: of position, of velocity", "1", (2,)),
+    Row("nis_refused_count", "Number of these components", "1", (2,)),
+))  # fmt: skip
+"""Outputs, and state, of a filter that reports its health (`insenv.evaluation.health`): sums over all fixes so far."""
+
 # GNSS/INS filters: `loosely-coupled`, `smoother`, `aqe-ekf`, `aqe-sukf`
 
 AIDED_PARAMETERS = (
@@ -113,12 +123,22 @@ AIDED_PARAMETERS = (
     + chosen(SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3)
     + LEVER_ARM
 )
+FIX_WANDER = Table((
+    Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
+    Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
+))  # fmt: skip
+MOTION_ERRORS = Table((
+    Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
+    Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
+        lower=0, upper=1.0),
+))  # fmt: skip
+SINCE_FIX = Table((Row("since_fix", "Time since the last fix", "s", start=1e9),))
 AIDED_INPUTS = SAMPLE_INPUTS + FIX_INPUTS + STANDING_INPUT
 AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
     Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),
     ALIGNMENT["attitude_sigma"],
-)) + FIX_RESIDUALS  # fmt: skip
+)) + FIX_RESIDUALS + FIX_HEALTH  # fmt: skip
 STANDING_SIGMA = Table((
     Row("standing_sigma", "Standard deviation of the velocity of a vehicle at rest", "m/s", start=0.02, lower=1e-9, upper=1e3),
 ))  # fmt: skip

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from insenv import attitude
 from insenv.evaluation.limits.steps import Steps
+from insenv.sensors.flicker import PARTS, SIGMA, TIMES
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Unit:
-    """The inertial unit: its sources, its white noise and its temperature.
+    """The inertial unit, with the gravity that it measures: its sources, its white noise and its temperature.
 
     noise (2, 3): white noise of gyros (rad/s^0.5) and accelerometers (m/s^1.5), s.  C_bs (3, 3): from sensor to body axes.
     temperatures: initial, final and reference temperature (K) and time constant (s).
@@ -70,12 +71,15 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         found.append(_source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
         times = np.maximum(row(f"{name}_instability_time", 3), shortest)
         found.append(_source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
+        floor = SIGMA * row(f"{name}_flicker", 3)
+        found += [_source(f"flicker {part}", triad, floor**2, time=np.full(3, TIMES[part])) for part in range(PARTS)]
         found.append(_source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
         matrix = np.zeros(9)
         matrix[[0, 4, 8]] = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
         matrix[list(_OFF_DIAGONAL)] = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
         found.append(_source("matrix", triad, matrix))
     found.append(_source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
+    found.append(_source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
     found.append(_source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
     q_bs = np.asarray(rows.get("q_bs", (1.0, 0.0, 0.0, 0.0)), dtype=float)
     white = [
@@ -120,6 +124,8 @@ def entering(source: Source, unit: Unit, steps: Steps, force: Array) -> Array:
     force (m, 3, 3, 3): as `Steps.force`; at rest that of gravity alone.
     """
     found = np.zeros((len(steps.time), 6, source.place.size))
+    if source.name == "gravity":  # the estimate lacks it
+        found[:, 3:] = -np.eye(3)[:, source.place] * steps.length[:, None, None]
     if source.triad is None:
         return found
     for triad in (0, 1) if source.triad == 2 else (source.triad,):
@@ -129,7 +135,7 @@ def entering(source: Source, unit: Unit, steps: Steps, force: Array) -> Array:
 
 
 def _columns(source: Source, unit: Unit, steps: Steps, increments: Array, force: Array) -> Array:
-    if source.name in ("bias", "in-run bias"):
+    if source.name in ("bias", "in-run bias") or source.name.startswith("flicker"):
         columns = steps.C_ns
     elif source.name == "thermal bias":
         initial, final, reference, constant = unit.temperatures
