@@ -38,11 +38,12 @@ def result(estimator="loosely-coupled", channels=CHANNELS, size=0.01, **more):
         "errors": errors,
         "sigma": {name: np.full(200, 2 * size) for name in channels},
         "limit": dict.fromkeys(channels, size),
-        "limit_sigma": {name: np.full(200, size) for name in channels},
         "from_s": 75.0,
         "us_per_sample": 0.4321,
     }
-    return Result(estimator, **{**values, **more})
+    values = {**values, **more}
+    limits = {name: np.full(len(values["time"]), size) for name in channels} if values["limit"] else {}
+    return Result(estimator, **{"limit_sigma": limits, **values})
 
 
 def report(*results, **more):
@@ -167,9 +168,9 @@ def test_health_is_in_the_table_and_in_the_document():
     [
         report(of_health(refused_share=0.1), result("wander-sins")),
         report(of_health(ratio=300.0)),
-        report(replace(of_health(), errors={}, sigma={}, limit={}), truth=Track(TIME), seed=None),
+        report(replace(of_health(), errors={}, sigma={}, limit={}, limit_sigma={}), truth=Track(TIME), seed=None),
         report(replace(of_health(), time=TIME[:2], outputs={n: v[:2] for n, v in of_health().outputs.items()},
-                       errors={n: v[:2] for n, v in result().errors.items()}, sigma={}), truth=Track(TIME[:2])),
+                       errors={n: v[:2] for n, v in result().errors.items()}, sigma={}, limit_sigma={}), truth=Track(TIME[:2])),
     ],
     ids=["refused", "far", "no reference", "two records"],
 )  # fmt: skip
