@@ -12,6 +12,7 @@ from insenv.logs import kf_gins
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
 from insenv.logs.inertial import InertialSamples, implausible, increments, nominal_interval
+from insenv.logs.motion import rest_until
 from insenv.logs.readers import TextTable
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
 from insenv.logs.units import ANGLE_UNITS, Array, wrap
@@ -30,6 +31,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
                 f"{name}: its times {table.time[0]:.3f} to {table.time[-1]:.3f} s do not overlap the imu's"
                 f" {span[0]:.3f} to {span[1]:.3f} s; check time_unit and time_offset_s of both"
             )
+    description = _with_rest(description, imu, gnss, reader.notes)
     return RecordedLog(
         **vars(imu),
         gnss=gnss,
@@ -39,6 +41,18 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         notes=tuple(reader.notes),
         description=description,
     )
+
+
+def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixes | None, notes: list[str]) -> LogDescription:
+    """The description with the end of the time at rest, as the log shows it if the description does not state it."""
+    initial = description.initial
+    if initial.static_until_s is not None:
+        return description
+    dt = imu.dt[:, None]
+    until = rest_until(imu.imu_time, imu.delta_angle / dt, imu.delta_velocity / dt, gnss, initial.static_from_s)
+    if until is None:
+        return description
+    return description.model_copy(update={"initial": initial.model_copy(update={"static_until_s": until})})
 
 
 def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:

@@ -17,9 +17,10 @@ from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.metadata import checksum
 from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
-from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
+from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW
 from insenv.mavlink.wire.further import DEFINITIONS
 from insenv.scenario import build, load
+from insenv.sensors.short_names import LONGEST_NAME, elements
 from insenv.vehicles import AircraftSection, CarSection, ShipSection
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
@@ -136,7 +137,7 @@ def test_all_parameters_are_sent_as_real32_with_short_names():
 def test_every_estimator_and_plant_has_names_for_its_parameters():
     plants = [("S", build(load(name)).model) for name in ("ship-irregular-sea", "car-city-drive", "aircraft-survey")]
     for prefix, model in [*plants, *(("E", e.model) for e in estimators.registered().values())]:
-        ids = [name for _, _, name in elements(prefix, model, model.parameters.names)]
+        ids = [name for _, _, name in elements(prefix, model.parameters, model.parameters.names)]
         assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST_NAME and name.isascii() for name in ids)
 
 
