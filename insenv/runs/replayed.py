@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
+from insenv.evaluation.contradiction import contradiction_notes
 from insenv.evaluation.errors import Result, Track, errors, rms, stated_sigma, track_of
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, load
@@ -241,5 +242,5 @@ def _result(follower: Follower, reference: Track, times: Array, from_s: float, t
         limit=rms(sigma, late) if late.any() else {},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
-        notes=notes,
+        notes=(*notes, *contradiction_notes(times, outputs)),
     )

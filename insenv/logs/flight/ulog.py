@@ -31,6 +31,8 @@ from insenv.logs.units import Array
 
 MAGIC = b"ULog\x01\x12\x35"
 _HEADER_BYTES = 16
+_APPENDED = slice(_HEADER_BYTES + 3 + 16, _HEADER_BYTES + 3 + 40)
+"""Where the flag bits, the first message, give the offsets of appended data."""
 _MESSAGES = frozenset(b"ABCDFILMOPQRS")
 """Kinds of messages, by the letter after the size."""
 _SYNC = ord("S")
@@ -59,9 +61,10 @@ def read_ulog(label: str, data: bytes) -> Flight:
         from pyulog import ULog
     except ModuleNotFoundError:
         raise InputError(f"{label}: pyulog is not installed: {install_package('pyulog')}") from None
+    whole, damage = whole_messages(data)
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it skips
-            log = ULog(_Advancing(data), _TOPICS)
+            log = ULog(_Advancing(whole), _TOPICS)
     except Exception as error:  # a damaged file can raise any exception
         raise InputError(f"{label}: not readable as a PX4 ULog file: {error or type(error).__name__}") from None
     topics = {(d.name, d.multi_id): d.data for d in log.data_list if len(d.data["timestamp"])}
@@ -78,8 +81,8 @@ def read_ulog(label: str, data: bytes) -> Flight:
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in total")
-    notes += damage(data)
-    if log.file_corruption and not damage(data):
+    notes += damage
+    if log.file_corruption and not damage:
         notes.append("the file is damaged: its readable part is used")
     rows = sum(len(table["timestamp"]) for table in topics.values())
     parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
@@ -92,27 +95,33 @@ FORMAT = FlightFormat(
 )
 
 
-def damage(data: bytes) -> list[str]:
-    """Notes on a file that is cut off in a message, or that holds bytes that are no message.
+def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
+    """The file with its whole messages only, and notes on what it lacks: its end, or bytes that are no message.
 
-    A ULog file has no checksums: values that are wrong within whole messages cannot be found.
+    pyulog stops at some bytes that are no message. A ULog file has no checksums: values that are wrong within whole messages
+    cannot be found.
     """
-    notes = []
-    at, lost, places, end = _HEADER_BYTES, 0, 0, len(data)
+    notes: list[str] = []
+    pieces, begin, at, lost, places, end = [], 0, _HEADER_BYTES, 0, 0, len(data)
     while at + 3 <= end:
         size, kind = int.from_bytes(data[at : at + 2], "little"), data[at + 2]
         if kind not in _MESSAGES or (kind == _SYNC and data[at + 3 : at + 11] != _SYNC_BYTES):
             found = _resumed(data, at + 1)
-            lost, places, at = lost + found - at, places + 1, found
+            pieces.append(data[begin:at])
+            lost, places, at, begin = lost + found - at, places + 1, found, found
         elif at + 3 + size > end:
             break
         else:
             at += 3 + size
     if at < end:
-        notes.append(f"the file is cut off in a message, {end - at} bytes before its end: what was logged later is missing")
+        notes.append(
+            f"the file is cut off: of its last message only {end - at} bytes are there, and what was logged later is missing"
+        )
     if lost:
         notes.append(f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are no messages: skipped")
-    return notes
+    if not lost or any(data[_APPENDED]):  # the places of appended data are offsets into the file
+        return data, notes
+    return b"".join([*pieces, data[begin:at]]), notes
 
 
 def _resumed(data: bytes, at: int) -> int:
