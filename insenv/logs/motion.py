@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv import geodesy
+from insenv.logs.course import NO_INFORMATION
 from insenv.logs.recorded import GnssFixes, RecordedLog
 from insenv.logs.units import Array
 
@@ -84,6 +85,8 @@ def rest_until(
 def _has_speed(gnss: GnssFixes, velocity_n: Array, begin: float, end: float) -> bool:
     """Whether a velocity from `begin` to `end` (s) shows motion."""
     now = (gnss.time >= begin) & (gnss.time <= end)
+    if gnss.velocity_sigma is not None:
+        now &= gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
     return bool(now.any() and np.hypot(*velocity_n[now, :2].T).max() > REST_SPEED)
 
 
@@ -147,7 +150,7 @@ def _ground_track(log: RecordedLog, begin_s: float, end_s: float) -> tuple[Array
 def _mean_velocity(
     time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float
 ) -> tuple[Array, Array, Array] | None:
-    inside = (time >= begin_s) & (time <= end_s)
+    inside = (time >= begin_s) & (time <= end_s) & (sigma[:, :2].max(axis=1) < NO_INFORMATION)
     if not inside.any():
         return None
     time, velocity, sigma = time[inside], velocity[inside, :2], sigma[inside, :2].max(axis=1)

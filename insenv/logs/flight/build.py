@@ -18,10 +18,11 @@ from insenv.logs.flight.formats import SUFFIXES, format_of
 from insenv.logs.flight.parameters import lever_arm, settings, unit_rows
 from insenv.logs.flight.segments import longest, only, rows_of
 from insenv.logs.flight.series import AnySeries, FixSeries, Flight, FlightFormat, ImuSeries, SolutionSeries
-from insenv.logs.inertial import implausible, increments, nominal_interval
+from insenv.logs.inertial import implausible, increments
 from insenv.logs.motion import rest_until
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, Source
 from insenv.logs.resources import read_bytes
+from insenv.logs.sampling import sampling
 from insenv.logs.units import Array, wrap
 
 USABLE_HZ = 20.0
@@ -42,9 +43,10 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     flight = _read(form, label, data)
     notes = list(flight.notes)
     imu, part = _imu(label, form, flight, description, notes)
-    interval = nominal_interval(imu.time, None, f"{label}: {imu.name}")
+    sampled = sampling(imu.time, None, imu.name)
+    notes += sampled.notes
     samples = np.hstack([imu.rate_ib_b, imu.specific_force_b])
-    inertial = increments(imu.time, samples, interval, "rate", imu.stamp, description.max_gap_s)
+    inertial = increments(imu.time, samples, sampled, "rate", imu.stamp, description.max_gap_s, imu.name)
     notes += implausible(inertial)
 
     fixes = _chosen(label, "gnss", flight.fixes, description.gnss)

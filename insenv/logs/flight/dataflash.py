@@ -17,16 +17,15 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
+from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.series import (
     FIX_3D,
-    NO_INFORMATION,
     FixSeries,
     Flight,
     FlightFormat,
     ImuSeries,
     Place,
     SolutionSeries,
-    course_velocity,
     instance_name,
     interpolated_angles,
     nearest_rows,

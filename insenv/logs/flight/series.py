@@ -14,8 +14,6 @@ import numpy as np
 from insenv.logs.recorded import GnssFixes, Reference
 from insenv.logs.units import Array
 
-NO_INFORMATION = 100.0
-"""Standard deviation (m/s) of a velocity component that a log does not hold."""
 FIX_3D = 3
 """Fix type of a position fix in three dimensions, in every format."""
 UNIX_US = 10**14
@@ -128,11 +126,6 @@ def three_sigmas(horizontal: Array, vertical: Array) -> Array:
     stated = (horizontal > 0).all() and (vertical > 0).all()
     sigma = np.stack([horizontal, horizontal, vertical], axis=1)
     return sigma if stated else np.full(sigma.shape, np.nan)
-
-
-def course_velocity(speed: Array, course: Array, down: Array) -> Array:
-    """Velocity (n, 3) m/s, NED, from speed over ground (m/s), course (rad) and downward velocity (m/s)."""
-    return np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=1)
 
 
 def interpolated_angles(at: Array, time: Array, angles: Sequence[Array]) -> tuple[Array, Array, Array]:

@@ -14,10 +14,10 @@ import numpy as np
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
+from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.records import TelemetryLog, messages
 from insenv.logs.flight.series import (
     FIX_3D,
-    NO_INFORMATION,
     UNIX_US,
     FixSeries,
     Flight,
@@ -25,7 +25,6 @@ from insenv.logs.flight.series import (
     ImuSeries,
     Place,
     SolutionSeries,
-    course_velocity,
     interpolated_angles,
     nearest_rows,
     three_sigmas,
