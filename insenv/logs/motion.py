@@ -34,14 +34,14 @@ SMOOTH_S = 10.0
 """Time that a vehicle may move unnoticed before its fixes show it (s)."""
 
 TRAVEL_WINDOW_S = 10.0
-"""Travel is averaged over this time, which is longer than the periods of waves."""
+"""Medians over this time count, which is longer than the periods of waves."""
 TRAVEL_SPEED = 1.0
-"""Mean speed over ground (m/s) above which a vehicle travels; a vessel that swings at its mooring is slower."""
+"""Speed over ground (m/s) above which a vehicle travels; a vessel that swings at its mooring is slower."""
 
 
 @dataclass(frozen=True)
 class Travel:
-    """What a log shows of travel over the ground: time (s) of the first window that shows it, mean speed there (m/s)."""
+    """What a log shows of travel over the ground: time (s) of the first window that shows it, speed there (m/s)."""
 
     time: float
     speed: float
@@ -114,14 +114,14 @@ def _left_at(gnss: GnssFixes, since: float, begin: float, end: float) -> float |
 def travel(log: RecordedLog, begin_s: float, end_s: float) -> Travel | None:
     """The first travel over the ground between two times (s), by the fixes or else by the reference; None if there is none.
 
-    The speed is the mean over `TRAVEL_WINDOW_S`: of the velocities, or of the way between positions, less what
-    their standard deviations explain.
+    The speed is that of the median velocity over `TRAVEL_WINDOW_S`, or of the way between median places; what their
+    standard deviations explain does not count.
     """
     found = _ground_track(log, begin_s, end_s)
     if found is None:
         return None
-    time, mean_velocity, sigma = found
-    speed = np.hypot(mean_velocity[:, 0], mean_velocity[:, 1])
+    time, velocity, sigma = found
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
     at = np.flatnonzero(speed > TRAVEL_SPEED + LEAVES * sigma)
     return Travel(float(time[at[0]]), float(speed[at[0]])) if at.size else None
 
@@ -132,46 +132,51 @@ def shows_travel(log: RecordedLog, begin_s: float, end_s: float) -> bool:
 
 
 def _ground_track(log: RecordedLog, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
-    """Middle (k,) s, mean velocity (k, 2) m/s and its standard deviation (k,) of windows; None if nothing shows them."""
+    """Middle (k,) s, median velocity (k, 2) m/s and its standard deviation (k,) of windows; None if nothing shows them."""
     gnss, reference = log.gnss, log.reference
     if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
-        found = _mean_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
+        found = _by_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
         if found is not None:
             return found
     if gnss is not None:
-        found = _mean_way(gnss, begin_s, end_s)
+        found = _by_way(gnss, begin_s, end_s)
         if found is not None:
             return found
     if reference is not None and reference.velocity_n is not None:
-        return _mean_velocity(reference.time, reference.velocity_n, np.zeros(reference.velocity_n.shape), begin_s, end_s)
+        return _by_velocity(reference.time, reference.velocity_n, np.zeros(reference.velocity_n.shape), begin_s, end_s)
     return None
 
 
-def _mean_velocity(
-    time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float
-) -> tuple[Array, Array, Array] | None:
-    inside = (time >= begin_s) & (time <= end_s) & (sigma[:, :2].max(axis=1) < NO_INFORMATION)
-    if not inside.any():
+def _by_velocity(time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
+    known = sigma[:, :2].max(axis=1) < NO_INFORMATION
+    found = _windows(np.column_stack([time, velocity[:, :2], sigma[:, :2].max(axis=1)])[known], begin_s, end_s)
+    if found is None:
         return None
-    time, velocity, sigma = time[inside], velocity[inside, :2], sigma[inside, :2].max(axis=1)
-    number = ((time - time[0]) // TRAVEL_WINDOW_S).astype(np.int64)
-    _, group = np.unique(number, return_inverse=True)
-    count = np.bincount(group)
-    means = [np.bincount(group, weights=values) / count for values in (time, *velocity.T, sigma)]
-    return means[0], np.stack(means[1:3], axis=1), means[3] / np.sqrt(count)
+    middle, count = found
+    return middle[:, 0], middle[:, 1:3], middle[:, 3] / np.sqrt(count)
 
 
-def _mean_way(gnss: GnssFixes, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
-    """From each fix to the first one that is `TRAVEL_WINDOW_S` later."""
-    inside = np.flatnonzero((gnss.time >= begin_s) & (gnss.time <= end_s))
-    time = gnss.time[inside]
-    later = np.searchsorted(time, time + TRAVEL_WINDOW_S - 1e-9)
-    first = np.flatnonzero(later < len(time))
-    if not first.size:
+def _by_way(gnss: GnssFixes, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
+    """From the median place of each window to that of the next."""
+    place = [gnss.latitude, np.unwrap(gnss.longitude), gnss.height, gnss.position_sigma[:, :2].max(axis=1)]
+    found = _windows(np.column_stack([gnss.time, *place]), begin_s, end_s)
+    if found is None or len(found[0]) < 2:
         return None
-    last = later[first]
-    places = [values[inside] for values in (gnss.latitude, gnss.longitude, gnss.height)]
-    way = geodesy.numeric.ned_offset(*(p[last] for p in places), *(p[first] for p in places))
-    took = time[last] - time[first]
-    sigma = gnss.position_sigma[inside, :2].max(axis=1)
-    return 0.5 * (time[last] + time[first]), way[:, :2] / took[:, None], np.hypot(sigma[last], sigma[first]) / took
+    middle, count = found
+    way = geodesy.numeric.ned_offset(*middle[1:, 1:4].T, *middle[:-1, 1:4].T)
+    took = np.diff(middle[:, 0])
+    sigma = middle[:, 4] / np.sqrt(count)
+    return 0.5 * (middle[1:, 0] + middle[:-1, 0]), way[:, :2] / took[:, None], np.hypot(sigma[1:], sigma[:-1]) / took
+
+
+def _windows(rows: Array, begin_s: float, end_s: float) -> tuple[Array, Array] | None:
+    """Medians (k, columns) of the rows in windows of `TRAVEL_WINDOW_S` by their first column, the time, and their numbers (k,).
+
+    Medians, because one wrong fix must not refuse an alignment. The last window may be shorter.
+    """
+    rows = rows[(rows[:, 0] >= begin_s) & (rows[:, 0] <= end_s)]
+    if not len(rows):
+        return None
+    number = (rows[:, 0] - rows[0, 0]) // TRAVEL_WINDOW_S
+    windows = np.split(rows, np.flatnonzero(np.diff(number)) + 1)
+    return np.array([np.median(each, axis=0) for each in windows]), np.array([float(len(each)) for each in windows])

@@ -95,6 +95,17 @@ def test_an_alignment_in_place_is_refused_on_a_vehicle_that_travels(velocity: bo
     assert replay(path, "q-method").results[0].notes[0].startswith("the stated accuracy assumes")
 
 
+@pytest.mark.parametrize("velocity", [True, False])
+def test_one_wrong_fix_does_not_refuse_an_alignment(velocity: bool, tmp_path: Path) -> None:
+    path = drive(tmp_path, 60.0, 0.0, velocity=velocity)
+    lines = (tmp_path / "gnss.csv").read_text().split("\n")
+    fields = lines[30].split(",")
+    fields[1], fields[4] = str(float(fields[1]) + 1e-3), "30.0"  # 111 m
+    lines[30] = ",".join(fields)
+    (tmp_path / "gnss.csv").write_text("\n".join(lines))
+    assert "nothing in it shows" not in " ".join(replay(path, "q-method").results[0].notes)
+
+
 def test_a_moving_log_without_fixes_says_that_nothing_shows_it(tmp_path: Path) -> None:
     place = "[initial]\nlatitude_deg = 47.0\nlongitude_deg = 15.0\nheight_m = 400.0\n"
     path = drive(tmp_path, 20.0, 2.0)
