@@ -94,7 +94,7 @@ def read_table(
     picked = list(use)
     if skip_empty or optional:
         may_miss = [column in optional for column in columns]
-        rows, source = _filled(text, starts, rows, use, may_miss, separator, skip_empty)
+        rows, source = _filled(text, starts, rows, use, may_miss, separator, comment, skip_empty)
         if not rows.size:
             needed = [_show(column) for column, may in zip(columns, may_miss, strict=True) if not may]
             raise InputError(f"{label}: no row in which all of {', '.join(needed)} are filled")
@@ -112,14 +112,16 @@ def _filled(
     use: list[int],
     may_miss: list[bool],
     separator: str | None,
+    comment: str,
     skip_empty: bool,
 ) -> tuple[np.ndarray, list[str]]:
     """Numbers of the rows that are kept, and the fields `use` of each, with NaN for those that may miss and do."""
     kept, lines = [], []
     glue = separator or " "
     for number in rows:
-        parts = _line_text(text, starts, int(number)).split(separator)
-        fields = [parts[index].strip() for index in use]
+        line = _line_text(text, starts, int(number))
+        parts = (line.split(comment)[0] if comment else line).split(separator)
+        fields = [parts[index].strip() if index < len(parts) else "" for index in use]
         missing = [field.lower() in MISSING for field in fields]
         if skip_empty and any(gone and not may for gone, may in zip(missing, may_miss, strict=True)):
             continue

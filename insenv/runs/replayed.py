@@ -119,7 +119,7 @@ def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tuning
     where = "the log"
     if found is not None:
         where = (
-            f"the log (at {found.speed:.3g} m/s about {found.time:.3f} s; start_s and stop_s select the part in which it stays)"
+            f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
         )
     drive = Drive(where, frozenset() if log.gnss is None else frozenset({"gnss"}), None if found is None else False)
     for estimator in chosen:

@@ -451,6 +451,8 @@ def test_a_description_that_is_not_there_or_not_text(tmp_path: Path) -> None:
                 "\n",
                 "#",
                 "nan,1,2\n",
+                "3,,1\n",
+                "4,-,null\n",
                 " ",
                 "\r",
                 '"',
@@ -462,12 +464,13 @@ def test_a_description_that_is_not_there_or_not_text(tmp_path: Path) -> None:
 )
 def test_whatever_the_bytes_a_table_or_an_input_error(raw: bytes) -> None:
     for columns in ([0, 1], ["t", "b"]):
-        try:
-            table = read_table("f", raw, columns)
-        except InputError as error:
-            assert str(error).startswith("f:")
-        else:
-            assert table.values.shape == (table.lines.size, 2)
+        for skip_empty, optional in ((False, []), (True, []), (False, columns[1:]), (True, columns[1:])):
+            try:
+                table = read_table("f", raw, columns, skip_empty=skip_empty, optional=optional)
+            except InputError as error:
+                assert str(error).startswith("f:")
+            else:
+                assert table.values.shape == (table.lines.size, 2)
 
 
 # --- the examples and the page ---------------------------------------------------------------------
