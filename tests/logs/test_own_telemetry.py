@@ -9,6 +9,7 @@ import pytest
 
 from insenv import replay, run
 from insenv.logs import load
+from insenv.logs.flight.parameters import settings
 from insenv.mavlink import Stream, Vehicle
 from insenv.mavlink.wire import TlogWriter, dialect, open_link
 from insenv.report import Report
@@ -51,6 +52,18 @@ def test_lever_arm_data_sheet_and_settings_are_in_the_log(tmp_path: Path) -> Non
     (tmp_path / "log.toml").write_text('flight = "drive.tlog"\nlever_arm_m = [0.0, 0.0, 0.0]\ngrade = "consumer"\n')
     told = load(tmp_path / "log.toml")
     assert told.lever_arm_b.tolist() == [0.0, 0.0, 0.0] and told.unit is None
+
+
+def test_settings_of_another_version_are_taken_as_far_as_they_go(tmp_path: Path) -> None:
+    """A parameter more and one less: the rest is the estimator's; those of another estimator are not."""
+    vehicle = Vehicle(load_scenario("car-city-drive"), "loosely-coupled", speed=0.0)
+    values = {parameter.name: parameter.value() for parameter in vehicle.parameters.all}
+    assert settings(values)["loosely-coupled"]["innovation_gate"] == 5.0
+    values["E_NEW_NAME"] = 1.0
+    del values["E_INN_GATE"]
+    found = settings(values)["loosely-coupled"]
+    assert "innovation_gate" not in found and found["fix_wander_sigma"] == pytest.approx([1.5, 1.5, 3.05])
+    assert "q-method" not in settings(values) and settings({}) == {}
 
 
 def test_a_moored_ship_is_aligned_at_its_home_position(tmp_path: Path) -> None:

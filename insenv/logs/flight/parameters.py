@@ -27,6 +27,10 @@ _ARMS = (
 """Names, without X, Y and Z, of the positions of antenna and inertial unit (m, FRD) from one point of the vehicle."""
 
 
+ALIKE = 0.8
+"""Share of the parameters of an estimator and of a log that must be the same."""
+
+
 def lever_arm(values: Mapping[str, float]) -> tuple[Array, str] | None:
     """Lever arm (3,) m, FRD, from the inertial unit to the antenna, and the names of its parameters; None if there is none.
 
@@ -43,11 +47,12 @@ def lever_arm(values: Mapping[str, float]) -> tuple[Array, str] | None:
 
 def unit_rows(values: Mapping[str, float]) -> dict[str, Any] | None:
     """Parameter rows (SI) of insenv's inertial unit; None if the log is not insenv's, or its unit was not stated."""
-    return _rows("S", IMU_PARAMETERS, IMU_PARAMETERS.names, values)
+    rows = _rows("S", IMU_PARAMETERS, values)
+    return rows if set(rows) == {row.name for row, _, _ in elements("S", IMU_PARAMETERS, IMU_PARAMETERS.names)} else None
 
 
 def settings(values: Mapping[str, float]) -> dict[str, dict[str, Any]]:
-    """Parameter rows (SI) by the id of each estimator whose parameters are those in the log.
+    """Parameter rows (SI) by the id of each estimator whose parameters are those in the log, but for a few of another version.
 
     Left out: what a start knows, and the data sheet, both of which a replay finds anew.
     """
@@ -56,22 +61,24 @@ def settings(values: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     found = {}
     for id, estimator in registered().items() if told else ():
         table = estimator.model.parameters
-        if {name for _, _, name in elements("E", table, table.names)} != told:
+        own = {name for _, _, name in elements("E", table, table.names)}
+        if len(own & told) < ALIKE * len(own | told):
             continue
-        names = tuple(name for name in table.names if name not in known and not name.startswith("start_"))
-        rows = _rows("E", table, table.names, values)
-        found[id] = {name: value for name, value in (rows or {}).items() if name in names}
+        rows = _rows("E", table, values)
+        found[id] = {name: row for name, row in rows.items() if name not in known and not name.startswith("start_")}
     return found
 
 
-def _rows(prefix: str, table: Table, names: tuple[str, ...], values: Mapping[str, float]) -> dict[str, Any] | None:
-    """The rows of a table by the short names of their elements; None if the log lacks one."""
+def _rows(prefix: str, table: Table, values: Mapping[str, float]) -> dict[str, Any]:
+    """Those rows of a table of which the log has all elements, by their short names."""
     rows: dict[str, Any] = {}
-    for row, place, name in elements(prefix, table, names):
+    lacking = set()
+    for row, place, name in elements(prefix, table, table.names):
         if name not in values or not np.isfinite(values[name]):
-            return None
+            lacking.add(row.name)
+            continue
         _, to_si = SHOWN.get(row.unit, (row.unit, float))
         number = min(max(float(to_si(values[name])), row.lower), row.upper)
         flat = rows.setdefault(row.name, np.zeros(row.size))
         flat[place - table.slice(row.name).start] = number
-    return {name: flat if table[name].shape else float(flat[0]) for name, flat in rows.items()}
+    return {name: flat if table[name].shape else float(flat[0]) for name, flat in rows.items() if name not in lacking}
