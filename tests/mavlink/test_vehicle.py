@@ -483,7 +483,7 @@ def test_the_heartbeat_tells_boot_aligning_and_aligned():
 
 
 def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
-    """With a given attitude ecef-kf states small sigmas at once; whether it may be trusted is in its notes, which depend on the time."""
+    """With a given attitude ecef-kf states small sigmas at once; whether it may be trusted is in its notes."""
     sentence = "heading is good to 55 deg only: a gyro error of 9.91 deg/h"
 
     def warned(parameters, duration_s):
