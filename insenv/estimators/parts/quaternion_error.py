@@ -106,7 +106,8 @@ def transition(x: Any, part: Nonlinear) -> Any:
     middle = part.G @ into_quaternion / 2  # on average half of it acts on the velocity
     along = C @ x.stretch_C
     coriolis = -skew(2 * x.omega_ie_w + x.omega_ew_w) * T
-    gradient = ca.diag(ca.vertcat(-1, -1, 2)) * (NOMINAL_GRAVITY / MEAN_RADIUS * T)
+    # vertical only: Q is relative to the computed vertical, which a position error turns; dw_ew carries that effect
+    gradient = ca.diag(ca.vertcat(0, 0, 2)) * (NOMINAL_GRAVITY / MEAN_RADIUS * T)
     turned = ca.vertcat(ca.horzcat(0, 1, 0), ca.horzcat(-1, 0, 0), ca.SX(1, 3)) / MEAN_RADIUS  # dw_ew of dv
     Phi = ca.SX(N, N)
     for i in range(N):
