@@ -35,7 +35,10 @@ def grown(id, seconds, rate=(0.0, 0.0, 0.0), force=LEVEL, **parameters):
     runner = make_runner(model, given, "interpreter")
     rows = {"covariance": np.zeros(model.state["covariance"].size), **({"fix_sigma": 1.0} if id == "ecef-kf" else {})}
     runner.x[:] = model.state.pack(rows, base=runner.x)
-    columns = {"delta_angle": np.tile(np.multiply(rate, DT), (count, 1)), "delta_velocity": np.tile(np.multiply(force, DT), (count, 1))}
+    columns = {
+        "delta_angle": np.tile(np.multiply(rate, DT), (count, 1)),
+        "delta_velocity": np.tile(np.multiply(force, DT), (count, 1)),
+    }
     runner.run(count, input_rows(model, columns | {"dt": np.full(count, DT)}, count), 0)
     n = {"ecef-kf": 12, "aqe-ekf": 16, "aqe-sukf": 16}.get(id, 15)
     return symmetric.full_array(runner.state["covariance"], n), runner.state
@@ -80,7 +83,11 @@ def test_white_noise_within_one_update(id):
     seconds, V = 8.0, 3e-3
     P, _ = grown(id, seconds, velocity_random_walk=V, filter_interval=seconds)
     velocity, position = PLACES[id]["velocity"], PLACES[id]["position"]
-    for rows, columns, size in ((velocity, velocity, seconds), (position, velocity, seconds**2 / 2), (position, position, seconds**3 / 3)):
+    for rows, columns, size in (
+        (velocity, velocity, seconds),
+        (position, velocity, seconds**2 / 2),
+        (position, position, seconds**3 / 3),
+    ):
         assert np.allclose(P[rows, columns], V**2 * size * np.eye(3), rtol=0, atol=1e-3 * V**2 * size)
 
 

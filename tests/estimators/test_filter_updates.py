@@ -146,7 +146,10 @@ def test_feedback_of_the_16_states_returns_to_the_truth(seed):
     q_true = q_true if q @ q_true > 0 else -q_true
     model, function = fused()
     D = directions(q)
-    state = rows_in_w(r, v, C, C_ew) | {"q_wb": q, "covariance": stored(D @ np.diag(np.repeat([1e-2, 1e-6, 1e-2, 1e2, 1e6], 3)) @ D.T)}
+    state = rows_in_w(r, v, C, C_ew) | {
+        "q_wb": q,
+        "covariance": stored(D @ np.diag(np.repeat([1e-2, 1e-6, 1e-2, 1e2, 1e6], 3)) @ D.T),
+    }
     H = np.linalg.pinv(D)
     dQ = q - q_true
     full = np.concatenate([dQ, error[GYRO], error[ACCEL], C_ew.T @ v - w.T @ true[1], w.T @ error[POSITION]])

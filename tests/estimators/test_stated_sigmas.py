@@ -20,7 +20,9 @@ QUIET = {"accel_bias_sigma": 0.0, "gyro_bias_sigma": 0.0, "angle_random_walk": 0
 def stated(time, age=0.0, mean_age=0.0, lost=0.0, **noises):
     """`inertial_vectors.stated_sigma` in numbers."""
     p = SimpleNamespace(**{**QUIET, **noises})
-    x = SimpleNamespace(rest_force_n=ca.SX([0, 0, -G]), axis_n=ca.SX([np.cos(LATITUDE), 0, -np.sin(LATITUDE)]), time=ca.SX(time))
+    x = SimpleNamespace(
+        rest_force_n=ca.SX([0, 0, -G]), axis_n=ca.SX([np.cos(LATITUDE), 0, -np.sin(LATITUDE)]), time=ca.SX(time)
+    )
     return np.array(ca.DM(ca.evalf(inertial_vectors.stated_sigma(p, x, lost, age, mean_age)))).ravel()
 
 
