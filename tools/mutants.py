@@ -189,9 +189,7 @@ def main(arguments: list[str] | None = None) -> int:
     share = 1.0 - len(left) / len(outcomes)
     for outcome in left:
         print(f"{outcome.said}: {outcome.mutant}  ({' '.join(outcome.mutant.tests)}) {outcome.found_by}")
-    print(
-        f"{len(outcomes) - len(left)} of {len(outcomes)} faults killed ({100 * share:.1f} %) in {time.monotonic() - begun:.0f} s"
-    )
+    print(f"{len(outcomes) - len(left)} of {len(outcomes)} killed ({100 * share:.1f} %) in {time.monotonic() - begun:.0f} s")
     return 0 if share >= REQUIRED else 1
 
 

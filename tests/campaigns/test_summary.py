@@ -8,8 +8,8 @@ import pytest
 from campaigns import slow_ship
 from scipy.stats import chi2
 
-from insenv.campaigns import make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import block as block_module
+from insenv.campaigns import make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import plan as plan_module
 from insenv.campaigns.block import run_block
 from insenv.scenario import load

@@ -191,7 +191,7 @@ def test_mechanization_in_w(id):
     assert np.abs(found @ state["velocity_w"] - v).max() < 2e-3
     assert np.abs(found @ Rotation.from_quat(state["q_wb"], scalar_first=True).as_matrix() - C).max() < 5e-8
     assert abs(state["height"] - earth_fixed.geodetic(r)[2]) < 0.01
-    assert np.linalg.norm((earth_fixed.frame_n(r)[:, 2] - found[:, 2])) * 6.4e6 < 0.2
+    assert np.linalg.norm(earth_fixed.frame_n(r)[:, 2] - found[:, 2]) * 6.4e6 < 0.2
 
 
 def test_mechanization_in_e():

@@ -12,7 +12,9 @@ from insenv.plant.feeding import input_rows
 DT = 0.05
 LEVEL = np.array([0.0, 0.0, -9.8])
 PLACES = {
-    "loosely-coupled": {"position": slice(0, 3), "velocity": slice(3, 6), "tilt": slice(6, 9), "gyro": slice(9, 12), "accel": slice(12, 15)},
+    "loosely-coupled": {
+        "position": slice(0, 3), "velocity": slice(3, 6), "tilt": slice(6, 9), "gyro": slice(9, 12), "accel": slice(12, 15),
+    },
     "ecef-kf": {"velocity": slice(0, 3), "tilt": slice(3, 6), "accel": slice(6, 9), "gyro": slice(9, 12)},
     "aqe-ekf": {"gyro": slice(4, 7), "accel": slice(7, 10), "velocity": slice(10, 13), "position": slice(13, 16)},
 }  # fmt: skip

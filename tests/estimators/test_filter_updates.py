@@ -237,7 +237,8 @@ def test_fixes_with_a_slow_error_have_the_information_of_least_squares(id, count
     gravity = float(geodesy.numeric.normal_gravity(np.sin(0.5), 0.0))
     n = len(samples)
     columns = {
-        "delta_angle": np.tile(geodesy.numeric.earth_rate_n(0.5) * dt, (n, 1)), "delta_velocity": np.tile([0, 0, -gravity * dt], (n, 1)),
+        "delta_angle": np.tile(geodesy.numeric.earth_rate_n(0.5) * dt, (n, 1)),
+        "delta_velocity": np.tile([0, 0, -gravity * dt], (n, 1)),
         "dt": np.full(n, dt), "gnss_valid": due, "gnss_age": np.full(n, age), "gnss_latitude": np.full(n, 0.5),
         "gnss_position_sigma": np.full((n, 3), sigma),
     }  # fmt: skip

@@ -74,7 +74,8 @@ def levelled(seconds, **parameters):
     model = get("inertial-fir").model
     values = {"sway_velocity_sigma": 100.0, **QUIET, **parameters}
     p, block = model.parameters.pack(values), model.kernels["level"]
-    x = model.state.pack({"block_time": BLOCK_S, "gravity": G, "axis_n": [np.cos(LATITUDE), 0, -np.sin(LATITUDE)], "tilt_variance": 0.0,
+    x = model.state.pack({"block_time": BLOCK_S, "gravity": G, "axis_n": [np.cos(LATITUDE), 0, -np.sin(LATITUDE)],
+                          "tilt_variance": 0.0,
                           "velocity_variance": 0.0, "force_sum": [0, 0, -G * BLOCK_S]})  # fmt: skip
     u = model.inputs.start_vector()
     for _ in range(round(seconds / BLOCK_S)):

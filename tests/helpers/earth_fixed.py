@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -194,7 +195,7 @@ class Motion:
         """C_ew (3, 3) at `duration` of the frame that is n at time 0 and never turns about the vertical."""
         down = frame_n(self.position(np.linspace(0.0, duration, count)))
         C, normals = down[0], down[:, :, 2]
-        for before, after in zip(normals[:-1], normals[1:], strict=True):
+        for before, after in pairwise(normals):
             C = Rotation.from_rotvec(np.cross(before, after)).as_matrix() @ C
         return C
 

@@ -26,14 +26,15 @@ def flight():
 def swaying():
     regular, values = regular_sway([
         {"motion": "roll", "amplitude_deg": 15, "period_s": 4}, {"motion": "yaw", "amplitude_deg": 10, "period_s": 5},
-        {"motion": "pitch", "amplitude_deg": 8, "period_s": 3, "phase_deg": 40}, {"motion": "north", "amplitude_m": 2, "period_s": 6},
+        {"motion": "pitch", "amplitude_deg": 8, "period_s": 3, "phase_deg": 40},
+        {"motion": "north", "amplitude_m": 2, "period_s": 6},
     ])  # fmt: skip
     return ship(regular), values | {"start_latitude": 0.5}
 
 
 @pytest.mark.parametrize("make", [flight, swaying])
 def test_instant_is_the_derivative_of_the_state(make):
-    """Acceleration: of the velocity in n. Rate over the Earth: of the attitude in n, and the transport rate by its definition."""
+    """Acceleration: of the velocity in n. Rate over the Earth: of the attitude in n, and the transport rate."""
     vehicle, parameters = make()
     h = 1e-3
     rows = history(vehicle, parameters | {"sample_interval": h, "imu_lever_arm_b": ARM}, 900, backend="interpreter")
