@@ -12,6 +12,7 @@ program). Only the first counts.
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import shutil
 import subprocess
@@ -35,6 +36,7 @@ TRAVELS = ("insenv", "scenarios", "fmu", "tests", "tools", "examples", "pyprojec
 REQUIRED = 0.95
 LIMIT_S = 300.0
 """Time limit of the tests of one fault, s."""
+_SECONDS = itertools.count(1_000_000_000)
 
 
 @dataclass(frozen=True)
@@ -98,11 +100,23 @@ def copied(folder: Path) -> Path:
 
 def tested(tree: Path, tests: tuple[str, ...], limit_s: float) -> tuple[str, str]:
     """Run tests in a copy of the tree until the first fails: (outcome, test that failed or the end of the output)."""
-    arguments = ["-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:randomly", "--no-header", "--tb=no", *tests]
+    arguments = [
+        "-x",
+        "-q",
+        "-m",
+        "not slow",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:randomly",
+        "--no-header",
+        "--tb=no",
+        "-rfE",
+        *tests,
+    ]
     environment = {
         **os.environ,
         "PYTHONPATH": str(tree),
-        "PYTHONDONTWRITEBYTECODE": "1",  # a cache is trusted if size and second agree
         "INSENV_BACKEND": "interpreter",  # most faults would have to be compiled
         "OMP_NUM_THREADS": "1",
     }
@@ -122,12 +136,16 @@ def tested(tree: Path, tests: tuple[str, ...], limit_s: float) -> tuple[str, str
 def tried(mutant: Mutant, tree: Path, limit_s: float) -> Outcome:
     """Make one fault in a copy of the tree, run its tests, and restore the file."""
     path, begun = tree / mutant.file, time.monotonic()
-    source = path.read_text(encoding="utf-8")
+    source, times = path.read_text(encoding="utf-8"), path.stat()
     path.write_text(source.replace(mutant.text, mutant.becomes), encoding="utf-8")
+    # Python trusts compiled code if size and second of its source agree: no two faults share a second, and none the source's
+    stamp = next(_SECONDS)
+    os.utime(path, (stamp, stamp))
     try:
         said, found_by = tested(tree, mutant.tests, limit_s)
     finally:
         path.write_text(source, encoding="utf-8")
+        os.utime(path, (times.st_atime, times.st_mtime))
     return Outcome(mutant, said, found_by, time.monotonic() - begun)
 
 

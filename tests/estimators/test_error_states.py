@@ -162,9 +162,10 @@ def transition_16(id, motion, duration, interval):
     return carried(id, motion, duration, directions, SCALE_16, filter_interval=interval), expected
 
 
-def test_transition_of_the_16_states():
+@pytest.mark.parametrize("id", ["aqe-ekf", "aqe-sukf"])
+def test_transition_of_the_16_states(id):
     """What is left out: Earth's rate by position; horizontal position by height; wander by position."""
-    found, expected = transition_16("aqe-ekf", FLIGHT, DURATION, 0.25)
+    found, expected = transition_16(id, FLIGHT, DURATION, 0.25)
     left_out = {
         ("tilt", "position"): 2e-3,
         ("tilt", "velocity"): 2e-3,
@@ -175,9 +176,10 @@ def test_transition_of_the_16_states():
     compare(found, expected, SCALE_16, ROWS_16, COLUMNS_16, 1.5e-3, left_out)
 
 
-def test_transition_of_the_16_states_in_one_interval():
+@pytest.mark.parametrize("id", ["aqe-ekf", "aqe-sukf"])
+def test_transition_of_the_16_states_in_one_interval(id):
     """8 s in one update: each term is integrated over the interval, also into the position; in tilt the main terms."""
-    found, expected = transition_16("aqe-ekf", STRAIGHT, 8.0, 8.0)
+    found, expected = transition_16(id, STRAIGHT, 8.0, 8.0)
     compare(found, expected, SCALE_16, ROWS_16, COLUMNS_16, 0.02, {("tilt", "accel"): 5e-5, ("tilt", "position"): 1e-4})
 
 
