@@ -34,7 +34,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
-    from insenv.cli.output import quiet_warnings, working
+    from insenv.cli.output import working
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
@@ -42,7 +42,7 @@ def run(
     chosen = _known(estimators or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
-    with quiet_warnings(), working(loaded.name) as progress:
+    with working(loaded.name) as progress:
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()
@@ -60,7 +60,7 @@ def replay(
     as_json: Json = False,
 ) -> None:
     """Run estimators on a recorded log; print their errors against its reference."""
-    from insenv.cli.output import quiet_warnings, working
+    from insenv.cli.output import working
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
 
@@ -68,7 +68,7 @@ def replay(
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen = _known(estimators)
     folder = None if out is None else OutputFolder(out)
-    with quiet_warnings(), working(log.name) as progress:
+    with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()

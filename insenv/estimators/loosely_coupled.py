@@ -22,7 +22,7 @@ from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import gnss_fix, rows, standing, strapdown
+from insenv.estimators.parts import applicability, gnss_fix, rows, standing, strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 
@@ -303,4 +303,6 @@ MODEL = Model(
     start=start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="navigation", sensors=("gnss",), error=consistency_error)
+ESTIMATOR = Estimator(
+    MODEL, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability.linear_start
+)
