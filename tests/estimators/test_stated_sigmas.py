@@ -20,10 +20,8 @@ QUIET = {"accel_bias_sigma": 0.0, "gyro_bias_sigma": 0.0, "angle_random_walk": 0
 def stated(time, age=0.0, mean_age=0.0, lost=0.0, **noises):
     """`inertial_vectors.stated_sigma` in numbers."""
     p = SimpleNamespace(**{**QUIET, **noises})
-    x = SimpleNamespace(
-        rest_force_n=ca.SX([0, 0, -G]), axis_n=ca.SX([np.cos(LATITUDE), 0, -np.sin(LATITUDE)]), time=ca.SX(time)
-    )
-    return np.array(ca.DM(ca.evalf(inertial_vectors.stated_sigma(p, x, lost, age, mean_age)))).ravel()
+    x = SimpleNamespace(rest_force_n=ca.SX([0, 0, -G]), axis_n=ca.SX([np.cos(LATITUDE), 0, -np.sin(LATITUDE)]))
+    return np.array(ca.DM(ca.evalf(inertial_vectors.stated_sigma(p, x, ca.SX(time), lost, age, mean_age)))).ravel()
 
 
 def line(density, duration, count=20_000):
@@ -135,3 +133,20 @@ def test_analytic_states_the_noise_of_two_means():
     shown = analytic.MODEL.outputs.unpack(np.array(analytic.MODEL.kernels["output"].function(p, x)).ravel())
     expected = [V / np.sqrt(time) / G] * 2 + [N / np.sqrt(time) / (OMEGA_IE * np.cos(LATITUDE))]
     assert shown["attitude_sigma"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_scatter_about_a_straight_line_is_that_of_a_fit():
+    """Angle and velocity of a swaying base, sample by sample, against a line fitted to them."""
+    rng, dt, count = np.random.default_rng(5), 0.1, 400
+    model = analytic.MODEL
+    rows = np.cumsum(rng.normal(size=(count, 6)), axis=0) * 1e-2 + [1e-4, 0, 2e-4, 0.1, 0.2, -9.8]
+    u = np.tile(model.inputs.start_vector(), (count, 1))
+    u[:, model.inputs.slice("delta_angle")], u[:, model.inputs.slice("delta_velocity")] = rows[:, :3] * dt, rows[:, 3:] * dt
+    u[:, model.inputs.slice("dt")] = dt
+    runner = make_runner(model, None, "interpreter")
+    runner.run(count, u, 0)
+    found = np.array(ca.DM(ca.evalf(analytic.spread(model.state.symbols(ca.SX(ca.DM(runner.x))))))).ravel()
+    middle = np.cumsum(rows, axis=0) * dt - rows * dt / 2  # the integrals in the middle of each sample
+    t = dt * (np.arange(count) + 0.5)
+    left = middle - np.stack([np.polyval(np.polyfit(t, column, 1), t) for column in middle.T], axis=1)
+    assert found == pytest.approx(np.mean(left**2, axis=0), rel=2e-3)
