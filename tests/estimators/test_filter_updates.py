@@ -14,6 +14,7 @@ from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import aqe, ecef_kf, get
 from insenv.estimators import loosely_coupled as lc
+from insenv.estimators.parts import kalman
 from insenv.plant.feeding import input_rows
 
 MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
@@ -102,6 +103,25 @@ def test_feedback_of_the_12_states_returns_to_the_truth(seed):
     _, true_v, true_C, _ = true_motion()
     assert np.abs(found[0] - true_v).max() < 1e-9 and np.abs(matrix(found[1]) - true_C).max() < 5e-6
     assert np.allclose(found[2], error[ACCEL]) and np.allclose(found[3], error[GYRO])
+
+
+def test_scalar_measurements_one_after_another_are_the_joint_update():
+    """Both forms of the update against Kalman's equations for three correlated measurements; a refused one is left out."""
+    rng = np.random.default_rng(8)
+    L, H, z, variance = rng.normal(size=(5, 5)), rng.normal(size=(3, 5)), rng.normal(size=3), rng.uniform(0.5, 2.0, 3)
+    P = L @ L.T
+    for used in ([0, 1, 2], [0, 2]):
+        S = H[used] @ P @ H[used].T + np.diag(variance[used])
+        K = P @ H[used].T @ np.linalg.inv(S)
+        triangle, full, one, other = symmetric.triangle(ca.SX(ca.DM(P))), ca.SX(ca.DM(P)), ca.SX.zeros(5), ca.SX.zeros(5)
+        for i in range(3):
+            row, accept = ca.SX(ca.DM(H[i : i + 1])), float(i in used)
+            triangle, one = kalman.measure(triangle, one, row, z[i], variance[i], accept)
+            full, other, _ = kalman.measure_joseph(full, other, row, z[i], variance[i], accept)
+        for found in (one, other):
+            assert np.allclose(np.array(ca.DM(ca.evalf(found))).ravel(), K @ z[used], rtol=1e-9, atol=1e-12)
+        for found in (symmetric.full(triangle, 5), full):
+            assert np.allclose(np.array(ca.DM(ca.evalf(found))), P - K @ H[used] @ P, rtol=1e-8, atol=1e-10)
 
 
 # --- additive quaternion error ------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from insenv.estimators import analytic, get, gyrocompass, inertial_fir
 from insenv.estimators.parts import inertial_vectors
 from insenv.estimators.parts.fir import BLOCK_S
 from insenv.geodesy import OMEGA_IE
+from insenv.geodesy.numeric import earth_rate_n, normal_gravity
 
 G, LATITUDE = 9.8, 0.6
 QUIET = {"accel_bias_sigma": 0.0, "gyro_bias_sigma": 0.0, "angle_random_walk": 0.0, "velocity_random_walk": 0.0}
@@ -150,3 +151,18 @@ def test_the_scatter_about_a_straight_line_is_that_of_a_fit():
     t = dt * (np.arange(count) + 0.5)
     left = middle - np.stack([np.polyval(np.polyfit(t, column, 1), t) for column in middle.T], axis=1)
     assert found == pytest.approx(np.mean(left**2, axis=0), rel=2e-3)
+
+
+@pytest.mark.parametrize("tilt", [(2e-4, 0.0), (0.0, 2e-4), (-1e-4, 3e-4)])
+def test_levelling_removes_a_tilt_about_either_axis(tilt):
+    """At rest, from a tilt that its variance allows: velocity feedback takes it out within two minutes."""
+    model, dt, count = get("inertial-fir").model, 0.1, 1200
+    rate, g = earth_rate_n(LATITUDE), float(normal_gravity(np.sin(LATITUDE), 0.0))
+    given = {"latitude": LATITUDE, "block_samples": 1, "sway_velocity_sigma": 0.01, "heading_memory": 0.0, **QUIET}
+    runner = make_runner(model, given, "interpreter")
+    q = np.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])
+    rows = {"begin": 0.0, "fixes": 1.0, "q_n0i": q / np.linalg.norm(q), "velocity_variance": 1e-4, "tilt_variance": 1e-7}
+    runner.x[:] = model.state.pack(rows, base=runner.x)
+    runner.run(count, model.inputs.pack({"delta_angle": rate * dt, "delta_velocity": [0, 0, -g * dt], "dt": dt}), 0)
+    left = 2 * runner.outputs()["q_nb"][1:3]
+    assert np.abs(left).max() < 0.02 * np.abs(tilt).max()
