@@ -58,7 +58,7 @@ format: $(TEST) ## format the source and fix what ruff can fix
 consistency: $(TEST) ## NEES of each filter over 56 seeds, a few minutes (docs/consistency.md)
 	$(BIN)/python tools/consistency.py
 
-mutants: $(TEST) ## inject faults into the physics: the share that the tests find, some 25 minutes
+mutants: $(TEST) ## inject faults into the physics: the share that the tests find, 10 to 30 minutes
 	$(BIN)/python tools/mutants.py $(MUTANTS_ARGS)
 
 bench: $(BENCH) ## benchmarks, with their floors and, if it can be installed, a peer
