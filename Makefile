@@ -13,7 +13,7 @@ BENCH := .venv/.stamp-bench
 MAVPROXY_TOOLS := MAVProxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0 lxml==6.1.3
 MAVPROXY := .venv/.stamp-mavproxy-1.8.75
 
-.PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency bench clean
+.PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency mutants bench clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -57,6 +57,9 @@ format: $(TEST) ## format the source and fix what ruff can fix
 
 consistency: $(TEST) ## NEES of each filter over 56 seeds, a few minutes (docs/consistency.md)
 	$(BIN)/python tools/consistency.py
+
+mutants: $(TEST) ## inject faults into the physics: the share that the tests find, 10 to 30 minutes
+	$(BIN)/python tools/mutants.py $(MUTANTS_ARGS)
 
 bench: $(BENCH) ## benchmarks, with their floors and, if it can be installed, a peer
 	$(BIN)/insenv bench

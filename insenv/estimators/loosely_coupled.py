@@ -18,7 +18,7 @@ import casadi as ca
 from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
-from insenv.core.elementary import select
+from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
@@ -192,7 +192,8 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
     innovation = gnss_fix.innovation(x, u, antenna)
     H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, u.gnss_age, antenna)
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
-    inflated = variance + ca.vertcat(gnss_fix.correlated_variance(p, x.since_fix), ca.SX.zeros(3))
+    since = maximum(x.since_fix - u.gnss_age, 0.0)  # between the epochs of the two fixes
+    inflated = variance + ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
     present = gnss_fix.present(u)
 
     stored, correction = x.covariance, ca.SX.zeros(N)

@@ -130,3 +130,14 @@ def test_error_rotation_vector(phi, i):
     q_true = QUATERNIONS[i]
     q_estimate = numeric.multiply(numeric.from_rotation_vector(phi), q_true)
     np.testing.assert_allclose(numeric.error_rotation_vector(q_estimate, q_true), phi, atol=5e-15)
+
+
+@pytest.mark.parametrize("error", [1e-3, -1e-3, 1e-6])
+def test_renormalized_length_is_of_second_order(error):
+    """A quaternion of norm 1 + e becomes one of norm 1 - 3/2 e^2, and the same rotation."""
+    q = np.array([0.5, -0.5, 0.7, 0.1])
+    q = q / np.linalg.norm(q)
+    x = ca.SX.sym("x", 4)
+    found = ca.Function("f", [x], [attitude.renormalize(x)])(q * (1 + error)).full().ravel()
+    assert np.linalg.norm(found) - 1 == pytest.approx(-1.5 * error**2, rel=0.01, abs=1e-15)
+    assert np.allclose(found / np.linalg.norm(found), q, rtol=0, atol=1e-15)

@@ -249,6 +249,21 @@ def test_sigma_points_against_monte_carlo():
     assert C.shape == (3, 3)
 
 
+def test_the_curvature_bounds_what_the_sensitivity_omits():
+    """The variance added to a fix is E|dQ|^4 |a|^2 of the lever arm a: that of Y^T(dQ) U(dQ) a, by drawing."""
+    rng = np.random.default_rng(3)
+    q, arm, swing = unit(rng), np.array([3.0, -1.0, 2.0]), np.array([0.4, 0.2, -0.3])
+    L = call("Y", q) @ np.diag([0.05, 0.2, 0.3]) @ Rotation.random(random_state=1).as_matrix()
+    p = MODEL.parameters.symbols(ca.SX(ca.DM(MODEL.parameters.pack({"antenna_lever_arm": arm}))))
+    antenna = gnss_fix.Antenna(*[ca.SX.zeros(3)] * 3, ca.SX(swing), ca.SX.zeros(3), ca.SX.eye(3))
+    found = np.array(ca.DM(ca.evalf(aqe._curvature(p, antenna, ca.SX(L @ L.T))))).ravel()
+    drawn = rng.normal(size=(100_000, 3)) @ L.T
+    fourth = np.mean(np.sum(drawn**2, axis=1) ** 2)
+    assert np.allclose(found, fourth * np.repeat([arm @ arm, swing @ swing], 3), rtol=0.05)
+    for dQ in drawn[:20]:  # Y^T U is the rotation of a quaternion of length |dQ|
+        assert np.linalg.norm(call("Y", dQ).T @ call("U", dQ) @ arm) == pytest.approx(dQ @ dQ * np.linalg.norm(arm))
+
+
 @pytest.mark.parametrize(
     ("scenario", "id"),
     [("large-misalignment", "aqe-ekf"), ("large-misalignment", "aqe-sukf"), ("large-misalignment-extreme", "aqe-sukf")],

@@ -158,3 +158,19 @@ def test_stated_accuracy_on_a_swaying_ship():
     for id in ("q-method", "qakf-improved"):
         error, sigma = e.attitude_errors_deg(id)[:, -1, 2], np.degrees(e.outputs[id]["attitude_sigma"][:, -1, 2])
         assert 0.6 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.5
+
+
+def test_one_update_with_exact_vectors_takes_out_the_whole_error():
+    """Three orthogonal vectors without noise: what is left of 1 mrad is of second order, and what the start knows."""
+    rng = np.random.default_rng(3)
+    true = rng.normal(size=4)
+    true /= np.linalg.norm(true)
+    theta = np.array([4e-4, -3e-4, 5e-4])  # half the attitude error
+    off = attitude.numeric.multiply(np.r_[1.0, theta] / np.linalg.norm(np.r_[1.0, theta]), true)
+    C = attitude.numeric.to_dcm(true)
+    state = qakf.IMPROVED.model.state
+    x = state.symbols(ca.SX(ca.DM(state.pack({"q_start": off, "samples": 1e4, "noise_variance": 1e-12}))))
+    H, residual = qakf.profile_observation(x.q_start, ca.SX(ca.DM(C)), ca.SX(6.0))
+    after = np.array(ca.DM(ca.evalf(qakf.profile_update(x, H, residual)["q_start"]))).ravel()
+    left = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(after, true * [1, -1, -1, -1])) / 2
+    assert np.abs(left).max() < 0.01 * np.abs(theta).max()

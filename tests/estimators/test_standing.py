@@ -1,11 +1,13 @@
 """Detection of rest from the inertial unit and the filter's velocity: never in motion, nearly always at rest."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from insenv import geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get
+from insenv.estimators.parts import standing
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
@@ -77,3 +79,27 @@ def test_conditions_of_rest():
     assert not still(100, 0.01, vibration=0.2)
     assert not still(100, 0.01, standing_window=0.0)
     assert not still(99, 0.01)
+
+
+@pytest.mark.parametrize("dt", [0.002, 0.05])
+def test_likelihood_is_that_of_its_formula_at_any_rate(dt):
+    """L of random rates and forces; about 2 where they are those that the filter allows for, at every rate."""
+    rng, n = np.random.default_rng(0), 400
+    walk, swing = (2e-3, 0.03), (1e-4, 4e-3)
+    force = rng.normal(size=(n, 3)) * np.hypot(walk[0] / np.sqrt(dt), walk[1]) + [0.3, -0.2, -9.8]
+    rate = rng.normal(size=(n, 3)) * np.hypot(swing[0] / np.sqrt(dt), swing[1])
+    p = {"velocity_random_walk": walk[0], "standing_force": walk[1], "angle_random_walk": swing[0], "standing_rate": swing[1]}
+    x = {
+        "still_samples": n, "still_time": n * dt, "still_angle_square": np.sum((rate * dt) ** 2),
+        "still_velocity": np.sum(force * dt, axis=0), "still_velocity_square": np.sum((force * dt) ** 2),
+    }  # fmt: skip
+    values = (
+        MODEL.parameters.symbols(ca.SX(ca.DM(MODEL.parameters.pack(p)))),
+        MODEL.state.symbols(ca.SX(ca.DM(MODEL.state.pack(x)))),
+    )
+    found = float(ca.evalf(standing.likelihood(*values)))
+    scatter = np.mean(np.sum((force - force.mean(axis=0)) ** 2, axis=1))
+    expected = scatter / (3 * (walk[0] ** 2 / dt + walk[1] ** 2)) + np.mean(np.sum(rate**2, axis=1)) / (
+        3 * (swing[0] ** 2 / dt + swing[1] ** 2)
+    )
+    assert found == pytest.approx(expected, rel=1e-6) and found == pytest.approx(2.0, abs=0.15)

@@ -62,12 +62,12 @@ class Slave:
         if start:
             self.begin(stop_time)
 
-    def begin(self, stop_time=None):
+    def begin(self, stop_time=None, start_time=0.0):
         if self.fmi == 2:
-            self.fmu.setupExperiment(startTime=0.0, stopTime=stop_time)
+            self.fmu.setupExperiment(startTime=start_time, stopTime=stop_time)
             self.fmu.enterInitializationMode()
         else:
-            self.fmu.enterInitializationMode(startTime=0.0, stopTime=stop_time)
+            self.fmu.enterInitializationMode(startTime=start_time, stopTime=stop_time)
         self.fmu.exitInitializationMode()
 
     def set(self, references, values):
@@ -480,3 +480,24 @@ def test_the_sources_rebuild_to_the_same_outputs(slave, tmp_path, fmi):
     assert any((folder / "binaries").rglob("qakf_improved.*"))
     rows, one = rows_for("qakf-improved", 500), slave("qakf-improved", fmi, folder=folder)
     np.testing.assert_array_equal(one.run(rows), expected("qakf-improved", rows, one.shown))
+
+
+@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("id", ("qakf-improved", "ship-swaying"))
+def test_steps_follow_the_start_time(slave, id, fmi):
+    """The equations know no time: the outputs are those from 0; time, steps and stop time count from the start."""
+    begin, one = 37.25, slave(id, fmi, start=False)
+    one.begin(begin + 60 * one.interval, begin)
+    rows, first = rows_for(id, 50), round(begin / one.interval)
+    assert first * one.interval == pytest.approx(begin, abs=1e-9)
+
+    def now():
+        return float((one.fmu.getReal if fmi == 2 else one.fmu.getFloat64)([one.names["time"]])[0])
+
+    np.testing.assert_array_equal(one.run(rows, first), expected(id, rows, one.shown))
+    assert now() == pytest.approx(begin + 50 * one.interval, abs=1e-9)
+    one.refused(lambda: one.step(0), "communication point")
+    if id == "ship-swaying":  # a plant makes many samples in a step
+        one.step(first + 50, 5)
+        assert now() == pytest.approx(begin + 55 * one.interval, abs=1e-9)
+        one.refused(lambda: one.step(first + 55, 8), "passes the stop time")

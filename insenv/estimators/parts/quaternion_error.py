@@ -14,7 +14,8 @@ Hamilton quaternions, scalar first; n and b are any right-handed frames, Q takes
 Frames: the paper's n is east, north, up and its b right, forward, up. Here n is north, east, down turned by the wander
 angle (frame w of `insenv.estimators.parts.strapdown`), b is forward, right, down, and Q = q_wb. The equations hold in
 any pair of right-handed frames; only the order and signs of the components differ. Corrections to the paper: (1) to (3)
-print <w_in>, (6) has [w_in], which is the left multiplication; (7) prints w_ie + w_in, it is 2 w_ie + w_en. Neglected:
+print <w_in>, (6) has [w_in], which is the left multiplication; (7) prints w_ie + w_in, it is 2 w_ie + w_en. The gradient
+of gravity is vertical only: Q is relative to the computed vertical, which a position error turns (dw_in). Neglected:
 the change of the Earth's rate with the position error, 1e-11 rad/s per metre.
 
 States: dQ (4), gyro bias (3), accelerometer bias (3), dv (3) as in the paper, and dr (3), the position error in metres.
@@ -110,7 +111,8 @@ def transition(x: Any, part: Nonlinear) -> Any:
     middle = part.G @ into_quaternion / 2  # on average half of it acts on the velocity
     along = C @ x.stretch_C
     coriolis = -skew(2 * x.omega_ie_w + x.omega_ew_w) * T
-    gradient = ca.diag(ca.vertcat(-1, -1, 2)) * (NOMINAL_GRAVITY / MEAN_RADIUS * T)
+    # vertical only: Q is relative to the computed vertical, which a position error turns; dw_ew carries that effect
+    gradient = ca.diag(ca.vertcat(0, 0, 2)) * (NOMINAL_GRAVITY / MEAN_RADIUS * T)
     turned = ca.vertcat(ca.horzcat(0, 1, 0), ca.horzcat(-1, 0, 0), ca.SX(1, 3)) / MEAN_RADIUS  # dw_ew of dv
     Phi = ca.SX(N, N)
     for i in range(N):

@@ -132,7 +132,7 @@ MOTION_ERRORS = Table((
     Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
         lower=0, upper=1.0),
 ))  # fmt: skip
-SINCE_FIX = Table((Row("since_fix", "Time since the last fix", "s", start=1e9),))
+SINCE_FIX = Table((Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),))
 AIDED_INPUTS = SAMPLE_INPUTS + FIX_INPUTS + STANDING_INPUT
 AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),

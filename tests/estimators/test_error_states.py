@@ -1,0 +1,206 @@
+"""Mechanizations and error models against an independent one in ECEF (tests/helpers/earth_fixed.py): 200 s at 250 m/s.
+
+The filters' transitions are read off their covariances: without noise one of rank one, v v^T, becomes (Phi v)(Phi v)^T.
+What the filters' models leave out is below 1e-3 of what the largest term causes; half a Coriolis term is 1e-2 of it.
+"""
+
+from functools import cache
+
+import earth_fixed
+import numpy as np
+import pytest
+from earth_fixed import ACCEL, GYRO, PHI, POSITION, SCALE, VELOCITY, Motion, skew
+from scipy.spatial.transform import Rotation
+
+from insenv.core import symmetric
+from insenv.core.runner import make_runner
+from insenv.estimators import get
+from insenv.plant.feeding import input_rows
+
+FLIGHT, DURATION, DT = Motion(), 200.0, 0.05
+STRAIGHT = Motion(
+    swings=((2.0, 0.2, 0.4, (0.3, -0.8, 0.3)),), turns=((0.02, 0.3, 0.2, (0.2, -0.3, 0.9)), (0.01, 0.5, 1.0, (0.9, 0.4, -0.1)))
+)
+"""Nearly straight: over some seconds the attitude changes by 1e-2 rad."""
+EXACT = {
+    "angle_random_walk": 0.0, "velocity_random_walk": 0.0, "gyro_bias_sigma": 0.0, "accel_bias_sigma": 0.0,
+    "gyro_correlation_time": 1e12, "accel_correlation_time": 1e12, "position_sigma": 0.0, "velocity_sigma": 0.0,
+    "tilt_sigma": 0.0, "heading_sigma": 0.0, "standing_window": 0.0,
+}  # fmt: skip
+IN_PLACE = {"moving": 1.0, "coarse_time": 0.0, "update_interval": 0.1}
+
+
+@cache
+def truth(motion, duration, known_place=False):
+    """Phi (15, 15) of the error states in e, C_ew at the start and at the end, and r, v, C at the end."""
+    Phi, r, v, C = earth_fixed.transition(motion, duration, known_place=known_place)
+    assert np.abs(r - motion.position(duration)).max() < 1e-5 and np.abs(v - motion.velocity(duration)).max() < 1e-6
+    return Phi, motion.frame_w(0.0, 2), motion.frame_w(duration), (r, v, C)
+
+
+@cache
+def inputs(motion, duration):
+    count = round(duration / DT)
+    delta_angle, delta_velocity = motion.increments(DT, count)
+    return {"delta_angle": delta_angle, "delta_velocity": delta_velocity, "dt": np.full(count, DT)}
+
+
+def navigated(id, motion, duration, covariance=None, **parameters):
+    """The state of an estimator at the end of a motion, on its exact increments, from its true start."""
+    model, columns, start = get(id).model, inputs(motion, duration), motion.start()
+    start |= {name.removeprefix("start_"): value for name, value in start.items()}
+    given = {name: value for name, value in {**start, **EXACT, **parameters}.items() if name in model.parameters}
+    given = {
+        name: max(float(model.parameters[name].lower), value) if np.ndim(value) == 0 else value for name, value in given.items()
+    }
+    runner = make_runner(model, given, "interpreter")
+    rows = {}
+    if covariance is not None:
+        n = len(covariance)
+        places = [symmetric.place(i, j) for j in range(n) for i in range(j + 1)]
+        rows["covariance"] = np.empty(len(places))
+        rows["covariance"][places] = [covariance[i, j] for j in range(n) for i in range(j + 1)]
+    if id == "ecef-kf":
+        rows["fix_sigma"] = 1.0  # of fixes that never come
+    runner.x[:] = model.state.pack(rows, base=runner.x)
+    count = len(columns["dt"])
+    runner.run(count, input_rows(model, columns, count), 0)
+    return runner.state
+
+
+def carried(id, motion, duration, directions, scale, **parameters):
+    """Phi times each direction (columns), up to the sign of each."""
+    found = []
+    for v in directions.T:
+        state = navigated(id, motion, duration, np.outer(v, v), **parameters)
+        P = symmetric.full_array(state["covariance"], len(v))
+        largest = np.argmax(np.diag(P) / scale**2)
+        found.append(P[:, largest] / np.sqrt(P[largest, largest]))
+    return np.array(found).T
+
+
+def compare(found, expected, scale, rows, columns, tolerance, neglected):
+    """Blocks of `found`, each column up to its sign, in units of `scale`: within `tolerance` of the expected block.
+
+    neglected: by (row, column) what the model leaves out of the block, in the same units.
+    """
+    found, expected = found / scale[:, None], expected / scale[:, None]
+    found, wrong = found * np.sign(np.sum(found * expected, axis=0)), []
+    for row, here in rows.items():
+        for column, there in columns.items():
+            error = np.abs(found[here, there] - expected[here, there]).max()
+            size = np.abs(expected[here, there]).max()
+            bound = tolerance * size + neglected.get((row, column), 1e-7)
+            wrong += [f"{row} from {column}: {error:.1e} where it is {size:.1e}"] if not error < bound else []
+    assert not wrong, "; ".join(wrong)
+
+
+NAMES = {"position": POSITION, "velocity": VELOCITY, "tilt": PHI, "gyro": GYRO, "accel": ACCEL}
+
+
+@pytest.mark.parametrize("id", ["loosely-coupled", "smoother"])
+def test_transition_of_the_15_states(id):
+    """Position, velocity and psi are the error vectors in e, seen in w."""
+    Phi, C_start, C_end, _ = truth(FLIGHT, DURATION)
+    into = [np.kron(np.eye(5), np.zeros((3, 3))) + np.eye(15) for _ in range(2)]
+    for matrix, C_ew in zip(into, (C_start, C_end), strict=True):
+        for part in (POSITION, VELOCITY, PHI):
+            matrix[part, part] = C_ew.T
+    expected = into[1] @ Phi @ into[0].T * SCALE
+    found = carried(id, FLIGHT, DURATION, np.diag(SCALE), SCALE, covariance_interval=0.05)
+    # the gradient of gravity is that of a sphere
+    compare(found, expected, SCALE, NAMES, NAMES, 8e-4, {("velocity", "position"): 3e-4, ("position", "position"): 3e-4})
+
+
+def test_transition_of_the_12_states_in_e():
+    """Velocity, misalignment and biases in e, at a place that fixes tell."""
+    Phi = truth(FLIGHT, DURATION, known_place=True)[0]
+    order = np.r_[VELOCITY, PHI, ACCEL, GYRO]
+    scale = SCALE[order]
+    found = carried("ecef-kf", FLIGHT, DURATION, np.diag(scale), scale, **IN_PLACE)
+    places = {name: slice(3 * k, 3 * k + 3) for k, name in enumerate(("velocity", "tilt", "accel", "gyro"))}
+    compare(found, Phi[np.ix_(order, order)] * scale, scale, places, places, 8e-4, {})
+
+
+def quaternion_of(C):
+    return Rotation.from_matrix(C).as_quat(scalar_first=True)
+
+
+def Y(q):
+    """(0, u) (x) q as a matrix times u."""
+    w, x, y, z = q
+    return np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
+
+
+def quaternion_error(C_ew, C_eb, r, v):
+    """16 x 15: dQ, biases, dv, dr of errors in e. Attitude and velocity are relative to the computed frame, which dr turns."""
+    turn, q, velocity_w = earth_fixed.frame_turn(r, C_ew) @ C_ew.T, quaternion_of(C_ew.T @ C_eb), C_ew.T @ v
+    into = np.zeros((16, 15))
+    into[0:4, POSITION], into[0:4, PHI] = -Y(q) @ turn / 2, -Y(q) @ C_ew.T / 2
+    into[4:7, GYRO] = into[7:10, ACCEL] = np.eye(3)
+    into[10:13, VELOCITY], into[10:13, POSITION] = C_ew.T, skew(velocity_w) @ turn
+    into[13:16, POSITION] = C_ew.T
+    return into
+
+
+ROWS_16 = dict(
+    zip(("tilt", "gyro", "accel", "velocity", "position"), map(slice, (0, 4, 7, 10, 13), (4, 7, 10, 13, 16)), strict=True)
+)
+COLUMNS_16 = {name: slice(3 * k, 3 * k + 3) for k, name in enumerate(ROWS_16)}
+SCALE_16 = np.r_[np.full(4, 1e-5), np.repeat([1e-7, 1e-4, 0.1, 10.0], 3)]
+
+
+def transition_16(id, motion, duration, interval):
+    """Phi times directions on the tangent of the unit sphere: found, and by the independent mechanization."""
+    Phi, C_start, C_end, (r, v, C) = truth(motion, duration)
+    begin = motion.attitude(0.0), motion.position(0.0), motion.velocity(0.0)
+    directions = np.zeros((16, 15))
+    directions[:4, :3] = Y(quaternion_of(C_start.T @ begin[0])) * SCALE_16[0]
+    directions[4:, 3:] = np.diag(SCALE_16[4:])
+    start = quaternion_error(C_start, *begin)
+    expected = quaternion_error(C_end, C, r, v) @ Phi @ np.linalg.pinv(start) @ directions
+    return carried(id, motion, duration, directions, SCALE_16, filter_interval=interval), expected
+
+
+@pytest.mark.parametrize("id", ["aqe-ekf", "aqe-sukf"])
+def test_transition_of_the_16_states(id):
+    """What is left out: Earth's rate by position; horizontal position by height; wander by position."""
+    found, expected = transition_16(id, FLIGHT, DURATION, 0.25)
+    left_out = {
+        ("tilt", "position"): 2e-3,
+        ("tilt", "velocity"): 2e-3,
+        ("tilt", "accel"): 1.5e-4,
+        ("velocity", "position"): 4e-4,
+    }
+    left_out |= {("position", "position"): 7e-3, ("position", "velocity"): 7e-3, ("position", "accel"): 4e-4}
+    compare(found, expected, SCALE_16, ROWS_16, COLUMNS_16, 1.5e-3, left_out)
+
+
+def test_transition_of_the_16_states_in_one_interval():
+    """8 s in one update: each term is integrated over the interval, also into the position; in tilt the main terms."""
+    found, expected = transition_16("aqe-ekf", STRAIGHT, 8.0, 8.0)
+    compare(found, expected, SCALE_16, ROWS_16, COLUMNS_16, 0.02, {("tilt", "accel"): 5e-5, ("tilt", "position"): 1e-4})
+
+
+@pytest.mark.parametrize("id", ["wander-sins", "loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf"])
+def test_mechanization_in_w(id):
+    """The motion comes back from its increments; normal gravity, which has a north component above the ellipsoid."""
+    _, _, C_ew, (r, v, C) = truth(FLIGHT, DURATION)
+    state = navigated(id, FLIGHT, DURATION)
+    found = Rotation.from_quat(state["q_ew"], scalar_first=True).as_matrix()
+    assert np.abs(found - C_ew).max() < 5e-8
+    assert np.abs(found @ state["velocity_w"] - v).max() < 2e-3
+    assert np.abs(found @ Rotation.from_quat(state["q_wb"], scalar_first=True).as_matrix() - C).max() < 5e-8
+    assert abs(state["height"] - earth_fixed.geodetic(r)[2]) < 0.01
+    assert np.linalg.norm(earth_fixed.frame_n(r)[:, 2] - found[:, 2]) * 6.4e6 < 0.2
+
+
+def test_mechanization_in_e():
+    """Also its place, which it extrapolates from fix to fix: here over the whole flight."""
+    r, v, C = truth(FLIGHT, DURATION)[3]
+    state = navigated("ecef-kf", FLIGHT, DURATION, **IN_PLACE)
+    assert np.abs(state["velocity_e"] - v).max() < 0.02
+    assert np.abs(Rotation.from_quat(state["q_eb"], scalar_first=True).as_matrix() - C).max() < 3e-6  # two samples, 0.1 s
+    latitude, longitude, height = earth_fixed.geodetic(r)
+    assert np.abs(state["place"] - [latitude, longitude, height])[:2].max() * 6.4e6 < 5.0
+    assert abs(state["place"][2] - height) < 3.0

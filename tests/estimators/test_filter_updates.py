@@ -1,0 +1,270 @@
+"""Feedback, outputs and slowly varying fixes of the filters, against vectors in e and exact least squares."""
+
+from functools import cache
+
+import casadi as ca
+import earth_fixed
+import numpy as np
+import pytest
+from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY
+from scipy.spatial.transform import Rotation
+
+from insenv import geodesy
+from insenv.core import symmetric
+from insenv.core.runner import make_runner
+from insenv.estimators import aqe, ecef_kf, get
+from insenv.estimators import loosely_coupled as lc
+from insenv.estimators.parts import kalman
+from insenv.plant.feeding import input_rows
+
+MOTION, WANDER = earth_fixed.Motion(latitude=-0.7, speed=180.0), 0.8
+
+
+def quaternion(C):
+    return Rotation.from_matrix(C).as_quat(scalar_first=True)
+
+
+def matrix(q):
+    return Rotation.from_quat(q, scalar_first=True).as_matrix()
+
+
+def about_down(angle):
+    """C_nw of a wander angle."""
+    return Rotation.from_euler("z", angle).as_matrix()
+
+
+@cache
+def true_motion():
+    """r, v, C_eb of the motion at some time, and C_ew there with a wander angle."""
+    r = MOTION.position(7.0)
+    return r, MOTION.velocity(7.0), MOTION.attitude(7.0), earth_fixed.frame_n(r) @ about_down(WANDER)
+
+
+def rows_in_w(r, v, C_eb, C_ew):
+    """Rows of a navigation state in a wander-azimuth frame."""
+    rows = {"q_wb": quaternion(C_ew.T @ C_eb), "velocity_w": C_ew.T @ v, "q_ew": quaternion(C_ew)}
+    return rows | {"height": earth_fixed.geodetic(r)[2]}
+
+
+def shifted(error):
+    """r, v, C_eb, C_ew of an estimate with errors in e (15): the frame w is carried along with the vertical."""
+    r, v, C, C_ew = true_motion()
+    before, after = C_ew[:, 2], earth_fixed.frame_n(r + error[POSITION])[:, 2]
+    carried = Rotation.from_rotvec(np.cross(before, after)).as_matrix() @ C_ew
+    return r + error[POSITION], v + error[VELOCITY], Rotation.from_rotvec(-error[PHI]).as_matrix() @ C, carried
+
+
+def as_vectors(state):
+    """r, v (e), C_eb of a state in w."""
+    C_ew = matrix(state["q_ew"])
+    latitude, longitude, _ = geodesy.numeric.geodetic_from_q_ew(state["q_ew"])
+    r = geodesy.numeric.geodetic_to_ecef(latitude, longitude, state["height"])
+    return r, C_ew @ state["velocity_w"], C_ew @ matrix(state["q_wb"])
+
+
+def error_of(seed):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=15) * np.repeat([300.0, 2.0, 1e-3, 1e-5, 1e-3], 3)
+
+
+def check_truth(state, error):
+    """The state is the true motion, but for products of two errors."""
+    r, v, C, _ = true_motion()
+    found = as_vectors(state)
+    assert np.abs(found[0] - r).max() < 0.02
+    assert np.abs(found[1] - v).max() < 2e-4
+    assert np.abs(found[2] - C).max() < 5e-6
+    assert np.allclose(state["gyro_bias"], error[GYRO]) and np.allclose(state["accel_bias"], error[ACCEL])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feedback_of_the_15_states_returns_to_the_truth(seed):
+    error = error_of(seed)
+    r, v, C, C_ew = shifted(error)
+    model = lc.MODEL
+    x, e = ca.SX.sym("x", model.state.size), ca.SX.sym("e", 15)
+    named = model.state.symbols(x)
+    function = ca.Function("f", [x, e], [model.state.assemble({**vars(named), **lc.corrected(named, e)})])
+    given = np.concatenate([*(C_ew.T @ error[part] for part in (POSITION, VELOCITY, PHI)), error[9:]])
+    after = function(model.state.pack(rows_in_w(r, v, C, C_ew)), given).full().ravel()
+    check_truth(model.state.unpack(after), error)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feedback_of_the_12_states_returns_to_the_truth(seed):
+    error = error_of(seed)
+    _, v, C, _ = shifted(error)
+    model = ecef_kf.MODEL
+    x, e = ca.SX.sym("x", model.state.size), ca.SX.sym("e", 12)
+    rows = ecef_kf.corrected(model.state.symbols(x), e)
+    function = ca.Function("f", [x, e], [rows[name] for name in ("velocity_e", "q_eb", "accel_bias", "gyro_bias")])
+    state = model.state.pack({"q_eb": quaternion(C), "velocity_e": v})
+    found = [part.full().ravel() for part in function(state, error[np.r_[VELOCITY, PHI, ACCEL, GYRO]])]
+    _, true_v, true_C, _ = true_motion()
+    assert np.abs(found[0] - true_v).max() < 1e-9 and np.abs(matrix(found[1]) - true_C).max() < 5e-6
+    assert np.allclose(found[2], error[ACCEL]) and np.allclose(found[3], error[GYRO])
+
+
+def test_scalar_measurements_one_after_another_are_the_joint_update():
+    """Both forms of the update against Kalman's equations for three correlated measurements; a refused one is left out."""
+    rng = np.random.default_rng(8)
+    L, H, z, variance = rng.normal(size=(5, 5)), rng.normal(size=(3, 5)), rng.normal(size=3), rng.uniform(0.5, 2.0, 3)
+    P = L @ L.T
+    for used in ([0, 1, 2], [0, 2]):
+        S = H[used] @ P @ H[used].T + np.diag(variance[used])
+        K = P @ H[used].T @ np.linalg.inv(S)
+        triangle, full, one, other = symmetric.triangle(ca.SX(ca.DM(P))), ca.SX(ca.DM(P)), ca.SX.zeros(5), ca.SX.zeros(5)
+        for i in range(3):
+            row, accept = ca.SX(ca.DM(H[i : i + 1])), float(i in used)
+            triangle, one = kalman.measure(triangle, one, row, z[i], variance[i], accept)
+            full, other, _ = kalman.measure_joseph(full, other, row, z[i], variance[i], accept)
+        for found in (one, other):
+            assert np.allclose(np.array(ca.DM(ca.evalf(found))).ravel(), K @ z[used], rtol=1e-9, atol=1e-12)
+        for found in (symmetric.full(triangle, 5), full):
+            assert np.allclose(np.array(ca.DM(ca.evalf(found))), P - K @ H[used] @ P, rtol=1e-8, atol=1e-10)
+
+
+# --- additive quaternion error ------------------------------------------------------------------------
+
+
+@cache
+def fused():
+    """`aqe.fused` with 15 measurements as a function of the state, innovations, sensitivities and variances."""
+    model = get("aqe-ekf").model
+    x, z, H, variance = ca.SX.sym("x", model.state.size), ca.SX.sym("z", 15), ca.SX.sym("H", 15, 16), ca.SX.sym("r", 15)
+    named = model.state.symbols(x)
+    changed, _ = aqe.fused(named, z, H, variance, [1] * 15)
+    return model, ca.Function("fused", [x, z, H, variance], [model.state.assemble({**vars(named), **changed})])
+
+
+def tangent(q):
+    """Y(q): 2 Y^T dQ is a rotation in w, Y = (0, u) (x) q."""
+    w, x, y, z = q
+    return np.array([[-x, -y, -z], [w, z, -y], [-z, w, x], [y, -x, w]])
+
+
+def directions(q):
+    """16 x 15: rotation vector in w, biases, velocity, position, as errors of a state with attitude q."""
+    into = np.zeros((16, 15))
+    into[:4, :3] = tangent(q) / 2
+    into[4:, 3:] = np.eye(12)
+    return into
+
+
+def stored(P):
+    return np.array([P[i, j] for j in range(len(P)) for i in range(j + 1)])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feedback_of_the_16_states_returns_to_the_truth(seed):
+    """All errors measured: attitude and velocity relative to the computed frame, which the position error turns."""
+    error = error_of(seed)
+    r, v, C, C_ew = shifted(error)
+    true = true_motion()
+    w = true[3]
+    q, q_true = quaternion(C_ew.T @ C), quaternion(w.T @ true[2])
+    q_true = q_true if q @ q_true > 0 else -q_true
+    model, function = fused()
+    D = directions(q)
+    state = rows_in_w(r, v, C, C_ew) | {
+        "q_wb": q,
+        "covariance": stored(D @ np.diag(np.repeat([1e-2, 1e-6, 1e-2, 1e2, 1e6], 3)) @ D.T),
+    }
+    H = np.linalg.pinv(D)
+    dQ = q - q_true
+    full = np.concatenate([dQ, error[GYRO], error[ACCEL], C_ew.T @ v - w.T @ true[1], w.T @ error[POSITION]])
+    after = function(model.state.pack(state), H @ full, H, np.full(15, 1e-20)).full().ravel()
+    check_truth(model.state.unpack(after), error)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feedback_turns_the_covariance_with_the_estimate(seed):
+    """Seen in the axes of the estimated body it is what Kalman's equations give, however far the attitude turns."""
+    rng = np.random.default_rng(seed)
+    model, function = fused()
+    r, v, C, C_ew = true_motion()
+    q = quaternion(C_ew.T @ C)
+    L = rng.normal(size=(15, 15)) * np.repeat([0.3, 1e-4, 1e-2, 1.0, 30.0], 3)[:, None]
+    D = directions(q)
+    P = D @ L @ L.T @ D.T
+    H = rng.normal(size=(15, 15)) / np.repeat([0.3, 1e-4, 1e-2, 1.0, 30.0], 3) @ np.linalg.pinv(D)
+    H[4:] = 0.0  # four measurements
+    variance = np.full(15, 0.5)
+    z = rng.normal(size=15)
+    state = rows_in_w(r, v, C, C_ew) | {"covariance": stored(P)}
+    after = model.state.unpack(function(model.state.pack(state), z, H, variance).full().ravel())
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(variance))
+    expected, found = P - K @ H @ P, symmetric.full_array(after["covariance"], 16)
+    assert abs(after["q_wb"] @ q) < np.cos(0.01)  # the attitude has turned by a degree and more
+
+    def in_body(q):
+        """15 x 16: rotation, velocity and position in the axes of the body with attitude q."""
+        into = np.linalg.pinv(directions(q))
+        for part in (slice(0, 3), slice(9, 12), slice(12, 15)):
+            into[part] = matrix(q).T @ into[part]
+        return into
+
+    one, other = in_body(after["q_wb"]) @ found @ in_body(after["q_wb"]).T, in_body(q) @ expected @ in_body(q).T
+    scale = np.sqrt(np.diag(other))
+    assert np.abs((one - other) / np.outer(scale, scale)).max() < 1e-6
+
+
+# --- outputs --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", ["loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf"])
+def test_outputs_are_turned_by_the_wander_angle(id):
+    """Attitude, velocity and standard deviations in n of a state whose frame is turned by a wander angle."""
+    rng, model = np.random.default_rng(4), get(id).model
+    r, v, C, C_ew = true_motion()
+    rows, C_nw = rows_in_w(r, v, C, C_ew), about_down(WANDER)
+    L = rng.normal(size=(15, 15)) * np.repeat([1e-3, 1e-5, 1e-3, 0.3, 5.0], 3)[:, None]
+    own = L @ L.T
+    if id.startswith("aqe"):
+        D = directions(rows["q_wb"])
+        P, blocks = D @ own @ D.T, {"attitude": slice(0, 3), "velocity": slice(9, 12), "position": slice(12, 15)}
+    else:
+        P, blocks = own, {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9)}
+    state = model.state.pack(rows | {"covariance": stored(P)})
+    shown = model.outputs.unpack(np.array(model.kernels["output"].function(model.parameters.start_vector(), state)).ravel())
+    C_en = earth_fixed.frame_n(r)
+    assert np.allclose(shown["velocity_n"], C_en.T @ v, atol=1e-7)
+    assert np.allclose(matrix(shown["q_nb"]), C_en.T @ C, atol=1e-9)
+    assert np.allclose([shown["latitude"], shown["longitude"], shown["height"]], earth_fixed.geodetic(r), rtol=0, atol=1e-6)
+    for name, block in blocks.items():
+        assert np.allclose(shown[f"{name}_sigma"], np.sqrt(np.diag(C_nw @ own[block, block] @ C_nw.T)), rtol=1e-9), name
+
+
+# --- fixes whose error varies slowly ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("id", ["loosely-coupled", "smoother"])
+@pytest.mark.parametrize(("count", "interval", "age"), [(1, 1.0, 0.0), (8, 1.0, 0.0), (8, 5.0, 0.0), (8, 1.0, 0.4)])
+def test_fixes_with_a_slow_error_have_the_information_of_least_squares(id, count, interval, age):
+    """A place at rest from fixes whose whole error is a Gauss-Markov process: 1 / (1^T R^-1 1), R = s^2 exp(-|t| / T).
+
+    The age of the fixes does not matter: they are as far apart as their epochs.
+    """
+    sigma, time, dt, model = 2.0, 4.0, 0.1, get(id).model
+    known = {
+        "position_sigma": 1e4, "velocity_sigma": 0.0, "tilt_sigma": 0.0, "heading_sigma": 0.0, "gyro_bias_sigma": 0.0,
+        "accel_bias_sigma": 0.0, "angle_random_walk": 0.0, "velocity_random_walk": 0.0, "innovation_gate": 0.0,
+        "fix_wander_sigma": sigma, "fix_wander_time": time, "standing_window": 0.0, "start_latitude": 0.5,
+    }  # fmt: skip
+    every = round(interval / dt)
+    samples = np.arange(1, 1 + every * count)
+    due = (samples % every == 0).astype(float)
+    gravity = float(geodesy.numeric.normal_gravity(np.sin(0.5), 0.0))
+    n = len(samples)
+    columns = {
+        "delta_angle": np.tile(geodesy.numeric.earth_rate_n(0.5) * dt, (n, 1)),
+        "delta_velocity": np.tile([0, 0, -gravity * dt], (n, 1)),
+        "dt": np.full(n, dt), "gnss_valid": due, "gnss_age": np.full(n, age), "gnss_latitude": np.full(n, 0.5),
+        "gnss_position_sigma": np.full((n, 3), sigma),
+    }  # fmt: skip
+    runner = make_runner(model, known, "interpreter")
+    runner.run(n, input_rows(model, columns, n), 0)
+    at = interval * np.arange(count)
+    R = sigma**2 * np.exp(-np.abs(at[:, None] - at) / time)
+    expected = 1 / np.sqrt(np.linalg.inv(R).sum())
+    assert np.allclose(runner.outputs()["position_sigma"], expected, rtol=0.002)

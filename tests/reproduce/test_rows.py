@@ -1,0 +1,46 @@
+"""The rows of `insenv reproduce` are those of the stored table (tools/reproduced.py), to the digits that it has."""
+
+import json
+
+import pytest
+import reproduced
+
+from insenv.reproduce import PAPERS, Quantity, reproduce
+
+UNIT = 10.0 ** (1 - reproduced.DIGITS)
+"""One unit of the last digit of a number between 1 and 10, the largest share of a number that its rounding can be."""
+
+
+def test_the_table_has_every_paper_and_names_no_row_twice():
+    table = reproduced.stored()
+    assert list(table) == list(PAPERS)
+    for paper, rows in table.items():
+        names = [row["quantity"] for row in rows]
+        assert len(set(names)) == len(names) >= 8, paper
+        assert all(row["ours"] is not None and row["seeds"] >= 1 for row in rows)
+
+
+def test_a_row_keeps_its_digits():
+    quantity = Quantity("ecef", "heading", "deg", None, 0.123456789, 2.0 / 3.0, 3)
+    assert reproduced.row(quantity) == {
+        "quantity": "heading", "unit": "deg", "seeds": 3, "published": None, "ours": 0.123457, "limit": 0.666667,
+    }  # fmt: skip
+    table = {"ecef": [reproduced.row(quantity)]}
+    assert json.loads(reproduced.text(table)) == table
+
+
+@pytest.mark.slow  # a minute each
+@pytest.mark.parametrize("paper", PAPERS)
+def test_rows_are_those_of_the_table(paper):
+    """Names, order, published numbers, ours and limits; within the rounding of the stored numbers."""
+    expected = reproduced.stored()[paper]
+    ((_, found),) = reproduce(paper)
+    shown = [reproduced.row(quantity) for quantity in found]
+    assert [row["quantity"] for row in shown] == [row["quantity"] for row in expected]
+    for row, other in zip(shown, expected, strict=True):
+        assert row["published"] == other["published"] and row["seeds"] == other["seeds"], row["quantity"]
+        for name in ("ours", "limit"):
+            if other[name] is None:
+                assert row[name] is None, row["quantity"]
+            else:
+                assert row[name] == pytest.approx(other[name], rel=UNIT, nan_ok=True), f"{row['quantity']}: {name}"

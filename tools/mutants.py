@@ -1,0 +1,215 @@
+"""Inject single-place faults into the physics and report which of them the fast tests find; `make mutants`.
+
+The faults are listed in `tools/mutants.toml`: for each file the tests that concern it and pairs of an exact text and what
+replaces it. Nothing is changed in the checkout: every worker has a copy of the tree in a temporary folder, in which one
+fault at a time is made and the tests run until the first fails. A text that does not stand exactly once in its file is an
+error, and so is a test that fails, or finds nothing to run, without a fault.
+
+Outcomes: `killed` (a test failed), `survived`, `timeout` and `broken` (the tests could not be collected: the fault is no
+program). Only the first counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[1]
+LIST = Path(__file__).with_suffix(".toml")
+TRAVELS = ("insenv", "scenarios", "fmu", "tests", "tools", "examples", "pyproject.toml", "README.md")
+REQUIRED = 0.95
+LIMIT_S = 300.0
+"""Time limit of the tests of one fault, s."""
+_SECONDS = itertools.count(1_000_000_000)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault.
+
+    file: path in the repository. text, becomes: what is replaced, and by what. tests: arguments of pytest.
+    """
+
+    file: str
+    text: str
+    becomes: str
+    tests: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.file}: {' '.join(self.text.split())}  ->  {' '.join(self.becomes.split()) or '(nothing)'}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the tests said of a fault, the test that found it, and how long they ran (s)."""
+
+    mutant: Mutant
+    said: str
+    found_by: str
+    seconds: float
+
+
+def listed(chosen: Iterable[str] = ()) -> list[Mutant]:
+    """The faults of the list, of all files or of those whose path contains one of `chosen`.
+
+    Raises `SystemExit` naming each text that does not stand exactly once in its file, and a fault listed twice.
+    """
+    wanted, found, wrong = tuple(chosen), [], []
+    for entry in tomllib.loads(LIST.read_text(encoding="utf-8"))["file"]:
+        source = (ROOT / entry["path"]).read_text(encoding="utf-8")
+        for text, becomes in entry["mutants"]:
+            mutant = Mutant(entry["path"], text, becomes, tuple(entry["tests"]))
+            count = source.count(text)
+            if count != 1:
+                wrong.append(f"{mutant}: the text stands {count} times in the file")
+            if text == becomes or mutant in found:
+                wrong.append(f"{mutant}: no fault, or listed twice")
+            found.append(mutant)
+    if wrong:
+        raise SystemExit("\n".join(wrong))
+    return [mutant for mutant in found if not wanted or any(part in mutant.file for part in wanted)]
+
+
+def copied(folder: Path) -> Path:
+    """A copy of the tree in a new folder inside `folder`."""
+    copy = Path(tempfile.mkdtemp(dir=folder))
+    for name in TRAVELS:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
+        else:
+            shutil.copy2(source, copy / name)
+    return copy
+
+
+def tested(tree: Path, tests: tuple[str, ...], limit_s: float) -> tuple[str, str]:
+    """Run tests in a copy of the tree until the first fails: (outcome, test that failed or the end of the output)."""
+    arguments = [
+        "-x",
+        "-q",
+        "-m",
+        "not slow",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:randomly",
+        "--no-header",
+        "--tb=no",
+        "-rfE",
+        *tests,
+    ]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(tree),
+        "INSENV_BACKEND": "interpreter",  # most faults would have to be compiled
+        "OMP_NUM_THREADS": "1",
+    }
+    command = [sys.executable, "-m", "pytest", *arguments]
+    try:
+        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=limit_s, check=False)
+    except subprocess.TimeoutExpired:
+        return "timeout", ""
+    failed = [line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")]
+    if done.returncode == 0:
+        return "survived", ""
+    if done.returncode == 1 and failed:
+        return "killed", failed[0]
+    return "broken", (done.stdout + done.stderr)[-2000:]
+
+
+def tried(mutant: Mutant, tree: Path, limit_s: float) -> Outcome:
+    """Make one fault in a copy of the tree, run its tests, and restore the file."""
+    path, begun = tree / mutant.file, time.monotonic()
+    source, times = path.read_text(encoding="utf-8"), path.stat()
+    path.write_text(source.replace(mutant.text, mutant.becomes), encoding="utf-8")
+    # Python trusts compiled code if size and second of its source agree: no two faults share a second, and none the source's
+    stamp = next(_SECONDS)
+    os.utime(path, (stamp, stamp))
+    try:
+        said, found_by = tested(tree, mutant.tests, limit_s)
+    finally:
+        path.write_text(source, encoding="utf-8")
+        os.utime(path, (times.st_atime, times.st_mtime))
+    return Outcome(mutant, said, found_by, time.monotonic() - begun)
+
+
+def sound(mutants: list[Mutant], tree: Path) -> None:
+    """Raise `SystemExit` if a test that is to find faults fails without one."""
+    tests = tuple(dict.fromkeys(test for mutant in mutants for test in mutant.tests))
+    begun = time.monotonic()
+    said, text = tested(tree, tests, 3600.0)
+    if said != "survived":
+        raise SystemExit(f"the tests fail without a fault: {said} {text}")
+    print(f"without a fault the tests pass in {time.monotonic() - begun:.0f} s", flush=True)
+
+
+def all_tried(mutants: list[Mutant], workers: int, limit_s: float) -> list[Outcome]:
+    """Try every fault, some at a time; prints each outcome as it comes."""
+    outcomes = []
+    with tempfile.TemporaryDirectory(prefix="insenv-mutants-") as name:
+        trees: Queue[Path] = Queue()
+        for _ in range(workers):
+            trees.put(copied(Path(name)))
+        tree = trees.get()
+        sound(mutants, tree)
+        trees.put(tree)
+
+        def one(mutant: Mutant) -> Outcome:
+            tree = trees.get()
+            try:
+                return tried(mutant, tree, limit_s)
+            finally:
+                trees.put(tree)
+
+        with ThreadPoolExecutor(workers) as pool:
+            for number, future in enumerate(as_completed([pool.submit(one, mutant) for mutant in mutants]), 1):
+                outcome = future.result()
+                outcomes.append(outcome)
+                by = f"  by {outcome.found_by}" if outcome.said == "killed" else ""
+                print(f"{number:4}/{len(mutants)} {outcome.said:8} {outcome.seconds:5.0f} s  {outcome.mutant}{by}", flush=True)
+    return outcomes
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; 1 if fewer than `REQUIRED` of the faults are found."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("files", nargs="*", help="only the faults of files whose path contains one of these")
+    parser.add_argument("-j", "--workers", type=int, default=2, help="faults tried at a time")
+    parser.add_argument("--limit", type=float, default=LIMIT_S, help="time limit of one fault, s")
+    parser.add_argument("--list", action="store_true", help="check the list and print it")
+    given = parser.parse_args(arguments)
+    mutants = listed(given.files)
+    if given.list:
+        print("\n".join(str(mutant) for mutant in mutants))
+        print(f"{len(mutants)} faults in {len({mutant.file for mutant in mutants})} files")
+        return 0
+    if not mutants:
+        raise SystemExit("no fault is listed for these files")
+    begun = time.monotonic()
+    outcomes = all_tried(mutants, given.workers, given.limit)
+    left = [outcome for outcome in outcomes if outcome.said != "killed"]
+    share = 1.0 - len(left) / len(outcomes)
+    for outcome in left:
+        print(f"{outcome.said}: {outcome.mutant}  ({' '.join(outcome.mutant.tests)}) {outcome.found_by}")
+    print(f"{len(outcomes) - len(left)} of {len(outcomes)} killed ({100 * share:.1f} %) in {time.monotonic() - begun:.0f} s")
+    return 0 if share >= REQUIRED else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
