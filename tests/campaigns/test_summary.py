@@ -110,8 +110,8 @@ def test_runs_far_from_the_median_are_listed(monkeypatch):
 
 
 def test_limits_of_runs_and_of_times_have_the_same_mean_square():
-    """Runs at several latitudes: the limit of a run over its last quarter, that of a time over the runs."""
-    variations = [parse_variation("start.latitude_deg=10:80")]
+    """Runs told their heading more or less well: the limit of a run over its last quarter, that of a time over the runs."""
+    variations = [parse_variation("knowledge.heading_sigma_deg=1:10")]
     found = run_campaign(make_plan(slow_ship(), "analytic", 8, first_seed=1, duration_s=2.0, variations=variations))
     late = found.time >= found.from_s - 1e-9
     for place, name in enumerate(found.channels):
