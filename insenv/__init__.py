@@ -88,7 +88,7 @@ if TYPE_CHECKING:
     from insenv.report import Report
     from insenv.runs.replayed import replay
     from insenv.runs.simulated import run
-    from insenv.scenario import Scenario, load
+    from insenv.scenario import Scenario, limit, load
     from insenv.sensors import Sensor, SensorSection
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
 
@@ -113,6 +113,7 @@ __all__ = [
     "campaign",
     "export_fmu",
     "export_ssp",
+    "limit",
     "load",
     "register",
     "replay",
@@ -133,7 +134,7 @@ _HOMES = {
     "insenv.report": ("Report",),
     "insenv.runs.replayed": ("replay",),
     "insenv.runs.simulated": ("run",),
-    "insenv.scenario": ("Scenario", "load"),
+    "insenv.scenario": ("Scenario", "limit", "load"),
     "insenv.sensors": ("Sensor", "SensorSection"),
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
 }

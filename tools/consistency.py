@@ -128,7 +128,7 @@ def changed(
 ID = "loosely-coupled"
 RTK = {"grade": "rtk", "outlier_probability": 0.0}
 MODELS_WANDER: Mapping[str, Any] = {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0, "standing_window_s": 0.0}
-IGNORES_WANDER: Mapping[str, Any] = {"standing_window_s": 0.0}
+IGNORES_WANDER: Mapping[str, Any] = {"fix_wander_sigma_m": [0.0, 0.0, 0.0], "standing_window_s": 0.0}
 
 
 def _city(imu: Mapping[str, Any] | None, gnss: Mapping[str, Any] | None, tuning: Mapping[str, Any]) -> Callable[[], Scenario]:

@@ -24,6 +24,7 @@ from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight.description import FlightDescription
 from insenv.scenario import description, json_schema
+from insenv.scenario.gravity_section import GravitySection
 from insenv.sensors import GnssSection, ImuSection
 from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
@@ -64,6 +65,7 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of an aircraft", aircraft.AircraftLeg),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
+    ("[gravity]", GravitySection),
     ("[knowledge]", description.KnowledgeSection),
 )
 LOG_SECTIONS: Sections = (

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.campaigns.parameters import known_values
 from insenv.campaigns.plan import Plan
 from insenv.core.batch import Batch, make_batch
 from insenv.errors import InputError
@@ -30,10 +29,8 @@ class StoppedError(Exception):
 def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arrays:
     """Simulate and estimate the runs of block `number` and return their summaries, run by run.
 
-    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `known`
-    (runs, 4): latitude (rad), height (m) and the white noise of gyros and accelerometers that the estimator knows;
-    `wander` (runs, 3), m: standard deviation of the correlated error of the fixes. Raises `InputError` if the parts of
-    the plant differ between runs, `StoppedError` soon after `stopped` returns true.
+    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...). Raises
+    `InputError` if the parts of the plant differ between runs, `StoppedError` soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]
@@ -41,12 +38,9 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arra
     measured = plan.measured
     batch = make_batch(measured.model, len(plants), plan.parameters_of(plants))
     shown = measured.model.outputs.unpack(_records(batch, plan, stopped))
-    wander = [np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3) for plant in plants]
     return {
         "seed": np.array(seeds, dtype=np.float64),
         "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
-        "known": known_values(plants),
-        "wander": np.array(wander),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
     }
 

@@ -8,7 +8,7 @@ arithmetic, and therefore bit-identical on every machine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from math import pi
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from insenv import attitude, estimators, geodesy
+from insenv import attitude, geodesy
 from insenv.core.elementary import select, sin_cos, wrap_angle
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
@@ -26,9 +26,7 @@ from insenv.evaluation.consistency import nees
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.plant import loop_model
 from insenv.plant.loop import PREFIX
-from insenv.sensors.imu import systematic_error
 
-PREDICTOR = "predictor_"
 _DEG = 180.0 / pi
 _GROUPS = (
     (ATTITUDE, "q_nb", "attitude_sigma"),
@@ -43,33 +41,24 @@ class Measured:
 
     channels: names of the errors, of `insenv.evaluation.errors.CHANNELS`.
     stated: channels whose standard deviation the estimator states.
-    predicted: channels whose standard deviation the covariance of the free-inertial filter predicts.
     degrees: degrees of freedom of the NEES; 0: there is none.
-    senses: whether the errors of the sensors are summed (for alignments).
     """
 
     model: Model
     channels: tuple[str, ...]
     stated: tuple[str, ...]
-    predicted: tuple[str, ...]
     degrees: int
-    senses: bool
 
 
 @lru_cache(maxsize=16)
 def measured_model(plant: Model, estimator: Estimator) -> Measured:
     """The campaign's model for a plant and an estimator; the same object for the same pair.
 
-    Outputs: `error` (channels), current; `mean_square` (channels), since the previous record; `sigma` (stated channels)
-    and `predicted` (predicted channels); `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers
-    (m/s^2) in n since the start, without noise; `heading` (rad), true; the rows of `FIX_HEALTH`, if the estimator has
-    them.  Added parameters: `evaluation_samples`, `evaluations`.
+    Outputs: `error` (channels), current; `mean_square` (channels), since the previous record; `sigma` (stated channels);
+    `nees`; the rows of `FIX_HEALTH`, if the estimator has them.  Added parameters: `evaluation_samples`, `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
-    predicts = estimator.navigates and not estimator.aided
-    if predicts:
-        loop = loop_model(loop, predictor().model, PREDICTOR)
-    statistics = _Statistics(loop, estimator, predicts)
+    statistics = _Statistics(loop, estimator)
     added = Table((Row("evaluation_samples", "Samples between evaluations", start=1.0, lower=1.0),
                    Row("evaluations", "Evaluations between records", start=1.0, lower=1.0)))  # fmt: skip
     model = Model(
@@ -88,28 +77,17 @@ def measured_model(plant: Model, estimator: Estimator) -> Measured:
         start=loop.start,
         start_uniforms=loop.start_uniforms,
     )
-    stated, predicted = statistics.stated, statistics.predicted
-    return Measured(model, statistics.channels, stated, predicted, statistics.degrees, statistics.senses)
-
-
-@lru_cache(maxsize=1)
-def predictor() -> Estimator:
-    """The unaided 15-state filter, whose covariance is the limit of free-inertial navigation."""
-    filter15 = estimators.get("loosely-coupled")
-    steps = {name: filter15.model.steps[name] for name in ("sample", "covariance")}
-    return replace(filter15, model=replace(filter15.model, id="unaided", steps=steps))
+    return Measured(model, statistics.channels, statistics.stated, statistics.degrees)
 
 
 class _Statistics:
     """Rows and functions of the statistics appended to a loop."""
 
-    def __init__(self, loop: Model, estimator: Estimator, predicts: bool) -> None:
+    def __init__(self, loop: Model, estimator: Estimator) -> None:
         self.loop, self.estimator = loop, estimator
         outputs = estimator.model.outputs
         self.channels = tuple(c for names, row, _ in _GROUPS if row in outputs for c in names)
         self.stated = tuple(c for names, row, sigma in _GROUPS if row in outputs and sigma in outputs for c in names)
-        self.predicted = self.channels if predicts else ()
-        self.senses = not estimator.navigates
         self.degrees = self._degrees()
         count = len(self.channels)
         rows = [
@@ -121,30 +99,20 @@ class _Statistics:
         shown = [
             Row("error", "Estimate minus truth", "deg, m, m/s", (count,)),
             Row("mean_square", "Mean squared error since the last record", "deg^2, m^2, m^2/s^2", (count,)),
-            Row("heading", "True heading", "rad"),
         ]
         if self.stated:
             shown.append(Row("sigma", "Standard deviation that the estimator states", "deg, m, m/s", (len(self.stated),)))
-        if self.predicted:
-            shown.append(Row("predicted", "Predicted standard deviation", "deg, m, m/s", (len(self.predicted),)))
         if self.degrees:
             shown.append(Row("nees", "Normalised estimation error squared"))
-        if self.senses:
-            rows.append(Row("excess_n", "Sum of the sensors' errors without noise", "rad, m/s", (6,), "n"))
-            shown.append(Row("sensor_error_n", "Mean error of the sensors without noise", "rad/s, m/s^2", (6,), "n"))
         if estimator.reports_health:
             shown.extend(FIX_HEALTH)
         self.state, self.outputs = Table(tuple(rows)), Table(tuple(shown))
 
     def sample(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        """On every sample: count it, and sum the sensors' errors in n."""
+        """On every sample: count it."""
         count = x.evaluation_count + 1
         due = count >= p.evaluation_samples
-        rows: dict[str, Any] = {"evaluation_count": count - due * count, "evaluation_due": due}
-        if self.senses:
-            excess = (attitude.rotate(x.q_nb, error) for error in systematic_error(p, x))
-            rows["excess_n"] = x.excess_n + ca.vertcat(*excess)
-        return rows
+        return {"evaluation_count": count - due * count, "evaluation_due": due}
 
     def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
         """Add the squared errors; the first evaluation after a record restarts the sum."""
@@ -160,19 +128,14 @@ class _Statistics:
         rows: dict[str, Any] = {
             "error": self._error(x, found),
             "mean_square": x.squared_error / (x.evaluated + (x.evaluated == 0)),
-            "heading": attitude.to_euler(x.q_nb)[2],
         }
         if self.stated:
             rows["sigma"] = _sigma(self.stated, found)
-        if self.predicted:
-            rows["predicted"] = _sigma(self.predicted, self._named(predictor().model, PREDICTOR, p, x))
         if self.degrees:
             own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
             rows["nees"] = nees(self.estimator, own, found, x)[0]
         if self.estimator.reports_health:
             rows.update({name: getattr(found, name) for name in FIX_HEALTH.names})
-        if self.senses:
-            rows["sensor_error_n"] = x.excess_n / (x.time + (x.time == 0))
         return rows
 
     def _degrees(self) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import insenv
 from insenv import estimators
 from insenv.campaigns.model import Measured, measured_model
-from insenv.campaigns.parameters import known_values, parameter_digest, run_parameters
+from insenv.campaigns.parameters import parameter_digest, run_parameters
 from insenv.campaigns.variation import Variation, check_variations, varied
 from insenv.errors import InputError
 from insenv.estimators import Estimator
@@ -70,7 +70,7 @@ class Plan:
         A function that prepares parameters has no text to compare, as a plug-in's source may be anywhere; its results have.
         """
         plants = list(self.plants([self.first_seed + run for run in range(min(self.runs, COMPARED_RUNS))]))
-        return parameter_digest(np.hstack([self.parameters_of(plants), known_values(plants)]))
+        return parameter_digest(self.parameters_of(plants))
 
     @functools.cached_property
     def digest(self) -> str:
@@ -116,7 +116,7 @@ class Plan:
     def parameters_of(self, plants: Sequence[Plant]) -> NDArray[np.float64]:
         """Parameters of `measured` for the plants of some runs, one row per run."""
         evaluation = self.evaluation_samples, self.evaluations
-        return run_parameters(plants, self.chosen, self.measured, evaluation, bool(self.variations))
+        return run_parameters(plants, self.chosen, evaluation, bool(self.variations))
 
     @property
     def too_short(self) -> str:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from insenv.campaigns.statistics import Statistics
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
+from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
 from insenv.report.scales import set_scale
-from insenv.report.tables import _table, label, number
+from insenv.report.tables import _table, label, number, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,6 +63,8 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     yield Text()
     start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
     yield Text(f"mean, percentiles: of the errors at the end; rms, limit, stated: {start}, all runs", "dim")
+    if document["limit_ratio_95"] and any(row["limit"] for row in figures.values()):
+        yield Text(within(plan.runs - len(found.diverged)), "dim")
     if (nees := document["nees"]) is not None:
         yield Text(
             f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
@@ -93,7 +96,7 @@ def campaign_rows(found: Statistics) -> list[tuple[str, list[float | None]]]:
     """By error, its label and the values of `CAMPAIGN_COLUMNS`; no ratio for runs that are too short for the estimator."""
     rows, comparable = [], not found.plan.too_short
     for name, row in found.figures().items():
-        ratio = row["rms"] / row["limit"] if row["limit"] and comparable else None
+        ratio = limit_ratio(row["rms"], row["limit"], name) if comparable else None
         rows.append((label(name), [row["mean"], row["rms"], row["limit"], ratio, row["stated"]]))
     return rows
 
@@ -104,7 +107,7 @@ def campaign_html(found: Statistics) -> str:
     tables = [("errors", CAMPAIGN_COLUMNS, rows)]
     plan = found.plan
     return html_document(
-        f"{plan.name}: {plan.estimator}", campaign_facts(found), tables, plan.notes, lambda: draw_campaign(found)
+        f"{plan.name}: {plan.estimator}", campaign_facts(found), tables, found.notes, lambda: draw_campaign(found)
     )
 
 

@@ -12,6 +12,7 @@ from uuid import uuid4
 from insenv import __version__
 from insenv.campaigns.block import Arrays, run_block
 from insenv.campaigns.executors import Processes, Workers, processes, threads
+from insenv.campaigns.limits import campaign_limit
 from insenv.campaigns.plan import Plan, make_plan
 from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
@@ -52,7 +53,7 @@ def campaign(
     vary: ranges (low, high) by key of the scenario (``"imu.gyro_bias_deg_h"``) from which each run draws its value.
     folder: where finished blocks are kept; with `resume` an interrupted campaign there continues.
     workers: number of processes, which a script may start only below ``if __name__ == "__main__":``; None: threads.
-    progress: called with the numbers of inertial samples done and in all.
+    progress: called with the numbers of inertial samples done and in all; for the limit, once more from the first.
 
     Raises `InputError` for what is unknown, wrong, or cannot run; `InsenvError` if workers die again and again.
     """
@@ -129,7 +130,8 @@ def _run_held(plan: Plan, store: Memory | Folder, make: Workers, progress: Progr
                     ) from None
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_interrupted(store, len(blocks) - len(left), len(blocks))) from None
-    return summarise(plan, measured, lambda name: [store.column(number, name) for number in range(len(blocks))])
+    limit = campaign_limit(plan, measured.channels, progress)
+    return summarise(plan, measured, lambda name: [store.column(number, name) for number in range(len(blocks))], limit)
 
 
 def _interrupted(store: Memory | Folder, done: int, blocks: int) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
 from insenv.evaluation.health import VERDICTS, Health
+from insenv.evaluation.limits import ratio_bounds
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ class Course:
     mean: mean error.
     rms: root mean square of all evaluations since the previous record.
     percentiles: (5, records), of the errors.
-    limit: root mean square of the limit over the runs, or None.
+    limit: root mean square of the limit since the previous record and over the runs, or None.
     stated: root mean square of the standard deviations that the estimator states, or None.
     """
 
@@ -56,6 +57,7 @@ class Statistics:
     taken.
     Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no
     limit).
+    limit_note: what must be said of the limit, or empty.
     diverged: seeds of runs with a number that is not finite.
     far: seeds of runs whose rms is `FAR` times the median.
     health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
@@ -73,8 +75,14 @@ class Statistics:
     limit: Array
     diverged: tuple[int, ...]
     far: tuple[int, ...]
+    limit_note: str = ""
     health: tuple[Health | None, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the campaign."""
+        return (*self.plan.notes, *((self.limit_note,) if self.limit_note else ()))
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -86,7 +94,8 @@ class Statistics:
         kept = ~np.isin(self.seeds, self.diverged)
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
-            limit = float(rms_of(self.limit[kept, place])) if course.limit is not None and kept.any() else None
+            known = kept & np.isfinite(self.limit[:, place])
+            limit = float(rms_of(self.limit[known, place])) if known.any() else None
             late = self.time >= self.from_s - 1e-9
             found[name] = {
                 "mean": float(course.mean[-1]),
@@ -135,11 +144,12 @@ class Statistics:
             "varied": [{"key": v.key, "low": v.low, "high": v.high} for v in plan.variations],
             "statistics_from_s": self.from_s,
             "errors": self.figures(),
+            "limit_ratio_95": list(ratio_bounds(plan.runs - len(self.diverged))) if plan.runs > len(self.diverged) else None,
             "nees": nees,
             "health": self.verdicts(),
             "diverged": list(self.diverged),
             "far": list(self.far),
-            "notes": list(plan.notes),
+            "notes": list(self.notes),
         }
 
 

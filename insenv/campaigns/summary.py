@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.limits import CampaignLimit
 from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.estimators.parts.rows import FIX_HEALTH
-from insenv.evaluation import limits
-from insenv.evaluation.errors import POSITION
 from insenv.evaluation.health import Health, health
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import require_matplotlib
@@ -60,21 +59,21 @@ class Summary(Statistics):
         return campaign_html(self)
 
 
-def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
+def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignLimit) -> Summary:
     """Summarise all blocks; sums follow the order of the runs, so that they do not depend on the workers."""
     time = plan.times
     alignment = not plan.chosen.navigates
     from_s = 0.75 * float(time[-1]) if alignment else 0.0
     late = time >= from_s - 1e-9
     seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))
-    limit = _limits(measured, time, columns)
+    limits = limit.course()
     sigma = np.concatenate(columns("sigma")) if measured.stated else None
     finite: NDArray[np.bool_] = np.all(np.isfinite(error) & np.isfinite(square), axis=2)
 
     courses = {}
     for place, name in enumerate(measured.channels):
         stated = sigma[:, :, measured.stated.index(name)] if sigma is not None and name in measured.stated else None
-        own = None if limit is None else limit[:, :, place]
+        own = None if limits is None else limits[:, place]
         courses[name] = _course(error[:, :, place], square[:, :, place], own, stated, finite)
     rms = np.sqrt(np.mean(square[:, late], axis=1))
     whole = np.all(finite, axis=1)
@@ -89,9 +88,10 @@ def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
         values=np.concatenate(columns("values")),
         final=error[:, -1],
         rms=rms,
-        limit=np.full_like(rms, np.nan) if limit is None else np.sqrt(np.mean(limit[:, late] ** 2, axis=1)),
+        limit=limit.of_runs(len(seeds), late),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
+        limit_note=limit.note,
         health=_health(columns) if plan.chosen.reports_health else (),
     )
 
@@ -105,7 +105,10 @@ def _health(columns: Columns) -> tuple[Health | None, ...]:
 
 
 def _course(error: Array, square: Array, limit: Array | None, stated: Array | None, finite: NDArray[np.bool_]) -> Course:
-    """Statistics of one channel over the runs (runs, records), at each time over those that are finite there."""
+    """Statistics of one channel over the runs (runs, records), at each time over those that are finite there.
+
+    limit (records,): of the channel, or None.
+    """
 
     def rms(squares: Array) -> Array:
         return np.sqrt(_mean(squares, finite))
@@ -114,7 +117,7 @@ def _course(error: Array, square: Array, limit: Array | None, stated: Array | No
         mean=_mean(error, finite),
         rms=rms(square),
         percentiles=_percentiles(error, finite),
-        limit=None if limit is None else rms(limit**2),
+        limit=limit,
         stated=None if stated is None else rms(stated**2),
     )
 
@@ -131,39 +134,6 @@ def _percentiles(error: Array, finite: NDArray[np.bool_]) -> Array:
     none = np.full(len(PERCENTILES), np.nan)
     courses = zip(error.T, finite.T, strict=True)
     return np.stack([np.percentile(e[good], PERCENTILES) if good.any() else none for e, good in courses], axis=1)
-
-
-def _limits(measured: Measured, time: Array, columns: Columns) -> Array | None:
-    """Limit of every run (runs, records, channels): that of `insenv.runs.simulated`, at each recorded time."""
-    if measured.senses:
-        return _alignment_limits(time, *(np.concatenate(columns(name)) for name in ("known", "sensor_error_n", "heading")))
-    if measured.predicted:
-        return np.concatenate(columns("predicted"))
-    if set(measured.stated) == set(measured.channels):
-        limit, wander = np.concatenate(columns("sigma")), np.concatenate(columns("wander"))
-        for place, name in enumerate(POSITION):
-            at = measured.channels.index(name)
-            limit[:, :, at] = np.hypot(limit[:, :, at], wander[:, None, place])
-        return limit
-    return None
-
-
-def _alignment_limits(time: Array, known: Array, sensor_error_n: Array, heading: Array) -> Array:
-    """Errors due to the mean sensor errors up to each time and to white noise; roll and pitch by current heading."""
-    latitude, height = known[:, None, 0], known[:, None, 1]
-    bias = limits.bias_tilts(sensor_error_n[..., :3], sensor_error_n[..., 3:], latitude, height)
-    # the bound is smooth in its arguments: compute it once for runs that agree to about 1 % (for latitude, in its secant)
-    about = np.arctan(np.sinh(np.round(np.arcsinh(np.tan(known[:, 0])), 2)))
-    grid = np.stack([about, np.round(known[:, 1], -2), _two_digits(known[:, 2]), _two_digits(known[:, 3])], axis=1)
-    kinds, kind = np.unique(grid, axis=0, return_inverse=True)
-    noise = limits.noise_bound(kinds[:, 2], kinds[:, 3], kinds[:, 0], kinds[:, 1], time)
-    return limits.alignment_limits(bias, noise[kind.ravel()], heading)
-
-
-def _two_digits(values: Array) -> Array:
-    """Rounded to steps of 1 %."""
-    safe = np.where(values > 0.0, values, 1.0)
-    return np.where(values > 0.0, np.exp(np.round(np.log(safe), 2)), 0.0)
 
 
 def _nees(measured: Measured, columns: Columns) -> NeesCourse | None:

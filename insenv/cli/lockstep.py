@@ -129,11 +129,15 @@ def _prepared(
 
 
 def _recorded(stack: ExitStack, vehicle: Vehicle, simulate: Messages, tlog: Path) -> Messages:
-    """The vehicle's step, with its messages written to a log that has a sequence of its own."""
+    """The vehicle's step, with its messages written to a log that begins with its parameters and has a sequence of its own."""
+    from insenv.mavlink.answers import parameter_frames
     from insenv.mavlink.wire import TlogWriter, dialect
 
     recorder = stack.enter_context(TlogWriter(tlog))
     packer = dialect().MAVLink(None, vehicle.view.system, vehicle.view.component)
+    for frame in parameter_frames(vehicle):
+        recorder.write(vehicle.view.unix_us, frame)
+    packer.seq = len(vehicle.parameters) % 256
 
     def step() -> Sequence[Any]:
         messages = simulate()

@@ -1,72 +1,97 @@
-"""The error limits of an episode: the errors that the sensors leave, whatever the method."""
+"""The limits of an episode: the errors that no method can fall below (`insenv.evaluation.limits`)."""
 
 from __future__ import annotations
-
-import json
-from collections.abc import Mapping
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import estimators, geodesy
-from insenv.core.runner import make_runner
+from insenv.core.model import Model
+from insenv.core.tables import Table
 from insenv.envs.task import Task
-from insenv.estimators import SensorNotes
-from insenv.evaluation import limits
-from insenv.plant.feeding import input_rows
-from insenv.scenario import Scenario, build, load
+from insenv.evaluation.limits import Limit
+from insenv.scenario import Scenario, limit_along, prior_of
+from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 Array = NDArray[np.float64]
 
 LONGEST = 600.0
-"""Longest time over which the filter's covariance is averaged, s."""
+"""Longest time over which the limit of a navigation is averaged, s."""
 RECORD_INTERVAL = 1.0
-"""Time between covariances that are averaged, s."""
+"""Time between limits that are averaged, s."""
+NODES, EDGE = 11, 0.002
+"""Number of units, from the better to the worse grade, whose limits are computed, and how closely they lie at the ends, where
+an error that one grade does not have sets in.  The limits of those in between are interpolated: within 3 % between a marine
+and a tactical grade, within 10 % between a marine and an industrial one."""
 
 
 def episode_limits(
-    task: Task, scenario: Scenario, rows: Mapping[str, Array], notes: list[SensorNotes], duration: float
+    task: Task, plant: Model, scenario: Scenario, bases: tuple[Array, ...], vectors: Array, duration: float
 ) -> Array:
     """Return the 1-sigma limits of the error components of k episodes, (k, components).
 
-    rows: plant parameters by name, with the episodes along the first axis.  notes: the data sheet of each episode.
-    duration: of an episode, s.  Alignment: the tilts and heading (rad, rotation about n) that biases of 1 sigma and
-    white noise over `duration` leave, see `insenv.evaluation.limits`.  Navigation: `navigation_limit`, the same for all
-    episodes.
+    bases: the plant's parameters, or those of the two grades between which units are drawn.  vectors (k, parameters): of the
+    episodes.  duration: of an episode, s.  Alignment: attitude (rad, rotation about n) at the end.  Navigation: the root mean
+    square over the episode of attitude (rad), velocity (m/s) and position (m).
+
+    The trajectory, its heading and the mounting are those of the scenario: the limits of an alignment hardly depend on them.
     """
-    if task.model.parameters["limit"].size > 3:
-        return np.tile(navigation_limit(scenario.model_dump_json(), duration), (len(notes), 1))
-    found = np.empty((len(notes), 3))
-    for row, sheet in enumerate(notes):
-        latitude, height = float(rows["start_latitude"][row]), float(rows["start_height"][row])
-        g = float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
-        tilt = sheet.accel_bias_sigma / g
-        heading = np.hypot(tilt * np.tan(latitude), sheet.gyro_bias_sigma / (geodesy.OMEGA_IE * np.cos(latitude)))
-        noise = limits.noise_tilts(sheet.angle_random_walk, sheet.velocity_random_walk, latitude, height, duration)
-        found[row] = np.hypot([tilt, tilt, heading], noise)
+    navigates = task.model.parameters["limit"].size > 3
+    samples = round((min(duration, LONGEST) if navigates else duration) * scenario.rate_hz)
+
+    def limit(rows: Array) -> Array:
+        found = limit_along(plant, rows, prior_of(scenario.knowledge), samples, scenario.vehicle.in_place)
+        return _over_the_episode(found) if navigates else found.rotation[-1]
+
+    from scipy.interpolate import PchipInterpolator
+
+    if len(bases) == 1:
+        return np.tile(limit(bases[0]), (len(vectors), 1))
+    low, high = bases
+    begin, end = _stretched(np.array([0.0, 1.0])).tolist()
+    nodes = np.linspace(begin, end, NODES)
+    odds = np.exp(nodes)
+    fractions = np.clip((odds * (1 + EDGE) - EDGE) / (1 + odds), 0.0, 1.0)
+    logarithms = np.log([limit(between(low, high, fraction, plant.parameters)) for fraction in fractions])
+    drawn = np.array([_fraction(low, high, vector, plant.parameters) for vector in vectors])
+    return np.exp(np.asarray(PchipInterpolator(nodes, logarithms)(_stretched(drawn))))
+
+
+def _over_the_episode(found: Limit) -> Array:
+    """Root mean square (9,) of the limits of attitude, velocity and position."""
+    times = np.arange(RECORD_INTERVAL, max(found.time[-1], RECORD_INTERVAL) + 1e-9, RECORD_INTERVAL)
+    rotation = [np.sqrt(np.mean(np.interp(times, found.time, axis**2))) for axis in found.rotation.T]
+    rms = found.rms(times)
+    return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])
+
+
+def _stretched(fractions: Array) -> Array:
+    """Fractions of the way between two grades on a scale that is wide at both ends."""
+    return np.log((fractions + EDGE) / (1.0 - fractions + EDGE))
+
+
+def between(low: Array, high: Array, fraction: float, parameters: Table) -> Array:
+    """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
+
+    low, high (parameters.size,): of the plant.  All other parameters are those of `low`.
+    """
+    found = low.copy()
+    for name in IMU_PARAMETERS.names:
+        if name not in parameters:
+            continue
+        part = parameters.slice(name)
+        a, b = low[part], high[part]
+        positive = (a > 0.0) & (b > 0.0)
+        mixed = a + (b - a) * fraction
+        mixed[positive] = a[positive] * (b[positive] / a[positive]) ** fraction
+        found[part] = mixed
     return found
 
 
-@lru_cache(maxsize=32)
-def navigation_limit(scenario_json: str, duration: float) -> Array:
-    """Return the root mean square over time of the 15-state filter's stated sigmas in a scenario, (9,).
-
-    The components are attitude (rad, rotation about n), velocity (m/s) and position (m).  The position limit includes
-    the part of the fix error that changes too slowly to be averaged.  The values come from one run with the scenario's
-    seed over at most `LONGEST` seconds: the covariance depends on the motion and hardly on the noise.
-    """
-    scenario = load(json.loads(scenario_json))
-    plant = build(scenario, duration_s=min(duration, LONGEST))
-    estimator = estimators.get("loosely-coupled")
-    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns = {**shown, "dt": np.full(plant.samples, plant.sample_interval)}
-    every = max(1, round(RECORD_INTERVAL / plant.sample_interval))
-    outputs = make_runner(estimator.model, plant.parameters_of(estimator)).run(
-        plant.samples, input_rows(estimator.model, columns, plant.samples), min(every, plant.samples)
-    )
-    rows = estimator.model.outputs.unpack(outputs)
-    names = ("attitude_sigma", "velocity_sigma", "position_sigma")
-    sigma = np.sqrt(np.mean(np.concatenate([rows[name] for name in names], axis=1) ** 2, axis=0))
-    sigma[6:9] = np.hypot(sigma[6:9], np.asarray(plant.parameters["gnss_wander_sigma"], dtype=float))
-    return sigma
+def _fraction(low: Array, high: Array, vector: Array, parameters: Table) -> float:
+    """The fraction with which `between` gives the inertial figures of `vector`."""
+    for name in IMU_PARAMETERS.names:
+        part = parameters.slice(name)
+        for a, b, value in zip(low[part], high[part], vector[part], strict=True):
+            if a > 0.0 and b > 0.0 and a != b:
+                return float(np.log(value / a) / np.log(b / a))
+    return 0.0

@@ -81,9 +81,9 @@ class AlignmentEnv(InertialEnv):
     and the Earth's rotation carry it on to the present (`insenv.envs.gravity`).
 
     ## Rewards
-    Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the 1-sigma
-    error that biases and white noise leave at the end of the time), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20
-    (`info["measure"]`), T the number of steps and w = `time_weight`. Every step gives
+    Let e be the error (the rotation vector from truth to estimate, in n), s the limit (`info["limit"]`: the smallest
+    standard deviation that any method can have at the end of the time, docs/limits.md), m = `ln(1 + sqrt(mean((e /
+    s)^2)))`, at most 20 (`info["measure"]`), T the number of steps and w = `time_weight`. Every step gives
 
         (m of the estimate before) - (m of this estimate) - w / T
 
@@ -161,9 +161,9 @@ class NavigationEnv(InertialEnv):
     That of `AlignmentEnv`, always with GNSS.
 
     ## Rewards
-    Let e be the error with its nine components, s the limit (`info["limit"]`: the root mean square over the scenario of
-    the standard deviations that the 15-state filter states; for position it includes the part of the fix error that
-    does not average out), m = `ln(1 + sqrt(mean((e / s)^2)))`, at most 20, and T the number of steps. Every step gives
+    Let e be the error with its nine components, s the limit (`info["limit"]`: the smallest standard deviation that any
+    method can have, docs/limits.md, as root mean square over the episode, up to 600 s), m = `ln(1 + sqrt(mean((e /
+    s)^2)))`, at most 20, and T the number of steps. Every step gives
     `-m / T`. An invalid estimate (a zero quaternion, or a
     number that is not finite) ends the episode with `-20 * (share of the time left)`. Velocity and position are clipped to
     the space.

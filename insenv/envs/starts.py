@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from insenv.core.tables import Table
 from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
-from insenv.envs.episode_limits import episode_limits
+from insenv.envs.episode_limits import between, episode_limits
 from insenv.envs.filter_inside import Inner
 from insenv.envs.knowledge import KNOWN, knowledge_of, known_rows
 from insenv.envs.task import Task
@@ -130,7 +130,7 @@ class Starts:
         parameters, vectors = self._plant.parameters, np.empty((len(generators), bases[0].size))
         for vector, generator in zip(vectors, generators, strict=True):
             seed, grade, heading, sea = int(generator.integers(0, MAX_SEED)), *generator.uniform(size=3)
-            vector[:] = bases[0] if len(bases) == 1 else _between(bases[0], bases[1], grade, parameters)
+            vector[:] = bases[0] if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
             vector[parameters.slice("seed")] = seed
             if ranges.heading_deg is not None:
                 vector[parameters.slice("start_heading")] = radians(_at(ranges.heading_deg, heading))
@@ -175,7 +175,11 @@ class Starts:
         first, last = model.parameters.slice(KNOWN.names[0]), model.parameters.slice(KNOWN.names[-1])
         p[:, first.start : last.stop] = known_rows(scenario, rows, model.state.unpack(x), notes)
         if "limit" in model.parameters:
-            p[:, model.parameters.slice("limit")] = episode_limits(self.task, scenario, rows, notes, self.duration)
+            bases = self._bases(ranges) if options else self._base
+            vectors = p[:, : bases[0].size]
+            p[:, model.parameters.slice("limit")] = episode_limits(
+                self.task, self._plant, scenario, bases, vectors, self.duration
+            )
         return p
 
     def _sheet(self, rows: Mapping[str, Array], i: int) -> Any:
@@ -244,24 +248,6 @@ def _scale(rows: dict[str, Array], vehicle: Table, factor: float) -> None:
     for name in vehicle.names:
         if name in rows and name.endswith(("_amplitude", "_sigma")):
             rows[name] *= factor
-
-
-def _between(low: Array, high: Array, fraction: float, parameters: Table) -> Array:
-    """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
-
-    All other parameters are those of `low`.
-    """
-    found = low.copy()
-    for name in IMU_PARAMETERS.names:
-        if name not in parameters:
-            continue
-        part = parameters.slice(name)
-        a, b = low[part], high[part]
-        positive = (a > 0.0) & (b > 0.0)
-        mixed = a + (b - a) * fraction
-        mixed[positive] = a[positive] * (b[positive] / a[positive]) ** fraction
-        found[part] = mixed
-    return found
 
 
 def _run_seeds(given: Any, count: int) -> Array:

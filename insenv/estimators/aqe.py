@@ -36,12 +36,13 @@ import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core import symmetric
-from insenv.core.elementary import select
+from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
-from insenv.estimators.parts import gnss_fix, rows, strapdown
+from insenv.estimators.parts import gnss_fix, lever_arm, motion_errors, rows, strapdown
 from insenv.estimators.parts.applicability import linear_start
+from insenv.estimators.parts.gauss_markov import decays
 from insenv.estimators.parts.increments import compensated
 from insenv.estimators.parts.kalman import measure_joseph
 from insenv.estimators.parts.quaternion_error import (
@@ -55,6 +56,7 @@ from insenv.estimators.parts.quaternion_error import (
     Spread,
     U,
     Y,
+    decayed,
     left,
     process_noise,
     sensitivity,
@@ -65,7 +67,7 @@ from insenv.estimators.parts.quaternion_error import (
 SPREAD = 3.0  # n + kappa
 _ROOT = 1.7320508075688772
 
-PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + Table((
+PARAMETERS = rows.AIDED_PARAMETERS + rows.STANDING_SIGMA + rows.FIX_WANDER + rows.MOTION_ERRORS + Table((
     Row("filter_interval", "Longest interval between time updates", "s", start=1.0, lower=0.0, upper=10.0),
 ))  # fmt: skip
 
@@ -82,7 +84,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
+)) + rows.SINCE_FIX + lever_arm.MEMORY + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -111,6 +113,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {
         **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
         "dt": u.dt,
+        "since_fix": x.since_fix + u.dt,
         "stretch": stretch,
         "stretch_turn": turn,
         "stretch_velocity": x.stretch_velocity + gained,
@@ -119,6 +122,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "omega_ie_w": moved.omega_ie_w,
         "omega_ew_w": moved.omega_ew_w,
         "acceleration_w": (moved.velocity_w - x.velocity_w) / u.dt,
+        **lever_arm.followed(x, delta_angle / u.dt, u.dt, x.samples == 0),
         "predict_due": select(due, 1.0, 0.0),
     }
 
@@ -127,12 +131,17 @@ def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """The time update over the samples since the last one."""
     P = symmetric.full(x.covariance, N)
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
-    Phi = transition(x, part)
-    P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb)
+    Phi = decayed(p, transition(x, part), x.stretch)
+    gyro_decay, accel_decay = decays(p, x.stretch)
+    moved = attitude.rotate(x.stretch_q_wb, x.stretch_velocity) + ca.vertcat(0, 0, geodesy.NOMINAL_GRAVITY * x.stretch)
+    motion = motion_errors.variances(p, attitude.to_rotation_vector(x.stretch_turn), moved)
+    P = Phi @ P @ Phi.T + process_noise(p, x.stretch, x.q_wb, motion)
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra
     return {
         **_placed(x, x.velocity_w - part.mean[:3], -part.mean[3:]),
+        "gyro_bias": gyro_decay * x.gyro_bias,
+        "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
         **_interval_start(x.q_wb),
     }
@@ -207,14 +216,15 @@ def basis(direction: Any) -> Any:
 def fix_sensitivity(p: Any, x: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
     """Derivative (6x16) of the antenna's position and velocity in w with respect to the error state."""
     q, C_wb = x.q_wb, antenna.C_wb
+    arm_by_rate, swing_by_rate = lever_arm.by_rate(antenna.rate_b, p.antenna_lever_arm, age)
     force_b = C_wb.T @ antenna.specific_force_w
     H = ca.SX(6, N)
     H[:3, POSITION] = H[3:, VELOCITY] = ca.SX.eye(3)
     H[:3, VELOCITY] = -age * ca.SX.eye(3)
     H[:3, DQ] = sensitivity(q, antenna.arm_b + force_b * (age**2 / 2))
     H[3:, DQ] = sensitivity(q, antenna.swing_b - force_b * age)
-    H[:3, GYRO] = age * (C_wb @ attitude.skew(p.antenna_lever_arm))
-    H[3:, GYRO] = -(C_wb @ attitude.skew(p.antenna_lever_arm))
+    H[:3, GYRO] = C_wb @ arm_by_rate
+    H[3:, GYRO] = C_wb @ swing_by_rate
     H[:3, ACCEL] = C_wb * (age**2 / 2)
     H[3:, ACCEL] = -C_wb * age
     return H
@@ -228,10 +238,13 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, x, u.gnss_age, antenna)
     P = symmetric.full(x.covariance, N)[DQ, DQ]
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
+    since = maximum(x.since_fix - u.gnss_age, 0.0)  # between the epochs of the two fixes
+    variance = variance + ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
     present = gnss_fix.present(u)
     changed, test_ratio = fused(x, innovation, H, variance, present)
+    reported = {"innovation": innovation * present, "test_ratio": test_ratio, "since_fix": u.gnss_age}
     counted = gnss_fix.counted(x, present, present, test_ratio)  # there is no gate
-    return {**changed, **counted, "innovation": innovation * present, "test_ratio": test_ratio}
+    return {**changed, **lever_arm.lagged(u.gnss_age), **counted, **reported}
 
 
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:

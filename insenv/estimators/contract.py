@@ -46,6 +46,8 @@ class Knowledge:
 
     latitude, longitude (rad), height (m); velocity_n (3, m/s); roll, pitch, heading (rad): with their errors.
     *_sigma: their standard deviations.  gyro_bias (rad/s, b), accel_bias (m/s^2, b): as far as known.
+    rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
+    fix_wander_sigma (3, m, n), fix_wander_time (s): the part of a fix's position error that changes slowly; 0: not stated.
     antenna_lever_arm: IMU to antenna, b, m.
     """
 
@@ -63,6 +65,10 @@ class Knowledge:
     heading_sigma: float = 0.1
     gyro_bias: Vector = field(default_factory=lambda: _ZERO)
     accel_bias: Vector = field(default_factory=lambda: _ZERO)
+    rotation_error: float = 0.0
+    thrust_error: float = 0.0
+    fix_wander_sigma: Vector = field(default_factory=lambda: _ZERO)
+    fix_wander_time: float = 60.0
     antenna_lever_arm: Vector = field(default_factory=lambda: _ZERO)
     sensors: SensorNotes = SensorNotes()
 

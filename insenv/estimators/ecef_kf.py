@@ -9,7 +9,7 @@ are estimate minus truth, C_hat_eb = (I - [phi x]) C_eb; the biases are those st
 
     d(dv)/dt  = -2 omega_ie x dv + f^e x phi + C_eb b_a          (12)
     d(phi)/dt = -omega_ie x phi - C_eb b_g                       (22)
-    d(b)/dt   = white noise (0 in the paper)                     (25)
+    d(b)/dt   = -b / time + white noise (0 in the paper)         (25)
 
 Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) contradicts the sign of its (8) and (12).
 With dv = estimate minus truth, z is +v_ins (minus the velocity known from outside).
@@ -38,6 +38,7 @@ lever arm; latitude, longitude and height are those of the fixes, propagated by 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -50,7 +51,8 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import q_method
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.parts import applicability, handover, inertial_vectors, rows, two_sample
+from insenv.estimators.parts import applicability, handover, inertial_vectors, lever_arm, rows, two_sample
+from insenv.estimators.parts.gauss_markov import decays, driven_variance
 from insenv.estimators.parts.kalman import measure, propagate
 
 COARSE = q_method.MODEL
@@ -119,7 +121,10 @@ STATE = _new(Table((
     Row("window_velocity_e", "Integral of velocity over it", "m", (3,), "e"),
     Row("window_C_eb", "Integral of the attitude matrix over it", "s", (3, 3), "e"),
     Row("acceleration_e", "Acceleration in the last pair", "m/s^2", (3,), "e"),
-    Row("rate_b", "Angular rate in it, relative to e", "rad/s", (3,), "b"),
+    Row("rate_b", "Angular rate at its end, relative to e", "rad/s", (3,), "b"),
+    Row("rate_change_b", "Angular acceleration there", "rad/s^2", (3,), "b"),
+    Row("pairs", "Number of pairs so far"),
+    *lever_arm.MEMORY,
     Row("filter_due", "1 when the filter is to run"),
     Row("fix_waiting", "1 when a fix waits for the filter"),
     Row("fix_age", "Its age when the filter runs", "s"),
@@ -235,6 +240,7 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Hold a fix until the end of its pair."""
     use = p.moving * u.gnss_velocity_valid
     return {
+        **lever_arm.lagged(u.gnss_age),
         "place": select(p.moving, ca.vertcat(u.gnss_latitude, u.gnss_longitude, u.gnss_height), x.place),
         "fix_waiting": use,
         "fix_age": u.gnss_age + x.holding * u.dt,
@@ -257,7 +263,13 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
     window = x.window + duration
     interval = select(x.swaying * (1 - p.moving), p.sway_interval, p.update_interval)
     due = select(ca.logic_or(window + duration / 2 > interval, x.fix_waiting), 1.0, 0.0)
+    rate = (first + second) / duration
+    followed = lever_arm.followed(x, rate, duration, x.pairs == 0)
+    mean = SimpleNamespace(rate_lag=x.rate_lag, **followed)
+    rate_change = lever_arm.angular_acceleration(mean, rate, duration)
     return {
+        **followed,
+        "pairs": x.pairs + 1,
         "q_eb": attitude.renormalize(two_sample.turned(x.q_eb, first, second)),
         "velocity_e": x.velocity_e + change,
         "window": window,
@@ -267,7 +279,8 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "window_force_e": x.window_force_e + felt,
         "window_C_eb": x.window_C_eb + C_eb * duration,
         "acceleration_e": change / duration,
-        "rate_b": (first + second) / duration,
+        "rate_b": rate + rate_change * (duration / 2),
+        "rate_change_b": rate_change,
         "filter_due": due,
         "carry_due": due * p.moving,
     }
@@ -286,11 +299,12 @@ def carry(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def observe_window(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Propagate the covariance over the window since the last observation, then observe and feed back."""
+    gyro_decay, accel_decay = decays(p, x.window)
     noise = ca.vertcat(
-        ca.repmat(p.velocity_random_walk**2, 3, 1),
-        ca.repmat(p.angle_random_walk**2, 3, 1),
-        ca.repmat(2 * p.accel_bias_sigma**2 / p.accel_correlation_time, 3, 1),
-        ca.repmat(2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time, 3, 1),
+        ca.repmat(p.velocity_random_walk**2 * x.window, 3, 1),
+        ca.repmat(p.angle_random_walk**2 * x.window, 3, 1),
+        ca.repmat(driven_variance(p.accel_bias_sigma, accel_decay), 3, 1),
+        ca.repmat(driven_variance(p.gyro_bias_sigma, gyro_decay), 3, 1),
     )
     # Jacobians at the heading of the start, and in place with the known specific force: see the docstring of the module
     down = x.gravity_e / ca.sqrt(ca.sumsqr(x.gravity_e))
@@ -298,7 +312,10 @@ def observe_window(p: Any, x: Any, u: Any) -> dict[str, Any]:
     moving = p.moving * (1 - u.standing)
     felt = select(moving, back @ x.window_force_e, -x.gravity_e * x.window)
     A = transition(x.window, felt, back @ x.window_C_eb)
-    return observed(p, x, moving, propagate(x.covariance, A, noise * x.window), A)
+    # exactly, where `transition` has a bias that stays
+    A[ACCEL, ACCEL], A[GYRO, GYRO] = (accel_decay - 1) * ca.SX.eye(3), (gyro_decay - 1) * ca.SX.eye(3)
+    carried = SimpleNamespace(**{**vars(x), "accel_bias": accel_decay * x.accel_bias, "gyro_bias": gyro_decay * x.gyro_bias})
+    return observed(p, carried, moving, propagate(x.covariance, A, noise), A)
 
 
 def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]:
@@ -349,14 +366,14 @@ def fix_observation(p: Any, x: Any) -> tuple[Any, Any]:
     """Innovation (3, m/s, e) of the velocity of a fix, at its antenna and time, and its sensitivity (3x12)."""
     q_en = geodesy.q_ew_from_geodetic(x.place[0], x.place[1], 0)
     C_eb = attitude.to_dcm(x.q_eb)
-    swing = C_eb @ ca.cross(x.rate_b, p.antenna_lever_arm)
+    swing = C_eb @ lever_arm.then(x.rate_b, x.rate_change_b, p.antenna_lever_arm, x.fix_age)[1]
     innovation = x.velocity_e - x.acceleration_e * x.fix_age + swing - attitude.rotate(q_en, x.fix_velocity_n)
     force = x.acceleration_e - x.gravity_e
     H = ca.SX(3, N)
     H[:, VELOCITY] = ca.SX.eye(3)
     H[:, TILT] = skew(swing) - x.fix_age * skew(force)
     H[:, ACCEL] = -x.fix_age * C_eb
-    H[:, GYRO] = -C_eb @ skew(p.antenna_lever_arm)
+    H[:, GYRO] = C_eb @ lever_arm.by_rate(x.rate_b, p.antenna_lever_arm, x.fix_age)[1]
     return innovation, H
 
 
@@ -395,9 +412,9 @@ def output(p: Any, x: Any) -> dict[str, Any]:
 
 
 def _gravity_e(latitude: Any, longitude: Any, height: Any) -> Any:
-    """Gravity (3, m/s^2, e): along the ellipsoid's normal."""
-    down = geodesy.C_en(latitude, longitude)[:, 2]
-    return down * geodesy.normal_gravity(-down[2], height)
+    """Normal gravity (3, m/s^2, e)."""
+    C_en = geodesy.C_en(latitude, longitude)
+    return C_en @ geodesy.normal_gravity_about_axis(C_en[2, :].T, height)
 
 
 MODEL = Model(

@@ -154,7 +154,9 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     up = _unit(x.filtered[BASELINE // 2, :].T)
     north = _unit(ca.cross(up, (x.filtered[0, :] - x.filtered[BASELINE, :]).T))
     east = ca.cross(north, up)
-    q_nMi = attitude.from_dcm(ca.horzcat(north, east, -up).T)
+    # gravity leans against the ellipsoid's normal
+    lean = attitude.from_small_rotation_vector(ca.vertcat(0, x.gravity_n[0] / x.gravity, 0))
+    q_nMi = attitude.multiply(lean, attitude.from_dcm(ca.horzcat(north, east, -up).T))
     # the Earth's rotation from the start to t_M, with the mean length of a block
     delay = DELAY * x.time / x.blocks
     s, c = sin_cos(geodesy.OMEGA_IE * (x.time - delay) / 2)

@@ -22,14 +22,12 @@ from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, gnss_fix, rows, standing, strapdown
+from insenv.estimators.parts import applicability, gnss_fix, lever_arm, motion_errors, rows, standing, strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
+from insenv.estimators.parts.gauss_markov import decays, driven_variance
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
-# errors proportional to the motion accumulate in a manoeuvre and reverse in the next: white over one of this size
-COHERENT_ANGLE = 1.0  # rad
-COHERENT_SPEED = 10.0  # m/s
 
 PARAMETERS = (
     rows.AIDED_PARAMETERS
@@ -39,13 +37,8 @@ PARAMETERS = (
             start=5.0, lower=0, upper=1e12),
     ))
     + standing.PARAMETERS
-    + Table((
-        Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
-        Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
-        Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
-        Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
-            lower=0, upper=1.0),
-    ))
+    + rows.FIX_WANDER
+    + rows.MOTION_ERRORS
 )  # fmt: skip
 
 STATE = (
@@ -64,10 +57,11 @@ STATE = (
         Row("stretch_change_w", "Change of velocity over that time", "m/s", (3,), "w"),
     ))
     + standing.STATE
+    + rows.SINCE_FIX
     + Table((
-        Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),
         Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     ))
+    + lever_arm.MEMORY
     + rows.FIX_RESIDUALS
     + rows.FIX_HEALTH
     + Table((
@@ -121,22 +115,26 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "omega_ew_w": moved.omega_ew_w,
         "covariance_due": select(due, 1.0, 0.0),
         "acceleration_w": change * (1 / u.dt),
+        **lever_arm.followed(x, delta_angle * (1 / u.dt), u.dt, x.samples == 0),
     }
 
 
 def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Propagate the covariance over the samples since the last time."""
+    """Propagate the covariance and the biases over the samples since the last time."""
     interval = Interval(x.stretch, x.stretch_velocity_w, x.stretch_C_wb, x.omega_ie_w, x.omega_ew_w)
     A = transition(interval, geodesy.NOMINAL_GRAVITY, p.gyro_correlation_time, p.accel_correlation_time)
-    turned, pushed = ca.sqrt(ca.sumsqr(x.stretch_angle)), ca.sqrt(ca.sumsqr(x.stretch_change_w))
+    gyro_decay, accel_decay = decays(p, x.stretch)
+    by_rotation, by_thrust = motion_errors.variances(p, x.stretch_angle, x.stretch_change_w)
     noise = ca.vertcat(
         ca.SX.zeros(3),
-        ca.repmat(p.velocity_random_walk**2 * x.stretch + p.thrust_error**2 * COHERENT_SPEED * pushed, 3, 1),
-        ca.repmat(p.angle_random_walk**2 * x.stretch + p.rotation_error**2 * COHERENT_ANGLE * turned, 3, 1),
-        ca.repmat(2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time * x.stretch, 3, 1),
-        ca.repmat(2 * p.accel_bias_sigma**2 / p.accel_correlation_time * x.stretch, 3, 1),
+        ca.repmat(p.velocity_random_walk**2 * x.stretch + by_thrust, 3, 1),
+        ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
+        ca.repmat(driven_variance(p.gyro_bias_sigma, gyro_decay), 3, 1),
+        ca.repmat(driven_variance(p.accel_bias_sigma, accel_decay), 3, 1),
     )
     return {
+        "gyro_bias": gyro_decay * x.gyro_bias,
+        "accel_bias": accel_decay * x.accel_bias,
         "covariance": propagate(x.covariance, A, noise),
         "stretch": 0,
         "stretch_angle": ca.SX.zeros(3),
@@ -148,16 +146,18 @@ def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def fix_sensitivity(p: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
     """Derivative (6x15) of the antenna's position and velocity in w with respect to the error state."""
-    C_wb, arm = antenna.C_wb, p.antenna_lever_arm
+    C_wb = antenna.C_wb
+    arm_by_rate, swing_by_rate = lever_arm.by_rate(antenna.rate_b, p.antenna_lever_arm, age)
     H = ca.SX(6, N)
     H[:3, POSITION] = H[3:, VELOCITY] = ca.SX.eye(3)
     H[:3, VELOCITY] = -age * ca.SX.eye(3)
-    H[:3, TILT] = skew(C_wb @ antenna.arm_b) + skew(antenna.specific_force_w) * (age**2 / 2)
-    H[:3, GYRO] = age * (C_wb @ skew(arm))
-    H[:3, ACCEL] = C_wb * (age**2 / 2)
-    H[3:, TILT] = skew(C_wb @ antenna.swing_b) - skew(antenna.specific_force_w) * age
-    H[3:, GYRO] = -(C_wb @ skew(arm))
-    H[3:, ACCEL] = -C_wb * age
+    arm, swing, force = skew(C_wb @ antenna.arm_b), skew(C_wb @ antenna.swing_b), skew(antenna.specific_force_w)
+    # the Earth's rate, seen from a tilted platform, is a rate of the lever arm
+    seen = C_wb.T @ skew(antenna.earth_rate_w)
+    H[:3, GYRO], H[3:, GYRO] = C_wb @ arm_by_rate, C_wb @ swing_by_rate
+    H[:3, TILT] = arm + force * (age**2 / 2) + H[:3, GYRO] @ seen
+    H[3:, TILT] = swing - force * age + H[3:, GYRO] @ seen
+    H[:3, ACCEL], H[3:, ACCEL] = C_wb * (age**2 / 2), -C_wb * age
     return H
 
 
@@ -217,6 +217,7 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
         "rejected": x.rejected + gated * outside,
         "refusals": select(outside > 0, x.refusals + 1, 0),
         "since_fix": u.gnss_age,
+        **lever_arm.lagged(u.gnss_age),
     }
     return Update(tuple(scalars), correction, stored), reported
 

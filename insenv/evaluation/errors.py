@@ -7,7 +7,7 @@ east and down of the truth; velocities in m/s.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -52,12 +52,13 @@ class Result:
     time (n,) s: of the records.  outputs: the estimator's outputs at these times, by row name.
     errors: (n,) by channel.  sigma: standard deviations that the estimator states, (n,) by channel; empty if it
         states none.
-    limit: theoretical 1-sigma error by channel, empty if there is none: at the end of an alignment; for navigation
-        the root mean square of an optimal filter's standard deviations from `from_s` on.
+    limit: by channel, the smallest standard deviation that any method can have (`insenv.evaluation.limits`), as root mean
+        square over the records from `from_s` on; empty if there is none.
     from_s: start of the statistics.
     us_per_sample: processor time of the estimator per inertial sample, microseconds.
     settled: False for a run shorter than the estimator needs: its errors are then not compared with a limit.
     health: how well a filter fits its fixes; None if it does not report it, or if no fix came.
+    limit_sigma: the limit at the recorded times, (n,) by channel; empty if there is none.
     """
 
     estimator: str
@@ -71,6 +72,7 @@ class Result:
     notes: tuple[str, ...] = ()
     health: Health | None = None
     settled: bool = True
+    limit_sigma: dict[str, Array] = field(default_factory=dict)
 
     def statistics(self) -> dict[str, dict[str, float]]:
         """Final error, rms and max (largest magnitude) by channel; rms and max over the times from `from_s` on."""

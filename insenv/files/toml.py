@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelType
     from typing_extensions import Self
 
-MAX_FAULTS = 5
+MAX_FAULTS = 20
 MAX_SHOWN = 80
 """Largest number of characters of a wrong value in a message."""
 
@@ -186,7 +186,7 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         noun = name if name.endswith("s") else "entries"
         return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
     other = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")  # a validator's own message
-    given = "" if isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
+    given = "" if value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
     return dotted, f"{given}: {_MESSAGES[kind].format(**context) if kind in _MESSAGES else other}"
 
 

@@ -38,6 +38,7 @@ from insenv.geodesy.wgs84 import (
     F,
     M,
     normal_gravity,
+    normal_gravity_about_axis,
     normal_gravity_paper,
     radii,
 )
@@ -66,6 +67,7 @@ __all__ = [
     "geodetic_to_ecef",
     "ned_offset",
     "normal_gravity",
+    "normal_gravity_about_axis",
     "normal_gravity_paper",
     "numeric",
     "q_ew_from_geodetic",

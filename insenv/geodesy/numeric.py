@@ -5,6 +5,7 @@ from insenv.geodesy import frames, position, wgs84
 
 radii = vectorized(wgs84.radii, ())
 normal_gravity = vectorized(wgs84.normal_gravity, (), ())
+normal_gravity_about_axis = vectorized(wgs84.normal_gravity_about_axis, 3, ())
 normal_gravity_paper = vectorized(wgs84.normal_gravity_paper, (), ())
 
 earth_rate_n = vectorized(frames.earth_rate_n, ())

@@ -59,6 +59,36 @@ def normal_gravity(sin_latitude: Scalar, height: Scalar) -> Scalar:
     return at_surface * (1.0 - relative * (slope - 3.0 * relative))
 
 
+def normal_gravity_about_axis(axis: ca.SX, height: Scalar) -> ca.SX:
+    """Normal gravity (3x1, m/s^2), including the centrifugal part, in a local-level frame with the Earth's axis `axis`.
+
+    axis (3x1, unit): (cos L, 0, -sin L) in n; in frame w the last row of C_ew. height: m above the ellipsoid.
+
+    Down: `normal_gravity`. Above the ellipsoid the plumb line bends, and gravity has a horizontal part towards the equator.
+    The field is conservative, so that part follows from the other one along the normal: d((R_M + h) g_N)/dh = dg_U/dL with
+    g_N = 0 on the ellipsoid (Heiskanen and Moritz 1967, section 5-4). Its series to second order in e^2 and in h / a is
+
+        g_N = -sin L cos L (h / a) (n_0 + n_1 sin^2 L + n_2 h / a)
+
+    Error of g_N against the gradient of the exact ellipsoidal potential: 6e-10 m/s^2 at 10 km, 6e-9 at 30 km.
+    """
+    sin_latitude = -axis[2]
+    relative = height / A
+    factors = _NORTH[0] + _NORTH[1] * (sin_latitude * sin_latitude) + _NORTH[2] * relative
+    per_cosine = sin_latitude * relative * factors
+    return ca.vertcat(-per_cosine * axis[0], -per_cosine * axis[1], normal_gravity(sin_latitude, height))
+
+
+_CHANGE = 2.0 * SOMIGLIANA + E2
+"""Twice the relative change of normal gravity with sin^2(latitude), at the equator."""
+_NORTH = (
+    GAMMA_EQUATOR * _CHANGE / (1.0 - E2),
+    -GAMMA_EQUATOR * SOMIGLIANA * E2 / (1.0 - E2),
+    GAMMA_EQUATOR * (4.0 * F - (2.0 + F + M) * _CHANGE),
+)
+"""n_0, n_1, n_2 of `normal_gravity_about_axis`, m/s^2."""
+
+
 def normal_gravity_paper(sin_latitude: Scalar, height: Scalar) -> Scalar:
     """Gravity (m/s^2) by formula (5) of the airborne navigation paper: a series in sin^2(latitude), linear in height
     (m).

@@ -133,8 +133,9 @@ def relative_weights(angle: Array) -> Array:
 
 
 def digest(scenario: Scenario) -> str:
-    """Fingerprint of the content of a scenario."""
-    text = json.dumps(scenario.model_dump(mode="json", exclude={"title", "description", "estimators"}), sort_keys=True)
+    """Fingerprint of a scenario: of the values that are not defaults, so that a new optional key changes none."""
+    names = {"title", "description", "estimators"}
+    text = json.dumps(scenario.model_dump(mode="json", exclude=names, exclude_defaults=True), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from insenv.errors import InputError, nearest
 from insenv.logs.description import FileSection, PositionSection
+from insenv.logs.faults import all_of
+from insenv.logs.joining import join
 from insenv.logs.readers import Column, TextTable, check_finite, column_names, read_table
 from insenv.logs.recorded import Source
 from insenv.logs.resources import read_bytes
@@ -38,13 +40,16 @@ class LogReader:
         columns: Sequence[Column],
         expected_fields: Sequence[int] | None = None,
         variants: Mapping[int, Sequence[Column]] | None = None,
+        optional: Sequence[Column] = (),
+        between: bool = False,
     ) -> tuple[TextTable, Array]:
         """The section's columns from start_s to stop_s, and their time stamps [s], strictly increasing.
 
         expected_fields: allowed numbers of fields per line; None: any. variants: further columns to read, by the number of
-        fields of a file that has them. Raises InputError.
+        fields of a file that has them. optional: columns that may hold no value: NaN. between: whether columns of files with
+        other times may be interpolated. Raises InputError.
         """
-        table, tables = self._tables(name, section, columns, expected_fields, variants or {})
+        table, tables = self._tables(name, section, columns, expected_fields, variants or {}, optional, between)
         keep = _kept_columns(section)
         chosen = np.ones(table.values.shape[0], bool)
         for column_name, value in keep.items():
@@ -52,7 +57,7 @@ class LogReader:
         if not chosen.any():
             raise InputError(f"{table.label}: no row is left by {name}.keep_where = {section.keep_where}")
         table = table.select(chosen)
-        check_finite(table)
+        check_finite(table, optional)
         for part in tables:
             self.sources.append(Source(name, part.label, part.values.shape[0], table.values.shape[0], part.sha256))
             self.notes += part.notes
@@ -67,6 +72,8 @@ class LogReader:
         columns: Sequence[Column],
         expected_fields: Sequence[int] | None,
         variants: Mapping[int, Sequence[Column]],
+        optional: Sequence[Column],
+        between: bool,
     ) -> tuple[TextTable, list[TextTable]]:
         """The table of all files of the section, and that of each file."""
         wanted = list(dict.fromkeys((section.time, *columns, *_kept_columns(section))))
@@ -75,11 +82,11 @@ class LogReader:
             "header_rows": section.header_rows,
             "comment": section.comment,
         }
-        options = {**layout, "skip_empty": section.skip_empty}
-        loaded = [read_bytes(file, self.folder) for file in section.file]
+        options = {**layout, "skip_empty": section.skip_empty, "optional": optional}
+        loaded = all_of(lambda file: read_bytes(file, self.folder), section.file)
         if len(loaded) > 1:
             tables = _read_side_by_side(name, loaded, section.time, wanted, layout, options)
-            return _join(tables), tables
+            return join(name, tables, between, self.notes), tables
         options["expected_fields"] = None if expected_fields is None else (*expected_fields, *variants)
         table = read_table(*loaded[0], wanted, **options)
         if table.fields in variants:
@@ -101,6 +108,7 @@ class LogReader:
 def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[str]) -> tuple[Array, Array]:
     """Latitude and longitude [rad]. Raises InputError if out of range; adds a note if degrees look like radians."""
     unit = section.position_unit
+    assert unit is not None and section.latitude is not None and section.longitude is not None
     factor = ANGLE_UNITS[unit]
     result = []
     for what, column_name, limit in (("latitude", section.latitude, 90.0), ("longitude", section.longitude, 360.0)):
@@ -137,35 +145,15 @@ def _read_side_by_side(
     every = list(dict.fromkeys(h for header in headers for h in header))
     left = [c for c in wanted if c != time]
     tables = []
-    for missing in (c for c in left if c not in every):
-        files = ", ".join(label for label, _ in loaded)
-        raise InputError(f"{files}: no column {missing!r}{nearest(str(missing), every)}")
+    files = ", ".join(label for label, _ in loaded)
+    missing = [f"{files}: no column {c!r}{nearest(str(c), every)}" for c in left if c not in every]
+    if missing:
+        raise InputError("\n".join(missing))
     for (label, raw), header in zip(loaded, headers, strict=True):
         here = [c for c in left if c in header]
         left = [c for c in left if c not in here]
         tables.append(read_table(label, raw, [time, *here], **options))
     return tables
-
-
-def _join(tables: Sequence[TextTable]) -> TextTable:
-    """Columns of several files with the same rows side by side; the first column of each is the time."""
-    first = tables[0]
-    for other in tables[1:]:
-        if other.values.shape[0] != first.values.shape[0]:
-            raise InputError(
-                f"{other.label}: {other.values.shape[0]} rows, but {first.label} has {first.values.shape[0]}:"
-                " files that are joined must have the same rows"
-            )
-        differ = np.flatnonzero(other.values[:, 0] != first.values[:, 0])
-        if differ.size:
-            row = differ[0]
-            raise InputError(
-                f"{other.where(row)}: time {float(other.values[row, 0])!r} differs from {float(first.values[row, 0])!r}"
-                f" in {first.where(row)}: files that are joined must have the same rows"
-            )
-    names = (*first.names, *(n for t in tables[1:] for n in t.names[1:]))
-    values = np.hstack([first.values, *(t.values[:, 1:] for t in tables[1:])])
-    return TextTable(first.label, names, values, first.lines, first.fields, first.sha256)
 
 
 def _check_increasing(table: TextTable, time: Array) -> None:

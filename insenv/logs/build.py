@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +11,29 @@ import numpy as np
 from insenv.errors import InputError
 from insenv.logs import kf_gins
 from insenv.logs.assemble import LogReader, checked_position
+from insenv.logs.course import fixes_from_course
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
-from insenv.logs.inertial import InertialSamples, implausible, increments, nominal_interval
+from insenv.logs.faults import Faults
+from insenv.logs.inertial import InertialSamples, implausible, increments
+from insenv.logs.motion import rest_until
 from insenv.logs.readers import TextTable
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
-from insenv.logs.units import ANGLE_UNITS, Array, wrap
+from insenv.logs.repeats import repeats
+from insenv.logs.sampling import sampling
+from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 
 
 def build(description: LogDescription, folder: Path) -> RecordedLog:
     """The log of a description; relative paths start at `folder`. Raises InputError for any wrong input."""
     reader = LogReader(folder, description.start_s, description.stop_s)
-    imu = _imu(description.imu, reader)
-    gnss = _gnss(description.gnss, reader) if description.gnss else None
-    reference = _reference(description.reference, reader) if description.reference else None
+    faults = Faults()
+    found = faults.attempt(lambda: _imu(description.imu, reader))
+    gnss_section, reference_section = description.gnss, description.reference
+    gnss = None if gnss_section is None else faults.attempt(lambda: _gnss(gnss_section, reader))
+    reference = None if reference_section is None else faults.attempt(lambda: _reference(reference_section, reader))
+    faults.check()
+    assert found is not None
+    imu: InertialSamples = found
     span = (float(imu.imu_time[0]), float(imu.imu_time[-1]))
     for name, table in (("gnss", gnss), ("reference", reference)):
         if table is not None and (table.time[-1] < span[0] or table.time[0] > span[1]):
@@ -30,6 +41,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
                 f"{name}: its times {table.time[0]:.3f} to {table.time[-1]:.3f} s do not overlap the imu's"
                 f" {span[0]:.3f} to {span[1]:.3f} s; check time_unit and time_offset_s of both"
             )
+    description = _with_rest(description, imu, gnss, reader.notes)
     return RecordedLog(
         **vars(imu),
         gnss=gnss,
@@ -41,28 +53,36 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
     )
 
 
+def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixes | None, notes: list[str]) -> LogDescription:
+    """The description with the end of the time at rest, as the log shows it if the description does not state it."""
+    initial = description.initial
+    if initial.static_until_s is not None:
+        return description
+    dt = imu.dt[:, None]
+    until = rest_until(imu.imu_time, imu.delta_angle / dt, imu.delta_velocity / dt, gnss, initial.static_from_s)
+    if until is None:
+        return description
+    return description.model_copy(update={"initial": initial.model_copy(update={"static_until_s": until})})
+
+
 def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     expected = kf_gins.IMU_FIELDS if section.format == "kf-gins" else None
-    table, stamps = reader.read("imu", section, (*section.gyro, *section.accel), expected)
-    interval = nominal_interval(stamps, section.rate_hz)
+    columns = (*section.gyro, *section.accel)
+    table, stamps = reader.read("imu", section, columns, expected, between=section.kind == "rate")
+    sampled = sampling(stamps, section.rate_hz)
+    reader.notes += sampled.notes
     gyro = table.columns(section.gyro) @ section.gyro_matrix().T
     accel = table.columns(section.accel) @ section.accel_matrix().T
     samples = np.hstack([gyro, accel])
-    found = increments(stamps, samples, interval, section.kind, section.stamp, section.max_gap_s)
+    found = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s)
     reader.notes += implausible(found)
     return found
 
 
-def _position(
-    name: str, section: PositionSection, table: TextTable, notes: list[str]
-) -> tuple[Array, Array, Array, Array | None]:
-    latitude, longitude = checked_position(name, section, table, notes)
-    velocity = None
-    if section.velocity is not None:
-        velocity = table.columns(section.velocity)
-        if section.velocity_vertical == "up":
-            velocity = velocity * np.array([1.0, 1.0, -1.0])
-    return latitude, wrap(longitude), table.column(section.height) + section.height_offset_m, velocity
+def _velocity(section: PositionSection, table: TextTable) -> Array | None:
+    if section.velocity is None:
+        return None
+    return table.columns(section.velocity) * np.array([1.0, 1.0, -1.0 if section.velocity_vertical == "up" else 1.0])
 
 
 def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
@@ -75,15 +95,49 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
         variants = dict.fromkeys(kf_gins.GNSS_VELOCITY_FIELDS, further)
     wanted = [section.latitude, section.longitude, section.height]
     wanted += [c for group in (section.position_sigma, section.velocity, section.velocity_sigma) if group for c in group]
-    table, time = reader.read("gnss", section, wanted, expected, variants)
+    wanted += [c for c in (section.speed, section.course, section.speed_sigma) if c is not None]
+    course = () if section.course is None else (section.course,)
+    table, time = reader.read("gnss", section, wanted, expected, variants, optional=course)
     if table.fields in variants:
         section = section.model_copy(update=kf_gins.GNSS_VELOCITY)
-    latitude, longitude, height, velocity = _position("gnss", section, table, reader.notes)
+    moving = [c for c in (*(section.velocity or ()), section.speed, section.course) if c is not None]
+    repeated = repeats(time, np.nan_to_num(table.columns((section.latitude, section.longitude, section.height, *moving))))
+    if repeated is not None:
+        reader.notes.append(
+            f"gnss: {len(time)} rows repeat {len(repeated.rows)} fixes, each about {repeated.each} times: a fix counts once, at"
+            " its first row"
+        )
+        table, time = table.select(repeated.rows), time[repeated.rows]
+    latitude, longitude = checked_position("gnss", section, table, reader.notes)
+    height, velocity = table.column(section.height) + section.height_offset_m, _velocity(section, table)
     position_sigma = _sigma(table, section.position_sigma, section.position_sigma_m, "m")
     velocity_sigma = None
     if velocity is not None:
         velocity_sigma = _sigma(table, section.velocity_sigma, section.velocity_sigma_mps, "m/s")
-    return GnssFixes(time, latitude, longitude, height, position_sigma, velocity, velocity_sigma)
+    if section.speed is not None and section.course is not None:
+        velocity, velocity_sigma = _from_course(section, section.speed, section.course, table)
+    return GnssFixes(time, latitude, wrap(longitude), height, position_sigma, velocity, velocity_sigma)
+
+
+def _from_course(section: GnssSection, speed: str | int, course: str | int, table: TextTable) -> tuple[Array, Array]:
+    """Velocity (m, 3) m/s and its standard deviation from speed over ground and course."""
+    values = table.column(speed) * SPEED_UNITS[section.speed_unit]
+    bad = np.flatnonzero(values < 0)
+    if bad.size:
+        raise InputError(
+            f"{table.where(bad[0])}, column {speed!r}: speed is {table.column(speed)[bad[0]]:g}, must be from 0 up"
+        )
+    if section.speed_sigma is not None:
+        sigma = table.column(section.speed_sigma)
+        bad = np.flatnonzero(sigma <= 0)
+        if bad.size:
+            raise InputError(
+                f"{table.where(bad[0])}, column {section.speed_sigma!r}: standard deviation is {sigma[bad[0]]:g} m/s, must be"
+                f" above 0 ({len(bad)} such values; keep_where can exclude invalid fixes)"
+            )
+    else:
+        sigma = np.full(len(values), section.speed_sigma_mps)
+    return fixes_from_course(values, table.column(course) * ANGLE_UNITS[section.course_unit], sigma)
 
 
 def _sigma(
@@ -107,13 +161,18 @@ def _sigma(
 
 
 def _reference(section: ReferenceSection, reader: LogReader) -> Reference:
-    wanted = [section.latitude, section.longitude, section.height, *(section.velocity or ())]
+    place = [c for c in (section.latitude, section.longitude, section.height) if c is not None]
+    wanted = [*place, *(section.velocity or ())]
     attitude = [c for c in (section.roll, section.pitch, section.heading) if c is not None]
     expected = kf_gins.REFERENCE_FIELDS if section.format == "kf-gins" else None
     table, time = reader.read("reference", section, (*wanted, *attitude), expected)
-    latitude, longitude, height, velocity = _position("reference", section, table, reader.notes)
+    found = Reference(time, velocity_n=_velocity(section, table))
+    if section.height is not None:
+        latitude, longitude = checked_position("reference", section, table, reader.notes)
+        height = table.column(section.height) + section.height_offset_m
+        found = replace(found, latitude=latitude, longitude=wrap(longitude), height=height)
     if not attitude or section.attitude_unit is None:
-        return Reference(time, latitude, longitude, height, velocity)
+        return found
     roll, pitch, heading = (table.column(c) * ANGLE_UNITS[section.attitude_unit] for c in attitude)
     steep = np.flatnonzero(np.abs(pitch) > math.pi / 2 + 1e-9)
     if steep.size:
@@ -121,4 +180,4 @@ def _reference(section: ReferenceSection, reader: LogReader) -> Reference:
             f"{table.where(steep[0])}, column {attitude[1]!r}: pitch is {math.degrees(pitch[steep[0]]):.6g} deg,"
             " allowed -90 to 90; check attitude_unit and the order of roll, pitch, heading"
         )
-    return Reference(time, latitude, longitude, height, velocity, wrap(roll), pitch, wrap(heading))
+    return replace(found, roll=wrap(roll), pitch=pitch, heading=wrap(heading))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Strict, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Strict, ValidationInfo, field_validator, model_validator
 
 from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, check_three, key
 from insenv.logs import kf_gins
@@ -46,7 +46,7 @@ class FileSection(Section):
     file: Files = key(
         ...,
         "path (relative to this TOML file), or package:NAME/path for a file inside an installed Python package; .gz and "
-        ".zip with one file are unpacked; a list of files joins their columns (same rows, same times)",
+        ".zip with one file are unpacked; a list of files joins their columns by time",
     )
     format: Literal["csv", "kf-gins"] = key(
         "csv", "csv: any text table, columns as named below; kf-gins: a text file of KF-GINS, which sets all keys but file"
@@ -64,7 +64,7 @@ class FileSection(Section):
         {}, "use only the rows in which this column has this value (or one of these values)"
     )
     skip_empty: bool = key(
-        False, "skip rows in which one of the columns is empty (GNSS columns in a file at IMU rate)", strict=True
+        False, "skip rows in which one of the columns is empty, nan or null (GNSS columns in a file at IMU rate)", strict=True
     )
     time: Column = key(..., "column of the time stamp")
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
@@ -124,17 +124,24 @@ class ImuSection(FileSection):
             axes_matrix(value, reflection_allowed=info.field_name == "accel_axes")
         return value
 
-    @model_validator(mode="after")
-    def _units_fit_kind(self) -> ImuSection:
-        for name, unit, allowed in (
-            ("gyro_unit", self.gyro_unit, GYRO_UNITS[self.kind]),
-            ("accel_unit", self.accel_unit, ACCEL_UNITS[self.kind]),
-        ):
-            if unit not in allowed:
-                raise ValueError(f"{name} = {unit!r} does not go with kind = {self.kind!r}: allowed {', '.join(allowed)}")
-        if self.kind == "increment" and self.stamp == "instant":
-            raise ValueError("stamp = 'instant' does not go with kind = 'increment': allowed interval_end, interval_start")
-        return self
+    # rules between keys are validators of the later key: pydantic checks a whole section only if each key is right
+
+    @field_validator("gyro_unit", "accel_unit")
+    @classmethod
+    def _unit_fits_kind(cls, value: str, info: ValidationInfo) -> str:
+        kind = info.data.get("kind")
+        if kind is not None:
+            allowed = (GYRO_UNITS if info.field_name == "gyro_unit" else ACCEL_UNITS)[kind]
+            if value not in allowed:
+                raise ValueError(f"does not go with kind = {kind!r}: allowed {', '.join(allowed)}")
+        return value
+
+    @field_validator("stamp")
+    @classmethod
+    def _stamp_fits_kind(cls, value: str, info: ValidationInfo) -> str:
+        if info.data.get("kind") == "increment" and value == "instant":
+            raise ValueError("does not go with kind = 'increment': allowed interval_end, interval_start")
+        return value
 
     def gyro_matrix(self) -> Array:
         """(3, 3): from the gyro columns to SI in body FRD."""
@@ -150,10 +157,10 @@ class ImuSection(FileSection):
 class PositionSection(FileSection):
     """The columns of position and velocity."""
 
-    latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
-    longitude: Column = key(..., "column of the longitude, east positive")
-    height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
-    position_unit: AngleUnit = key(..., "unit of latitude and longitude")
+    latitude: Column | None = key(None, "column of the geodetic latitude (WGS-84)")
+    longitude: Column | None = key(None, "column of the longitude, east positive")
+    height: Column | None = key(None, "column of the height above the ellipsoid [m], up positive")
+    position_unit: AngleUnit | None = key(None, "unit of latitude and longitude")
     height_offset_m: Number = key(
         0.0, "added to the height: the geoid undulation where the log has heights above mean sea level", "m"
     )
@@ -164,10 +171,26 @@ class PositionSection(FileSection):
 class GnssSection(PositionSection):
     """Position fixes of the antenna, each at its time of validity."""
 
+    latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
+    longitude: Column = key(..., "column of the longitude, east positive")
+    height: Column = key(..., "column of the height above the ellipsoid [m], up positive")
+    position_unit: AngleUnit = key(..., "unit of latitude and longitude")
     position_sigma: Columns3 | None = key(None, "columns of the standard deviations north, east, down [m]")
-    position_sigma_m: Sigma3 | None = key(None, "constant standard deviations N, E, D, where the log has none", "m")
+    position_sigma_m: Sigma3 | None = key(
+        None, "constant standard deviations N, E, D, where the log has none", "m", validate_default=True
+    )
     velocity_sigma: Columns3 | None = key(None, "columns of the velocity's standard deviations N, E, D [m/s]")
-    velocity_sigma_mps: Sigma3 | None = key(None, "constant velocity standard deviations N, E, D", "m/s")
+    velocity_sigma_mps: Sigma3 | None = key(None, "constant velocity standard deviations N, E, D", "m/s", validate_default=True)
+    speed: Column | None = key(None, "column of the speed over ground, with course instead of velocity")
+    speed_unit: Literal["m/s", "km/h", "kn"] = key("m/s", "unit of the speed")
+    course: Column | None = key(
+        None,
+        "column of the course over ground, clockwise from north; may be empty at rest; the vertical velocity is unknown",
+        validate_default=True,
+    )
+    course_unit: AngleUnit = key("deg", "unit of the course")
+    speed_sigma: Column | None = key(None, "column of the standard deviation of the speed [m/s]")
+    speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
     lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
 
     @model_validator(mode="before")
@@ -175,37 +198,75 @@ class GnssSection(PositionSection):
     def _fill(cls, data: Any) -> Any:
         return kf_gins.filled(data, kf_gins.GNSS)
 
-    @model_validator(mode="after")
-    def _sigmas(self) -> GnssSection:
-        if (self.position_sigma is None) == (self.position_sigma_m is None):
+    @field_validator("position_sigma_m")
+    @classmethod
+    def _one_position_sigma(cls, value: Any, info: ValidationInfo) -> Any:
+        if "position_sigma" in info.data and (info.data["position_sigma"] is None) == (value is None):
             raise ValueError("give either position_sigma (three columns) or position_sigma_m (three numbers [m])")
-        pair = (self.velocity_sigma is not None) + (self.velocity_sigma_mps is not None)
-        if self.velocity is not None and pair != 1:
+        return value
+
+    @field_validator("velocity_sigma_mps")
+    @classmethod
+    def _one_velocity_sigma(cls, value: Any, info: ValidationInfo) -> Any:
+        if not {"velocity", "velocity_sigma"} <= set(info.data):
+            return value
+        pair = (info.data["velocity_sigma"] is not None) + (value is not None)
+        if info.data["velocity"] is not None and pair != 1:
             raise ValueError("velocity needs either velocity_sigma (three columns) or velocity_sigma_mps (three numbers [m/s])")
-        if self.velocity is None and pair and self.format == "csv":
+        if info.data["velocity"] is None and pair and info.data.get("format") == "csv":
             raise ValueError("velocity_sigma is given without velocity")
-        return self
+        return value
+
+    @field_validator("course")
+    @classmethod
+    def _with_speed(cls, value: Any, info: ValidationInfo) -> Any:
+        if "speed" in info.data and (info.data["speed"] is None) != (value is None):
+            raise ValueError("speed and course go together")
+        if value is not None and info.data.get("velocity") is not None:
+            raise ValueError("give either velocity or speed and course")
+        return value
+
+    @field_validator("speed_sigma_mps")
+    @classmethod
+    def _one_speed_sigma(cls, value: Any, info: ValidationInfo) -> Any:
+        if not {"speed", "speed_sigma"} <= set(info.data):
+            return value
+        pair = (info.data["speed_sigma"] is not None) + (value is not None)
+        if info.data["speed"] is not None and pair != 1:
+            raise ValueError("speed needs either speed_sigma (a column) or speed_sigma_mps (a number [m/s])")
+        if info.data["speed"] is None and pair:
+            raise ValueError("speed_sigma is given without speed")
+        return value
 
 
 class ReferenceSection(PositionSection):
-    """A reference solution at the IMU, for comparison and as an optional start."""
+    """A reference solution at the IMU, for comparison and as an optional start: position, velocity and attitude, or some."""
 
     roll: Column | None = key(None, "column of the roll (right side down positive)")
     pitch: Column | None = key(None, "column of the pitch (nose up positive)")
     heading: Column | None = key(None, "column of the heading (clockwise from north)")
-    attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading")
+    attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading", validate_default=True)
 
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, data: Any) -> Any:
         return kf_gins.filled(data, kf_gins.REFERENCE)
 
-    @model_validator(mode="after")
-    def _all_three(self) -> ReferenceSection:
-        given = [name for name in ("roll", "pitch", "heading", "attitude_unit") if getattr(self, name) is not None]
-        if given and len(given) != 4:
-            raise ValueError(f"roll, pitch, heading and attitude_unit go together; only {', '.join(given)} given")
-        return self
+    @field_validator("attitude_unit")
+    @classmethod
+    def _all_of_each(cls, value: Any, info: ValidationInfo) -> Any:
+        keys = {**info.data, "attitude_unit": value}
+        faults, some = [], keys.get("velocity") is not None
+        for group in (("latitude", "longitude", "height", "position_unit"), ("roll", "pitch", "heading", "attitude_unit")):
+            given = [name for name in group if keys.get(name) is not None]
+            some = some or bool(given)
+            if given and len(given) != 4 and set(group) <= set(keys):
+                faults.append(f"{', '.join(group[:3])} and {group[3]} go together; only {', '.join(given)} given")
+        if not some and {"latitude", "roll", "velocity"} <= set(keys):
+            faults.append("give the columns of position, velocity or attitude")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return value
 
 
 class InitialSection(Section):
@@ -253,11 +314,13 @@ class AnyLog(Section):
         'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; checked by the estimator',
     )
 
-    @model_validator(mode="after")
-    def _window(self) -> AnyLog:
-        if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
-            raise ValueError(f"stop_s = {self.stop_s} s must be after start_s = {self.start_s} s")
-        return self
+    @field_validator("stop_s")
+    @classmethod
+    def _after_start(cls, value: float | None, info: ValidationInfo) -> float | None:
+        start = info.data.get("start_s")
+        if start is not None and value is not None and value <= start:
+            raise ValueError(f"must be after start_s = {start:g} s")
+        return value
 
 
 class LogDescription(AnyLog):

@@ -1,9 +1,5 @@
 """Inertial samples of a log: from time-stamped rates or increments to increments without gaps.
 
-Gaps are found in the time stamps. With T the nominal sample interval, a step s_i between two stamps is late if s_i > 1.5 T.
-If the steps next to it are shorter than T, the late stamp is at least partly jitter: the amount by which the two steps on
-either side fall short of T is subtracted. The rest, divided by T and rounded, less one, is the number of missing samples.
-
 Missing samples are interpolated: their stamps at equal distances between the two stamps around the gap, their rates linear
 between the rates on both sides.
 """
@@ -15,12 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv.errors import InputError
+from insenv.logs.sampling import Sampling
 from insenv.logs.units import Array
 
-LATE = 1.5
-"""A step longer than this many nominal intervals may be a gap."""
-NEIGHBOURS = 2
-"""Steps on either side that are searched for the jitter of a late stamp."""
 _MIN_FORCE, _MAX_FORCE = 8.8, 10.8
 """Expected range of the median specific force of a vehicle on the Earth [m/s2]."""
 
@@ -61,14 +54,19 @@ class Bridged:
     gaps: Gaps
 
 
-def increments(stamps: Array, samples: Array, interval: float, kind: str, stamp: str, max_gap_s: float) -> InertialSamples:
+def increments(
+    stamps: Array, samples: Array, sampled: Sampling, kind: str, stamp: str, max_gap_s: float, label: str = "imu"
+) -> InertialSamples:
     """Bridge the gaps and integrate rates over the sample intervals.
 
-    stamps (m,) s, strictly increasing; samples (m, 6): gyro and accelerometer in SI and body FRD; interval: nominal (s);
-    kind, stamp, max_gap_s: see the keys of a log's [imu]. Raises InputError for a longer gap.
+    stamps (m,) s, strictly increasing; samples (m, 6): gyro and accelerometer in SI and body FRD; sampled: how; kind, stamp,
+    max_gap_s: see the keys of a log's [imu]; label: the unit, in messages. Raises InputError for a longer gap.
     """
-    is_rate = kind == "rate"
-    result = bridge(stamps, samples if is_rate else samples / interval, interval, max_gap_s)
+    is_rate, interval = kind == "rate", sampled.interval
+    rates = samples
+    if not is_rate:
+        rates = samples / (interval if sampled.gap_s is None else _lengths(stamps, interval, stamp)[:, None])
+    result = bridge(stamps, rates, sampled, max_gap_s, label)
     if stamp == "interval_end":
         end, dt = result.time, np.diff(result.time, prepend=result.time[0] - interval)
     elif stamp == "interval_start":
@@ -87,6 +85,13 @@ def increments(stamps: Array, samples: Array, interval: float, kind: str, stamp:
     return InertialSamples(end, integrals[:, :3].copy(), integrals[:, 3:].copy(), dt, bridged, result.gaps)
 
 
+def _lengths(stamps: Array, interval: float, stamp: str) -> Array:
+    """Length (m,) s of the interval that each sample covers: up to its stamp, or from it."""
+    if stamp == "interval_end":
+        return np.diff(stamps, prepend=stamps[0] - interval)
+    return np.diff(stamps, append=stamps[-1] + interval)
+
+
 def implausible(samples: InertialSamples) -> list[str]:
     """Notes on a median specific force that no vehicle on the Earth has: wrong unit, kind or axes."""
     force = samples.delta_velocity / samples.dt[:, None]
@@ -98,41 +103,15 @@ def implausible(samples: InertialSamples) -> list[str]:
     return []
 
 
-def nominal_interval(time: Array, rate_hz: float | None, label: str = "imu") -> float:
-    """Nominal sample interval [s]: of the given rate, which must agree with the median step within 5 %, or the median step."""
-    if time.size < 3:
-        raise InputError(f"{label}: {time.size} samples in the window, at least 3 are needed")
-    median = float(np.median(np.diff(time)))
-    if rate_hz is None:
-        return median
-    if abs(median * rate_hz - 1.0) > 0.05:
-        raise InputError(
-            f"{label}: imu.rate_hz = {rate_hz:g} Hz, but the median step of the time stamps is {median:.6g} s"
-            f" ({1.0 / median:.6g} Hz): they must agree within 5 %; check time_unit and time_scale"
-        )
-    return 1.0 / rate_hz
-
-
-def missing_samples(time: Array, interval: float) -> np.ndarray:
-    """Number of samples missing after each stamp, (n - 1,) integers, by the rule at the top of this module."""
-    steps = np.diff(time)
-    short = np.minimum(steps - interval, 0.0)
-    padded = np.concatenate((np.zeros(NEIGHBOURS), short, np.zeros(NEIGHBOURS)))
-    size = steps.size
-    around = np.zeros(size)
-    for k in range(1, NEIGHBOURS + 1):
-        around += padded[NEIGHBOURS - k : NEIGHBOURS - k + size] + padded[NEIGHBOURS + k : NEIGHBOURS + k + size]
-    missing = np.rint((steps + around) / interval).astype(np.int64) - 1
-    return np.where(steps > LATE * interval, np.maximum(missing, 0), 0)
-
-
-def bridge(time: Array, rates: Array, interval: float, max_gap_s: float, label: str = "imu") -> Bridged:
+def bridge(time: Array, rates: Array, sampled: Sampling, max_gap_s: float, label: str = "imu") -> Bridged:
     """Interpolate the missing samples.
 
-    time (n,) [s], strictly increasing; rates (n, k), any unit per second; interval: nominal [s]; max_gap_s: the longest time
+    time (n,) [s], strictly increasing; rates (n, k), any unit per second; sampled: how; max_gap_s: the longest time
     without samples (step less one interval) that is bridged. Raises InputError for a longer gap.
     """
-    missing = missing_samples(time, interval)
+    interval, missing = sampled.interval, sampled.missing(time)
+    if sampled.gap_s is not None:
+        missing = np.where(np.diff(time) - interval > max_gap_s, np.maximum(missing, 1), missing)
     at = np.flatnonzero(missing)
     if not at.size:
         return Bridged(time, rates, np.ones(time.size, bool), Gaps())

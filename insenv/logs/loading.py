@@ -2,26 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from insenv.files.toml import read_toml, validated
 from insenv.logs.build import build
 from insenv.logs.description import LogDescription
+from insenv.logs.faults import Faults
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
 from insenv.logs.recorded import RecordedLog
+from insenv.scenario import tuning
 
 
 def load(path: str | Path) -> RecordedLog:
     """The log at `path`: a flight log itself, or a TOML file that describes a log.
 
-    Relative paths in a TOML file start at its folder. Raises InputError for any wrong input.
+    Relative paths in a TOML file start at its folder. Raises InputError for any wrong input; it lists all faults of a
+    description, its files included.
     """
     path = Path(path)
     folder = path.resolve().parent
     if is_flight_log(path):
         return build_flight(FlightDescription(flight=path.name), folder)
     data: dict[str, Any] = read_toml(path)
+    faults = Faults()
     if "flight" in data:
-        return build_flight(validated(FlightDescription, data, str(path)), folder)
-    return build(validated(LogDescription, data, str(path)), folder)
+        flight = faults.attempt(lambda: validated(FlightDescription, data, str(path)))
+        _check_settings(data, str(path), faults)
+        log = None if flight is None else faults.attempt(lambda: build_flight(flight, folder))
+    else:
+        text = faults.attempt(lambda: validated(LogDescription, data, str(path)))
+        _check_settings(data, str(path), faults)
+        log = None if text is None else faults.attempt(lambda: build(text, folder))
+    faults.check()
+    assert log is not None
+    return log
+
+
+def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None:
+    """Check the settings of estimators, key by key, as the run does that uses them."""
+    tables = data.get("estimator")
+    for id, table in tables.items() if isinstance(tables, dict) else ():
+        for key, value in table.items() if isinstance(table, dict) else ():
+            own = Faults()
+            own.attempt(lambda id=id, key=key, value=value: tuning(id, {key: value}))  # type: ignore[misc]
+            found = [f"{label}: {line}" for line in own.messages]
+            faults.messages += [line for line in found if line not in faults.messages]

@@ -14,9 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from insenv.errors import InputError, nearest
+from insenv.logs.faults import all_of
 from insenv.logs.units import Array
 
 Column = str | int
+MISSING = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
+"""Fields, in lower case, that hold no value."""
 
 
 @dataclass(frozen=True)
@@ -62,15 +65,16 @@ def read_table(
     header_rows: int | None = None,
     comment: str = "#",
     skip_empty: bool = False,
+    optional: Sequence[Column] = (),
     expected_fields: Sequence[int] | None = None,
 ) -> TextTable:
     """Read the named columns of a text table.
 
     columns: names in the header line or numbers, counted from 0. delimiter: "auto", ",", ";", "tab" or "space" (blanks and
     tabs). header_rows: lines before the first row, the last of them holding the names; None detects a header. skip_empty:
-    skip rows in which one of the columns is empty. expected_fields: allowed numbers of fields per line; None: any. Values may
-    be NaN or infinite: see `check_finite`. Raises InputError: empty, binary, no such column, a line with a different number of
-    fields, text, missing value.
+    skip rows in which one of the columns is missing (`MISSING`). optional: columns that may be missing: NaN. expected_fields:
+    allowed numbers of fields per line; None: any. Values may be NaN or infinite: see `check_finite`. Raises InputError: empty,
+    binary, no such column, a line with a different number of fields, text, missing value.
     """
     text = _clean_text(label, raw)
     buffer = np.frombuffer(text, dtype=np.uint8)
@@ -84,19 +88,47 @@ def read_table(
     names = _header_names(heading, separator, int(counts[0]), comment)
     fields = len(names) if names else int(counts[0])
     _check_counts(label, rows, counts, fields, expected_fields, from_header=bool(names))
-    use = [_column_index(label, column, names, fields) for column in columns]
+    use = all_of(lambda column: _column_index(label, column, names, fields), columns)
     data = text[starts[rows[0]] :]
     source: io.BytesIO | list[str] = io.BytesIO(data)
-    if skip_empty:
-        split = [(int(n), _line_text(text, starts, int(n))) for n in rows]
-        full = [(n, line) for n, line in split if all(line.split(separator)[i].strip() for i in use)]
-        if not full:
-            raise InputError(f"{label}: no row in which all of {', '.join(map(_show, columns))} are filled")
-        rows, source = np.array([n for n, _ in full]), [line for _, line in full]
-    values = _parse(label, source, text, starts, rows, columns, use, separator, comment)
+    picked = list(use)
+    if skip_empty or optional:
+        may_miss = [column in optional for column in columns]
+        rows, source = _filled(text, starts, rows, use, may_miss, separator, comment, skip_empty)
+        if not rows.size:
+            needed = [_show(column) for column, may in zip(columns, may_miss, strict=True) if not may]
+            raise InputError(f"{label}: no row in which all of {', '.join(needed)} are filled")
+        picked = list(range(len(use)))
+    values = _parse(label, source, text, starts, rows, columns, use, picked, optional, separator, comment)
     lines = rows + 1
     sha = hashlib.sha256(raw).hexdigest()
     return TextTable(label, tuple(columns), values, lines, fields, sha, _cut_short(label, text, starts, rows, separator))
+
+
+def _filled(
+    text: bytes,
+    starts: np.ndarray,
+    rows: np.ndarray,
+    use: list[int],
+    may_miss: list[bool],
+    separator: str | None,
+    comment: str,
+    skip_empty: bool,
+) -> tuple[np.ndarray, list[str]]:
+    """Numbers of the rows that are kept, and the fields `use` of each, with NaN for those that may miss and do."""
+    kept, lines = [], []
+    glue = separator or " "
+    for number in rows:
+        line = _line_text(text, starts, int(number))
+        parts = (line.split(comment)[0] if comment else line).split(separator)
+        fields = [parts[index].strip() if index < len(parts) else "" for index in use]
+        missing = [field.lower() in MISSING for field in fields]
+        if skip_empty and any(gone and not may for gone, may in zip(missing, may_miss, strict=True)):
+            continue
+        kept.append(int(number))
+        fields = ["nan" if gone and may else field for field, gone, may in zip(fields, missing, may_miss, strict=True)]
+        lines.append(glue.join(fields))
+    return np.array(kept, dtype=np.int64), lines
 
 
 def _cut_short(label: str, text: bytes, starts: np.ndarray, rows: np.ndarray, separator: str | None) -> tuple[str, ...]:
@@ -109,14 +141,19 @@ def _cut_short(label: str, text: bytes, starts: np.ndarray, rows: np.ndarray, se
     return (f"{label}: the last line has no line end and its last value is short: is the file cut off?",)
 
 
-def check_finite(table: TextTable) -> None:
-    """Raise InputError if a value is NaN or infinite; the message names file, line and column of the first one."""
-    bad = np.argwhere(~np.isfinite(table.values))
+def check_finite(table: TextTable, optional: Sequence[Column] = ()) -> None:
+    """Raise InputError if a value is NaN or infinite; the message names file, line and column of the first one.
+
+    optional: columns that may hold NaN.
+    """
+    may = np.array([name in optional for name in table.names])
+    bad = np.argwhere(~np.isfinite(table.values) & ~(may & np.isnan(table.values)))
     if bad.size:
         row, col = bad[0]
+        skip = "; skip_empty = true skips such rows" if np.isnan(table.values[row, col]) else ""
         raise InputError(
             f"{table.where(row)}, column {_show(table.names[col])}: value is {table.values[row, col]},"
-            f" must be a finite number ({len(bad)} such values in the file)"
+            f" must be a finite number ({len(bad)} such values in the file){skip}"
         )
 
 
@@ -179,19 +216,23 @@ def _parse(
     rows: np.ndarray,
     columns: Sequence[Column],
     use: list[int],
+    picked: list[int],
+    optional: Sequence[Column],
     separator: str | None,
     comment: str,
 ) -> Array:
+    """The fields `picked` of each line of `source`, which are the fields `use` of the rows in the file."""
     try:
-        return np.loadtxt(source, delimiter=separator, comments=comment or None, usecols=use, ndmin=2, encoding="latin1")
+        return np.loadtxt(source, delimiter=separator, comments=comment or None, usecols=picked, ndmin=2, encoding="latin1")
     except ValueError as error:
         for number in rows:
             line = _line_text(text, starts, number).split(comment)[0] if comment else _line_text(text, starts, number)
             parts = line.split(separator)
             for column, index in zip(columns, use, strict=True):
                 part = parts[index].strip() if index < len(parts) else ""
-                if not _is_number(part):
+                if not _is_number(part) and not (column in optional and part.lower() in MISSING):
                     what = f"{part[:40]!r} is not a number" if part else "the value is missing"
+                    what += "; skip_empty = true skips such rows" if part.lower() in MISSING else ""
                     raise InputError(f"{label}: line {number + 1}, column {_show(column)}: {what}") from None
         raise InputError(f"{label}: cannot be parsed: {error}") from None
 

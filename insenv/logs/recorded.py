@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
+
+from insenv.errors import InputError
 from insenv.estimators import SensorNotes
+from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.units import Array
@@ -37,21 +43,40 @@ class Positions:
 class GnssFixes(Positions):
     """Fixes of the antenna at their times of validity.
 
-    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None.
+    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated. Raises
+    `InputError` for a standard deviation that no estimator takes: with 0 a fix would be exact.
     """
 
     position_sigma: Array
     velocity_n: Array | None = None
     velocity_sigma: Array | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("position_sigma", "velocity_sigma"):
+            sigma, row = getattr(self, name), FIX_INPUTS[f"gnss_{name}"]
+            if sigma is None:
+                continue
+            bad = np.argwhere((sigma < row.lower) | (sigma > row.upper))
+            if bad.size:
+                at, axis = bad[0]
+                raise InputError(
+                    f"{name} of the fix at {self.time[at]:.10g} s, {'NED'[axis]}: {sigma[at, axis]:g} {row.unit}: allowed is "
+                    f"from {row.lower:g} to {row.upper:g} {row.unit} ({len(bad)} such values)"
+                )
+
 
 @dataclass(frozen=True)
-class Reference(Positions):
-    """Reference solution at the IMU.
+class Reference:
+    """Reference solution at the IMU: time (m,) s, on the IMU's clock, and what the reference has; the rest is None.
 
-    velocity_n (m, 3) m/s or None; roll, pitch, heading (m,) rad or None, heading in [-pi, pi) clockwise from north.
+    latitude, longitude (m,) rad and height (m,) m above the ellipsoid; velocity_n (m, 3) m/s; roll, pitch, heading (m,)
+    rad, heading in [-pi, pi) clockwise from north.
     """
 
+    time: Array
+    latitude: Array | None = None
+    longitude: Array | None = None
+    height: Array | None = None
     velocity_n: Array | None = None
     roll: Array | None = None
     pitch: Array | None = None
@@ -63,7 +88,9 @@ class RecordedLog(InertialSamples):
     """A recorded log: its inertial samples and
 
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
-    notes: remarks for the user; description: of the log, from its TOML file or made for a flight log.
+    notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
+    (SI) of the inertial unit, if the log states them; settings: parameter rows (SI) by estimator id that the log states, over
+    which those of the description go.
     """
 
     gnss: GnssFixes | None
@@ -72,6 +99,8 @@ class RecordedLog(InertialSamples):
     sources: tuple[Source, ...]
     notes: tuple[str, ...]
     description: LogDescription
+    unit: Mapping[str, Any] | None = None
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:
@@ -84,6 +113,8 @@ class RecordedLog(InertialSamples):
         return float(self.imu_time[-1] - self.imu_time[0] + self.dt[0])
 
     def sensors(self, in_place: bool) -> SensorNotes:
-        """What the log says of its IMU: the grade of [imu], or the assumption for an unknown unit."""
+        """What the log says of its IMU: the grade of [imu], the unit's own rows, or the assumption for an unknown unit."""
         grade = self.description.imu.grade
+        if not grade and self.unit is not None:
+            return sensor_notes(dict(self.unit), in_place)
         return sensor_notes(imu_grade(grade).parameters(), in_place) if grade else SensorNotes()

@@ -15,6 +15,7 @@ from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.schedule import STREAMS
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
 from insenv.mavlink.vehicle import Vehicle
+from insenv.mavlink.wire.frames import dialect
 
 Answers = Iterable[Message]
 """The messages sent back: a list, or for all parameters an iterator that makes them one by one."""
@@ -58,6 +59,19 @@ def parameter_value(vehicle: Vehicle, place: int) -> Message:
     """PARAM_VALUE of the parameter with index `place`."""
     parameter = vehicle.parameters.all[place]
     return vehicle.view.fields.message("PARAM_VALUE", parameter.name, parameter.value(), REAL32, len(vehicle.parameters), place)
+
+
+def parameter_frames(vehicle: Vehicle) -> list[bytes]:
+    """PARAM_VALUE of all parameters as frames, numbered from 0.
+
+    A log begins with them, as that of a ground station does, which asks for them when it connects.
+    """
+    packer = dialect().MAVLink(None, vehicle.view.system, vehicle.view.component)
+    frames = []
+    for place in range(len(vehicle.parameters)):
+        frames.append(bytes(parameter_value(vehicle, place).pack(packer)))
+        packer.seq = (packer.seq + 1) % 256
+    return frames
 
 
 def _parameter_read(vehicle: Vehicle, message: Message) -> Answers:

@@ -10,10 +10,9 @@ be set if it is the plant's, whose run has begun.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
@@ -21,42 +20,18 @@ from insenv.core.model import Model
 from insenv.core.tables import Row
 from insenv.errors import InputError, nearest
 from insenv.mavlink.simulation import Simulation
-from insenv.sensors import units
 from insenv.sensors.gnss import GNSS_PARAMETERS
 from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.short_names import SHOWN, elements
 
 REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""
-MOST_ELEMENTS = 6
-"""Rows with more elements (scripts, waves, matrices) are not parameters."""
 LARGEST = 1e6
 """Largest magnitude that can be set, in the unit shown, where the row itself allows more."""
-
-_SHOWN: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "rad": ("deg", units.deg_to_rad),
-    "rad/s": ("deg/h", units.deg_h_to_rad_s),
-    "m/s^2": ("ug", units.ug_to_m_s2),
-    "rad/s^0.5": ("deg/sqrt(h)", units.deg_sqrt_h_to_rad_sqrt_s),
-    "m/s^1.5": ("ug/sqrt(Hz)", units.ug_sqrt_hz_to_m_s_sqrt_s),
-}
-"""Unit shown and its conversion to SI, by SI unit."""
 
 NOW, NEXT_ALIGNMENT, NEVER = "now", "next alignment", "never"
 _TIMING = ("gnss_interval", "gnss_latency", "gnss_epoch_offset", "drift_interval")
 """Rows that must remain whole numbers of samples: they cannot be set."""
-
-LONGEST_NAME = 16
-"""Characters of a parameter's name in MAVLink."""
-
-_SHORT = {
-    "accel": "ACC", "acceleration": "ACCL", "angle": "ANG", "antenna": "ANT", "bandwidth": "BW", "bias": "BIAS",
-    "correlation": "COR", "covariance": "COV", "drop": "DROP", "factor": "F", "frequency": "FRQ", "gnss": "GNSS",
-    "gyro": "GYR", "heading": "HDG", "height": "HGT", "imu": "IMU", "innovation": "INN", "instability": "INS",
-    "interval": "DT", "latitude": "LAT", "lever": "LEV", "longitude": "LON", "misalignment": "MIS", "mounting": "MNT",
-    "noise": "N", "outlier": "OUTL", "position": "POS", "probability": "PROB", "random": "R", "range": "RNG", "rate": "RATE",
-    "scale": "SC", "sigma": "SIG", "slope": "SLP", "standing": "STND", "start": "ST", "temperature": "TMP", "time": "T",
-    "velocity": "VEL", "walk": "W", "wander": "WAN", "error": "ERR", "limit": "LIM", "arm": "ARM", "b": "", "n": "",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -111,7 +86,7 @@ class Parameters:
         model = simulation.plant.model
         sensors = IMU_PARAMETERS.names + GNSS_PARAMETERS.names
         live = used_by_steps(model)
-        for row, place, name in elements("S", model, sensors):
+        for row, place, name in elements("S", model.parameters, sensors):
             settable = live[place] and row.name not in _TIMING
             yield _made(
                 row, name, NOW if settable else NEVER, place, simulation.plant_parameter, simulation.set_plant_parameter
@@ -120,38 +95,17 @@ class Parameters:
     def _of_estimator(self, simulation: Simulation) -> Iterator[Parameter]:
         model = simulation.estimator.model
         live = used_by_steps(model)
-        for row, place, name in elements("E", model, model.parameters.names):
+        for row, place, name in elements("E", model.parameters, model.parameters.names):
             acts = NOW if live[place] else NEXT_ALIGNMENT
             if row.name == "sample_interval" or row.name.startswith("start_"):  # known anew at each alignment
                 acts = NEVER
             yield _made(row, name, acts, place, simulation.estimator_parameter, simulation.set_estimator_parameter)
 
 
-def elements(prefix: str, model: Model, names: tuple[str, ...]) -> Iterator[tuple[Row, int, str]]:
-    """Row, index in the model's parameter vector and name of each element that is a parameter."""
-    taken: set[str] = set()
-    for row in model.parameters:
-        if row.name not in names or row.size > MOST_ELEMENTS:
-            continue
-        first = model.parameters.slice(row.name).start
-        for element in range(row.size):
-            name = parameter_name(prefix, row.name, _suffix(row, element), taken)
-            taken.add(name)
-            yield row, first + element, name
-
-
-def _suffix(row: Row, element: int) -> str:
-    if row.size == 1:
-        return ""
-    if row.size == 3:
-        return ("NED" if row.frame in ("n", "w") else "XYZ")[element]
-    return str(element + 1)
-
-
 def _made(
     row: Row, name: str, acts: str, place: int, read: Callable[[int], float], write: Callable[[int, float], None]
 ) -> Parameter:
-    unit, to_si = _SHOWN.get(row.unit, (row.unit, float))
+    unit, to_si = SHOWN.get(row.unit, (row.unit, float))
     scale = float(to_si(1.0))
 
     def get() -> float:
@@ -172,24 +126,3 @@ def used_by_steps(model: Model) -> list[bool]:
         if name != "start":
             used[sorted(set(kernel.function.jac_sparsity(0, 0).get_triplet()[1]))] = True
     return used.tolist()
-
-
-def parameter_name(prefix: str, row: str, suffix: str, taken: Iterable[str]) -> str:
-    """A name such as ``E_GYR_BIAS_SIG`` or ``S_GNSS_POS_N_D`` that is not among `taken`, with its words shortened to
-    fit.
-
-    prefix: of the group; suffix: of the component.  Raises `ValueError` if there is no free name.
-    """
-    taken = set(taken)
-    words = [_SHORT.get(word, word[:6].upper()) for word in row.split("_")]
-    words = [word for word in words if word]
-    tail = f"_{suffix}" if suffix else ""
-    for length in range(6, 0, -1):
-        name = f"{prefix}_{'_'.join(word[:length] for word in words)}{tail}"
-        if len(name) <= LONGEST_NAME and name not in taken:
-            return name
-    for number in range(1, 100):
-        name = f"{prefix}_{''.join(words)}"[: LONGEST_NAME - len(tail) - 2] + f"{number:02d}{tail}"
-        if name not in taken:
-            return name
-    raise ValueError(f"no parameter name left for {row!r}")

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from insenv.mavlink.answers import answers
+from insenv.mavlink.answers import answers, parameter_frames
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.outbox import Outbox
 from insenv.mavlink.pacing import Pacer
@@ -37,9 +37,10 @@ def never() -> bool:
 class Stream:
     """A vehicle on one link or several.
 
-    recorder: receives every message that the vehicle sends, numbered consecutively, and every message received, with
-    the number of its link. sent, received: number of messages by name, answers included; a message counts once, for any
-    number of clients.  recorded: number of sent messages in the log.  interrupted: whether it was ended from outside.
+    recorder: receives the parameters first, then every message that the vehicle sends, numbered consecutively, and
+    every message received, with the number of its link.  sent, received: number of messages by name, answers included; a
+    message counts once, for any number of clients.  recorded: number of the vehicle's own messages in the log.
+    interrupted: whether it was ended from outside.
     """
 
     def __init__(self, vehicle: Vehicle, link: Link | Sequence[Link], recorder: TlogWriter | None = None) -> None:
@@ -67,6 +68,7 @@ class Stream:
         self.pacer.restart(self.vehicle.speed)
         self._stop = stop
         try:
+            self._record_parameters()
             while (last is None or simulation.samples < last) and not stop():
                 self.tick()
                 self._look(watch)
@@ -151,6 +153,14 @@ class Stream:
     def _record(self, frame: bytes, link: int = 0) -> None:
         if self._recorder is not None:
             self._recorder.write(self.vehicle.view.unix_us, frame, link)
+
+    def _record_parameters(self) -> None:
+        """Begin the log with the parameters: a reader needs the lever arm of the antenna and the data sheet of the unit."""
+        if self._recorder is not None and not self.recorded:
+            frames = parameter_frames(self.vehicle)
+            for frame in frames:
+                self._record(frame)
+            self.recorded = len(frames)
 
     def _flush(self) -> None:
         """Send the remaining answers."""

@@ -187,7 +187,7 @@ def _channel(axis: Axes, report: RunData, channel: str, from_s: float, bands: bo
     axis.axhline(0.0, color=PALE, linewidth=0.6, zorder=1)
     drawn: list[Array] = []
     reach: list[float] = []
-    limits: dict[float, str] = {}
+    limits: dict[bytes, tuple[Array, Array, str]] = {}
     for index, result in enumerate(report.results):
         if channel not in result.errors:
             continue
@@ -205,13 +205,14 @@ def _channel(axis: Axes, report: RunData, channel: str, from_s: float, bands: bo
                 times, -widest, widest, color=colour, alpha=0.16, linewidth=0, zorder=2, label=name
             )
             reach[-1] = 3.0 * float(np.median(sigma))
-        elif channel in result.limit:
-            reach[-1] = result.limit[channel]
-            limits.setdefault(round(result.limit[channel], 12), colour)
-    for limit, colour in limits.items():
+        if channel in result.limit_sigma:
+            limit = result.limit_sigma[channel][late]
+            reach[-1] = max(reach[-1], float(np.max(limit[-max(1, len(limit) // 4) :])))
+            limits.setdefault(limit.tobytes(), (time, limit, colour))
+    for time, limit, colour in limits.values():
         for sign in (-1, 1):
-            line = axis.axhline(
-                sign * limit, color=LIMIT if len(limits) == 1 else colour, linestyle=(0, (4, 2)), linewidth=1.0, zorder=4
+            (line,) = axis.plot(
+                time, sign * limit, color=LIMIT if len(limits) == 1 else colour, linestyle=(0, (4, 2)), linewidth=1.0, zorder=4
             )
         line.set_label("theoretical limit, ±1 sigma")
         handles[str(line.get_label())] = line

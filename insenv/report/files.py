@@ -137,6 +137,7 @@ def collect(report: RunData) -> tuple[dict[str, NDArray[Any]], dict[str, dict[st
         for kind, series, meaning in (
             ("errors", result.errors, "Error, estimate minus truth"),
             ("sigma", result.sigma, "Standard deviation that the estimator states"),
+            ("limit", result.limit_sigma, "Smallest standard deviation that any method can have"),
         ):
             for channel, value in series.items():
                 frame = "" if channel.endswith("_deg") else "n"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from insenv.evaluation.errors import Result, Track
+from insenv.evaluation.limits import ratio_bounds
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,6 +39,7 @@ class RunData:
                     "estimator": r.estimator,
                     **r.statistics(),
                     "limit": r.limit,
+                    "limit_ratio_95": list(ratio_bounds(1)) if r.limit and self.seed is not None else None,
                     "stated": r.stated(),
                     "health": None if r.health is None else r.health.as_json(),
                     "us_per_sample": r.us_per_sample,

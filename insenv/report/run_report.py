@@ -38,9 +38,9 @@ class Report(RunData):
     def to_dataframe(self, estimator: str | None = None) -> DataFrame:
         """One estimator's result as a pandas DataFrame, indexed by time (s).
 
-        Columns: ``error_CHANNEL``, ``sigma_CHANNEL`` and the estimator's outputs by row name (``NAME_0``, ``NAME_1``, ... for
-        vectors). estimator: may be None if the run has only one. Raises `InputError` for an unknown estimator, `InsenvError`
-        if pandas is missing.
+        Columns: ``error_CHANNEL``, ``sigma_CHANNEL``, ``limit_CHANNEL`` and the estimator's outputs by row name (``NAME_0``,
+        ``NAME_1``, ... for vectors). estimator: may be None if the run has only one. Raises `InputError` for an unknown
+        estimator, `InsenvError` if pandas is missing.
         """
         results = {result.estimator: result for result in self.results}
         if estimator is None and len(results) != 1:
@@ -50,6 +50,7 @@ class Report(RunData):
         result = self.results[0] if estimator is None else results[estimator]
         columns = {f"error_{name}": values for name, values in result.errors.items()}
         columns |= {f"sigma_{name}": values for name, values in result.sigma.items()}
+        columns |= {f"limit_{name}": values for name, values in result.limit_sigma.items()}
         return data_frame(result.time, {**columns, **result.outputs})
 
     def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:

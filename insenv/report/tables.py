@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
+from insenv.evaluation.limits import ratio as limit_ratio
+from insenv.evaluation.limits import ratio_bounds
 from insenv.report.run_data import RunData
 
 if TYPE_CHECKING:
@@ -61,6 +63,8 @@ def comparison(report: RunData) -> Iterator[RenderableType]:
         meanings = {"limit": "limit: theory's 1 sigma", "stated": "stated: its own 1 sigma"}
         told = "".join(f"; {meaning}" for kind, meaning in meanings.items() if (kind,) in kinds)
         yield Text(f"final: at the end; rms, max: over the statistics' time{told}", "dim")
+        if ("limit",) in kinds:
+            yield Text(within(1), "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
 
@@ -69,6 +73,12 @@ def facts(report: RunData) -> list[str]:
     """Seed (of a simulation), duration and number of samples."""
     seed = [] if report.seed is None else [f"seed {report.seed}"]
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
+
+
+def within(runs: int) -> str:
+    """The sentence on how far rms/limit varies by chance over so many runs."""
+    low, high = ratio_bounds(runs)
+    return f"rms/limit of an optimal estimator over {runs} run{'s' if runs > 1 else ''}: {low:.2f} to {high:.2f} (95 %)"
 
 
 ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
@@ -87,7 +97,7 @@ def error_rows(result: Result) -> list[tuple[str, list[float | None]]]:
     for name in (name for name in CHANNELS if name in result.errors):
         final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
         own = yardstick.get(name)
-        ratio = rms / own if own and result.settled else None
+        ratio = None if not own or not result.settled else limit_ratio(rms, own, name) if result.limit else rms / own
         rows.append((label(name), [final, rms, largest, *([own, ratio] if yardstick else [])]))
     return rows
 

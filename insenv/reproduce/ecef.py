@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.reproduce import Quantity
+from insenv.reproduce.unit_limits import unit_limit
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.scenario import Scenario, load
 
@@ -63,7 +64,7 @@ def nees(found: Ensemble, id: str = ID) -> Array:
 
 
 def theory(found: Ensemble) -> Array:
-    """Limit of roll, pitch and heading errors (seeds, 3), degrees, estimate minus truth (body relative to n)."""
+    """Errors of roll, pitch and heading by the biases (seeds, 3), degrees, estimate minus truth (body relative to n)."""
     return np.degrees([
         limits.bias_tilts(error[:3], error[3:], plant.knowledge.latitude, plant.knowledge.height)
         for error, plant in zip(found.sensor_error_n, found.plants, strict=True)
@@ -88,10 +89,11 @@ def quantities() -> list[Quantity]:
         rows.append(Quantity(PAPER, f"heading from the printed theory, {title}", "deg", 0.00251, apart, None, 1, HEADING_SIGN))
 
     found = ensemble(noisy(), [ID], range(20), records=100)
-    errors, expected = found.attitude_errors_deg(ID), theory(found)
+    errors, limits_deg = found.attitude_errors_deg(ID), unit_limit(found, theory(found), float(found.time[-1]))
     for i, name in enumerate(PRINTED):
-        rms, limit = (float(np.sqrt(np.mean(v[..., i] ** 2))) for v in (errors[:, -1], expected))
-        note = f"white noise assumed: {ARW:g} deg/sqrt(h), {VRW:g} ug/sqrt(Hz)"
+        rms = float(np.sqrt(np.mean(errors[:, -1, i] ** 2)))
+        note = f"white noise assumed: {ARW:g} deg/sqrt(h), {VRW:g} ug/sqrt(Hz); limit: biases of this unit and white noise"
+        limit = float(limits_deg[i])
         rows.append(Quantity(PAPER, f"{name} RMS at 10 min with noise (figure 2)", "deg", None, rms, limit, 20, note))
     return rows + consistency()
 
@@ -127,10 +129,12 @@ def figure(path_stem: Path | str) -> list[Path]:
     left.set(title="Figure 1: misalignment fed back", xlabel="time (s)", ylabel="deg")
     left.legend()
     for i, (ax, name) in enumerate(zip(right, PRINTED, strict=True)):
-        limit = theory(found)[0, i]
+        expected = theory(found)[0, i]
         ax.plot(time, errors[:, i], label=ID)
-        ax.fill_between(time, limit - sigma[:, i], limit + sigma[:, i], alpha=0.2, label="limit ± stated sigma")
-        ax.axhline(limit, color="k", linestyle="--", linewidth=0.8, label="limit")
+        ax.fill_between(
+            time, expected - sigma[:, i], expected + sigma[:, i], alpha=0.2, label="error by the biases ± stated sigma"
+        )
+        ax.axhline(expected, color="k", linestyle="--", linewidth=0.8, label="error by the biases")
         span = (0.05, 0.008, 0.008)[0 if name == "heading" else 1]
         ax.set(title=f"Figure 2: {name}", xlabel="time (s)", ylabel="deg", ylim=(-span, span))
         ax.legend(loc="upper right", fontsize="small")

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms
 from insenv.reproduce import Quantity, rms, update_time
 from insenv.runs.ensemble import Ensemble, ensemble
-from insenv.scenario import load
+from insenv.scenario import limit_of, load
 
 Array = NDArray[np.float64]
 
@@ -46,28 +46,26 @@ DRAWN = {"roll_error_deg": None, "pitch_error_deg": None, "heading_error_deg": N
 def quantities() -> list[Quantity]:
     """The figures of the paper and of insenv; takes some ten seconds on two cores after compilation."""
     found: list[Quantity] = []
-    bound = _bound()
-    note = "Bayesian Cramer-Rao: the linear filter's covariance about the truth, mean over the biases; 0.1 deg lies below it"
-    found.append(_row("bound of steady heading, biases' size known", "deg", None, bound, None, note))
     for start, name in STARTS.items():
         run = _run(name)
-        limit = _heading_limit(run)
+        limit, drift = _heading_limit(run), rms(_bias_tilts(run)[:, 2])
         for id in IDS:
             errors = _steady(run, id)
             heading = errors[..., 2]
             where = f"{id} from {start}"
-            note = f"limit: equivalent east drift not estimated; steady bound for biases of known size: {bound:.3f} deg"
+            note = f"an equivalent east drift that is not estimated causes {drift:.3f} deg"
             found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], rms(heading), limit, note))
             last = rms(run.attitude_errors_deg(id)[:, -1, 2])
-            found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, limit, note))
+            at_end = limit_of(run.plants[0]).sigma["heading_deg"][-1]
+            found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, float(at_end), note))
             note = "systematic, the same for every seed: due to the bias"
-            found.append(_row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), limit, note))
+            found.append(_row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), None, note))
             note = "between seeds: due to white noise and the method"
             found.append(_row(f"{where}, standard deviation between seeds", "deg", None, _spread(heading), None, note))
             method = rms(heading - _steady(_run("large-misalignment", near=True), id)[..., 2])
             note = "RMS difference from the same run with initial errors of (0.5, 0.5, 2) deg"
             found.append(_row(f"{where}, heading, contribution of the method", "deg", None, method, None, note))
-            note = "limit: accelerometer bias"
+            note = f"accelerometer biases that are not estimated cause {rms(_bias_tilts(run)[:, :2]):.4f} deg"
             level = rms(errors[..., :2])
             found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, level, _level_limit(run), note))
             seconds = _settled(run, id)
@@ -108,7 +106,7 @@ def figure(path_stem: Path) -> list[Path]:
             bounds = (_level_limit(run), _level_limit(run), _heading_limit(run))
             for row, (channel, bound) in enumerate(zip(("roll", "pitch", "heading"), bounds, strict=True)):
                 axes = grid[row, column]
-                axes.axhspan(-bound, bound, color=LIMIT, alpha=0.3, lw=0, label="limit of the biases")
+                axes.axhspan(-bound, bound, color=LIMIT, alpha=0.3, lw=0, label="limit, 1 sigma")
                 for id, colour in zip((EKF, SUKF, LSSVM), COLOURS[1::-1] + COLOURS[2:3], strict=True):
                     axes.plot(run.time, run.attitude_errors_deg(id)[:8, :, row].T, color=colour, lw=0.6)
                     axes.plot([], [], color=colour, label=id)
@@ -145,26 +143,19 @@ def _steady(run: Ensemble, id: str) -> Array:
 def _bias_tilts(run: Ensemble) -> Array:
     """Attitude errors about n that the mean sensor errors of each seed cause (seeds, 3), degrees."""
     known = run.plants[0].knowledge
-    tilts = [limits.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
+    tilts = [closed_forms.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in run.sensor_error_n]
     return np.degrees(tilts)
 
 
 def _heading_limit(run: Ensemble) -> float:
-    return rms(_bias_tilts(run)[:, 2])
-
-
-def _bound() -> float:
-    """Steady heading error (deg) of an optimal filter, mean over biases of the known size.
-
-    With a start near the truth the error model is linear, and the filter's covariance is the (Bayesian Cramer-Rao)
-    bound.
-    """
-    run = _run("large-misalignment", near=True)
-    return rms(np.degrees(run.outputs[SUKF]["attitude_sigma"][:, run.time >= STEADY, 2]))
+    """Limit of the steady heading, deg."""
+    return limit_of(run.plants[0]).rms(run.time, STEADY)["heading_deg"]
 
 
 def _level_limit(run: Ensemble) -> float:
-    return rms(_bias_tilts(run)[:, :2])
+    """Limit of steady roll and pitch, deg, root mean square of both."""
+    limit = limit_of(run.plants[0]).rms(run.time, STEADY)
+    return rms(np.array([limit["roll_deg"], limit["pitch_deg"]]))
 
 
 def _spread(heading: Array) -> float:

@@ -25,7 +25,7 @@ from insenv.evaluation.errors import POSITION, Result
 from insenv.reproduce import Quantity, rms
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
-from insenv.scenario import Scenario, load
+from insenv.scenario import Scenario, limit_of, load
 from insenv.sensors import units
 
 Array = NDArray[np.float64]
@@ -50,12 +50,12 @@ class Drift:
     """Free-inertial navigation after aided flight.
 
     distance (seeds, 11) m: position error after each minute.
-    sigma (11,) m: root of the trace of the filter's position covariance.
+    limit (11,) m: of the distance, root sum square of the position's limits.
     gyro_deg_h, accel_ug: bias errors at the beginning of the outage, root mean square over seeds and axes.
     """
 
     distance: Array
-    sigma: Array
+    limit: Array
     gyro_deg_h: float
     accel_ug: float
 
@@ -76,9 +76,10 @@ def drift(reading: str) -> Drift:
     y, truth = found.outputs["loosely-coupled"], found.truth
     places = [(t["latitude"][:, at], t["longitude"][:, at], t["height"][:, at]) for t in (y, truth)]
     distance = np.linalg.norm(geodesy.numeric.ned_offset(*places[0], *places[1]), axis=-1)
-    sigma = np.median(np.linalg.norm(y["position_sigma"][:, at], axis=-1), axis=0)
+    position = limit_of(found.plants[0]).at(found.time[at])
+    limit = np.linalg.norm([position[name] for name in POSITION], axis=0)
     gyro, accel = (_left(found, name, int(at[0])) for name in ("gyro_bias", "accel_bias"))
-    return Drift(distance, sigma, float(units.rad_s_to_deg_h(gyro)), float(units.m_s2_to_ug(accel)))
+    return Drift(distance, limit, float(units.rad_s_to_deg_h(gyro)), float(units.m_s2_to_ug(accel)))
 
 
 def _left(found: Ensemble, name: str, record: int) -> float:
@@ -110,7 +111,7 @@ def quantities() -> list[Quantity]:
                     "m",
                     PUBLISHED_M[minute],
                     float(np.median(found.distance[:, minute])),
-                    float(found.sigma[minute]),
+                    float(found.limit[minute]),
                     SEEDS[reading],
                     note,
                 )
@@ -143,9 +144,9 @@ def _outages(reading: str) -> list[Quantity]:
             "m",
             0.3,
             float(max(largest)),
-            float(max(sigma)),
+            None,
             count,
-            "the paper gives a bound; limit: largest 1 sigma stated by the smoother",
+            f"the paper gives a bound; largest 1 sigma stated by the smoother: {max(sigma):.3f} m",
         ),
         Quantity(
             PAPER,
@@ -182,7 +183,7 @@ def figure(path_stem: str | Path) -> list[Path]:
     found = drift("in-run")
     left.plot(minutes, found.distance.T, color="0.8", lw=0.8)
     left.plot(minutes, np.median(found.distance, axis=0), color="C0", label=f"insenv, median of {SEEDS['in-run']} seeds")
-    left.plot(minutes, found.sigma, color="C2", ls="--", label="limit: filter's covariance, 1 sigma")
+    left.plot(minutes, found.limit, color="C2", ls="--", label="limit, 1 sigma")
     left.plot(minutes, PUBLISHED_M, "o", color="C1", label="paper, Table 2")
     left.set(xlabel="time without GNSS, min", ylabel="distance error, m", title="Free inertial, in-run biases")
     left.legend()

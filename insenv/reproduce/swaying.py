@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.estimators import inertial_fir
 from insenv.estimators.parts.fir import BLOCK_S
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms
 from insenv.reproduce import Quantity, rms
+from insenv.reproduce.unit_limits import noise_limit
 from insenv.runs.ensemble import Ensemble, ensemble
-from insenv.scenario import Scenario, load
+from insenv.scenario import Scenario, limit_of, load
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ def quantities() -> list[Quantity]:
         note = f"until the heading error stays below that of {FIR} at 240 s, from 5 deg (1 sigma)"
         found.append(_row(f"{GYRO}, {base}, time to the same accuracy", "s", 600.0, _time_below(both, ours), None, SEEDS, note))
         quiet = _ensemble(BASES[base], FIR_END, SEEDS, (FIR,), imu=tuple(NO_WHITE.items()))
-        ours, limit = _heading(quiet, FIR, FIR_END, white=False)
+        ours, limit = _heading(quiet, FIR, FIR_END)
         note = "only the errors stated in the paper"
         found.append(_row(f"{FIR}, {base}, heading at 240 s without white noise", "deg", 0.03, ours, limit, SEEDS, note))
     ours, limit = _heading(_wrong_fir(), FIR, FIR_END)
@@ -142,35 +143,35 @@ def _at(found: Ensemble, time: float) -> int:
     return int(np.argmin(np.abs(found.time - time)))
 
 
-def _limits(found: Ensemble, time: float) -> tuple[Array, Array]:
-    """Errors (deg) about n due to each unit's biases (seeds, 3), and standard deviations (3) due to white noise."""
+def _limit_at(found: Ensemble, time: float, *channels: str) -> float:
+    """The limit of a scenario at a time, root mean square over channels."""
+    limit = limit_of(found.plants[0]).at(np.array([time]))
+    return rms(np.array([limit[name][0] for name in channels]))
+
+
+def _heading(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+    """RMS heading error over the seeds at a time, and its limit."""
+    return rms(found.attitude_errors_deg(id)[:, _at(found, time), 2]), _limit_at(found, time, "heading_deg")
+
+
+def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+    """RMS error of roll and pitch over the seeds at a time, and its limit."""
+    return rms(found.attitude_errors_deg(id)[:, _at(found, time), :2]), _limit_at(found, time, "roll_deg", "pitch_deg")
+
+
+def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
+    """RMS heading error over the seeds without the part due to each unit's biases, and the limit of a unit without any."""
     known = found.plants[0].knowledge
     C_nb = attitude.numeric.to_dcm(found.truth["q_nb"][:, : _at(found, time) + 1])
     gyro, accel = (
         np.einsum("rtij,rj->ri", C_nb, found.truth[name][:, 0]) / C_nb.shape[1]
         for name in ("gyro_bias_true", "accel_bias_true")
     )
-    bias = [limits.bias_tilts(g, a, known.latitude, known.height) for g, a in zip(gyro, accel, strict=True)]
-    walks = known.sensors.angle_random_walk, known.sensors.velocity_random_walk
-    return np.degrees(bias), np.degrees(limits.noise_tilts(*walks, known.latitude, known.height, time))
-
-
-def _heading(found: Ensemble, id: str, time: float, white: bool = True) -> tuple[float, float]:
-    """RMS heading error over the seeds at a time, and its limit."""
-    bias, noise = _limits(found, time)
-    ours = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2])
-    return ours, float(np.hypot(rms(bias[:, 2]), noise[2] if white else 0.0))
-
-
-def _level(found: Ensemble, id: str, time: float) -> tuple[float, float]:
-    bias, noise = _limits(found, time)
-    ours = rms(found.attitude_errors_deg(id)[:, _at(found, time), :2])
-    return ours, float(np.hypot(rms(bias[:, :2]), noise[0]))
-
-
-def _repeatability(found: Ensemble, id: str, time: float) -> tuple[float, float]:
-    bias, noise = _limits(found, time)
-    return rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias[:, 2]), float(noise[2])
+    bias = np.degrees(
+        [closed_forms.bias_tilts(g, a, known.latitude, known.height)[2] for g, a in zip(gyro, accel, strict=True)]
+    )
+    spread = rms(found.attitude_errors_deg(id)[:, _at(found, time), 2] - bias)
+    return spread, float(noise_limit(found.plants[0]).at(np.array([time]))["heading_deg"][0])
 
 
 def _time_below(found: Ensemble, bound: float) -> float:

@@ -17,8 +17,8 @@ from insenv.errors import InsenvError
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
 from insenv.plant.feeding import chunks, input_rows, recording_interval
-from insenv.runs.simulated import sensor_error_sum_n
 from insenv.scenario import Plant, ScenarioLike, build, load
+from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
 SAMPLES_AT_ONCE = 200_000  # seeds times samples that are simulated before the estimators take them: about 100 MB
@@ -80,7 +80,7 @@ def ensemble(
         shown = plant.run(count, every=1)
         columns = model.outputs.unpack(shown)
         columns["dt"] = np.full((len(plants), count), interval)
-        sensor_error_n += sensor_error_sum_n(columns)
+        sensor_error_n += _sensor_error_sum_n(columns)
         for estimator in chosen:
             rows = input_rows(estimator.model, columns, len(plants), count)
             outputs = batches[estimator.id].run(count, rows, every=every)
@@ -94,6 +94,15 @@ def ensemble(
     truth = model.outputs.unpack(np.concatenate(kept, axis=1))
     estimated = {e.id: e.model.outputs.unpack(np.concatenate(found[e.id], axis=1)) for e in chosen}
     return Ensemble(truth["time"][0], truth, estimated, plants, sensor_error_n / (total * interval))
+
+
+def _sensor_error_sum_n(columns: Mapping[str, Array]) -> Array:
+    """Sums over the samples of the errors of gyros and accelerometers in n, without white noise: (..., 6), rad and m/s.
+
+    columns: the plant's outputs by row name, (..., samples, components).
+    """
+    C_nb = attitude.numeric.to_dcm(columns["q_nb"])
+    return np.concatenate([np.einsum("...nij,...nj->...i", C_nb, columns[name]) for name in SENSOR_ERROR.names], axis=-1)
 
 
 def _batch(model: Model, parameters: Sequence[Mapping[str, Any]], threads: int) -> Batch:

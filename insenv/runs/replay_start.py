@@ -70,7 +70,7 @@ def _place(log: RecordedLog) -> Knowledge:
 def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     """State of the reference solution where sample `first` begins."""
     reference = log.reference
-    if reference is None or reference.roll is None or reference.velocity_n is None:
+    if reference is None or reference.roll is None or reference.velocity_n is None or reference.latitude is None:
         raise InputError("start 'reference': the log's [reference] must give position, velocity and attitude")
     time = float(log.imu_time[first] - log.dt[first])
     if not reference.time[0] <= time <= reference.time[-1]:
@@ -79,6 +79,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         )
     row = int(np.argmin(np.abs(reference.time - time)))
     assert reference.pitch is not None and reference.heading is not None
+    assert reference.longitude is not None and reference.height is not None
     return Knowledge(
         latitude=float(reference.latitude[row]),
         longitude=float(reference.longitude[row]),
@@ -143,7 +144,8 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     until = initial.static_until_s
     if until is None:
         raise InputError(
-            "start 'coarse' of a navigation estimator: [initial] static_until_s is missing: end of the standstill [s]"
+            "start 'coarse' of a navigation estimator: the log does not begin at rest; where it has a time at rest, [initial] "
+            "static_from_s and static_until_s give it"
         )
     begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
     rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))

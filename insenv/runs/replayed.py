@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +13,11 @@ from insenv import attitude
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
+from insenv.evaluation.contradiction import contradiction_notes
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, load
+from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
@@ -55,16 +59,16 @@ def replay(
     first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
     if first >= len(log.imu_time):
         raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
-    drive = Drive("the log", frozenset() if log.gnss is None else frozenset({"gnss"}))
-    for estimator in chosen:
-        estimator.check(drive)
+    tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
+    for id, table in description.estimator.items():
+        tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
+    _check(log, chosen, begin_s, tunings)
 
     columns, dropped = sample_columns(log, slice(first, None))
     count = len(log.imu_time) - first
     # more records than in a simulated run, for the comparison with the reference, but not every sample of a long log
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
-    tunings = {id: tuning(id, table) for id, table in description.estimator.items()}
     followers = [follower_of(e, e.parameters(initial_knowledge(log, e, start, first), tunings), every) for e in chosen]
     for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
@@ -79,7 +83,17 @@ def replay(
     from_s = evaluation.from_s if evaluation.from_s is not None else float(times[0])
     to_s = evaluation.to_s if evaluation.to_s is not None else float(times[-1])
     duration = float(log.dt[first : first + total].sum())
-    results = tuple(_result(f, reference, times, (from_s, to_s), _assumed(log, f.estimator), duration) for f in followers)
+    results = tuple(
+        _result(
+            f,
+            reference,
+            times,
+            (from_s, to_s),
+            (*_assumed(log, f.estimator), *_unseen(log, f.estimator, begin_s)),
+            duration,
+        )
+        for f in followers
+    )
     notes = list(log.notes)
     if log.gaps.count:
         notes.append(f"gaps bridged by interpolation: {log.gaps.count} ({log.gaps.samples} samples in all)")
@@ -96,6 +110,20 @@ def replay(
         notes=tuple(notes),
         published=tuple((p.name, dict(p.rms)) for p in evaluation.published),
     )
+
+
+def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tunings: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise `InputError` for an estimator that cannot run on the log, or not on the way that the log shows."""
+    end_s = float(log.imu_time[-1])
+    found = travel(log, begin_s, end_s)
+    where = "the log"
+    if found is not None:
+        where = (
+            f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
+        )
+    drive = Drive(where, frozenset() if log.gnss is None else frozenset({"gnss"}), None if found is None else False)
+    for estimator in chosen:
+        estimator.check(drive, tunings.get(estimator.id))
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
@@ -146,13 +174,28 @@ def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Arra
 def _assumed(log: RecordedLog, estimator: Estimator) -> tuple[str, ...]:
     """The remark on the sensor accuracy that an alignment assumes if the log gives none."""
     given = log.description.estimator.get(estimator.id, {})
-    if estimator.navigates or log.description.imu.grade or any("bias" in key for key in given):
+    if estimator.navigates or log.description.imu.grade or log.unit is not None or any("bias" in key for key in given):
         return ()
     sensors = log.sensors(in_place=True)
     gyro, accel = units.rad_s_to_deg_h(sensors.gyro_bias_sigma), units.m_s2_to_ug(sensors.accel_bias_sigma)
     return (
         f"the stated accuracy assumes gyros good to {gyro:.2g} deg/h and accelerometers to {accel:.3g} ug: set it by "
         f'[imu] grade, or [estimator."{estimator.id}"] gyro_bias_deg_h, accel_bias_ug, arw_deg_sqrt_h, vrw_ug_sqrt_hz',
+    )
+
+
+def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float) -> tuple[str, ...]:
+    """The remark that nothing shows whether the vehicle of an alignment in place stays there."""
+    end_s = float(log.imu_time[-1])
+    if estimator.motion != "in place" or shows_travel(log, begin_s, end_s):
+        return ()
+    dt = log.dt[:, None]
+    until = rest_until(log.imu_time, log.delta_angle / dt, log.delta_velocity / dt, log.gnss, begin_s)
+    if until is not None and end_s - until < 2 * REST_WINDOW_S:
+        return ()
+    return (
+        "an alignment in place on a log without fixes: nothing in it shows whether the vehicle stays where it is, "
+        "and the estimate is wrong if it moves",
     )
 
 
@@ -174,9 +217,9 @@ def _reference_track(reference: Reference | None, times: Array) -> Track:
         times,
         q_nb,
         None if reference.velocity_n is None else at(reference.velocity_n),
-        at(reference.latitude),
-        at(np.unwrap(reference.longitude)),
-        at(reference.height),
+        None if reference.latitude is None else at(reference.latitude),
+        None if reference.longitude is None else at(np.unwrap(reference.longitude)),
+        None if reference.height is None else at(reference.height),
     )
 
 
@@ -210,7 +253,7 @@ def _result(
         limit={},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
-        notes=(*assumed, *follower.notes(duration_s, health)),
+        notes=(*assumed, *follower.notes(duration_s, health), *contradiction_notes(times, outputs)),
         health=health,
         settled=not follower.too_short(duration_s),
     )

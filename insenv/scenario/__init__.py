@@ -7,6 +7,7 @@ runner = make_runner(plant.model, plant.parameters)
 from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build, plant_of, reported_attitude, reseeded, start_errors
 from insenv.scenario.description import Scenario
 from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries
+from insenv.scenario.limits import limit, limit_along, limit_of, no_limit, prior_of
 from insenv.scenario.tuning import tuning
 
 __all__ = [
@@ -16,10 +17,15 @@ __all__ = [
     "ScenarioLike",
     "build",
     "json_schema",
+    "limit",
+    "limit_along",
+    "limit_of",
     "load",
     "names",
+    "no_limit",
     "parse",
     "plant_of",
+    "prior_of",
     "reported_attitude",
     "reseeded",
     "start_errors",

@@ -20,7 +20,7 @@ from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.plant import plant_model
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
-from insenv.scenario.sensor_notes import sensor_notes
+from insenv.scenario.sensor_notes import motion_error, sensor_notes
 from insenv.sensors import IMU, Sensor
 from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
@@ -127,6 +127,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         "mean_pitch": radians(start.pitch_deg),
         **_checked(this, partial(scenario.vehicle.rows, start), model.parameters),
         **scenario.imu.rows(scenario.rate_hz),
+        **scenario.gravity.rows(start),
     }
     for id, section in scenario.sensors.items():
         rows |= _checked(f"sensor {id!r}", partial(section.rows, scenario.rate_hz), model.parameters)
@@ -219,6 +220,10 @@ def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[
         velocity_sigma=np.array(known.velocity_sigma_mps),
         tilt_sigma=radians(known.tilt_sigma_deg),
         heading_sigma=radians(known.heading_sigma_deg),
+        rotation_error=motion_error(parameters, "gyro"),
+        thrust_error=motion_error(parameters, "accel"),
+        fix_wander_sigma=np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
+        fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sensor_notes(dict(parameters), scenario.vehicle.in_place),
     )

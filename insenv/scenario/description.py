@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr, Strict, create_model, model_validator
 from insenv.estimators import Drive
 from insenv.files.toml import Number, Parameter, Section, Vector3, key, summary
 from insenv.files.values import Sigmas, within
+from insenv.scenario.gravity_section import GravitySection
 from insenv.scenario.tuning import tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
@@ -57,6 +58,7 @@ class Scenario(Section):
     vehicle: VehicleSection = key(..., "the vehicle")
     imu: ImuSection = key(ImuSection(), "the inertial unit; a perfect one if absent")
     gnss: GnssSection | None = key(None, "the GNSS receiver; none if absent")
+    gravity: GravitySection = key(GravitySection(), "true gravity minus normal gravity; none if absent")
     knowledge: KnowledgeSection = key(KnowledgeSection(), "initial conditions as known to the estimators")
     estimator: dict[str, dict[str, Parameter]] = key(
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import hypot
 from typing import Any
 
 import numpy as np
 
 from insenv.estimators import SensorNotes
 from insenv.geodesy import STANDARD_GRAVITY
-from insenv.sensors import units
+from insenv.sensors import flicker, units
 
 
 def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
@@ -18,8 +20,9 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
     through g-sensitivity (gyros) and misalignment (accelerometers).  For a moving vehicle also the accelerometers'
     scale factor; for one in place and nearly level it affects only the vertical axis.  Correlation time: the driving
     noise of a first-order Gauss-Markov process with this standard deviation is that of the in-run part, the bias
-    random walk and, with one hour, the parts that depend on motion.  It is `CONSTANT` for a bias that does not
-    change.
+    random walk, of the slow processes of the flicker noise and, with one hour, of the parts that depend on motion.  It is
+    `CONSTANT` for a bias that does not change.  The fast processes of the flicker noise, which no filter can follow, count
+    as white noise of the same density at low frequency.
     """
     gravity = STANDARD_GRAVITY
     notes: dict[str, float] = {}
@@ -36,16 +39,31 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
             + largest["rate_random_walk"] ** 2
             + 2 * motion**2 / units.HOUR
         )
+        fast = 0.0
+        part = (flicker.SIGMA * largest["flicker"]) ** 2
+        for time in flicker.TIMES:
+            if time < SLOW:
+                fast += 2 * part * time
+            else:
+                variance, drive = variance + part, drive + 2 * part / time
         sigma = max(variance**0.5, floor)
-        notes[white] = max(float(np.max(np.abs(rows.get(white, 0.0)))), floor)
+        notes[white] = max(hypot(float(np.max(np.abs(rows.get(white, 0.0)))), fast**0.5), floor)
         notes[f"{triad}_bias_sigma"] = sigma
         notes[f"{triad}_correlation_time"] = 2 * sigma**2 / max(drive, 2 * sigma**2 / CONSTANT)
     return SensorNotes(**notes)
 
 
+def motion_error(rows: Mapping[str, Any], triad: str) -> float:
+    """Scale factor and misalignment of a triad ("gyro", "accel"), 1 sigma, from a unit's rows: error per measured motion."""
+    sigmas = (rows.get(f"{triad}_{name}", 0.0) for name in ("scale_factor_sigma", "misalignment_sigma"))
+    return float(np.hypot(*(np.max(np.abs(sigma)) for sigma in sigmas)))
+
+
 CONSTANT = 1e9
 """Correlation time (s) of a bias that does not change."""
+SLOW = 100.0
+"""Correlation time (s) from which a process of the flicker noise is one of the bias."""
 _NOTED = (
-    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "scale_factor_sigma",
+    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "flicker", "scale_factor_sigma",
     "misalignment_sigma",
 )  # fmt: skip

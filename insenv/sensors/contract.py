@@ -11,8 +11,9 @@ from insenv.core.model import Values
 from insenv.core.tables import Table
 from insenv.files.toml import Section
 
-Instant = Callable[[Values, Values], tuple[Any, Any]]
-"""(parameters, state) -> true omega_eb^b (3, rad/s) and d(velocity_n)/dt (3, m/s^2) at the end of the sample."""
+Instant = Callable[[Values, Values], tuple[Any, Any, Any]]
+"""(parameters, state) -> true omega_eb^b (3, rad/s), its time derivative (3, rad/s^2) and d(velocity_n)/dt (3, m/s^2) at
+the end of the sample."""
 
 
 @dataclass(frozen=True, eq=False)

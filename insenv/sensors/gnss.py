@@ -5,7 +5,7 @@ IMU:
 
     r_antenna = C_nb l
     v_antenna = v + C_nb (omega_eb x l)
-    a_antenna = a + C_nb (omega_eb x (omega_eb x l))
+    a_antenna = a + C_nb (omega_eb' x l + omega_eb x (omega_eb x l))
     offset    = r_antenna - v_antenna tau + a_antenna tau^2 / 2    (m, tangent plane at the IMU)
     velocity  = v_antenna - a_antenna tau
 
@@ -145,8 +145,8 @@ def gnss_part(instant: Instant) -> Part:
 
     Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``, ``longitude`` (rad),
     ``height`` (m), ``velocity_n`` (m/s) and ``q_nb``; from these, `instant` computes the true angular rate omega_eb^b
-    (3, rad/s) and the time derivative of velocity_n (3, m/s^2). Steps: "sample", "gnss" (when ``gnss_due``, 13
-    uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 4 uniforms.
+    (3, rad/s), its time derivative (3, rad/s^2) and that of velocity_n (3, m/s^2). Steps: "sample", "gnss" (when
+    ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 4 uniforms.
     """
 
     def measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
@@ -219,13 +219,14 @@ def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
     }
 
 
-def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, acceleration_n: Any) -> dict[str, Any]:
+def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, rate_change_b: Any, acceleration_n: Any) -> dict[str, Any]:
     """The measurement at an epoch: antenna, errors, outages."""
     n = normals(r[0:10])
     tau = p.gnss_epoch_offset
     speed = ca.cross(rate_eb_b, p.antenna_lever_arm_b)
     velocity = x.velocity_n + rotate(x.q_nb, speed)
-    acceleration = acceleration_n + rotate(x.q_nb, ca.cross(rate_eb_b, speed))
+    bend = ca.cross(rate_change_b, p.antenna_lever_arm_b) + ca.cross(rate_eb_b, speed)
+    acceleration = acceleration_n + rotate(x.q_nb, bend)
     offset = rotate(x.q_nb, p.antenna_lever_arm_b) - velocity * tau + acceleration * (0.5 * tau * tau)
 
     decay = exp(-p.gnss_interval / p.gnss_wander_time)

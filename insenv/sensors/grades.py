@@ -24,8 +24,9 @@ class ImuGrade:
     figure.
 
     ``*_sigma_*`` are standard deviations of quantities drawn at the start, ``*_instability_*`` of the Gauss-Markov
-    in-run bias, ``*_white_*`` of one sample at `white_rate_hz` (an alternative to giving white noise as a random walk).
-     `sources` gives the source of each figure by field name; "" stands for all fields that are not named.
+    in-run bias, ``*_flicker_*`` floors of the Allan deviation, ``*_white_*`` of one sample at `white_rate_hz` (an
+    alternative to giving white noise as a random walk).  `sources` gives the source of each figure by field name; ""
+    stands for all fields that are not named.
     """
 
     name: str
@@ -39,6 +40,7 @@ class ImuGrade:
     gyro_instability_deg_h: float = 0.0
     gyro_instability_time_s: float = 3600.0
     gyro_rrw_deg_h_sqrt_h: float = 0.0
+    gyro_flicker_deg_h: float = 0.0
     gyro_scale_factor_sigma_ppm: float = 0.0
     gyro_misalignment_sigma_urad: float = 0.0
     gyro_g_sensitivity_deg_h_g: float = 0.0
@@ -54,6 +56,7 @@ class ImuGrade:
     accel_instability_ug: float = 0.0
     accel_instability_time_s: float = 3600.0
     accel_rrw_ug_sqrt_h: float = 0.0
+    accel_flicker_ug: float = 0.0
     accel_scale_factor_sigma_ppm: float = 0.0
     accel_misalignment_sigma_urad: float = 0.0
     accel_temperature_slope_ug_k: float = 0.0
@@ -99,6 +102,7 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "gyro_instability_deg_h": ("gyro_instability_sigma", units.deg_h_to_rad_s),
     "gyro_instability_time_s": ("gyro_instability_time", _same),
     "gyro_rrw_deg_h_sqrt_h": ("gyro_rate_random_walk", units.deg_h_sqrt_h_to_rad_s_sqrt_s),
+    "gyro_flicker_deg_h": ("gyro_flicker", units.deg_h_to_rad_s),
     "gyro_scale_factor_sigma_ppm": ("gyro_scale_factor_sigma", units.ppm_to_one),
     "gyro_misalignment_sigma_urad": ("gyro_misalignment_sigma", units.urad_to_rad),
     "gyro_g_sensitivity_deg_h_g": ("gyro_g_sensitivity", units.deg_h_g_to_rad_s_per_m_s2),
@@ -112,6 +116,7 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "accel_instability_ug": ("accel_instability_sigma", units.ug_to_m_s2),
     "accel_instability_time_s": ("accel_instability_time", _same),
     "accel_rrw_ug_sqrt_h": ("accel_rate_random_walk", units.ug_sqrt_h_to_m_s2_sqrt_s),
+    "accel_flicker_ug": ("accel_flicker", units.ug_to_m_s2),
     "accel_scale_factor_sigma_ppm": ("accel_scale_factor_sigma", units.ppm_to_one),
     "accel_misalignment_sigma_urad": ("accel_misalignment_sigma", units.urad_to_rad),
     "accel_temperature_slope_ug_k": ("accel_temperature_slope", units.ug_to_m_s2),

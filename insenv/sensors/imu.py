@@ -9,8 +9,8 @@ For each triad, s being the sensor axes, b the body and dt the length of a sampl
 
 S scale factor, M misalignment, e mounting error, G g-sensitivity (gyros only), w standard normal.  The remainder below
 one count is carried to the next sample.  Only w and the loss are drawn on every sample.  The bias is the sum of the
-turn-on bias, a first-order Gauss-Markov process, a random walk and a thermal part; the step "drift" advances these by
-`drift_interval` with their exact discretisation, and the bias varies linearly between these points.
+turn-on bias, a first-order Gauss-Markov process, a random walk, flicker noise and a thermal part; the step "drift"
+advances these by `drift_interval` with their exact discretisation, and the bias varies linearly between these points.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ from insenv.core.compose import Part
 from insenv.core.elementary import exp, normal_pair, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
+from insenv.sensors import flicker
 from insenv.sensors.contract import Sensor
-from insenv.sensors.imu_tables import ACCEL, GYRO, IMU_PARAMETERS, IMU_STATE, Triad
+from insenv.sensors.flicker import PARTS
+from insenv.sensors.imu_tables import ACCEL, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad
 
 SAMPLE_UNIFORMS = 7
-DRIFT_UNIFORMS = 12
+DRIFT_UNIFORMS = 12 + 6 * PARTS
 START_UNIFORMS = 34
 
 
@@ -37,7 +39,7 @@ def imu_part() -> Part:
 
     Reads the parameter ``sample_interval`` (s) and the state rows ``true_delta_angle`` (3, rad, b) and
     ``true_delta_velocity`` (3, m/s, b), the exact increments that the preceding part computes in the step "sample".
-    Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 12 uniforms); the start uses 34 uniforms.
+    Steps: "sample" (7 uniforms), "drift" (when ``drift_due``, 42 uniforms); the start uses 34 uniforms.
     """
     return Part(
         parameters=IMU_PARAMETERS,
@@ -145,8 +147,10 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     """Slow errors at the end of the drift interval that begins now, and the linear change per sample towards them.
 
     Exact discretisation over h = count dt: Gauss-Markov b <- a b + sigma sqrt(1 - a^2) w, a = exp(-h/T)
-    (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; temperature T <- T_end + (T - T_end)
-    exp(-h/T_w).
+    (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; flicker noise as Gauss-Markov processes
+    (`insenv.sensors.flicker`); temperature T <- T_end + (T - T_end) exp(-h/T_w).
+
+    The flicker noise is drawn at the first update, at the end of the first sample, and is in the bias at once.
     """
     n = normals(r)
     count = ca.floor(p.drift_interval / p.sample_interval + 0.5)
@@ -154,21 +158,29 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     h = count * p.sample_interval
     warming = exp(-h / p.imu_temperature_time)
     temperature = p.imu_temperature_final + (x.imu_temperature - p.imu_temperature_final) * warming
+    first = x.drift_counter >= HUGE
     state: dict[str, Any] = {
         "drift_counter": 0.0,
         "imu_temperature_step": (temperature - x.imu_temperature) / count,
     }
-    for triad, own in ((GYRO, n[0:6]), (ACCEL, n[6:12])):
+    for triad, own, more in ((GYRO, n[0:6], n[12 : 12 + 3 * PARTS]), (ACCEL, n[6:12], n[12 + 3 * PARTS :])):
         decay = exp(-h / _of(p, triad, "instability_time"))
         drive = _of(p, triad, "instability_sigma") * ca.sqrt((1.0 - decay) * (1.0 + decay))
         instability = decay * _of(x, triad, "instability") + drive * own[0:3]
         walk = _of(x, triad, "walk") + _of(p, triad, "rate_random_walk") * ca.sqrt(h) * own[3:6]
         thermal = (temperature - p.imu_temperature_reference) * _of(p, triad, "temperature_slope")
-        target = _of(x, triad, "bias_turn_on") + instability + walk + thermal
+        parts = flicker.advanced(_of(x, triad, "flicker_parts"), _of(p, triad, "flicker"), h, more, first)
+        flickering = ca.sum2(parts)
+        bias_s = _of(x, triad, "bias_s") + first * flickering
+        bias_true = _of(x, triad, "bias_true") + first * (x.C_bs @ flickering)
+        target = _of(x, triad, "bias_turn_on") + instability + walk + thermal + flickering
         state[f"{triad.name}_instability"] = instability
         state[f"{triad.name}_walk"] = walk
-        state[f"{triad.name}_bias_step_s"] = (target - _of(x, triad, "bias_s")) / count
-        state[f"{triad.name}_bias_step_b"] = (x.C_bs @ target - _of(x, triad, "bias_true")) / count
+        state[f"{triad.name}_flicker_parts"] = parts
+        state[f"{triad.name}_bias_s"] = bias_s
+        state[f"{triad.name}_bias_true"] = bias_true
+        state[f"{triad.name}_bias_step_s"] = (target - bias_s) / count
+        state[f"{triad.name}_bias_step_b"] = (x.C_bs @ target - bias_true) / count
     return state
 
 

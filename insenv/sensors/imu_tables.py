@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from insenv.core.tables import Row, Table
+from insenv.sensors.flicker import PARTS
 
 HUGE = 1e12
 """Represents "no limit": tables hold finite numbers only."""
@@ -67,6 +68,14 @@ class Triad:
                 "s",
                 lower=0.0,
             ),
+            Row(
+                f"{name}_flicker",
+                f"{what} in-run bias with a flicker spectrum, floor of its Allan deviation",
+                unit,
+                (3,),
+                "s",
+                lower=0.0,
+            ),
             Row(f"{name}_scale_factor", f"{what} scale factor error, fixed part", "1", (3,), "s"),
             Row(
                 f"{name}_scale_factor_sigma",
@@ -110,6 +119,9 @@ class Triad:
             Row(f"{name}_bias_turn_on", f"{what} turn-on bias, fixed and drawn", unit, (3,), "s"),
             Row(f"{name}_instability", f"{what} in-run bias at the next drift update", unit, (3,), "s"),
             Row(f"{name}_walk", f"{what} bias random walk at the next drift update", unit, (3,), "s"),
+            Row(
+                f"{name}_flicker_parts", f"{what} flicker noise at the next drift update, its processes", unit, (3, PARTS), "s"
+            ),
             Row(
                 f"{name}_error_matrix",
                 f"{what} errors of scale, alignment and mounting: transforms body increments to sensed ones",

@@ -23,7 +23,7 @@ from insenv.core.model import Step, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
-from insenv.geodesy import E2, OMEGA_IE, A, normal_gravity, radii
+from insenv.geodesy import E2, OMEGA_IE, A, normal_gravity_about_axis, radii
 from insenv.geodesy.rows import bounded_place_rows, place_rows
 from insenv.vehicles.nodes import END_WEIGHT, PLACES, WEIGHTS
 
@@ -71,6 +71,7 @@ class Vehicle:
 TRUTH_PARAMETERS = Table((
     *bounded_place_rows("start_", " of the IMU at time 0"),
     Row("imu_lever_arm_b", "From the vehicle's centre of motion to the IMU", "m", (3,), "b"),
+    Row("gravity_disturbance_n", "True gravity minus normal gravity", "m/s^2", (3,), "n", lower=-1.0, upper=1.0),
 ))  # fmt: skip
 
 TRUTH_STATE = Table((
@@ -126,20 +127,22 @@ def truth_part(vehicle: Vehicle) -> Part:
     )
 
 
-def truth_instant(vehicle: Vehicle) -> Callable[[Values, Values], tuple[Any, Any]]:
-    """The function (p, x) -> omega_eb^b (3, rad/s) and the time derivative of velocity_n (3, m/s^2) at the end of the
-    last sample.
+def truth_instant(vehicle: Vehicle) -> Callable[[Values, Values], tuple[Any, Any, Any]]:
+    """The function (p, x) -> omega_eb^b (3, rad/s), its time derivative (3, rad/s^2) and that of velocity_n (3, m/s^2) at
+    the end of the last sample.
 
-    For sensors that measure on few samples; the sample itself does not need these quantities.
+    For sensors that measure on few samples; the sample itself does not need these quantities. The derivative of the
+    transport rate (acceleration over the Earth's radius) is left out of the second.
     """
     kinematics = _kinematics(vehicle)
 
-    def instant(p: Values, x: Values) -> tuple[Any, Any]:
+    def instant(p: Values, x: Values) -> tuple[Any, Any, Any]:
         motion = _Motion([sin_cos(angle) for angle in vehicle.angles(p, x)], kinematics, p, x)
         earth = _Earth(*sin_cos(x.latitude), x.height)
-        rate_eb_b = motion.omega_nb_b + motion.C_nb.T @ earth.transport_rate_n(motion.velocity_n)
+        transport_b = motion.C_nb.T @ earth.transport_rate_n(motion.velocity_n)
+        rate_change_b = motion.omega_dot - ca.cross(motion.omega_nb_b, transport_b)
         arm_acceleration_b = ca.cross(motion.omega_dot, p.imu_lever_arm_b) + motion.centripetal_b
-        return rate_eb_b, motion.centre_acceleration_n + motion.C_nb @ arm_acceleration_b
+        return motion.omega_nb_b + transport_b, rate_change_b, motion.centre_acceleration_n + motion.C_nb @ arm_acceleration_b
 
     return instant
 
@@ -200,13 +203,14 @@ class _Motion:
         arm_velocity_b = ca.cross(self.omega_nb_b, p.imu_lever_arm_b)
         self.velocity_n = velocity + self.C_nb @ arm_velocity_b
         self.centripetal_b = ca.cross(self.omega_nb_b, arm_velocity_b)
+        self.gravity_disturbance_n = p.gravity_disturbance_n
 
     def inertial(self, earth: _Earth, height: Any) -> tuple[Any, Any]:
         """omega_ib^b (rad/s), and the specific force (m/s^2) without omega_dot x lever arm."""
         omega_in_n = earth.rate_n + earth.transport_rate_n(self.velocity_n)
         coriolis = ca.cross(omega_in_n + earth.rate_n, self.velocity_n)
-        gravity = normal_gravity(earth.sin_latitude, height)
-        force_n = self.centre_acceleration_n + coriolis - ca.vertcat(0.0, 0.0, gravity)
+        gravity_n = normal_gravity_about_axis(earth.axis_n, height) + self.gravity_disturbance_n
+        force_n = self.centre_acceleration_n + coriolis - gravity_n
         return self.omega_nb_b + self.C_nb.T @ omega_in_n, self.C_nb.T @ force_n + self.centripetal_b
 
     def rows(self, earth: _Earth, height: Any) -> dict[str, Any]:
@@ -239,7 +243,8 @@ class _Earth:
         self.sin_latitude, self.cos_latitude = sin_latitude, cos_latitude
         self.longitude_per_metre = self.per_metre_east / cos_latitude
         self.down_per_metre_east = self.longitude_per_metre * sin_latitude
-        self.rate_n = ca.vertcat(OMEGA_IE * cos_latitude, 0.0, -OMEGA_IE * sin_latitude)
+        self.axis_n = ca.vertcat(cos_latitude, 0.0, -sin_latitude)
+        self.rate_n = OMEGA_IE * self.axis_n
 
     def moved(self, north: Any, down: Any) -> _Earth:
         """A nearby place, `north` (rad) further north and `down` (m) lower; radii to first order."""

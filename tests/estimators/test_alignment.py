@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insenv import attitude, geodesy, run
+from insenv import attitude, geodesy, limit, run
 from insenv.core.batch import make_batch
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts.eigen import largest_eigenvector
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.plant.feeding import input_rows
 from insenv.scenario import load
 
@@ -141,17 +141,6 @@ def test_profile_and_davenport_signs():
     assert abs(abs(q @ expected) - 1) < 1e-14
 
 
-@pytest.mark.parametrize(("N", "V"), [(1e-5, 1e-9), (1e-12, 1e-3)])
-def test_the_bound_is_the_closed_form_where_one_noise_dominates(N, V):
-    times = np.array([100.0, 300.0])
-    bound = limits.noise_bound(N, V, 0.6, 0.0, times)
-    for row, time in zip(bound, times, strict=True):
-        expected = limits.noise_tilts(N, V, 0.6, 0.0, time)
-        assert row[2] == pytest.approx(expected[2], rel=0.03)
-        if V > 1e-6:
-            assert row[:2] == pytest.approx(expected[:2], rel=0.03)
-
-
 def test_q_method_is_near_the_bound_and_not_below_it():
     """White noise alone, no bias, at rest: scatter of heading over 200 seeds at 100 s against the bound."""
     rng, dt, n, rows = np.random.default_rng(8), 0.1, 1000, 200
@@ -166,6 +155,12 @@ def test_q_method_is_near_the_bound_and_not_below_it():
     batch.run(n, u)
     q_nb = model.outputs.unpack(batch.output())["q_nb"]
     heading = attitude.numeric.error_rotation_vector(q_nb, np.tile([1.0, 0, 0, 0], (rows, 1)))[:, 2]
-    bound = limits.noise_bound(N, V, latitude, 0.0, np.array([n * dt]))[0, 2]
+    noise = {"gyro_arw_deg_sqrt_h": np.degrees(N) * 60, "accel_vrw_ug_sqrt_hz": V / 9.80665e-6}
+    scenario = {
+        "title": "white noise at rest", "duration_s": n * dt, "rate_hz": 1 / dt, "vehicle": {"kind": "car"}, "imu": noise,
+        "start": {"latitude_deg": np.degrees(latitude), "longitude_deg": 0.0},
+        "knowledge": {"tilt_sigma_deg": 60.0, "heading_sigma_deg": 360.0},
+    }  # fmt: skip
+    bound = limit(scenario).rotation[-1, 2]
     # 200 seeds know a standard deviation to 5 %
     assert 0.85 < np.sqrt(np.mean(heading**2)) / bound < 1.35

@@ -106,6 +106,7 @@ def random_state(rng):
             "previous_delta_angle": rng.normal(size=3) * 1e-3,
             "previous_delta_velocity": rng.normal(size=3) * 1e-2,
             "acceleration_w": rng.normal(size=3),
+            "mean_rate": rng.normal(size=3) * 0.1,
             "dt": 0.01,
         }
     )
@@ -211,11 +212,12 @@ def test_fix_sensitivities_against_differences(seed, age):
         e = MODEL.state.unpack(state)
         change = dcm(e["q_wb"]) - dcm(s["q_wb"])
         axis = Rotation.from_quat(s["q_ew"][[1, 2, 3, 0]]).as_matrix()[2]
-        gravity = geodesy.numeric.normal_gravity(-axis[2], s["height"])
-        force_b = dcm(s["q_wb"]).T @ (s["acceleration_w"] - [0, 0, gravity])
+        gravity = geodesy.numeric.normal_gravity_about_axis(axis, s["height"])
+        force_b = dcm(s["q_wb"]).T @ (s["acceleration_w"] - gravity)
         felt = change @ force_b + dcm(s["q_wb"]) @ error[ACCEL]
         state[MODEL.state.slice("acceleration_w")] += felt
         state[MODEL.state.slice("previous_delta_angle")] += error[GYRO] * s["dt"]
+        state[MODEL.state.slice("mean_rate")] += error[GYRO]
         offset, velocity, _ = call("fix", p, state, age)
         return np.concatenate([offset.ravel() + error[POSITION], velocity.ravel()])
 

@@ -11,7 +11,7 @@ from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import ecef_kf, get
 from insenv.estimators.parts import kalman, two_sample
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load
@@ -221,8 +221,9 @@ def test_start_attitude_with_errors(q):
 def test_analytic_has_the_error_of_the_biases():
     result = run(load("static-ecef"), ["analytic"], duration_s=60.0).results[0]
     final = result.statistics()["final"]
-    for name, value in final.items():
-        assert abs(value) == pytest.approx(result.limit[name], rel=0.02)
+    biases = np.full(3, np.radians(0.002) / 3600), np.full(3, 2e-4)
+    expected = np.degrees(limits.bias_tilts(*biases, np.radians(45), 0.0))
+    assert list(final.values()) == pytest.approx(expected, rel=0.02)
 
 
 def test_starts_from_its_own_coarse_alignment_unless_told_not_to():
@@ -295,6 +296,7 @@ def test_observation_of_a_fix_against_differences(seed, age):
         "q_eb": C_eb.as_quat(scalar_first=True),
         "velocity_e": rng.normal(size=3) * 10,
         "rate_b": rng.normal(size=3),
+        "rate_change_b": rng.normal(size=3),
         "acceleration_e": rng.normal(size=3),
         "gravity_e": rng.normal(size=3) * 6,
         "fix_velocity_n": rng.normal(size=3) * 10,

@@ -13,7 +13,7 @@ from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
 from insenv.estimators.parts import fir, frozen_frame
 from insenv.estimators.parts.fir import CASCADE
-from insenv.evaluation import limits
+from insenv.evaluation.limits import closed_forms as limits
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load

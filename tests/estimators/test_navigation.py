@@ -37,7 +37,8 @@ def test_a_vehicle_at_rest_stays_there(id, latitude_deg):
     latitude = np.radians(latitude_deg)
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.1, -0.2, 2.5))
     rate = C_nb.T @ geodesy.numeric.earth_rate_n(latitude)
-    force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 50.0))]
+    axis_n = np.array([np.cos(latitude), 0, -np.sin(latitude)])
+    force = -C_nb.T @ geodesy.numeric.normal_gravity_about_axis(axis_n, 50.0)
     runner = make_runner(
         model,
         {
@@ -141,6 +142,7 @@ def test_fix_sensitivities_against_differences(seed, age):
         s = MODEL.state.unpack(state)
         # a bias error is also one of the rate and the force of the last sample
         state[MODEL.state.slice("previous_delta_angle")] += error[9:12] * s["dt"]
+        state[MODEL.state.slice("mean_rate")] += error[9:12]
         state[MODEL.state.slice("acceleration_w")] += _felt(s, error)
         offset, velocity, *_ = (m.full() for m in FUNCTIONS["fix"](p, state, age))
         theta = geodesy.numeric.transport_rate_w(error[:3], s["q_ew"], s["height"])
@@ -149,7 +151,9 @@ def test_fix_sensitivities_against_differences(seed, age):
 
     def _felt(s, error):
         C_wb = attitude.numeric.to_dcm(s["q_wb"])
-        true = MODEL.state.unpack(x)["acceleration_w"] - [0, 0, 9.79]
+        t = MODEL.state.unpack(x)
+        axis = attitude.numeric.to_dcm(t["q_ew"])[2]
+        true = t["acceleration_w"] - geodesy.numeric.normal_gravity_about_axis(axis, t["height"])
         return np.cross(true, error[6:9]) + C_wb @ error[12:15]
 
     H = np.vstack([m.full() for m in FUNCTIONS["fix"](p, x, age)[2:]])
@@ -170,15 +174,17 @@ def navigated(name, gnss=None, imu=None, seeds=(0,), parameters=None, matched=Fa
     scenario = scenario.model_copy(
         update={"gnss": scenario.gnss.model_copy(update=gnss or {}), "imu": scenario.imu.model_copy(update=imu or {})}
     )
+    further = dict(parameters or {})
     for seed in seeds:
         plant = build(scenario, seed=seed, **update)
         if matched:
+            further |= {"rotation_error": 0.0, "thrust_error": 0.0}
             for key in plant.parameters:
                 if "scale_factor" in key or "misalignment" in key:
                     plant.parameters[key] = np.zeros_like(np.asarray(plant.parameters[key], dtype=float))
         columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
         columns["dt"] = np.full(plant.samples, plant.sample_interval)
-        runner = make_runner(estimator.model, {**estimator.parameters(plant.knowledge), **(parameters or {})})
+        runner = make_runner(estimator.model, {**estimator.parameters(plant.knowledge), **further})
         rows = input_rows(estimator.model, columns, plant.samples)
         yield plant, columns, runner, estimator.model.outputs.unpack(runner.run(plant.samples, rows))
 
@@ -225,9 +231,9 @@ def test_covariance_is_consistent_over_seeds():
 
 def test_outliers_are_gated():
     wild = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.05, "outlier_size_m": 50.0}
-    errors = {}
+    errors, plain = {}, {"fix_wander_sigma": np.zeros(3), "rotation_error": 0.0, "thrust_error": 0.0}
     for gate in (0.0, 5.0):
-        options = {"seeds": (2,), "parameters": {"innovation_gate": gate}, "duration_s": 150.0}
+        options = {"seeds": (2,), "parameters": {"innovation_gate": gate, **plain}, "duration_s": 150.0}
         _, columns, runner, y = next(navigated("car-city-drive", wild, **options))
         errors[gate] = np.abs(position_error(columns, y)[12000:]).max()
         assert (runner.state["rejected"] > 0) == (gate > 0)

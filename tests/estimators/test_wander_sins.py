@@ -6,6 +6,7 @@ import pytest
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get
+from insenv.estimators.parts import vertical_channel
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
@@ -60,3 +61,27 @@ def test_the_plain_form_takes_the_mean_of_the_last_two_increments():
     runner = make_runner(model, {"start_latitude": latitude}, "interpreter")
     north = model.outputs.unpack(runner.run(count, input_rows(model, columns, count)))["velocity_n"][:, 0]
     assert np.allclose(north, [0.0, 0.0, 0.0, 0.5, 1.0, 1.0], atol=1e-4)
+
+
+@pytest.mark.parametrize("id", ["wander-sins", "wander-sins-plain"])
+def test_a_note_says_when_the_height_diverges(id):
+    assert get(id).notes({}, 600.0) == ()
+    (note,) = get(id).notes({}, 10800.0)
+    assert "every 570 s" in note and "8.4e+07 in 10800 s" in note
+
+
+def test_height_diverges_with_the_stated_time_constant():
+    """A millimetre at the start, at rest: cosh(t / 570 s) of it after half an hour and after an hour."""
+    model, dt, latitude = get("wander-sins").model, 1.0, 0.5
+    rate = geodesy.numeric.earth_rate_n(latitude)
+    force = [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))]
+    inputs = model.inputs.pack({"delta_angle": rate * dt, "delta_velocity": np.multiply(force, dt), "dt": dt})
+    heights = []
+    for height in (0.0, 1e-3):
+        runner = make_runner(model, {"start_latitude": latitude, "start_height": height}, "interpreter")
+        heights.append([])
+        for _ in range(2):
+            runner.run(1800, inputs, 0)
+            heights[-1].append(runner.state["height"])
+    grown = (np.array(heights[1]) - heights[0]) / 1e-3
+    assert np.allclose(grown, np.cosh(np.array([1800.0, 3600.0]) / vertical_channel.TIME), rtol=0.02)

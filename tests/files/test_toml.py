@@ -82,12 +82,15 @@ def test_a_wrong_value_is_named_with_what_is_allowed(wrong, message):
     assert str(caught.value) == f"mine.toml: {message}"
 
 
-def test_each_wrong_key_has_its_line_up_to_five():
+def test_each_wrong_key_has_its_line_up_to_twenty():
     wrong = {"height_m": 0, "count": -1, "title": 3, "repeat": 3, "stamp": 3, "arm_m": 3, "legs": 3}
     with pytest.raises(InputError) as caught:
         validated(File, wrong, "mine.toml")
+    assert len(str(caught.value).splitlines()) == 7
+    with pytest.raises(InputError) as caught:
+        validated(File, wrong | {f"unknown_{number}": 0 for number in range(15)}, "mine.toml")
     lines = str(caught.value).splitlines()
-    assert len(lines) == 6 and lines[-1] == "and 2 more"
+    assert len(lines) == 21 and lines[-1] == "and 2 more"
 
 
 def test_keys_are_read_only():

@@ -30,8 +30,8 @@ def test_published_constants():
     np.testing.assert_allclose(R_M, [6335439.3273, 6399593.6258], rtol=0, atol=1e-4)
 
 
-def normal_gravity_vector(sin_lat, h):
-    """Magnitude of exact normal gravity (m/s^2), from the potential in ellipsoidal coordinates (u, beta).
+def exact_normal_gravity(sin_lat, h):
+    """Exact normal gravity, north and down (m/s^2), from the potential in ellipsoidal coordinates (u, beta).
 
     Heiskanen and Moritz 1967, eqs. (2-62), (2-66): needs neither Somigliana's formula nor its gammas.
     """
@@ -55,21 +55,66 @@ def normal_gravity_vector(sin_lat, h):
     centre = omega**2 * a * a
     along_u = GM / v2 + centre * E / v2 * q_prime / q(b) * (sin_beta**2 / 2 - LD(1) / 6) - omega**2 * u * cos_beta**2
     along_beta = (centre / np.sqrt(v2) * q(u) / q(b) - omega**2 * np.sqrt(v2)) * sin_beta * cos_beta
-    return (np.sqrt(along_u**2 + along_beta**2) / w).astype(float)
+    # minus along_u and plus along_beta, along the unit vectors of u and beta, outward and towards the pole
+    c, out, over = np.sqrt(1 - s * s), u * cos_beta / np.sqrt(v2), sin_beta
+    outward = (-along_u * out / w - along_beta * over / w) / w
+    axial = (-along_u * over / w + along_beta * out / w) / w
+    return (c * axial - s * outward).astype(float), (-c * outward - s * axial).astype(float)
 
 
 def test_normal_gravity_on_the_ellipsoid():
     assert numeric.normal_gravity(0.0, 0.0) == pytest.approx(9.7803253359, abs=1e-15)
     assert numeric.normal_gravity([-1.0, 1.0], 0.0) == pytest.approx(9.8321849378, abs=3e-15)
     s = np.linspace(-1, 1, 201)
-    np.testing.assert_allclose(numeric.normal_gravity(s, 0.0), normal_gravity_vector(s, 0.0), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(numeric.normal_gravity(s, 0.0), exact_normal_gravity(s, 0.0)[1], rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("h, bound", [(1e3, 1.1e-7), (1e4, 7.1e-7), (3e4, 4.7e-6)])
 def test_normal_gravity_at_height(h, bound):
     s = np.linspace(-1, 1, 201)
-    difference = np.abs(numeric.normal_gravity(s, h) - normal_gravity_vector(s, h)).max()
+    difference = np.abs(numeric.normal_gravity(s, h) - exact_normal_gravity(s, h)[1]).max()
     assert 0.9 * bound < difference < bound  # what the docstring states
+
+
+def axis_n(sin_lat):
+    return np.stack([np.sqrt(1 - sin_lat**2), 0 * sin_lat, -sin_lat], axis=-1)
+
+
+@pytest.mark.parametrize("h, bound", [(0.0, 1e-17), (1e4, 6e-10), (3e4, 6e-9), (-1e4, 6e-10)])
+def test_above_the_ellipsoid_normal_gravity_leans_towards_the_equator(h, bound):
+    s = np.linspace(-1, 1, 201)
+    found, (north, _) = numeric.normal_gravity_about_axis(axis_n(s), h), exact_normal_gravity(s, h)
+    assert np.abs(found[:, 0] - north).max() < bound and not found[:, 1].any()
+    np.testing.assert_array_equal(found[:, 2], numeric.normal_gravity(s, h))
+    if h == 1e4:
+        assert np.abs(north).max() > 8e-5
+        assert (found[s > 0.01, 0][:-1] < 0).all() and (found[s < -0.01, 0][1:] > 0).all()
+
+
+def test_normal_gravity_is_the_same_vector_in_every_local_level_frame():
+    s, wander = np.linspace(-0.9, 0.9, 7), 1.3
+    turn = np.array([[np.cos(wander), np.sin(wander), 0], [-np.sin(wander), np.cos(wander), 0], [0, 0, 1]])  # n to w
+    in_n = numeric.normal_gravity_about_axis(axis_n(s), 6e3)
+    np.testing.assert_allclose(numeric.normal_gravity_about_axis(axis_n(s) @ turn.T, 6e3), in_n @ turn.T, rtol=0, atol=1e-15)
+
+
+def test_normal_gravity_is_a_gradient():
+    """No work on a closed way in the meridian: up 9 km, north 0.3 rad, down and back, by Gauss's quadrature."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    low, high, south, north = 0.0, 9e3, 0.5, 0.8
+
+    def along(h):
+        latitude = south + (north - south) * (nodes + 1) / 2
+        g = numeric.normal_gravity_about_axis(axis_n(np.sin(latitude)), h)[:, 0]
+        return (g * (numeric.radii(np.sin(latitude))[0] + h)) @ weights * (north - south) / 2
+
+    def up(latitude):
+        h = low + (high - low) * (nodes + 1) / 2
+        s = np.full(40, np.sin(latitude))
+        return -numeric.normal_gravity_about_axis(axis_n(s), h)[:, 2] @ weights * (high - low) / 2
+
+    work = up(south) + along(high) - up(north) - along(low)
+    assert abs(work) < 1e-3 and abs(along(high)) > 80.0  # m^2/s^2, m/s^2 times 1900 km
 
 
 def test_normal_gravity_paper():

@@ -12,7 +12,7 @@ import numpy as np
 class DataflashWriter:
     """ArduPilot dataflash: FMT messages, then records of a head, a number and packed fields."""
 
-    CODES = {"b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "q": "q", "Q": "Q", "f": "f", "d": "d"}
+    CODES = {"b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "q": "q", "Q": "Q", "f": "f", "d": "d", "N": "16s"}
     SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "E": ("I", 100), "L": ("i", 1e7)}
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class DataflashWriter:
         body = struct.pack("<BB4s16s64s", number, length, name.encode(), form.encode(), columns.encode())
         self.data += b"\xa3\x95\x80" + body
 
-    def add(self, name: str, *values: float) -> None:
+    def add(self, name: str, *values: float | bytes) -> None:
         number, packed, codes = self.kinds[name]
         whole = [round(v * f) if f else v for v, (_, f) in zip(values, codes, strict=True)]
         self.data += b"\xa3\x95" + bytes((number,)) + struct.pack(packed, *whole)
@@ -68,3 +68,8 @@ class UlogWriter:
     def add(self, name: str, *values: Any) -> None:
         flat = [item for value in values for item in (value if isinstance(value, (list, tuple, np.ndarray)) else [value])]
         self._message("D", struct.pack("<H", list(self.packed).index(name)) + self.packed[name].pack(*flat))
+
+    def parameter(self, name: str, value: float) -> None:
+        """A parameter, before `formats`."""
+        key = f"float {name}".encode()
+        self._message("P", bytes((len(key),)) + key + struct.pack("<f", value))

@@ -83,6 +83,7 @@ def random_state(rng, latitude=0.6):
         "samples": 10.0,
         "previous_delta_angle": rng.normal(size=3) * 1e-3,
         "previous_delta_velocity": rng.normal(size=3) * 1e-2,
+        "mean_rate": rng.normal(size=3) * 0.1,
         "dt": 0.01,
         "acceleration_w": rng.normal(size=3),
         "covariance": np.diag(np.full(15, 1e-2))[np.triu_indices(15)],

@@ -335,7 +335,9 @@ def test_no_gnss(drive: Drive, tmp_path: Path) -> None:
 def test_another_unit_receiver_and_reference(drive: Drive, tmp_path: Path) -> None:
     path = telemetry(drive, tmp_path / "flight.tlog")
     text = 'imu = "HIGHRES_IMU"\ngnss = "GPS_RAW_INT"\nreference = "ATTITUDE_QUATERNION, GLOBAL_POSITION_INT"\n'
-    more = "gnss_delay_s = 0.1\nlever_arm_m = [0.5, 0.0, -1.0]\nposition_sigma_m = [3.0, 4.0, 5.0]\ngrade = 'consumer-mems'"
+    more = (
+        "gnss_time_offset_s = -0.1\nlever_arm_m = [0.5, 0.0, -1.0]\nposition_sigma_m = [3.0, 4.0, 5.0]\ngrade = 'consumer-mems'"
+    )
     log = load(described(path, text + more.replace("grade = 'consumer-mems'", "")))
     assert log.rate_hz == pytest.approx(50.0, rel=1e-3)
     assert log.gnss is not None and log.gnss.velocity_sigma is not None
@@ -501,10 +503,11 @@ def test_descriptions(tmp_path: Path) -> None:
 
 
 def test_a_real_px4_log_of_2020() -> None:
-    """A vehicle at rest; receiver in degrees times 1e7, no solution of its own; the logger dropped out once."""
+    """A vehicle at rest; receiver in degrees times 1e7, a solution without origin; the logger dropped out once."""
     log = load(DATA / "rest.ulg.gz")
     assert log.rate_hz == pytest.approx(204.6, abs=0.1) and log.duration_s == pytest.approx(6.50, abs=0.01)
-    assert log.gnss is not None and len(log.gnss.time) == 32 and log.reference is None
+    assert log.gnss is not None and len(log.gnss.time) == 32
+    assert log.reference is not None and log.reference.heading is not None and log.reference.latitude is None
     assert np.degrees(log.gnss.latitude[0]) == pytest.approx(63.417, abs=1e-3)
     assert np.linalg.norm((log.delta_velocity / log.dt[:, None]).mean(axis=0)) == pytest.approx(9.82, abs=0.25)  # uncalibrated
     assert log.description.initial.static_until_s == pytest.approx(26.33, abs=0.01)

@@ -14,103 +14,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import ROOT
+from text_logs import RATE, Folder, G, N, as_text, gnss_rows, imu_rows, increments, si
 
 from insenv.errors import InputError
-from insenv.logs import load
-from insenv.logs.inertial import bridge, missing_samples
+from insenv.logs import GnssFixes, load
+from insenv.logs.inertial import bridge
 from insenv.logs.readers import read_table
+from insenv.logs.sampling import Sampling, missing_samples
 from insenv.logs.units import axes_matrix
-
-N = 100
-RATE = 50.0
-G = 9.80665
-
-IMU_TOML = """
-[imu]
-file = "imu.csv"
-time = "t"
-gyro = ["gx", "gy", "gz"]
-accel = ["ax", "ay", "az"]
-kind = "rate"
-stamp = "interval_end"
-gyro_unit = "deg/s"
-accel_unit = "g"
-axes = "FRD"
-"""
-GNSS_TOML = """
-[gnss]
-file = "gnss.csv"
-time = "t"
-latitude = "lat"
-longitude = "lon"
-height = "h"
-position_unit = "deg"
-position_sigma = ["sn", "se", "sd"]
-lever_arm_m = [1.0, 2.0, -3.0]
-"""
-
-
-def imu_rows(n: int = N) -> np.ndarray:
-    """(n, 7): time [s], gyro [deg/s], accel [g]: distinct smooth signals on every axis."""
-    t = 10.0 + np.arange(1, n + 1) / RATE
-    gyro = [k * np.sin(0.3 * k * t) for k in (1, 2, 3)]
-    accel = [0.1 * np.cos(t), 0.2 * np.sin(t), -1.0 + 0.01 * np.cos(2 * t)]
-    return np.column_stack([t, *gyro, *accel])
-
-
-def gnss_rows() -> np.ndarray:
-    t = np.array([10.5, 11.5, 12.0])
-    return np.column_stack([t, 45 + 1e-5 * t, -93 + 1e-5 * t, 200 + t, *np.full((3, 3), 0.5) * [[1], [2], [3]]])
-
-
-def as_text(rows: np.ndarray, header: str = "", sep: str = ",") -> str:
-    lines = [sep.join(f"{v:.12g}" for v in row) for row in rows]
-    return "\n".join(([header] if header else []) + lines) + "\n"
-
-
-class Folder:
-    """A log in a temporary folder; `load(...)` after changing its files."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.toml = 'title = "test"\n' + IMU_TOML + GNSS_TOML
-        self.write("imu.csv", as_text(imu_rows(), "t,gx,gy,gz,ax,ay,az"))
-        self.write("gnss.csv", as_text(gnss_rows(), "t,lat,lon,h,sn,se,sd"))
-
-    def write(self, name: str, text: str | bytes) -> None:
-        (self.path / name).write_bytes(text.encode() if isinstance(text, str) else text)
-
-    def change(self, old: str, new: str, name: str = "") -> None:
-        if name:
-            text = (self.path / name).read_text()
-            assert old in text
-            self.write(name, text.replace(old, new, 1))
-        else:
-            assert old in self.toml
-            self.toml = self.toml.replace(old, new, 1)
-
-    def line(self, name: str, number: int, text: str) -> None:
-        lines = (self.path / name).read_text().split("\n")
-        lines[number - 1] = text
-        self.write(name, "\n".join(lines))
-
-    def load(self):
-        self.write("log.toml", self.toml)
-        return load(self.path / "log.toml")
-
-    def error(self) -> str:
-        with pytest.raises(InputError) as caught:
-            self.load()
-        return str(caught.value)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Folder:
     return Folder(tmp_path)
-
-
-def si(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.radians(rows[:, 1:4]), rows[:, 4:7] * G
 
 
 # --- formats, units, axes --------------------------------------------------------------------------
@@ -150,11 +66,6 @@ def test_instantaneous_rates_by_the_trapezoid(folder: Folder) -> None:
     assert log.imu_time.size == N - 1
     np.testing.assert_allclose(log.imu_time, imu_rows()[1:, 0], rtol=1e-11)
     np.testing.assert_allclose(log.delta_angle, (gyro[1:] + gyro[:-1]) / 2 / RATE, rtol=1e-8, atol=1e-14)
-
-
-def increments(rows: np.ndarray) -> np.ndarray:
-    gyro, accel = si(rows)
-    return np.column_stack([rows[:, 0], gyro / RATE, accel / RATE])
 
 
 def test_increments_in_degrees_semicolons_and_numbers_for_columns(folder: Folder) -> None:
@@ -293,7 +204,8 @@ def test_rows_kept_joined_skipped_and_the_window(folder: Folder) -> None:
     log = folder.load()
     assert log.imu_time[0] >= 11.0 and log.imu_time[-1] <= 11.8 and log.gnss.time.size == 1
     folder.change("11.5,", "11.6,", "std.csv")
-    assert "differs from" in folder.error()
+    folder.change("12.0,", "12.1,", "std.csv")
+    assert "only 1 rows have the same time" in folder.error()
 
 
 def test_gnss_columns_in_the_imu_file_empty_between_fixes(folder: Folder) -> None:
@@ -324,7 +236,7 @@ def test_bridging_brings_back_smooth_signals(drop: set[int], jitter: float, freq
     omega = 2 * math.pi * frequency
     keep = np.setdiff1d(np.arange(n), list(drop))
     signal = np.column_stack([np.sin(omega * time), np.cos(omega * time), time])
-    result = bridge(time[keep], signal[keep], 1 / rate, 1.0)
+    result = bridge(time[keep], signal[keep], Sampling(1 / rate), 1.0)
     assert result.time.size == n
     assert result.gaps.samples == len(drop)
     np.testing.assert_array_equal(np.flatnonzero(result.original), keep)
@@ -482,7 +394,7 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
         ('axes = "FRD"', 'axes = "XYZ"', "imu.axes = 'XYZ': must be three letters"),
         ('axes = "FRD"', "axes = [[1, 0], [0, 1]]", "a mounting matrix must have three rows of three"),
         ('axes = "FRD"', "axes = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]", "orthonormal"),
-        ('gyro_unit = "deg/s"', 'gyro_unit = "deg"', "gyro_unit = 'deg' does not go with kind = 'rate'"),
+        ('gyro_unit = "deg/s"', 'gyro_unit = "deg"', "imu.gyro_unit = 'deg': does not go with kind = 'rate'"),
         ('["gx", "gy", "gz"]', '["gx", "gy"]', "imu.gyro = ['gx', 'gy']: must be a list of three"),
         ('["gx", "gy", "gz"]', '["gx", "gy", -1]', "imu.gyro[2] = -1: must be a column name"),
         ("[1.0, 2.0, -3.0]", "[1.0, 2.0]", "gnss.lever_arm_m = [1.0, 2.0] [m]: must be a list of three"),
@@ -498,7 +410,7 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
         (
             'title = "test"',
             'title = "test"\nstart_s = 5\nstop_s = 4',
-            "stop_s = 4.0 s must be after start_s = 5.0 s",
+            "stop_s = 4 [s]: must be after start_s = 5 s",
         ),
         ('title = "test"', "title = test", "not valid TOML"),
         (
@@ -539,6 +451,8 @@ def test_a_description_that_is_not_there_or_not_text(tmp_path: Path) -> None:
                 "\n",
                 "#",
                 "nan,1,2\n",
+                "3,,1\n",
+                "4,-,null\n",
                 " ",
                 "\r",
                 '"',
@@ -550,12 +464,13 @@ def test_a_description_that_is_not_there_or_not_text(tmp_path: Path) -> None:
 )
 def test_whatever_the_bytes_a_table_or_an_input_error(raw: bytes) -> None:
     for columns in ([0, 1], ["t", "b"]):
-        try:
-            table = read_table("f", raw, columns)
-        except InputError as error:
-            assert str(error).startswith("f:")
-        else:
-            assert table.values.shape == (table.lines.size, 2)
+        for skip_empty, optional in ((False, []), (True, []), (False, columns[1:]), (True, columns[1:])):
+            try:
+                table = read_table("f", raw, columns, skip_empty=skip_empty, optional=optional)
+            except InputError as error:
+                assert str(error).startswith("f:")
+            else:
+                assert table.values.shape == (table.lines.size, 2)
 
 
 # --- the examples and the page ---------------------------------------------------------------------
@@ -675,3 +590,14 @@ def test_car_log_lever_arm(car) -> None:
     forward = np.mean(north * np.cos(psi) + east * np.sin(psi))
     right = np.mean(-north * np.sin(psi) + east * np.cos(psi))
     np.testing.assert_allclose([forward, right, -np.mean(fix.height[use] - h)], car.lever_arm_b, atol=0.05)
+
+
+@pytest.mark.parametrize("name, unit", [("position_sigma", "m"), ("velocity_sigma", "m/s")])
+@pytest.mark.parametrize("value", [0.0, -1.0, 1e-9])
+def test_a_fix_with_a_sigma_of_zero_is_refused(name, unit, value):
+    """Also one that is made in Python: an estimator would take such a fix as exact."""
+    three, sigmas = np.ones(3), {"position_sigma": np.ones((3, 3)), "velocity_sigma": np.ones((3, 3))}
+    sigmas[name][1, 2] = value
+    with pytest.raises(InputError) as error:
+        GnssFixes(np.arange(3.0), three, three, three, velocity_n=np.zeros((3, 3)), **sigmas)
+    assert f"{name} of the fix at 1 s, D: {value:g} {unit}: allowed is from 1e-06 to 1e+09 {unit}" in str(error.value)

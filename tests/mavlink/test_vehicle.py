@@ -17,9 +17,10 @@ from insenv.mavlink.messages import DEFAULT_HZ
 from insenv.mavlink.metadata import checksum
 from insenv.mavlink.outbox import AT_ONCE, PEERS, WAITING, Outbox
 from insenv.mavlink.pacing import BURST_MESSAGES, GIVE_UP_S, Pacer
-from insenv.mavlink.parameters import LONGEST_NAME, NEVER, NEXT_ALIGNMENT, NOW, elements
+from insenv.mavlink.parameters import NEVER, NEXT_ALIGNMENT, NOW
 from insenv.mavlink.wire.further import DEFINITIONS
 from insenv.scenario import build, load
+from insenv.sensors.short_names import LONGEST_NAME, elements
 from insenv.vehicles import AircraftSection, CarSection, ShipSection
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
@@ -136,7 +137,7 @@ def test_all_parameters_are_sent_as_real32_with_short_names():
 def test_every_estimator_and_plant_has_names_for_its_parameters():
     plants = [("S", build(load(name)).model) for name in ("ship-irregular-sea", "car-city-drive", "aircraft-survey")]
     for prefix, model in [*plants, *(("E", e.model) for e in estimators.registered().values())]:
-        ids = [name for _, _, name in elements(prefix, model, model.parameters.names)]
+        ids = [name for _, _, name in elements(prefix, model.parameters, model.parameters.names)]
         assert len(set(ids)) == len(ids) and all(len(name) <= LONGEST_NAME and name.isascii() for name in ids)
 
 
@@ -482,15 +483,15 @@ def test_the_heartbeat_tells_boot_aligning_and_aligned():
 
 
 def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
-    """The gyrocompass states small sigmas at once; whether it may be trusted is in its notes, which depend on the time."""
+    """With a given attitude ecef-kf states small sigmas at once; whether it may be trusted is in its notes, which depend on the time."""
     sentence = "heading is good to 55 deg only: a gyro error of 9.91 deg/h"
 
     def warned(parameters, duration_s):
         assert parameters["angle_random_walk"] > 0.0
         return (sentence,) if duration_s < 4.0 else ()
 
-    warning = replace(estimators.get("gyrocompass"), applicability=warned)
-    ship = Vehicle(load("ship-swaying"), warning, rates={**SILENT, "HEARTBEAT": 1.0})
+    warning = replace(estimators.get("ecef-kf"), applicability=warned, needs=None)
+    ship = Vehicle(load("static-ecef"), warning, rates={**SILENT, "HEARTBEAT": 1.0})
     assert ship.view.tilt_sigma_deg < 1 and ship.view.heading_sigma_deg < 5
     found = steps(ship, 6.0)
     states = [m.system_status for m in found if m.get_type() == "HEARTBEAT"]

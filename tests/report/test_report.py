@@ -38,6 +38,7 @@ def result(estimator="loosely-coupled", channels=CHANNELS, size=0.01, **more):
         "errors": errors,
         "sigma": {name: np.full(200, 2 * size) for name in channels},
         "limit": dict.fromkeys(channels, size),
+        "limit_sigma": {name: np.full(200, size) for name in channels},
         "from_s": 75.0,
         "us_per_sample": 0.4321,
     }

@@ -136,7 +136,7 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
         ({}, ["loosely-coupled"], "reference", "must give position, velocity and attitude"),
         ({}, ["loosely-coupled"], "guess", "allowed is coarse or reference"),
         ({"gnss": ""}, ["loosely-coupled"], "coarse", "needs GNSS"),
-        ({"initial": ""}, ["loosely-coupled"], "coarse", "static_until_s"),
+        ({"initial": ""}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
         ({"initial": "[initial]\nstart_s = 99.0"}, ["q-method"], "coarse", "the log ends at"),
         ({"gnss": "", "initial": ""}, ["q-method"], "coarse", "needs the place"),
     ],

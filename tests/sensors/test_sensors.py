@@ -18,7 +18,7 @@ from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
-from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade, units
+from insenv.sensors import GNSS_GRADES, IMU_GRADES, flicker, gnss_grade, imu_grade, units
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, check_timing, gnss_part
 from insenv.sensors.imu import imu_part
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
@@ -34,6 +34,7 @@ TRUTH = {
     "acceleration_n": (3,),
     "q_nb": (4,),
     "rate_eb_b": (3,),
+    "rate_change_b": (3,),
 }
 LEVEL = {"latitude": 0.7, "longitude": 1.9, "height": 50.0, "q_nb": (1.0, 0.0, 0.0, 0.0)}
 
@@ -49,7 +50,7 @@ def plant() -> Model:
     )
     tick = Part(steps={"tick": Step(lambda p, x, u: {"step": x.step + 1})})
     outputs = IMU_STATE + GNSS_STATE
-    parts = [given, imu_part(), gnss_part(lambda p, x: (x.rate_eb_b, x.acceleration_n)), tick]
+    parts = [given, imu_part(), gnss_part(lambda p, x: (x.rate_eb_b, x.rate_change_b, x.acceleration_n)), tick]
     return merge("sensors", "Sensors", parts, outputs, lambda p, x: {n: getattr(x, n) for n in outputs.names})
 
 
@@ -100,7 +101,7 @@ def test_steps_uniforms_and_order_of_rows() -> None:
     model = plant()
     assert list(model.steps) == ["sample", "drift", "gnss", "gnss_delivery", "tick"]
     assert {name: step.uniforms for name, step in model.steps.items()} == {
-        "sample": 7, "drift": 12, "gnss": 13, "gnss_delivery": 0, "tick": 0
+        "sample": 7, "drift": 42, "gnss": 13, "gnss_delivery": 0, "tick": 0
     }  # fmt: skip
     assert IMU_STATE.names[:3] == ("delta_angle", "delta_velocity", "imu_valid")
     assert GNSS_STATE.names[:6] == (
@@ -367,12 +368,14 @@ def test_fixes_come_at_their_rate_late_and_once() -> None:
 def test_lever_arm_and_an_epoch_between_samples() -> None:
     arm, rate = np.array([1.5, -0.7, -2.0]), np.array([0.3, -0.2, 0.5])
     velocity, acceleration, tau = np.array([20.0, -5.0, 1.0]), np.array([1.0, 2.0, -0.5]), 0.004
+    change = np.array([0.1, -0.15, 0.1])  # rad/s^2: 1.5 mm/s in tau
     attitude = Rotation.from_rotvec([0.4, -0.2, 1.1])
     x, y, z, w = attitude.as_quat()
-    truth = {"q_nb": (w, x, y, z), "rate_eb_b": rate, "velocity_n": velocity, "acceleration_n": acceleration}
+    truth = {"q_nb": (w, x, y, z), "rate_eb_b": rate, "rate_change_b": change, "velocity_n": velocity}
+    truth["acceleration_n"] = acceleration
 
     def antenna(t: float) -> Any:
-        turned = attitude * Rotation.from_rotvec(rate * t)
+        turned = attitude * Rotation.from_rotvec(rate * t + change * (t * t / 2))
         return velocity * t + 0.5 * acceleration * t**2 + turned.apply(arm)
 
     for offset in (0.0, tau):
@@ -509,3 +512,67 @@ def test_an_unknown_grade_suggests_the_nearest() -> None:
         imu_grade("tactial")
     with pytest.raises(InputError, match="did you mean 'rtk'"):
         gnss_grade("rtkk")
+
+
+# --- flicker noise ---------------------------------------------------------------------------------
+
+
+def allan_deviation(rate: Any, times: Any) -> Any:
+    """Overlapping Allan deviation (IEEE Std 952, annex C) of rates at intervals of 1 s, (n, axes), at whole `times` (s)."""
+    angle = np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(rate, axis=0)])
+    found = []
+    for m in times:
+        second = angle[2 * m :] - 2 * angle[m:-m] + angle[: -2 * m]
+        found.append(np.sqrt((second**2).mean(axis=0) / (2.0 * m * m)))
+    return np.array(found)
+
+
+def allan_of_the_processes(time: Any) -> Any:
+    """Allan deviation of the sum of Gauss-Markov processes of floor 1, in closed form."""
+    total = 0.0
+    for T in flicker.TIMES:
+        u = time / T
+        total = total + 2 * flicker.SIGMA**2 / u * (1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u))
+    return np.sqrt(total)
+
+
+def test_flicker_noise_is_nearly_flat_from_ten_seconds_to_half_a_day() -> None:
+    time = np.logspace(1, np.log10(5e4), 200)
+    assert 0.92 < allan_of_the_processes(time).min() < allan_of_the_processes(time).max() < 1.01
+
+
+def test_flicker_noise_has_the_floor_that_is_asked_for() -> None:
+    """The Allan deviation of 3 axes of both triads over 55 hours, 4 units, and after white noise has averaged out."""
+    n, floor = 200_000, {"gyro_flicker": (1e-7, 2e-7, 4e-7), "accel_flicker": (1e-4, 2e-4, 5e-5)}
+    times = np.array([10, 30, 100, 300, 1000, 3000])
+    ratios = []
+    for seed in range(4):
+        out = simulate(n, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, **floor})
+        for output, name in (("delta_angle", "gyro_flicker"), ("delta_velocity", "accel_flicker")):
+            ratios.append(allan_deviation(out[output], times) / np.array(floor[name]))
+    mean = np.sqrt(np.mean(np.square(np.concatenate(ratios, axis=1)), axis=1))
+    # 24 axes of n / (2 time) independent differences each
+    bound = 5.0 / np.sqrt(24 * n / times)
+    assert (np.abs(mean / allan_of_the_processes(times) - 1.0) < bound + 0.01).all(), mean
+    assert (np.abs(mean - 1.0) < 0.1).all(), mean
+
+
+def test_flicker_noise_is_stationary_from_the_first_sample_on() -> None:
+    """Over 400 units: the variance of the bias after the first sample, after a minute and after an hour is the same."""
+    floor = np.array([1e-7, 2e-7, 3e-7])
+    biases = []
+    for seed in range(400):
+        out = simulate(40, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, "gyro_flicker": floor})
+        biases.append(out["gyro_bias_true"][[0, 1, 39]] / floor)
+    variance = np.mean(np.square(biases), axis=(0, 2))
+    expected = flicker.PARTS * flicker.SIGMA**2
+    low, high = chi2.ppf([CHANCE, 1 - CHANCE], 1200) / 1200
+    assert (low * expected < variance).all() and (variance < high * expected).all()
+
+
+def test_without_flicker_noise_nothing_changes() -> None:
+    rows = {"sample_interval": 1.0, "gyro_instability_sigma": 1e-7, "gyro_rate_random_walk": 1e-9, "seed": 3}
+    out = simulate(50, rows)
+    other = simulate(50, {**rows, "accel_flicker": 1e-4})
+    assert np.array_equal(out["delta_angle"], other["delta_angle"])
+    assert not out["gyro_flicker_parts"].any() and other["accel_flicker_parts"].any()

@@ -72,15 +72,22 @@ def imu_motion(t: float) -> tuple[np.ndarray, np.ndarray]:
     return v + C @ np.cross(rate, LEVER), a + C @ (np.cross(change, LEVER) + np.cross(rate, np.cross(rate, LEVER)))
 
 
-def earth(latitude: float, height: float) -> tuple[float, float, float]:
-    """Radii of curvature (m) and normal gravity (m/s^2): Groves 2013, Heiskanen and Moritz 1967."""
+def earth(latitude: float, height: float) -> tuple[float, float, np.ndarray]:
+    """Radii of curvature (m) and normal gravity (m/s^2, NED): Groves 2013, Heiskanen and Moritz 1967.
+
+    The north part by the law of a conservative field, d((R_M + h) g_N)/dh = -d(gamma)/dL, to second order in e^2 and h / a.
+    """
     a, f, gm = 6378137.0, 1 / 298.257223563, 3.986004418e14
     e2, b, s2 = f * (2 - f), a * (1 - f), np.sin(latitude) ** 2
     R_N = a / np.sqrt(1 - e2 * s2)
     k = b * 9.8321849378 / (a * 9.7803253359) - 1
     m = OMEGA_IE**2 * a * a * b / gm
     g = 9.7803253359 * (1 + k * s2) / np.sqrt(1 - e2 * s2)
-    return R_N * (1 - e2) / (1 - e2 * s2), R_N, g * (1 - 2 / a * (1 + f + m - 2 * f * s2) * height + 3 * (height / a) ** 2)
+    down = g * (1 - 2 / a * (1 + f + m - 2 * f * s2) * height + 3 * (height / a) ** 2)
+    x = height / a
+    series = (2 * k + e2) / (1 - e2) - k * e2 / (1 - e2) * s2 + (4 * f - (2 * k + e2) * (2 + f + m)) * x
+    north = -9.7803253359 * np.sin(latitude) * np.cos(latitude) * x * series
+    return R_N * (1 - e2) / (1 - e2 * s2), R_N, np.array([north, 0.0, down])
 
 
 def increments(t0: float, h: float, position: np.ndarray, law) -> np.ndarray:
@@ -97,7 +104,7 @@ def increments(t0: float, h: float, position: np.ndarray, law) -> np.ndarray:
         C, rate, v, a = law(t)
         ie = OMEGA_IE * np.array([np.cos(latitude), 0, -np.sin(latitude)])
         en = np.array([v[1] / (R_N + height), -v[0] / (R_M + height), -v[1] * np.tan(latitude) / (R_N + height)])
-        force = a + np.cross(2 * ie + en, v) - [0, 0, g]
+        force = a + np.cross(2 * ie + en, v) - g
         geodetic = np.array([v[0] / (R_M + height), v[1] / (R_N + height) / np.cos(latitude), -v[2]])
         return np.concatenate([geodetic * metres, rate + C.T @ (ie + en), C.T @ force])
 
@@ -152,11 +159,11 @@ def test_ship_pose_over_ten_minutes_is_the_closed_form() -> None:
 def test_instant_rows_are_those_of_the_closed_form() -> None:
     model = plant(ship())
     instant = truth_instant(ship())
-    shown = Table((*model.state, Row("rate_eb_b", "", shape=(3,)), Row("acceleration_n", "", shape=(3,))))
+    names = ("rate_eb_b", "rate_change_b", "acceleration_n")
+    shown = Table((*model.state, *(Row(name, "", shape=(3,)) for name in names)))
 
     def output(p, x):
-        rate, acceleration = instant(p, x)
-        return {**vars(x), "rate_eb_b": rate, "acceleration_n": acceleration}
+        return {**vars(x), **dict(zip(names, instant(p, x), strict=True))}
 
     runner = make_runner(replace(model, outputs=shown, output=output), ship_parameters())
     first = runner.output()
@@ -168,7 +175,10 @@ def test_instant_rows_are_those_of_the_closed_form() -> None:
         R_M, R_N, _ = earth(rows["latitude"][i], rows["height"][i])
         north, east = velocity[0] / (R_M + rows["height"][i]), velocity[1] / (R_N + rows["height"][i])
         transport = attitude(i * 0.25).T @ [east, -north, -east * np.tan(rows["latitude"][i])]
-        np.testing.assert_allclose(rows["rate_eb_b"][i], body_rate(i * 0.25)[0] + transport, rtol=0, atol=1e-14)
+        rate, change = body_rate(i * 0.25)
+        np.testing.assert_allclose(rows["rate_eb_b"][i], rate + transport, rtol=0, atol=1e-14)
+        # without the change of the transport rate in n, acceleration / R
+        np.testing.assert_allclose(rows["rate_change_b"][i], change - np.cross(rate, transport), rtol=0, atol=1e-13)
 
 
 # --- at rest, and in a circle ---------------------------------------------------------------------------------------------
@@ -183,7 +193,7 @@ def test_at_rest_increments_are_earth_rate_and_gravity(make, latitude: float) ->
     rows = history(make(), {**place, **tilt, "sample_interval": h, "imu_lever_arm_b": LEVER}, 100)
     C = Rotation.from_euler("ZYX", [40.0, -3.0, 2.0], degrees=True).as_matrix()
     rate = C.T @ (OMEGA_IE * np.array([np.cos(latitude * DEG), 0, -np.sin(latitude * DEG)]))
-    force = C.T @ [0, 0, -earth(latitude * DEG, 250.0)[2]]
+    force = -C.T @ earth(latitude * DEG, 250.0)[2]
     np.testing.assert_allclose(rows["true_delta_angle"][1:], np.tile(rate * h, (100, 1)), rtol=1e-13, atol=1e-21)
     np.testing.assert_allclose(rows["true_delta_velocity"][1:], np.tile(force * h, (100, 1)), rtol=1e-13, atol=1e-17)
     assert np.all(rows["latitude"] == latitude * DEG) and np.all(rows["height"] == 250.0)

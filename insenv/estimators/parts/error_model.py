@@ -23,6 +23,7 @@ from typing import Any
 import casadi as ca
 
 from insenv.attitude import skew
+from insenv.estimators.parts.gauss_markov import decay
 from insenv.geodesy import MEAN_RADIUS
 
 N = 15
@@ -55,6 +56,7 @@ def transition(interval: Interval, gravity: Any, gyro_time: Any, accel_time: Any
     A[VELOCITY, ACCEL] = interval.C_integral
     A[TILT, TILT] = -skew(interval.omega_ie_w + interval.omega_ew_w) * dt
     A[TILT, GYRO] = -interval.C_integral
-    A[GYRO, GYRO] = -ca.SX.eye(3) * (dt / gyro_time)
-    A[ACCEL, ACCEL] = -ca.SX.eye(3) * (dt / accel_time)
+    # an interval may be longer than a correlation time
+    A[GYRO, GYRO] = ca.SX.eye(3) * (decay(dt, gyro_time) - 1)
+    A[ACCEL, ACCEL] = ca.SX.eye(3) * (decay(dt, accel_time) - 1)
     return A

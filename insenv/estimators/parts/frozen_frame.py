@@ -33,6 +33,7 @@ FRAME = Table((
     Row("q_n0i", "Attitude at the start: takes i components to components in n at the start", "1", (4,), "n0", (1, 0, 0, 0)),
     Row("axis_n", "The Earth's axis", "1", (3,), "n"),
     Row("gravity", "Normal gravity", "m/s^2"),
+    Row("gravity_n", "Its vector, which above the ellipsoid leans towards the equator", "m/s^2", (3,), "n"),
     Row("half_turn", "Cosine and sine of half the Earth's rotation angle since the start", "1", (2,), start=(1, 0)),
 ))  # fmt: skip
 
@@ -55,10 +56,9 @@ STATE = FRAME + Table((
 def start(p: Any) -> dict[str, Any]:
     """The rows of `FRAME` that the place determines. p: rows `latitude`, `height`."""
     sin_latitude, cos_latitude = sin_cos(p.latitude)
-    return {
-        "axis_n": ca.vertcat(cos_latitude, 0, -sin_latitude),
-        "gravity": geodesy.normal_gravity(sin_latitude, p.height),
-    }
+    axis_n = ca.vertcat(cos_latitude, 0, -sin_latitude)
+    gravity_n = geodesy.normal_gravity_about_axis(axis_n, p.height)
+    return {"axis_n": axis_n, "gravity": gravity_n[2], "gravity_n": gravity_n}
 
 
 def advanced(x: Any, u: Any) -> tuple[dict[str, Any], Any]:
@@ -131,7 +131,7 @@ def block_velocity_n(x: Any) -> Any:
     """Change of the velocity over the Earth in a complete block, in n at its middle (3, m/s): (C f + g) T."""
     middle = attitude.conjugate(q_n0n(turned(x.half_turn, -x.block_time / 2), x.axis_n))
     force = attitude.rotate(attitude.multiply(middle, x.q_n0i), x.force_sum)
-    return force + ca.vertcat(0, 0, x.gravity * x.block_time)
+    return force + x.gravity_n * x.block_time
 
 
 def prepare(known: Knowledge) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """A GNSS fix at its own time, predicted from a navigation state in the wander-azimuth frame.
 
 A fix comes with its age: the time from its validity to the end of the last inertial sample, which need not be a whole
-number of samples. The position and velocity of the antenna at that time follow from the present state and the
-acceleration and rate of the last sample, so a fix may lie between two samples or be some tenths of a second late.
+number of samples. The position and velocity of the antenna at that time follow from the present state, the acceleration
+and rate of the last sample and the angular acceleration (`insenv.estimators.parts.lever_arm`), so a fix may lie between
+two samples or be some tenths of a second late.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core.elementary import exp, select
-from insenv.estimators.parts import strapdown
+from insenv.estimators.parts import lever_arm, strapdown
 
 
 @dataclass(frozen=True)
@@ -22,34 +23,41 @@ class Antenna:
     """The antenna at the time of a fix, and what its sensitivities are made of (3 each).
 
     offset_w: its position relative to the present position of the inertial unit, m. velocity_w: its velocity, m/s.
-    arm_b: lever arm at that time in present b components, m. swing_b: velocity of the lever arm's end, m/s.
-    specific_force_w: specific force of the last sample, m/s^2. C_wb (3x3): present attitude.
+    arm_b: lever arm at that time in present b components, m. swing_b: velocity of the lever arm's end over the Earth, m/s.
+    rate_b: present angular rate relative to the Earth, rad/s. specific_force_w: specific force of the last sample, m/s^2.
+    earth_rate_w: rad/s. C_wb (3x3): present attitude.
     """
 
     offset_w: Any
     velocity_w: Any
     arm_b: Any
     swing_b: Any
+    rate_b: Any
     specific_force_w: Any
+    earth_rate_w: Any
     C_wb: Any
 
 
 def antenna(p: Any, x: Any, age: Any) -> Antenna:
     """The antenna `age` seconds ago.
 
-    p: row `antenna_lever_arm`. x: rows of `strapdown.STATE`, `acceleration_w` and `dt` of the last sample.
+    p: row `antenna_lever_arm`. x: rows of `strapdown.STATE` and `lever_arm.MEMORY`, `acceleration_w` and `dt` of the last
+    sample.
     """
-    C_wb = attitude.to_dcm(x.q_wb)
-    arm, acceleration = p.antenna_lever_arm, x.acceleration_w
-    swing = ca.cross(x.previous_delta_angle / x.dt, arm)
-    arm_then = arm - age * swing
-    down = geodesy.earth_rate_w(x.q_ew)[2] / geodesy.OMEGA_IE  # minus the sine of the latitude
+    C_wb, acceleration = attitude.to_dcm(x.q_wb), x.acceleration_w
+    rate = x.previous_delta_angle / x.dt  # that of the middle of the sample
+    change = lever_arm.angular_acceleration(x, rate, x.dt)
+    earth_rate = geodesy.earth_rate_w(x.q_ew)
+    now = rate + change * (x.dt / 2) - C_wb.T @ earth_rate
+    arm_then, swing = lever_arm.then(now, change, p.antenna_lever_arm, age)
     return Antenna(
         offset_w=-x.velocity_w * age + acceleration * (age**2 / 2) + C_wb @ arm_then,
         velocity_w=x.velocity_w - acceleration * age + C_wb @ swing,
         arm_b=arm_then,
         swing_b=swing,
-        specific_force_w=acceleration - ca.vertcat(0, 0, geodesy.normal_gravity(-down, x.height)),
+        rate_b=now,
+        specific_force_w=acceleration - geodesy.normal_gravity_about_axis(earth_rate / geodesy.OMEGA_IE, x.height),
+        earth_rate_w=earth_rate,
         C_wb=C_wb,
     )
 

@@ -89,7 +89,7 @@ PROFILE_STATE = Table((
 def start(p: Any) -> dict[str, Any]:
     """The rows that the place determines."""
     place = frozen_frame.start(p)
-    return {"axis_n": place["axis_n"], "rest_force_n": ca.vertcat(0, 0, -place["gravity"])}
+    return {"axis_n": place["axis_n"], "rest_force_n": -place["gravity_n"]}
 
 
 def needs(parameters: Mapping[str, Any]) -> float:

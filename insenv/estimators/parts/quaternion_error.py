@@ -39,6 +39,7 @@ import casadi as ca
 
 from insenv.attitude import skew
 from insenv.core.elementary import exp
+from insenv.estimators.parts.gauss_markov import decays, driven_variance
 from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY
 
 N = 16
@@ -99,7 +100,10 @@ def start_covariance(p: Any, q: Any) -> Any:
 
 
 def transition(x: Any, part: Nonlinear) -> Any:
-    """Phi (16x16) over the interval of the state `x` (rows `stretch*`) with its nonlinear part; (6), (7) integrated."""
+    """Phi (16x16) over the interval of the state `x` (rows `stretch*`) with its nonlinear part; (6), (7) integrated.
+
+    For biases that are constant over the interval; `decayed` adds their decay.
+    """
     T, q, C = x.stretch, x.stretch_q_wb, part.C
     frame = ca.vertcat(1, -(x.omega_ie_w + x.omega_ew_w) * (T / 2))
     carry = left(frame) @ right(x.stretch_turn)
@@ -128,13 +132,24 @@ def transition(x: Any, part: Nonlinear) -> Any:
     return Phi
 
 
-def process_noise(p: Any, T: Any, q: Any) -> Any:
-    """Covariance (16x16) that the driving white noises add in an interval T (s); q: the attitude at its end."""
+def decayed(p: Any, Phi: Any, T: Any) -> Any:
+    """Phi (16x16) over T seconds of biases that decay: their own blocks; what they do to the rest changes by T / time."""
+    gyro_decay, accel_decay = decays(p, T)
+    Phi[GYRO, GYRO], Phi[ACCEL, ACCEL] = gyro_decay * ca.SX.eye(3), accel_decay * ca.SX.eye(3)
+    return Phi
+
+
+def process_noise(p: Any, T: Any, q: Any, motion: tuple[Any, Any]) -> Any:
+    """Covariance (16x16) that the driving white noises add in an interval T (s); q: the attitude at its end.
+
+    motion: variances of attitude (rad^2) and velocity (m^2/s^2) by errors that are proportional to the motion.
+    """
     Q = ca.SX(N, N)
-    Q[DQ, DQ] = p.angle_random_walk**2 * T / 4 * Y(q) @ Y(q).T
-    Q[GYRO, GYRO] = ca.SX.eye(3) * (2 * p.gyro_bias_sigma**2 / p.gyro_correlation_time * T)
-    Q[ACCEL, ACCEL] = ca.SX.eye(3) * (2 * p.accel_bias_sigma**2 / p.accel_correlation_time * T)
-    velocity = p.velocity_random_walk**2 * T
+    Q[DQ, DQ] = (p.angle_random_walk**2 * T + motion[0]) / 4 * Y(q) @ Y(q).T
+    gyro_decay, accel_decay = decays(p, T)
+    Q[GYRO, GYRO] = ca.SX.eye(3) * driven_variance(p.gyro_bias_sigma, gyro_decay)
+    Q[ACCEL, ACCEL] = ca.SX.eye(3) * driven_variance(p.accel_bias_sigma, accel_decay)
+    velocity = p.velocity_random_walk**2 * T + motion[1]
     Q[VELOCITY, VELOCITY] = ca.SX.eye(3) * velocity
     Q[VELOCITY, POSITION] = Q[POSITION, VELOCITY] = ca.SX.eye(3) * (velocity * T / 2)
     Q[POSITION, POSITION] = ca.SX.eye(3) * (velocity * T * T / 3)

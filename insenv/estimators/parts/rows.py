@@ -123,6 +123,16 @@ AIDED_PARAMETERS = (
     + chosen(SENSORS, gyro_bias_sigma=1e-6, accel_bias_sigma=1e-2, angle_random_walk=1e-5, velocity_random_walk=1e-3)
     + LEVER_ARM
 )
+FIX_WANDER = Table((
+    Row("fix_wander_sigma", "Part of a fix's position sigma that changes slowly", "m", (3,), "n", lower=0, upper=1e6),
+    Row("fix_wander_time", "Correlation time of that part", "s", start=60.0, lower=1e-3, upper=1e9),
+))  # fmt: skip
+MOTION_ERRORS = Table((
+    Row("rotation_error", "Gyro scale factor and misalignment: tilt per radian of rotation", "1", lower=0, upper=1.0),
+    Row("thrust_error", "Accelerometer scale factor and misalignment: velocity error per change of velocity", "1",
+        lower=0, upper=1.0),
+))  # fmt: skip
+SINCE_FIX = Table((Row("since_fix", "Time since the epoch of the last fix", "s", start=1e9),))
 AIDED_INPUTS = SAMPLE_INPUTS + FIX_INPUTS + STANDING_INPUT
 AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),

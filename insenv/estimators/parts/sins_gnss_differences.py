@@ -176,7 +176,7 @@ def turned_back(x: Any, tilt: Any) -> Any:
 def _rest(x: Any, T: Any) -> tuple[Any, Any]:
     """Integrals of the specific force at rest in n0, extended over T (s) by its series in the Earth's rotation."""
     q, rate = q_n0n(x.rest_half_turn, x.axis_n), geodesy.OMEGA_IE * x.axis_n
-    terms = [ca.vertcat(0, 0, -x.gravity)]
+    terms = [-x.gravity_n]
     for _ in range(4):
         terms.append(ca.cross(rate, terms[-1]))
     velocity, position, power = ca.SX.zeros(3), ca.SX.zeros(3), T

@@ -69,7 +69,7 @@ def move(x: Any, delta_angle: Any, delta_velocity: Any, dt: Any) -> Moved:
     axis = _axis_w(x.q_ew)
     rough_rate = ca.vertcat(x.velocity_w[1], -x.velocity_w[0], 0) * (1 / geodesy.A)
     axis = axis + ca.cross(axis, rough_rate) * (dt / 2)
-    gravity_w = ca.vertcat(0, 0, geodesy.normal_gravity(-axis[2], x.height - x.velocity_w[2] * dt / 2))
+    gravity_w = geodesy.normal_gravity_about_axis(axis, x.height - x.velocity_w[2] * dt / 2)
     omega_ie = geodesy.OMEGA_IE * axis
     rough_coriolis = ca.cross(2 * omega_ie + rough_rate, x.velocity_w)
     middle = x.velocity_w + (increment_w + (gravity_w - rough_coriolis) * dt) / 2

@@ -15,11 +15,14 @@ from insenv.files.toml import validated
 from insenv.logs.description import LogDescription
 from insenv.logs.flight.description import FlightDescription
 from insenv.logs.flight.formats import SUFFIXES, format_of
-from insenv.logs.flight.segments import longest, only, rest_until, rows_of
+from insenv.logs.flight.parameters import lever_arm, settings, unit_rows
+from insenv.logs.flight.segments import longest, only, rows_of
 from insenv.logs.flight.series import AnySeries, FixSeries, Flight, FlightFormat, ImuSeries, SolutionSeries
-from insenv.logs.inertial import implausible, increments, nominal_interval
+from insenv.logs.inertial import implausible, increments
+from insenv.logs.motion import rest_until
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, Source
 from insenv.logs.resources import read_bytes
+from insenv.logs.sampling import sampling
 from insenv.logs.units import Array, wrap
 
 USABLE_HZ = 20.0
@@ -40,9 +43,10 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     flight = _read(form, label, data)
     notes = list(flight.notes)
     imu, part = _imu(label, form, flight, description, notes)
-    interval = nominal_interval(imu.time, None, f"{label}: {imu.name}")
+    sampled = sampling(imu.time, None, imu.name)
+    notes += sampled.notes
     samples = np.hstack([imu.rate_ib_b, imu.specific_force_b])
-    inertial = increments(imu.time, samples, interval, "rate", imu.stamp, description.max_gap_s)
+    inertial = increments(imu.time, samples, sampled, "rate", imu.stamp, description.max_gap_s, imu.name)
     notes += implausible(inertial)
 
     fixes = _chosen(label, "gnss", flight.fixes, description.gnss)
@@ -62,15 +66,27 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         notes.append(f"no GNSS: its times do not overlap those of the inertial unit, {span[0]:.3f} to {span[1]:.3f} s")
         gnss = None
     reference = None if solution is None else _reference(solution, span, undulation or 0.0, notes)
-    rest = rest_until(end, inertial.delta_angle / dt[:, None], inertial.delta_velocity / dt[:, None], gnss)
+    arm, description = _lever_arm(flight, description, gnss is not None, notes)
+    description = _placed(flight, description, gnss, notes)
+    unit = None if description.grade else unit_rows(flight.parameters)
+    tuned = settings(flight.parameters)
+    if unit is not None:
+        notes.append("the data sheet of the inertial unit is that of the simulated one, by the parameters in the log")
+    if tuned:
+        notes.append(f"settings of {', '.join(tuned)} by the parameters in the log")
+    rest = rest_until(
+        end, inertial.delta_angle / dt[:, None], inertial.delta_velocity / dt[:, None], gnss, description.initial.static_from_s
+    )
     return RecordedLog(
         **vars(inertial),
         gnss=gnss,
-        lever_arm_b=np.array(description.lever_arm_m),
+        lever_arm_b=arm,
         reference=reference,
         sources=(Source("flight", label, flight.rows, len(imu.time), hashlib.sha256(data).hexdigest()),),
         notes=tuple(notes),
         description=_as_log_description(description, label, form, imu, fixes, rest),
+        unit=unit,
+        settings=tuned,
     )
 
 
@@ -137,8 +153,35 @@ def _gnss(fixes: FixSeries, description: FlightDescription, undulation: float | 
         notes.append(f"{fixes.name}: no velocity")
     else:
         velocity_sigma = _sigma(fixes.velocity_sigma, fixes, description.velocity_sigma_mps, VELOCITY_SIGMA, "velocity", notes)
-    time = fixes.time - description.gnss_delay_s
+    time = fixes.time + description.gnss_time_offset_s
     return GnssFixes(time, fixes.latitude, wrap(fixes.longitude), height, position_sigma, fixes.velocity_n, velocity_sigma)
+
+
+def _lever_arm(
+    flight: Flight, description: FlightDescription, fixes: bool, notes: list[str]
+) -> tuple[Array, FlightDescription]:
+    """Lever arm (3,) m: of the description, or by the parameters in the log, or 0; and the description with it."""
+    if description.lever_arm_m is not None:
+        return np.array(description.lever_arm_m), description
+    found = lever_arm(flight.parameters) if fixes else None
+    arm = np.zeros(3) if found is None else found[0]
+    if found is not None:
+        numbers = ", ".join(f"{value:.3g}" for value in arm)
+        notes.append(f"lever arm of the antenna {numbers} m (forward, right, down), by the parameters {found[1]} in the log")
+    return arm, description.model_copy(update={"lever_arm_m": tuple(float(value) for value in arm)})
+
+
+def _placed(flight: Flight, description: FlightDescription, gnss: GnssFixes | None, notes: list[str]) -> FlightDescription:
+    """The description with the place that the log states, if there are neither fixes nor a place in `[initial]`."""
+    place, initial = flight.place, description.initial
+    if place is None or gnss is not None or initial.latitude_deg is not None or initial.longitude_deg is not None:
+        return description
+    notes.append(f"the place is that of {place.name}, {np.degrees(place.latitude):.6f}, {np.degrees(place.longitude):.6f} deg")
+    height = place.height + (description.undulation_m or 0.0 if place.height_sea else 0.0)
+    found = {"latitude_deg": float(np.degrees(place.latitude)), "longitude_deg": float(np.degrees(place.longitude))}
+    if initial.height_m is None:
+        found["height_m"] = height
+    return description.model_copy(update={"initial": initial.model_copy(update=found)})
 
 
 def _sigma(
@@ -165,10 +208,14 @@ def _reference(solution: SolutionSeries, span: tuple[float, float], undulation: 
         notes.append(f"reference: {solution.name}, a simulator's truth")
     else:
         notes.append(f"reference: {solution.name}, the vehicle's own estimate: errors against it are differences")
-    height = solution.height + (undulation if solution.height_sea else 0.0)
-    angles = {name: wrap(getattr(solution, name)[inside]) for name in ("longitude", "roll", "heading")}
     columns = {each.name: getattr(rows_of(solution, inside), each.name) for each in fields(Reference)}
-    return Reference(**{**columns, **angles, "height": height[inside]})
+    columns |= {name: wrap(columns[name]) for name in ("longitude", "roll", "heading") if columns[name] is not None}
+    if columns["height"] is not None and solution.height_sea:
+        columns["height"] = columns["height"] + undulation
+    lacking = [what for what, name in (("position", "latitude"), ("velocity", "velocity_n")) if columns[name] is None]
+    if lacking:
+        notes.append(f"{solution.name}: attitude without {' and '.join(lacking)}")
+    return Reference(**columns)
 
 
 def _as_log_description(

@@ -1,7 +1,8 @@
 """ArduPilot dataflash logs (.BIN), by pymavlink's DFReader: messages IMU, IMT, GPS, GPA, ATT, POS, XKF1 or NKF1.
 
-IMU holds filtered rates at instants, IMT increments over DelaT and DelvT. TimeUS is the autopilot's clock; for a fix it is the
-time of logging, some tenths of a second after the time of validity (`gnss_delay_s`). Heights are above mean sea level.
+IMU holds filtered rates at instants, IMT increments over DelaT and DelvT. TimeUS is the autopilot's clock (TimeMS in logs of
+2014); for a fix it is the time of logging, some tenths of a second after the time of validity (`gnss_time_offset_s`). Heights
+are above mean sea level.
 """
 
 from __future__ import annotations
@@ -16,17 +17,18 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
+from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.series import (
     FIX_3D,
-    NO_INFORMATION,
     FixSeries,
     Flight,
     FlightFormat,
     ImuSeries,
+    Place,
     SolutionSeries,
-    course_velocity,
     instance_name,
     interpolated_angles,
+    nearest_rows,
     three_sigmas,
 )
 from insenv.logs.units import Array
@@ -47,8 +49,11 @@ def read_dataflash(label: str, data: bytes) -> Flight:
         fixes = [series for name in tables.instances("GPS") if (series := tables.fixes(*name)) is not None]
         solution = tables.solution()
         rows = sum(len(offsets) for offsets in reader.offsets)
-    notes = ("fixes are stamped at logging, after their time of validity: gnss_delay_s corrects for it",) if fixes else ()
-    return Flight(imus, tuple(fixes), () if solution is None else (solution,), notes, rows, others)
+        parameters = tables.parameters()
+        place = tables.place()
+    late = "fixes are stamped at logging, after their time of validity: a negative gnss_time_offset_s corrects it"
+    solutions = () if solution is None else (solution,)
+    return Flight(imus, tuple(fixes), solutions, (late,) if fixes else (), rows, others, parameters, place)
 
 
 FORMAT = FlightFormat(
@@ -112,11 +117,21 @@ class _Tables:
         return self._cache[name]
 
     def _read(self, name: str) -> dict[str, Array]:
+        rows, factors = self._rows(name)
+        result = {column: rows[column].astype(np.float64) * factor for column, factor in factors.items()}
+        if "TimeUS" not in result and "TimeMS" in result:
+            # in the GPS messages of 2014 TimeMS is the time of the GPS week, and T the time since boot
+            result["TimeUS"] = result["T" if "Week" in result and "T" in result else "TimeMS"] * 1e3
+        return result if "TimeUS" in result else {}
+
+    def _rows(self, name: str) -> tuple[np.ndarray, dict[str, float]]:
+        """The messages as a structured array, and the factor of each numeric column; no rows if the log has none."""
         from pymavlink.DFReader import FORMAT_TO_STRUCT
 
+        none: tuple[np.ndarray, dict[str, float]] = np.zeros(0), {}
         number = self._reader.name_to_id.get(name)
         if number is None:
-            return {}
+            return none
         form = self._reader.formats[number]
         offsets = np.asarray(self._reader.offsets[number], dtype=np.int64)
         offsets = offsets[offsets + form.len <= self._bytes.size]
@@ -127,15 +142,31 @@ class _Tables:
         ]
         dtype = np.dtype(fields)
         if not offsets.size or dtype.itemsize + _HEAD_BYTES != form.len:
-            return {}
+            return none
         rows = self._bytes[offsets[:, None] + np.arange(_HEAD_BYTES, form.len)].copy().view(dtype)[:, 0]
-        result = {}
-        for (column, code), (_, factor, _) in zip(fields, letters, strict=True):
-            if not code.startswith("S"):
-                result[column] = rows[column].astype(np.float64) * (factor or 1.0)
-        if "TimeUS" not in result and "TimeMS" in result:
-            result["TimeUS"] = result["TimeMS"] * 1e3
-        return result if "TimeUS" in result else {}
+        factors = {
+            column: float(factor or 1.0)
+            for (column, code), (_, factor, _) in zip(fields, letters, strict=True)
+            if not code.startswith("S")
+        }
+        return rows, factors
+
+    def parameters(self) -> dict[str, float]:
+        """PARM messages by name, the last value of each."""
+        rows, factors = self._rows("PARM")
+        if "Name" not in (rows.dtype.names or ()) or "Value" not in factors:
+            return {}
+        names = [bytes(name).decode("ascii", "replace") for name in rows["Name"]]
+        return {name: float(value) for name, value in zip(names, rows["Value"], strict=True)}
+
+    def place(self) -> Place | None:
+        """The first origin of the autopilot's filter (ORGN)."""
+        table = self.columns("ORGN")
+        if not {"Lat", "Lng", "Alt"} <= set(table) or not table["Lat"].size:
+            return None
+        return Place(
+            "ORGN", float(np.radians(table["Lat"][0])), float(np.radians(table["Lng"][0])), float(table["Alt"][0]), True
+        )
 
     def instances(self, base: str) -> list[tuple[str, int | None]]:
         """(message, instance) of each sensor: by the column I, or by the number after the name in old logs."""
@@ -189,7 +220,7 @@ class _Tables:
             return None
         position_sigma, velocity_sigma = np.full((np.count_nonzero(good), 3), np.nan), None
         if {"HAcc", "VAcc", "SAcc"} <= set(accuracy) and accuracy["TimeUS"].size:
-            at = _latest(accuracy["TimeUS"], table["TimeUS"])
+            at = nearest_rows(accuracy["TimeUS"], table["TimeUS"])
             horizontal, vertical, moving = (accuracy[column][at] for column in ("HAcc", "VAcc", "SAcc"))
             position_sigma = three_sigmas(horizontal, vertical)
             if (moving > 0).any():
@@ -208,13 +239,17 @@ class _Tables:
         )
 
     def solution(self) -> SolutionSeries | None:
-        """The autopilot's solution: attitude of ATT, position of POS, velocity of its first filter."""
+        """The autopilot's solution: attitude of ATT; position of POS and velocity of its first filter, if it has them."""
         attitude, place = self.columns("ATT"), self.columns("POS")
         filters = next((name for name in ("XKF1", "NKF1") if self.columns(name)), None)
-        if not {"Roll", "Pitch", "Yaw"} <= set(attitude) or not {"Lat", "Lng", "Alt"} <= set(place):
+        if not {"Roll", "Pitch", "Yaw"} <= set(attitude) or not attitude["TimeUS"].size:
             return None
-        at = place["TimeUS"] * 1e-6
         time = attitude["TimeUS"] * 1e-6
+        angles = [np.radians(attitude[angle]) for angle in ("Roll", "Pitch", "Yaw")]
+        alone = SolutionSeries(name="ATT", time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
+        if not {"Lat", "Lng", "Alt"} <= set(place):
+            return alone
+        at = place["TimeUS"] * 1e-6
         inside = (at >= time.min()) & (at <= time.max())
         velocity = None
         if filters is not None:
@@ -224,8 +259,7 @@ class _Tables:
             inside &= (at >= moments.min()) & (at <= moments.max())
             velocity = np.stack([np.interp(at[inside], moments, table[v][core]) for v in ("VN", "VE", "VD")], axis=1)
         if np.count_nonzero(inside) < 2:
-            return None
-        angles = [np.radians(attitude[angle]) for angle in ("Roll", "Pitch", "Yaw")]
+            return alone
         roll, pitch, heading = interpolated_angles(at[inside], time, angles)
         return SolutionSeries(
             name="ATT, POS" + (f", {filters}" if filters else ""),
@@ -243,10 +277,3 @@ class _Tables:
 
 def _three(table: dict[str, Array], what: str) -> Array:
     return np.stack([table[f"{what}{axis}"] for axis in "XYZ"], axis=1)
-
-
-def _latest(times: Array, at: Array) -> np.ndarray:
-    """Index of the entry nearest to each time."""
-    right = np.searchsorted(times, at).clip(0, times.size - 1)
-    left = (right - 1).clip(0)
-    return np.where(np.abs(times[left] - at) <= np.abs(times[right] - at), left, right)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from pydantic import model_validator
+
 from insenv.files.toml import Number, Vector3, key
 from insenv.logs.description import AnyLog, Grade, Sigma3
 from insenv.logs.flight.formats import SUFFIXES
@@ -20,10 +24,24 @@ class FlightDescription(AnyLog):
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples ends the segment; shorter ones are interpolated and counted", "s", ge=0, le=60
     )
-    lever_arm_m: Vector3 = key((0.0, 0.0, 0.0), "from the IMU to the antenna: forward, right, down", "m")
-    gnss_delay_s: Number = key(0.0, "delay of the fixes' stamps after their time of validity; subtracted", "s", ge=-5, le=5)
+    lever_arm_m: Vector3 | None = key(
+        None, "from the IMU to the antenna: forward, right, down; absent: by the parameters in the log, or 0", "m"
+    )
+    gnss_time_offset_s: Number = key(
+        0.0, "added to the fixes' stamps, as time_offset_s of other logs; negative where they are late", "s", ge=-5, le=5
+    )
     position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the fixes, instead of those in the log", "m")
     velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of their velocities, likewise", "m/s")
     undulation_m: Number | None = key(
         None, "height of the geoid above the ellipsoid, where the log has heights above mean sea level", "m"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_sign(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(delay := data.get("gnss_delay_s"), (int, float)):
+            raise ValueError(
+                f"gnss_delay_s = {delay:g} s: offsets of clocks are added to the stamps in all logs: write gnss_time_offset_s ="
+                f" {-delay:g}"
+            )
+        return data

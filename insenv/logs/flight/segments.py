@@ -1,4 +1,4 @@
-"""Time in a flight log: restarts of the clock, gaps, samples twice or out of order, and the time at rest at the beginning."""
+"""Time in a flight log: restarts of the clock, gaps, samples twice or out of order."""
 
 from __future__ import annotations
 
@@ -8,19 +8,10 @@ from typing import Any
 import numpy as np
 
 from insenv.logs.flight.series import AnySeries, ImuSeries
-from insenv.logs.recorded import GnssFixes
 from insenv.logs.units import Array
 
 RESTART_S = 1.0
 """A clock that goes back by more has restarted; by less, samples are out of order."""
-REST_WINDOW_S = 1.0
-REST_RATE = 0.02
-"""Largest standard deviation of a body rate of a vehicle at rest with its motor idling (rad/s)."""
-REST_FORCE = 0.5
-"""Largest standard deviation of the specific force, likewise (m/s^2)."""
-REST_SPEED = 0.5
-"""Largest speed over ground that a receiver shows at rest (m/s)."""
-REST_SAMPLES = 100
 
 
 def restarts(time: Array) -> np.ndarray:
@@ -86,19 +77,3 @@ def only(series: AnySeries, part: int, what: str, notes: list[str]) -> AnySeries
         notes.append(f"{what}: {series.name} lacks a restart of the clock that the inertial unit has: not used")
         return None
     return ordered(rows_of(series, np.flatnonzero(of == part)))[0]
-
-
-def rest_until(end: Array, rate_ib_b: Array, specific_force_b: Array, gnss: GnssFixes | None) -> float | None:
-    """End (s) of the time at rest that begins with the first sample; None if the vehicle moves at once."""
-    per_window = max(round(REST_WINDOW_S / float(np.median(np.diff(end)))), 2)
-    until = 0
-    for begin in range(0, len(end) - per_window + 1, per_window):
-        window = slice(begin, begin + per_window)
-        if rate_ib_b[window].std(axis=0).max() > REST_RATE or specific_force_b[window].std(axis=0).max() > REST_FORCE:
-            break
-        if gnss is not None and gnss.velocity_n is not None:
-            now = (gnss.time >= end[begin]) & (gnss.time <= end[begin + per_window - 1])
-            if now.any() and np.hypot(*gnss.velocity_n[now, :2].T).max() > REST_SPEED:
-                break
-        until = begin + per_window
-    return float(end[until - 1]) if until >= REST_SAMPLES else None

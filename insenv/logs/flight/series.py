@@ -5,8 +5,8 @@ Times are in seconds on one clock of the log. Everything else is in SI, radians,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -14,8 +14,6 @@ import numpy as np
 from insenv.logs.recorded import GnssFixes, Reference
 from insenv.logs.units import Array
 
-NO_INFORMATION = 100.0
-"""Standard deviation (m/s) of a velocity component that a log does not hold."""
 FIX_3D = 3
 """Fix type of a position fix in three dimensions, in every format."""
 UNIX_US = 10**14
@@ -70,10 +68,25 @@ AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries)
 
 
 @dataclass(frozen=True)
+class Place:
+    """A place that a log states: latitude, longitude (rad), height (m), and the name of the message.
+
+    height_sea: whether the height is above mean sea level.
+    """
+
+    name: str
+    latitude: float
+    longitude: float
+    height: float
+    height_sea: bool = False
+
+
+@dataclass(frozen=True)
 class Flight:
     """A log: series in the order of preference, notes for the user, number of rows (messages).
 
-    others: series in the log that cannot be used, each with the reason.
+    others: series in the log that cannot be used, each with the reason.  parameters: of the vehicle, by name.  place: where
+    the vehicle is if the log has no fixes, or None.
     """
 
     imus: tuple[ImuSeries, ...]
@@ -82,6 +95,8 @@ class Flight:
     notes: tuple[str, ...]
     rows: int
     others: tuple[str, ...] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    place: Place | None = None
 
 
 @dataclass(frozen=True)
@@ -113,12 +128,14 @@ def three_sigmas(horizontal: Array, vertical: Array) -> Array:
     return sigma if stated else np.full(sigma.shape, np.nan)
 
 
-def course_velocity(speed: Array, course: Array, down: Array) -> Array:
-    """Velocity (n, 3) m/s, NED, from speed over ground (m/s), course (rad) and downward velocity (m/s)."""
-    return np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=1)
-
-
 def interpolated_angles(at: Array, time: Array, angles: Sequence[Array]) -> tuple[Array, Array, Array]:
     """Roll, pitch and heading (rad) at the times `at`, interpolated between those at `time`."""
     roll, pitch, heading = (np.interp(at, time, np.unwrap(angle)) for angle in angles)
     return roll, pitch, heading
+
+
+def nearest_rows(times: Array, at: Array) -> np.ndarray:
+    """Index of the row nearest to each time; both in the same unit, `times` increasing."""
+    right = np.searchsorted(times, at).clip(0, times.size - 1)
+    left = (right - 1).clip(0)
+    return np.where(np.abs(times[left] - at) <= np.abs(times[right] - at), left, right)

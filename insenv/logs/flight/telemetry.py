@@ -14,24 +14,27 @@ import numpy as np
 from insenv import attitude
 from insenv.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
+from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.records import TelemetryLog, messages
 from insenv.logs.flight.series import (
     FIX_3D,
-    NO_INFORMATION,
     UNIX_US,
     FixSeries,
     Flight,
     FlightFormat,
     ImuSeries,
+    Place,
     SolutionSeries,
-    course_velocity,
     interpolated_angles,
+    nearest_rows,
     three_sigmas,
 )
 from insenv.logs.units import Array
 
 _DEG_E7 = np.pi / 180.0 * 1e-7
 _UNKNOWN = 65535
+_REAL32 = 9
+"""MAV_PARAM_TYPE_REAL32."""
 
 
 def read_telemetry(label: str, data: bytes) -> Flight:
@@ -110,9 +113,11 @@ class _Tables:
         imus, others = self._imus()
         undulation = self._undulation()
         clock = imus[0].time if imus else np.zeros(0)
-        fixes = [f for f in (self._hil_gps(undulation), self._gps_raw_int(undulation, clock, notes)) if f is not None]
+        fixes = [f for f in (self._hil_gps(undulation, notes), self._gps_raw_int(undulation, clock, notes)) if f is not None]
         solutions = [s for s in (self._truth(), self._estimate()) if s is not None]
-        return Flight(imus, tuple(fixes), tuple(solutions), tuple(notes), records, others)
+        return Flight(
+            imus, tuple(fixes), tuple(solutions), tuple(notes), records, others, self._parameters(), self._home(undulation)
+        )
 
     def _imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
         imus = []
@@ -143,32 +148,70 @@ class _Tables:
         rows = rows[(rows["fix_type"] >= FIX_3D) & (rows["alt_ellipsoid"] != 0)]
         return float(np.median((rows["alt_ellipsoid"] - rows["alt"].astype(np.int64)) * 1e-3)) if len(rows) else None
 
-    def _hil_gps(self, undulation: float | None) -> FixSeries | None:
+    def _parameters(self) -> dict[str, float]:
+        """PARAM_VALUE by name, the last value of each; integers, which clients encode in two ways, are left out."""
+        if "PARAM_VALUE" not in self:
+            return {}
+        rows = self.columns("PARAM_VALUE")
+        real = rows[rows["param_type"] == _REAL32]
+        return {
+            bytes(name).split(b"\0")[0].decode("ascii", "replace"): float(value)
+            for name, value in zip(real["param_id"], real["param_value"], strict=True)
+        }
+
+    def _home(self, undulation: float | None) -> Place | None:
+        if "HOME_POSITION" not in self:
+            return None
+        row = self.columns("HOME_POSITION")[-1]
+        height = float(row["altitude"]) * 1e-3 + (undulation or 0.0)
+        return Place(
+            "HOME_POSITION", float(row["latitude"] * _DEG_E7), float(row["longitude"] * _DEG_E7), height, undulation is None
+        )
+
+    def _hil_gps(self, undulation: float | None, notes: list[str]) -> FixSeries | None:
         if "HIL_GPS" not in self:
             return None
         rows = _each_once(self.columns("HIL_GPS"))
         rows = rows[rows["fix_type"] >= FIX_3D]
         if not len(rows):
             return None
+        # a simulator sends zeros for a velocity that the receiver does not have, and an unknown speed
+        known = rows["vel"] < _UNKNOWN
         velocity = np.stack([rows["vn"], rows["ve"], rows["vd"]], axis=1) * 1e-2
-        speed_sigma = self._velocity_accuracy()
-        horizontal, vertical = (np.where(rows[name] < _UNKNOWN, rows[name], 0) * 1e-2 for name in ("eph", "epv"))
+        stated = self._accuracies(rows["time_usec"])
+        if stated is None:
+            horizontal, vertical = (np.where(rows[name] < _UNKNOWN, rows[name], 0) * 1e-2 for name in ("eph", "epv"))
+            speed_sigma = None
+            if (horizontal > 0).all():
+                notes.append("HIL_GPS: eph and epv are taken as accuracies in cm, as PX4 does; MAVLink defines dilutions")
+        else:
+            horizontal, vertical, moving = stated
+            speed_sigma = np.where(known & (moving > 0), moving, NO_INFORMATION) if (known & (moving > 0)).any() else None
         return FixSeries(
             name="HIL_GPS",
             time=self.seconds(rows),
             **_place(rows),
             undulation=undulation,
             position_sigma=three_sigmas(horizontal, vertical),
-            velocity_n=velocity,
-            velocity_sigma=None if speed_sigma is None else np.full((len(rows), 3), speed_sigma),
+            velocity_n=velocity if known.any() else None,
+            velocity_sigma=None if speed_sigma is None or not known.any() else np.stack([speed_sigma] * 3, axis=1),
         )
 
-    def _velocity_accuracy(self) -> float | None:
+    def _accuracies(self, time_usec: np.ndarray) -> tuple[Array, Array, Array] | None:
+        """Accuracies of position, horizontal and vertical (m), and of velocity (m/s) by the nearest GPS_RAW_INT; None if
+        it states none.
+
+        Unlike the eph and epv of HIL_GPS they have a unit that everybody agrees on.
+        """
         if "GPS_RAW_INT" not in self:
             return None
-        stated = self.columns("GPS_RAW_INT")["vel_acc"]
-        stated = stated[stated > 0]
-        return float(np.median(stated) * 1e-3) if len(stated) else None
+        rows = _each_once(self.columns("GPS_RAW_INT"))
+        rows = rows[(rows["fix_type"] >= FIX_3D) & (rows["h_acc"] > 0) & (rows["v_acc"] > 0)]
+        if not len(rows):
+            return None
+        near = nearest_rows(rows["time_usec"].astype(np.float64), time_usec.astype(np.float64))
+        horizontal, vertical, speed = (rows[name][near] * 1e-3 for name in ("h_acc", "v_acc", "vel_acc"))
+        return horizontal, vertical, speed
 
     def _gps_raw_int(self, undulation: float | None, clock: Array, notes: list[str]) -> FixSeries | None:
         if "GPS_RAW_INT" not in self:
@@ -224,7 +267,7 @@ class _Tables:
         )
 
     def _estimate(self) -> SolutionSeries | None:
-        if "GLOBAL_POSITION_INT" not in self or not ("ATTITUDE" in self or "ATTITUDE_QUATERNION" in self):
+        if not ("ATTITUDE" in self or "ATTITUDE_QUATERNION" in self):
             return None
         name = "ATTITUDE_QUATERNION" if "ATTITUDE_QUATERNION" in self else "ATTITUDE"
         rows = _each_once(self.columns(name), "time_boot_ms")
@@ -232,13 +275,18 @@ class _Tables:
             angles = [rows["roll"], rows["pitch"], rows["yaw"]]
         else:
             angles = list(attitude.numeric.to_euler(_unit(np.stack([rows[q] for q in ("q1", "q2", "q3", "q4")], axis=1))))
+        angles = [angle.astype(np.float64) for angle in angles]
+        time = rows["time_boot_ms"] * 1e-3
+        alone = SolutionSeries(name=name, time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
+        if "GLOBAL_POSITION_INT" not in self:
+            return alone
         places = _each_once(self.columns("GLOBAL_POSITION_INT"), "time_boot_ms")
-        at, time = places["time_boot_ms"] * 1e-3, rows["time_boot_ms"] * 1e-3
+        at = places["time_boot_ms"] * 1e-3
         inside = (at >= time[0]) & (at <= time[-1])
         if np.count_nonzero(inside) < 2:
-            return None
+            return alone
         places, at = places[inside], at[inside]
-        roll, pitch, heading = interpolated_angles(at, time, [angle.astype(np.float64) for angle in angles])
+        roll, pitch, heading = interpolated_angles(at, time, angles)
         return SolutionSeries(
             name=f"{name}, GLOBAL_POSITION_INT",
             time=at,

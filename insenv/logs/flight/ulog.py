@@ -30,6 +30,13 @@ from insenv.logs.flight.series import (
 from insenv.logs.units import Array
 
 MAGIC = b"ULog\x01\x12\x35"
+_HEADER_BYTES = 16
+_APPENDED = slice(_HEADER_BYTES + 3 + 16, _HEADER_BYTES + 3 + 40)
+"""Where the flag bits, the first message, give the offsets of appended data."""
+_MESSAGES = frozenset(b"ABCDFILMOPQRS")
+"""Kinds of messages, by the letter after the size."""
+_SYNC = ord("S")
+_SYNC_BYTES = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
 _MOST_READS = 300_000
 """Allowed reads without progress: two for each byte of the longest message, after which pyulog searches byte by byte."""
 _E7 = np.pi / 180.0 * 1e-7
@@ -54,9 +61,10 @@ def read_ulog(label: str, data: bytes) -> Flight:
         from pyulog import ULog
     except ModuleNotFoundError:
         raise InputError(f"{label}: pyulog is not installed: {install_package('pyulog')}") from None
+    whole, damage = whole_messages(data)
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it skips
-            log = ULog(_Advancing(data), _TOPICS)
+            log = ULog(_Advancing(whole), _TOPICS)
     except Exception as error:  # a damaged file can raise any exception
         raise InputError(f"{label}: not readable as a PX4 ULog file: {error or type(error).__name__}") from None
     topics = {(d.name, d.multi_id): d.data for d in log.data_list if len(d.data["timestamp"])}
@@ -73,15 +81,61 @@ def read_ulog(label: str, data: bytes) -> Flight:
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts of the logger, {lost:.3g} s in total")
-    if log.file_corruption:
+    notes += damage
+    if log.file_corruption and not damage:
         notes.append("the file is damaged: its readable part is used")
     rows = sum(len(table["timestamp"]) for table in topics.values())
-    return Flight(imus, tuple(fixes), () if solution is None else (solution,), tuple(notes), rows)
+    parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
+    solutions = () if solution is None else (solution,)
+    return Flight(imus, tuple(fixes), solutions, tuple(notes), rows, (), parameters)
 
 
 FORMAT = FlightFormat(
     ".ulg", "PX4 ULog file", "SDLOG_PROFILE selects what is logged: the default includes sensor_combined", read_ulog
 )
+
+
+def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
+    """The file with its whole messages only, and notes on what it lacks: its end, or bytes that are no message.
+
+    pyulog stops at some bytes that are no message. A ULog file has no checksums: values that are wrong within whole messages
+    cannot be found.
+    """
+    notes: list[str] = []
+    pieces, begin, at, lost, places, end = [], 0, _HEADER_BYTES, 0, 0, len(data)
+    while at + 3 <= end:
+        size, kind = int.from_bytes(data[at : at + 2], "little"), data[at + 2]
+        if kind not in _MESSAGES or (kind == _SYNC and data[at + 3 : at + 11] != _SYNC_BYTES):
+            found = _resumed(data, at + 1)
+            pieces.append(data[begin:at])
+            lost, places, at, begin = lost + found - at, places + 1, found, found
+        elif at + 3 + size > end:
+            break
+        else:
+            at += 3 + size
+    if at < end:
+        notes.append(
+            f"the file is cut off: of its last message only {end - at} bytes are there, and what was logged later is missing"
+        )
+    if lost:
+        notes.append(f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are no messages: skipped")
+    if not lost or any(data[_APPENDED]):  # the places of appended data are offsets into the file
+        return data, notes
+    return b"".join([*pieces, data[begin:at]]), notes
+
+
+def _resumed(data: bytes, at: int) -> int:
+    """Offset from `at` where three messages follow one another; the end of the data if there is none."""
+    end = len(data)
+    while at + 3 <= end:
+        next_at, count = at, 0
+        while count < 3 and next_at + 3 <= end and data[next_at + 2] in _MESSAGES:
+            next_at += 3 + int.from_bytes(data[next_at : next_at + 2], "little")
+            count += 1
+        if (count == 3 and next_at <= end) or (count and next_at == end):
+            return at
+        at += 1
+    return end
 
 
 class _Advancing(io.BytesIO):
@@ -175,18 +229,24 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
 def _solution(topics: dict[tuple[str, int], Columns], undulation: float) -> SolutionSeries | None:
     """PX4's solution: attitude of vehicle_attitude, the rest of vehicle_local_position where its origin is known."""
     turned, place = topics.get(("vehicle_attitude", 0)), topics.get(("vehicle_local_position", 0))
-    if turned is None or place is None:
+    if turned is None:
         return None
-    good = (np.asarray(place["xy_global"]) != 0) & (np.asarray(place["z_global"]) != 0)
+    q = _columns(turned, [f"q[{i}]" for i in range(4)])
+    length = np.linalg.norm(q, axis=1)
+    good = np.isfinite(length) & (length > 0.5)  # zeros before PX4's filter has started
     if np.count_nonzero(good) < 2:
         return None
-    place = {column: np.asarray(values)[good] for column, values in place.items()}
-    q = _columns(turned, [f"q[{i}]" for i in range(4)])
-    angles = attitude.numeric.to_euler(q / np.linalg.norm(q, axis=1, keepdims=True))
-    time, at = _seconds(turned["timestamp"]), _seconds(place["timestamp"])
+    angles = attitude.numeric.to_euler(q[good] / length[good, None])
+    time = _seconds(turned["timestamp"])[good]
+    alone = SolutionSeries(name="vehicle_attitude", time=time, roll=angles[0], pitch=angles[1], heading=angles[2])
+    if place is None:
+        return alone
+    known = (np.asarray(place["xy_global"]) != 0) & (np.asarray(place["z_global"]) != 0)
+    place = {column: np.asarray(values)[known] for column, values in place.items()}
+    at = _seconds(place["timestamp"])
     inside = (at >= time[0]) & (at <= time[-1])
     if np.count_nonzero(inside) < 2:
-        return None
+        return alone
     roll, pitch, heading = interpolated_angles(at[inside], time, angles)
     offset = _columns(place, ["x", "y", "z"])[inside]
     origin = (np.radians(place["ref_lat"][inside]), np.radians(place["ref_lon"][inside]), place["ref_alt"][inside] + undulation)

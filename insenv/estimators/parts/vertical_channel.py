@@ -1,0 +1,29 @@
+"""Why free-inertial height diverges: an error of height changes gravity, and gravity the height.
+
+Of an error dh of the height, gravity computed at h + dh lacks 2 g / R dh, so dh'' = 2 g / R dh: a solution grows as
+exp(t / TIME) with TIME = sqrt(R / 2 g), and an error at the start by the factor cosh(t / TIME). Britting (1971), chapter 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import cosh, sqrt
+from typing import Any
+
+from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY
+
+TIME = sqrt(MEAN_RADIUS / (2.0 * NOMINAL_GRAVITY))
+"""s, 570."""
+NOTED = 2.0
+"""Growth from which there is a note: after 750 s."""
+
+
+def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """The sentence about the height of an estimator without aiding, after `duration_s`, where it has begun to count."""
+    growth = cosh(min(duration_s / TIME, 700.0))
+    if growth < NOTED:
+        return ()
+    return (
+        f"nothing aids the height: its errors grow by a factor e every {TIME:.0f} s, sqrt(R / 2 g), those of the start by "
+        f"{growth:.2g} in {duration_s:g} s; use an estimator with GNSS where the height matters",
+    )

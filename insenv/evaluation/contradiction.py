@@ -1,0 +1,157 @@
+"""Where fixes contradict an estimate although each of them passes the gate.
+
+Two signs in the innovations of a filter, which are independent if it is consistent:
+
+- the median of `FIXES` successive test ratios is beyond `RATIO`: estimate and fixes differ by more than both state;
+- their velocity jumps from one fix to the next by far more than it usually varies: the inertial unit has missed an impact,
+  such as the touch-down of a drone, or the receiver has jumped. The estimate is wrong for some time after it, without a sign
+  in the test ratios if the receiver is much better than it states.
+
+A verdict over a whole run sees neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.tables import Vector
+
+FIXES = 5
+"""Successive fixes of which the median counts."""
+SHORTEST_S = 1.0
+"""They cover at least this time: a receiver of 20 Hz has slow errors."""
+RATIO = 3.0
+"""Median test ratio that contradicts."""
+JUMP = 10.0
+"""Jump of a velocity in units of its usual variation from one group of `FIXES` to the next (robust standard deviation)."""
+LEAST_JUMP = 0.3
+"""Smaller jumps (m/s) are not reported."""
+COMPONENTS = ("north", "east", "down", "vn", "ve", "vd")
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """An interval (s) in which fixes contradict the estimate, and its component with the largest median test ratio.
+
+    innovation: its median where that ratio is largest (m or m/s), estimate minus fix.
+    """
+
+    begin: float
+    end: float
+    component: str
+    ratio: float
+    innovation: float
+
+    def note(self) -> str:
+        """One sentence for the user."""
+        unit = "m/s" if self.component.startswith("v") else "m"
+        return (
+            f"the fixes contradict the estimate from {self.begin:.1f} to {self.end:.1f} s: {self.component} is off by"
+            f" {self.innovation:+.2g} {unit}, {self.ratio:.1f} times what estimate and fix state together: the"
+            " stated sigmas are too small there"
+        )
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump of the innovation of a velocity component between two fixes, at `before` and `after` (s), by `size` (m/s)."""
+
+    before: float
+    after: float
+    component: str
+    size: float
+
+    def note(self) -> str:
+        """One sentence for the user."""
+        return (
+            f"between {self.before:.2f} and {self.after:.2f} s the receiver's {self.component} changes by {-self.size:+.2g} m/s"
+            " more than the inertial unit measures: the unit misses an impact, such as a touch-down, or the receiver jumps;"
+            " the stated sigmas do not hold for some time after it"
+        )
+
+
+def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
+    """The worst contradiction and the largest jump, a sentence each.
+
+    time (n,) s; outputs: `innovation` (n, 6) and `test_ratio` (n, 6), position and velocity in n, of the last fix; there are
+    none for an estimator without them.
+    """
+    parted, jumped = contradictions(time, outputs), jumps(time, outputs)
+    notes = []
+    if parted:
+        more = f" ({len(parted) - 1} more such times)" if len(parted) > 1 else ""
+        notes.append(max(parted, key=lambda one: one.ratio).note() + more)
+    if jumped:
+        more = f" ({len(jumped) - 1} more such jumps)" if len(jumped) > 1 else ""
+        notes.append(max(jumped, key=lambda one: abs(one.size)).note() + more)
+    return tuple(notes)
+
+
+def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Contradiction]:
+    """The intervals in which test ratios stay beyond `RATIO`, in order.  Arguments: see `contradiction_notes`."""
+    time, innovations, ratios = _fixes(time, outputs)
+    if len(time) < FIXES:
+        return []
+    width = max(FIXES, int(np.ceil(SHORTEST_S / float(np.median(np.diff(time))))))
+    if len(time) < width:
+        return []
+    median = _medians(ratios, width)
+    size = np.abs(median)
+    at = np.flatnonzero(size.max(axis=1) > RATIO)
+    found = []
+    for group in np.split(at, np.flatnonzero(np.diff(at) > width) + 1) if at.size else []:
+        window, component = np.unravel_index(int(np.argmax(size[group])), (len(group), 6))
+        first = int(group[window])
+        found.append(
+            Contradiction(
+                begin=float(time[group[0]]),
+                end=float(time[group[-1] + width - 1]),
+                component=COMPONENTS[component],
+                ratio=float(size[first, component]),
+                innovation=float(np.median(innovations[first : first + width, component])),
+            )
+        )
+    return found
+
+
+def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump]:
+    """The jumps of the velocity, in order.  Arguments: see `contradiction_notes`."""
+    time, innovations, _ = _fixes(time, outputs)
+    if len(time) < 4 * FIXES:
+        return []
+    median = _medians(innovations[:, 3:], FIXES)
+    step = median[FIXES:] - median[:-FIXES]  # between the fixes FIXES - 1 + k and FIXES + k
+    usual = 1.4826 * np.median(np.abs(step), axis=0)
+    apart = np.diff(time)[FIXES - 1 : FIXES - 1 + len(step)]
+    without_gap = apart < 3 * np.median(np.diff(time))
+    # a jump is in one step, and steady on both sides of it; slow errors of a receiver are not
+    groups = np.lib.stride_tricks.sliding_window_view(innovations[:, 3:], FIXES, axis=0)
+    spread = groups.max(axis=-1) - groups.min(axis=-1)
+    steady = np.maximum(spread[:-FIXES], spread[FIXES:]) < 0.5 * np.abs(step)
+    large = steady & (np.abs(step) > np.maximum(JUMP * usual, LEAST_JUMP))
+    at = np.flatnonzero(large.any(axis=1) & without_gap)
+    found = []
+    for group in np.split(at, np.flatnonzero(np.diff(at) > FIXES) + 1) if at.size else []:
+        window, component = np.unravel_index(int(np.argmax(np.abs(step[group] * large[group]))), (len(group), 3))
+        first = int(group[window]) + FIXES - 1
+        size = float(step[group[window], component])
+        found.append(Jump(float(time[first]), float(time[first + 1]), COMPONENTS[3 + component], size))
+    return found
+
+
+def _fixes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> tuple[Vector, Vector, Vector]:
+    """Time (k,), innovation (k, 6) and test ratio (k, 6) of each fix in the records; empty without such outputs."""
+    ratios, innovations = outputs.get("test_ratio"), outputs.get("innovation")
+    if ratios is None or innovations is None or ratios.shape[1:] != (6,):
+        return np.zeros(0), np.zeros((0, 6)), np.zeros((0, 6))
+    fresh = np.concatenate([[False], (np.diff(ratios, axis=0) != 0.0).any(axis=1)])
+    return time[fresh], innovations[fresh], ratios[fresh]
+
+
+def _medians(values: Vector, width: int) -> Vector:
+    """Medians (n - width + 1, k) of `width` successive rows."""
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(values, width, axis=0), axis=-1))

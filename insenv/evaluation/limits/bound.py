@@ -1,0 +1,109 @@
+"""`Limit`: the posterior Cramer-Rao bound along a trajectory, and its statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.model import Model
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
+from insenv.evaluation.limits.fixes import fixes_of
+from insenv.evaluation.limits.mooring import mooring_of
+from insenv.evaluation.limits.recursion import Layout, Prior, recursion
+from insenv.evaluation.limits.states import unit_of, wander_of
+from insenv.evaluation.limits.steps import step_ends, steps_along
+
+Array = NDArray[np.float64]
+
+FLOOR = {
+    **dict.fromkeys(ATTITUDE[:2], 1e-6),
+    ATTITUDE[2]: 1e-4,
+    **dict.fromkeys(VELOCITY, 1e-4),
+    **dict.fromkeys(POSITION, 1e-3),
+}
+"""By channel: below it, the limit is that of the numbers that keep the recursion regular (a unit without noise, a velocity
+of 0 at rest), and a ratio to it tells nothing."""
+_ORDER = (*ATTITUDE, *VELOCITY, *POSITION)
+
+
+@dataclass(frozen=True, repr=False)
+class Limit:
+    """The smallest standard deviation that any method can have, over the ensemble of units, noises and start errors.
+
+    time (n,) s, rising from 0.  rotation (n, 3): of the attitude as a rotation about north, east and down, rad.  sigma: by
+    channel (`insenv.evaluation.errors.CHANNELS`), (n,) deg, m/s or m.  All at these times, after everything delivered by then.
+    """
+
+    time: Array
+    rotation: Array
+    sigma: dict[str, Array]
+
+    def at(self, times: Array) -> dict[str, Array]:
+        """By channel, at other times (m,) s: variances are interpolated."""
+        return {name: np.sqrt(np.interp(times, self.time, values**2)) for name, values in self.sigma.items()}
+
+    def rms(self, times: Array, from_s: float = 0.0) -> dict[str, float]:
+        """By channel, over the times (m,) s from `from_s` on: the root mean square, as the statistic of the errors there."""
+        late = np.asarray(times)[np.asarray(times) >= from_s - 1e-9]
+        return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.at(late).items()}
+
+    def __repr__(self) -> str:
+        last = ", ".join(f"{name} {self.sigma[name][-1]:.3g}" for name in CHANNELS)
+        return f"Limit at {self.time[-1]:g} s: {last}"
+
+
+def ratio(rms: float, limit: float | None, channel: str) -> float | None:
+    """rms / limit, or None where there is no limit or it is at its numerical floor."""
+    return None if not limit or limit < FLOOR[channel] else rms / limit
+
+
+def ratio_bounds(runs: int, probability: float = 0.95) -> tuple[float, float]:
+    """Between which rms/limit lies for an optimal estimator, by the chance of so many runs: sqrt(chi2_n / n).
+
+    The errors of a run are taken as one draw, because the biases of its unit are.
+    """
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf(((1 - probability) / 2, (1 + probability) / 2), runs)
+    return float(np.sqrt(low / runs)), float(np.sqrt(high / runs))
+
+
+def bound(
+    model: Model,
+    rows: Mapping[str, Any],
+    prior: Prior,
+    samples: int,
+    *,
+    in_place: bool,
+    progress: Callable[[int, int], None] | None = None,
+) -> Limit:
+    """The limit along the trajectory of a plant.
+
+    model, rows: the plant and its parameters (SI, by row name), with the seed of the trajectory.  prior: what is told of the
+    start.  samples: inertial samples.  in_place: whether the vehicle stays where it is.  progress: called with the numbers
+    of samples done and in all.
+    """
+    interval = float(rows["sample_interval"])
+    fixes = fixes_of(rows, interval)
+    mooring = mooring_of(rows) if in_place else None
+    layout = Layout(unit_of(rows), wander_of(rows) if fixes is not None else None, fixes, mooring)
+    ends = step_ends(samples, interval, fixes)
+    steps = steps_along(model, model.parameters.pack(rows), interval, ends, layout.unit.C_bs)
+    times, sigmas = [], []
+    for time, sigma in recursion(steps, layout, prior):
+        times.append(time)
+        sigmas.append(sigma)
+        if progress is not None:
+            progress(round(float(time[-1]) / interval), samples)
+    return limit_of(np.concatenate(times), np.concatenate(sigmas))
+
+
+def limit_of(time: Array, sigma: Array) -> Limit:
+    """`Limit` from the standard deviations (n, 12) of a `recursion`."""
+    scaled = sigma[:, :9] * np.repeat([180.0 / np.pi, 1.0, 1.0], 3)
+    columns = dict(zip(_ORDER, scaled.T, strict=True))
+    return Limit(time, sigma[:, 9:], {name: np.ascontiguousarray(columns[name]) for name in CHANNELS})

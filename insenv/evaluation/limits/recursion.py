@@ -1,0 +1,248 @@
+"""The Riccati recursion: the covariance of the optimal filter, linearised on the truth, from step to step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude, geodesy
+from insenv.evaluation.limits.fixes import Fixes
+from insenv.evaluation.limits.mechanization import (
+    DR,
+    DV,
+    PSI,
+    earth_axes,
+    euler_jacobian,
+    integrals,
+    local,
+)
+from insenv.evaluation.limits.mooring import REST_SIGMA, SWAY_SIGMA, Mooring
+from insenv.evaluation.limits.states import Source, Unit, entering
+from insenv.evaluation.limits.steps import Steps
+
+Array = NDArray[np.float64]
+
+NAVIGATION = 9
+"""Number of navigation errors, which come first in the state."""
+UNIFORM = np.pi / np.sqrt(3.0)
+"""Standard deviation of an angle of which nothing is known, rad."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is told of the start: standard deviations of roll, pitch and heading (3, rad), velocity (3, m/s) and position
+    (3, m), in n."""
+
+    attitude: Array
+    velocity: Array
+    position: Array
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The states after the navigation errors: those of the unit, the wander of the fixes, and the mooring."""
+
+    unit: Unit
+    wander: Source | None
+    fixes: Fixes | None
+    mooring: Mooring | None
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """All sources, in the order of their states."""
+        wander = () if self.wander is None else (self.wander,)
+        return (*self.unit.sources, *wander, *(() if self.mooring is None else self.mooring.sources()))
+
+    def place(self, source: Source | None) -> slice:
+        """The states of a source; an empty slice for None."""
+        begin = NAVIGATION
+        for own in self.sources:
+            if source is not None and own.name == source.name and own.triad == source.triad:
+                return slice(begin, begin + own.place.size)
+            begin += own.place.size
+        return slice(begin, begin)
+
+
+def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable[tuple[Array, Array]]:
+    """Times (m,) and standard deviations (m, 12) of roll, pitch, heading (rad), velocity (m/s), position (m), and of the
+    attitude as a rotation (rad) about the axes n, block by block; the first time is 0.
+
+    The covariance at a time is that after everything delivered by then.  A fix is applied at its epoch; up to its delivery
+    the recorded covariance is a copy without it.
+    """
+    filter_ = None
+    for steps in blocks:
+        if filter_ is None:
+            filter_ = _Filter(layout, prior, steps)
+            yield np.zeros(1), filter_.start
+        yield steps.time, filter_.block(steps)
+
+
+class _Filter:
+    """The covariance, and what of it does not change from block to block."""
+
+    def __init__(self, layout: Layout, prior: Prior, first: Steps) -> None:
+        self.layout = layout
+        sources = layout.sources
+        variance, walk, time = (
+            np.concatenate([np.zeros(0), *(getattr(s, name) for s in sources)]) for name in ("variance", "walk", "time")
+        )
+        self.variance, self.walk, self.time = variance, walk, time
+        (self.decaying,) = np.nonzero(np.isfinite(time))
+        (self.walking,) = np.nonzero(walk > 0.0)
+        W = local(first, earth_axes(first.latitude, first.longitude))[:1]
+        J = euler_jacobian(first.q_nb[:1])
+        tilts = np.linalg.inv(J[0])
+        told = np.zeros((9, 9))
+        told[PSI, PSI] = tilts @ np.diag(np.minimum(prior.attitude, UNIFORM) ** 2) @ tilts.T
+        told[DV, DV], told[DR, DR] = np.diag(prior.velocity**2), np.diag(prior.position**2)
+        back = np.linalg.inv(W[0])
+        self.P = np.zeros((NAVIGATION + len(variance),) * 2)
+        self.P[:NAVIGATION, :NAVIGATION] = back @ told @ back.T
+        self.P[NAVIGATION:, NAVIGATION:] = np.diag(variance)
+        self.without: Array | None = None  # the covariance without the fix that is not yet delivered
+        self.due = 0  # sample of its delivery
+        rotation = np.sqrt(np.diag(told[PSI, PSI]))
+        self.start = np.concatenate([np.minimum(prior.attitude, UNIFORM), prior.velocity, prior.position, rotation])[None]
+
+    def block(self, steps: Steps) -> Array:
+        """The standard deviations (m, 12) after each step."""
+        layout, count = self.layout, len(steps.time)
+        C_en = earth_axes(steps.latitude, steps.longitude)
+        rest = steps.rest if layout.mooring is None else np.zeros(count, dtype=bool)
+        thrust, force = _as_known(steps, rest)
+        A = integrals(steps, C_en, thrust)
+        transition = np.eye(NAVIGATION) + A + A @ A / 2
+        drive = self._drive(steps, C_en, A)
+        coupling = self._coupling(steps, C_en, A, force)
+        both = np.concatenate([transition, coupling], axis=2)
+        decay = np.exp(-steps.length[:, None] / self.time[self.decaying])
+        grown = self.variance[self.decaying] * (1 - decay**2)
+        walked = self.walk[self.walking] * steps.length[:, None]
+        decaying, walking = self.decaying + NAVIGATION, self.walking + NAVIGATION
+        lever = np.zeros((count, 2, 3)) if layout.fixes is None else _lever(steps, layout.fixes.lever_arm)
+        kept = np.empty((count, NAVIGATION, NAVIGATION))
+        for k in range(count):
+            for P in (self.P,) if self.without is None else (self.P, self.without):
+                _propagate(P, both[k], drive[k])
+                if decaying.size:
+                    P[decaying] *= decay[k][:, None]
+                    P[:, decaying] *= decay[k]
+                    P[decaying, decaying] += grown[k]
+                P[walking, walking] += walked[k]
+                if layout.mooring is not None:
+                    self._moored(P, float(steps.time[k]), C_en[k])
+                elif rest[k]:
+                    _measure(P, P[:, DV].copy(), P[DV, DV].copy(), np.full(3, REST_SIGMA**2))
+            fixes = layout.fixes
+            if fixes is not None:
+                sample = int(steps.end[k])
+                if fixes.measured(sample):
+                    self.without = self.P.copy() if fixes.latency else None
+                    self.due = sample + fixes.latency
+                    self._fix(fixes, C_en[k], lever[k])
+                if self.without is not None and sample >= self.due:
+                    self.without = None
+            kept[k] = (self.P if self.without is None else self.without)[:NAVIGATION, :NAVIGATION]
+        return _channels(kept, steps, C_en)
+
+    def _drive(self, steps: Steps, C_en: Array, A: Array) -> Array:
+        """Covariance (m, 9, 9) that the white noise of the unit adds in each step."""
+        C_es = C_en @ (steps.C_ns / steps.length[:, None, None])
+        white = np.zeros_like(A)
+        for block, noise in ((PSI, self.layout.unit.noise[0]), (DV, self.layout.unit.noise[1])):
+            white[:, block, block] = (C_es * noise**2) @ C_es.swapaxes(1, 2) * steps.length[:, None, None]
+        middle = np.eye(NAVIGATION) + A / 2
+        return np.asarray(middle @ white @ middle.swapaxes(1, 2))
+
+    def _coupling(self, steps: Steps, C_en: Array, A: Array, force: Array) -> Array:
+        """Effect (m, 9, states) of the error sources on the navigation errors over each step."""
+        found = np.zeros((len(steps.time), NAVIGATION, len(self.variance)))
+        begin = 0
+        for source in self.layout.sources:
+            own = entering(source, self.layout.unit, steps, force)
+            span = slice(begin, begin + source.place.size)
+            found[:, PSI, span], found[:, DV, span] = C_en @ own[:, :3], C_en @ own[:, 3:]
+            begin = span.stop
+        return np.asarray(found + A @ found / 2)
+
+    def _moored(self, P: Array, time: float, C_en: Array) -> None:
+        """Measure: the displacement is that of the place and the sway."""
+        mooring = self.layout.mooring
+        assert mooring is not None
+        rows = mooring.rows(time)
+        begin = len(P) - rows.shape[1]
+        crossed = P[:, DR] @ C_en - P[:, begin:] @ rows.T
+        inside = C_en.T @ crossed[DR] - rows @ crossed[begin:]
+        _measure(P, crossed, inside, np.full(3, SWAY_SIGMA**2))
+
+    def _fix(self, fixes: Fixes, C_en: Array, lever: Array) -> None:
+        """Apply a fix: position and velocity of the antenna in n."""
+        H = np.zeros((6, len(self.P)))
+        C_ne = C_en.T
+        # psi x a = -[a x] psi
+        H[:3, PSI], H[3:, PSI] = (-attitude.numeric.skew(arm) @ C_ne for arm in lever)
+        H[:3, DR], H[:3, DV], H[3:, DV] = C_ne, -fixes.offset * C_ne, C_ne
+        wander = self.layout.wander
+        if wander is not None:
+            span = self.layout.place(wander)
+            H[wander.place, np.arange(span.start, span.stop)] = 1.0
+        sigma = np.concatenate([fixes.position, fixes.velocity])
+        H, sigma = H[np.isfinite(sigma)], sigma[np.isfinite(sigma)]
+        if sigma.size:
+            crossed = self.P @ H.T
+            _measure(self.P, crossed, H @ crossed, sigma**2)
+
+
+def _propagate(P: Array, both: Array, drive: Array) -> None:
+    """One step, in place.  both (9, n): the transition of the navigation errors."""
+    moved = both @ P
+    inner = moved @ both.T + drive
+    P[:NAVIGATION, :NAVIGATION] = (inner + inner.T) / 2
+    P[:NAVIGATION, NAVIGATION:] = moved[:, NAVIGATION:]
+    P[NAVIGATION:, :NAVIGATION] = moved[:, NAVIGATION:].T
+
+
+def _measure(P: Array, crossed: Array, inside: Array, variance: Array) -> None:
+    """Measure with white noise, in place.  crossed (n, k): P H^T.  inside (k, k): H P H^T.  variance (k,)."""
+    inside = (inside + inside.T) / 2
+    inside[np.diag_indices(len(variance))] += variance
+    P -= crossed @ np.linalg.solve(inside, crossed.T)
+    P += P.T
+    P *= 0.5
+
+
+def _as_known(steps: Steps, rest: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Integral of the specific force (m, 3) and `Steps.force`, at rest those of gravity alone.
+
+    With the true force, a measured velocity of 0 would tell the small motion of a vehicle at rest.
+    """
+    if not rest.any():
+        return steps.thrust, steps.force
+    gravity = np.asarray(geodesy.numeric.normal_gravity(np.sin(steps.latitude), steps.height))
+    up = np.stack([0 * gravity, 0 * gravity, -gravity], axis=1)
+    C_ns = steps.C_ns / steps.length[:, None, None]
+    up_s = (C_ns.swapaxes(1, 2) @ up[..., None])[..., 0]
+    force = steps.C_ns[..., None] * up_s[:, None, None, :]
+    return np.where(rest[:, None], up * steps.length[:, None], steps.thrust), np.where(
+        rest[:, None, None, None], force, steps.force
+    )
+
+
+def _lever(steps: Steps, arm: Array) -> Array:
+    """The lever arm of the antenna (m) and its velocity by rotation (m/s) in n, (m, 2, 3)."""
+    C_nb = attitude.numeric.to_dcm(steps.q_nb)
+    arm_n = (C_nb @ arm[:, None])[..., 0]
+    return np.stack([arm_n, np.cross(steps.rate_n, arm_n)], axis=1)
+
+
+def _channels(P: Array, steps: Steps, C_en: Array) -> Array:
+    """Standard deviations (m, 12), as `recursion` gives them, from covariances in e."""
+    W = local(steps, C_en)
+    W = np.concatenate([euler_jacobian(steps.q_nb) @ W[:, PSI], W[:, DV], W[:, DR], W[:, PSI]], axis=1)
+    sigma = np.sqrt(np.maximum(np.sum((W @ P) * W, axis=2), 0.0))
+    sigma[:, :3], sigma[:, 9:] = np.minimum(sigma[:, :3], UNIFORM), np.minimum(sigma[:, 9:], UNIFORM)
+    return np.asarray(sigma)

@@ -1,0 +1,157 @@
+"""The error sources of a plant as states of the optimal filter: variances, drives, and how they enter the navigation errors.
+
+A source without variance has no state.  A fixed error (a bias that the data sheet of a scenario gives as a number) counts as
+one standard deviation of the ensemble of units, as a drawn one does.  Not counted, because they can only add to the error:
+quantization, the range of the sensors, lost samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude
+from insenv.evaluation.limits.steps import Steps
+from insenv.sensors.flicker import PARTS, SIGMA, TIMES
+
+Array = NDArray[np.float64]
+
+LEAST_ANGLE_NOISE, LEAST_VELOCITY_NOISE = 1e-9, 1e-7
+"""White noise of a unit without any, rad/s^0.5 and m/s^1.5, which keeps the recursion regular."""
+_OFF_DIAGONAL = (1, 2, 3, 5, 6, 7)
+"""Places of the axis couplings xy, xz, yx, yz, zx, zy in a 3 x 3 matrix by rows."""
+_TRIADS = (("gyro", 0), ("accel", 1))
+
+
+@dataclass(frozen=True)
+class Source:
+    """k states of one kind.
+
+    name: of the kind.  triad: 0 gyros, 1 accelerometers, 2 both, None neither.  place (k,): which of the kind's components
+    the states are.  variance (k,): at time 0.  walk (k,): variance per second of a random walk.  time (k,): correlation time
+    of a stationary Gauss-Markov process, s; infinite: none.
+    """
+
+    name: str
+    triad: int | None
+    place: NDArray[np.int64]
+    variance: Array
+    walk: Array
+    time: Array
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The inertial unit, with the gravity that it measures: its sources, its white noise and its temperature.
+
+    noise (2, 3): white noise of gyros (rad/s^0.5) and accelerometers (m/s^1.5), s.  C_bs (3, 3): from sensor to body axes.
+    temperatures: initial, final and reference temperature (K) and time constant (s).
+    """
+
+    sources: tuple[Source, ...]
+    noise: Array
+    C_bs: Array
+    temperatures: tuple[float, float, float, float]
+
+
+def unit_of(rows: Mapping[str, Any]) -> Unit:
+    """The inertial unit of a plant's parameters by row name (SI)."""
+
+    def row(name: str, size: int) -> Array:
+        return np.broadcast_to(np.asarray(rows.get(name, 0.0), dtype=float).ravel(), size)
+
+    found: list[Source | None] = []
+    shortest = 0.5 * float(rows.get("drift_interval", 1.0))  # the plant interpolates between values this far apart, twice
+    for name, triad in _TRIADS:
+        turn_on = row(f"{name}_bias", 3) ** 2 + row(f"{name}_bias_sigma", 3) ** 2
+        found.append(_source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
+        times = np.maximum(row(f"{name}_instability_time", 3), shortest)
+        found.append(_source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
+        floor = SIGMA * row(f"{name}_flicker", 3)
+        found += [_source(f"flicker {part}", triad, floor**2, time=np.full(3, TIMES[part])) for part in range(PARTS)]
+        found.append(_source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
+        matrix = np.zeros(9)
+        matrix[[0, 4, 8]] = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
+        matrix[list(_OFF_DIAGONAL)] = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
+        found.append(_source("matrix", triad, matrix))
+    found.append(_source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
+    found.append(_source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
+    found.append(_source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
+    q_bs = np.asarray(rows.get("q_bs", (1.0, 0.0, 0.0, 0.0)), dtype=float)
+    white = [
+        np.maximum(np.abs(row("angle_random_walk", 3)), LEAST_ANGLE_NOISE),
+        np.maximum(np.abs(row("velocity_random_walk", 3)), LEAST_VELOCITY_NOISE),
+    ]
+    kelvin = [float(rows.get(f"imu_temperature_{name}", 293.15)) for name in ("initial", "final", "reference")]
+    return Unit(
+        sources=tuple(source for source in found if source is not None),
+        noise=np.array(white),
+        C_bs=attitude.numeric.to_dcm(q_bs / np.linalg.norm(q_bs)),
+        temperatures=(kelvin[0], kelvin[1], kelvin[2], float(rows.get("imu_temperature_time", 600.0))),
+    )
+
+
+def wander_of(rows: Mapping[str, Any]) -> Source | None:
+    """The slowly varying error of the fixes (n, m), from a plant's parameters by row name; None if there is none."""
+    sigma = np.broadcast_to(np.asarray(rows.get("gnss_wander_sigma", 0.0), dtype=float), 3)
+    return _source("wander", None, sigma**2, time=np.full(3, float(rows.get("gnss_wander_time", 1.0))))
+
+
+def constants(name: str, variance: Array) -> Source:
+    """States that do not change, such as the place of a mooring; `variance` (k,) > 0."""
+    found = _source(name, None, variance)
+    assert found is not None
+    return found
+
+
+def _source(
+    name: str, triad: int | None, variance: Array, walk: Array | None = None, time: Array | None = None
+) -> Source | None:
+    walk = np.zeros_like(variance) if walk is None else walk
+    time = np.full_like(variance, np.inf) if time is None else time
+    (place,) = np.nonzero((variance > 0.0) | (walk > 0.0))
+    return Source(name, triad, place, variance[place], walk[place], time[place]) if place.size else None
+
+
+def entering(source: Source, unit: Unit, steps: Steps, force: Array) -> Array:
+    """How the states enter over each step (m, 6, k): integrals of the gyros' error (rad) and of that of the accelerometers
+    (m/s) in n, by state.
+
+    force (m, 3, 3, 3): as `Steps.force`; at rest that of gravity alone.
+    """
+    found = np.zeros((len(steps.time), 6, source.place.size))
+    if source.name == "gravity":  # the estimate lacks it
+        found[:, 3:] = -np.eye(3)[:, source.place] * steps.length[:, None, None]
+    if source.triad is None:
+        return found
+    for triad in (0, 1) if source.triad == 2 else (source.triad,):
+        increments = steps.angle if triad == 0 else force
+        found[:, 3 * triad : 3 * triad + 3] = _columns(source, unit, steps, increments, force)
+    return found
+
+
+def _columns(source: Source, unit: Unit, steps: Steps, increments: Array, force: Array) -> Array:
+    if source.name in ("bias", "in-run bias") or source.name.startswith("flicker"):
+        columns = steps.C_ns
+    elif source.name == "thermal bias":
+        initial, final, reference, constant = unit.temperatures
+        middle = steps.time - steps.length / 2
+        warmth = final + (initial - final) * np.exp(-middle / constant) - reference
+        columns = steps.C_ns * warmth[:, None, None]
+    elif source.name == "matrix":
+        columns = increments.reshape(-1, 3, 9)
+    elif source.name == "g-sensitivity":
+        columns = force.reshape(-1, 3, 9)
+    else:  # mounting: the increments d are sensed as d + d x e
+        columns = np.einsum("mnkj,kjl->mnl", increments, _CROSS)
+    return np.asarray(columns[:, :, source.place])
+
+
+_CROSS = np.zeros((3, 3, 3))
+"""(d x e)_k = sum over j and l of _CROSS[k, j, l] d_j e_l."""
+for _k, _j, _l in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _CROSS[_k, _j, _l], _CROSS[_k, _l, _j] = 1.0, -1.0

@@ -1,0 +1,182 @@
+"""Whether the vehicle of a log stands or moves: the time at rest, and travel over the ground.
+
+Rest is what inertial unit and receiver agree on, one window after the other. An inertial unit alone cannot distinguish rest
+from a smooth straight ride: each window's mean force and rate are therefore compared with those of the rest so far, which
+shows every start from rest, and fixes show a log that begins under way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from insenv import geodesy
+from insenv.logs.course import NO_INFORMATION
+from insenv.logs.recorded import GnssFixes, RecordedLog
+from insenv.logs.units import Array
+
+REST_WINDOW_S = 1.0
+REST_RATE = 0.02
+"""Largest standard deviation of a body rate of a vehicle at rest with its motor idling (rad/s)."""
+REST_FORCE = 0.5
+"""Largest standard deviation of the specific force, likewise (m/s^2)."""
+REST_TURN = 0.02
+"""Largest change of a mean body rate at rest (rad/s): a steady turn has a small standard deviation."""
+REST_PUSH = 0.2
+"""Largest change of a mean specific force at rest (m/s^2): people getting in tilt a car by some 0.5 deg, 0.1 m/s^2."""
+REST_SPEED = 0.5
+"""Largest speed over ground that a receiver shows at rest (m/s)."""
+REST_SAMPLES = 100
+LEAVES = 4.0
+"""Standard deviations of a fix by which a vehicle has left its place."""
+SMOOTH_S = 10.0
+"""Time that a vehicle may move unnoticed before its fixes show it (s)."""
+
+TRAVEL_WINDOW_S = 10.0
+"""Medians over this time count, which is longer than the periods of waves."""
+TRAVEL_SPEED = 1.0
+"""Speed over ground (m/s) above which a vehicle travels; a vessel that swings at its mooring is slower."""
+
+
+@dataclass(frozen=True)
+class Travel:
+    """What a log shows of travel over the ground: time (s) of the first window that shows it, speed there (m/s)."""
+
+    time: float
+    speed: float
+
+
+def rest_until(
+    end: Array, rate_ib_b: Array, specific_force_b: Array, gnss: GnssFixes | None, begin_s: float | None = None
+) -> float | None:
+    """End (s) of the time at rest that begins with the first sample, or at `begin_s`; None if the vehicle moves at once.
+
+    end (n,) s; rate_ib_b (n, 3) rad/s; specific_force_b (n, 3) m/s^2.
+    """
+    first = 0 if begin_s is None else int(np.searchsorted(end, begin_s))
+    if len(end) - first < REST_SAMPLES:
+        return None
+    per_window = max(round(REST_WINDOW_S / float(np.median(np.diff(end)))), 2)
+    until = first
+    means: list[Array] = []
+    for begin in range(first, len(end) - per_window + 1, per_window):
+        window = slice(begin, begin + per_window)
+        rate, force = rate_ib_b[window], specific_force_b[window]
+        if rate.std(axis=0).max() > REST_RATE or force.std(axis=0).max() > REST_FORCE:
+            break
+        mean = np.concatenate([rate.mean(axis=0), force.mean(axis=0)])
+        if means:
+            change = np.abs(mean - np.mean(means, axis=0))
+            if change[:3].max() > REST_TURN or change[3:].max() > REST_PUSH:
+                break
+        if gnss is not None:
+            span = float(end[first]), float(end[begin]), float(end[begin + per_window - 1])
+            if gnss.velocity_n is not None and _has_speed(gnss, gnss.velocity_n, *span[1:]):
+                break
+            if gnss.velocity_n is None and (left := _left_at(gnss, *span)) is not None:
+                until = int(np.searchsorted(end, left))
+                break
+        means.append(mean)
+        until = begin + per_window
+    return float(end[until - 1]) if until - first >= REST_SAMPLES else None
+
+
+def _has_speed(gnss: GnssFixes, velocity_n: Array, begin: float, end: float) -> bool:
+    """Whether a velocity from `begin` to `end` (s) shows motion."""
+    now = (gnss.time >= begin) & (gnss.time <= end)
+    if gnss.velocity_sigma is not None:
+        now &= gnss.velocity_sigma[:, :2].max(axis=1) < NO_INFORMATION
+    return bool(now.any() and np.hypot(*velocity_n[now, :2].T).max() > REST_SPEED)
+
+
+def _left_at(gnss: GnssFixes, since: float, begin: float, end: float) -> float | None:
+    """When the vehicle left the place of the fixes after `since` (s), if one from `begin` to `end` lies outside; else None.
+
+    A vehicle that leaves its place without a sign of it in the inertial unit rides smoothly: from the start, if its way so far
+    is that of a uniform motion, otherwise for at most `SMOOTH_S`.
+    """
+    use = (gnss.time >= since) & (gnss.time <= end)
+    now = gnss.time[use] >= begin
+    if not now.any() or now.all():
+        return None
+    places = [values[use] for values in (gnss.latitude, gnss.longitude, gnss.height)]
+    way = geodesy.numeric.ned_offset(*places, *(float(p[~now].mean()) for p in places))[:, :2]
+    if not (np.abs(way[now]) > LEAVES * gnss.position_sigma[use][now, :2]).any():
+        return None
+    time = gnss.time[use] - gnss.time[use].mean()
+    way = way - way.mean(axis=0)
+    uniform = np.outer(time, time @ way / (time @ time))
+    steady = float(np.sum((way - uniform) ** 2)) < 0.5 * float(np.sum(way**2))
+    return since if steady else begin - SMOOTH_S
+
+
+def travel(log: RecordedLog, begin_s: float, end_s: float) -> Travel | None:
+    """The first travel over the ground between two times (s), by the fixes or else by the reference; None if there is none.
+
+    The speed is that of the median velocity over `TRAVEL_WINDOW_S`, or of the way between median places; what their
+    standard deviations explain does not count.
+    """
+    found = _ground_track(log, begin_s, end_s)
+    if found is None:
+        return None
+    time, velocity, sigma = found
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    at = np.flatnonzero(speed > TRAVEL_SPEED + LEAVES * sigma)
+    return Travel(float(time[at[0]]), float(speed[at[0]])) if at.size else None
+
+
+def shows_travel(log: RecordedLog, begin_s: float, end_s: float) -> bool:
+    """Whether fixes or reference would show travel between two times (s)."""
+    return _ground_track(log, begin_s, end_s) is not None
+
+
+def _ground_track(log: RecordedLog, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
+    """Middle (k,) s, median velocity (k, 2) m/s and its standard deviation (k,) of windows; None if nothing shows them."""
+    gnss, reference = log.gnss, log.reference
+    if gnss is not None and gnss.velocity_n is not None and gnss.velocity_sigma is not None:
+        found = _by_velocity(gnss.time, gnss.velocity_n, gnss.velocity_sigma, begin_s, end_s)
+        if found is not None:
+            return found
+    if gnss is not None:
+        found = _by_way(gnss, begin_s, end_s)
+        if found is not None:
+            return found
+    if reference is not None and reference.velocity_n is not None:
+        return _by_velocity(reference.time, reference.velocity_n, np.zeros(reference.velocity_n.shape), begin_s, end_s)
+    return None
+
+
+def _by_velocity(time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
+    known = sigma[:, :2].max(axis=1) < NO_INFORMATION
+    found = _windows(np.column_stack([time, velocity[:, :2], sigma[:, :2].max(axis=1)])[known], begin_s, end_s)
+    if found is None:
+        return None
+    middle, count = found
+    return middle[:, 0], middle[:, 1:3], middle[:, 3] / np.sqrt(count)
+
+
+def _by_way(gnss: GnssFixes, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:
+    """From the median place of each window to that of the next."""
+    place = [gnss.latitude, np.unwrap(gnss.longitude), gnss.height, gnss.position_sigma[:, :2].max(axis=1)]
+    found = _windows(np.column_stack([gnss.time, *place]), begin_s, end_s)
+    if found is None or len(found[0]) < 2:
+        return None
+    middle, count = found
+    way = geodesy.numeric.ned_offset(*middle[1:, 1:4].T, *middle[:-1, 1:4].T)
+    took = np.diff(middle[:, 0])
+    sigma = middle[:, 4] / np.sqrt(count)
+    return 0.5 * (middle[1:, 0] + middle[:-1, 0]), way[:, :2] / took[:, None], np.hypot(sigma[1:], sigma[:-1]) / took
+
+
+def _windows(rows: Array, begin_s: float, end_s: float) -> tuple[Array, Array] | None:
+    """Medians (k, columns) of the rows in windows of `TRAVEL_WINDOW_S` by their first column, the time, and their numbers (k,).
+
+    Medians, because one wrong fix must not refuse an alignment. The last window may be shorter.
+    """
+    rows = rows[(rows[:, 0] >= begin_s) & (rows[:, 0] <= end_s)]
+    if not len(rows):
+        return None
+    number = (rows[:, 0] - rows[0, 0]) // TRAVEL_WINDOW_S
+    windows = np.split(rows, np.flatnonzero(np.diff(number)) + 1)
+    return np.array([np.median(each, axis=0) for each in windows]), np.array([float(len(each)) for each in windows])

@@ -1,0 +1,138 @@
+"""The limit of a scenario (`insenv.evaluation.limits`), computed once and kept."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import time
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from insenv.core.compile import cache_folder
+from insenv.core.model import Model
+from insenv.core.progress import Progress, check_progress
+from insenv.core.tables import Vector
+from insenv.errors import InputError
+from insenv.evaluation import limits
+from insenv.evaluation.limits import Limit, Prior
+from insenv.files.output import atomic
+from insenv.scenario.build import Plant, build
+from insenv.scenario.description import KnowledgeSection
+from insenv.scenario.files import ScenarioLike, load
+
+TRAJECTORY_SEED = 1
+"""Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
+KNOWN = frozenset({"gnss"})
+"""Sensors, beside the inertial unit, whose errors the limit knows."""
+WORTH_KEEPING_S = 0.5
+"""A limit that takes longer to compute is kept on disk, beside the compiled models."""
+
+
+def limit(scenario: ScenarioLike, *, duration_s: float | None = None, progress: Progress | None = None) -> Limit:
+    """The smallest standard deviation that any method can have in a scenario, by channel and time.
+
+    Parameters
+    ----------
+    scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a file.
+    duration_s: instead of the scenario's, s.
+    progress: called with the numbers of inertial samples done and in all.
+
+    It depends neither on the seed nor on an estimator: see docs/limits.md.  Raises `InputError` for what is unknown or wrong,
+    and for a scenario with a sensor whose errors are not known.
+    """
+    check_progress(progress)
+    plant = build(load(scenario), seed=TRAJECTORY_SEED, duration_s=duration_s)
+    refusal = no_limit(plant)
+    if refusal:
+        raise InputError(refusal)
+    return limit_of(plant, progress)
+
+
+def no_limit(plant: Plant) -> str:
+    """The sentence why a plant has no limit; empty if it has one."""
+    further = sorted(plant.sensors - KNOWN)
+    if not further:
+        return ""
+    return f"no limit: it knows the errors of inertial units and GNSS receivers, not those of {', '.join(map(repr, further))}"
+
+
+def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
+    """The limit of a plant for which `no_limit` is empty; the same for every seed."""
+    rows = plant.model.parameters.pack(plant.parameters)
+    return limit_along(plant.model, rows, prior_of(plant.scenario.knowledge), plant.samples, plant.in_place, progress)
+
+
+def prior_of(known: KnowledgeSection) -> Prior:
+    """What a scenario tells of the start."""
+    return Prior(
+        attitude=np.radians([known.tilt_sigma_deg, known.tilt_sigma_deg, known.heading_sigma_deg]),
+        velocity=np.array(known.velocity_sigma_mps, dtype=float),
+        position=np.array(known.position_sigma_m, dtype=float),
+    )
+
+
+def limit_along(
+    model: Model, rows: Vector, prior: Prior, samples: int, in_place: bool, progress: Progress | None = None
+) -> Limit:
+    """The limit of a plant with the parameters `rows` (parameters.size,), except the seed, over `samples` samples."""
+    rows = np.array(rows)
+    rows[model.parameters.slice("seed")] = TRAJECTORY_SEED
+    told = np.concatenate([prior.attitude, prior.velocity, prior.position, [samples, float(in_place)]])
+    text = f"{_version()}{model.fingerprint}".encode()
+    digest = hashlib.sha256(text + rows.tobytes() + told.tobytes()).hexdigest()[:32]
+    return _kept(_Case(digest, model, rows, prior, samples, in_place, progress))
+
+
+@dataclass(frozen=True)
+class _Case:
+    """Everything on which a limit depends; cases with the same digest are equal."""
+
+    digest: str
+    model: Model = field(compare=False)
+    rows: Vector = field(compare=False)
+    prior: Prior = field(compare=False)
+    samples: int = field(compare=False)
+    in_place: bool = field(compare=False)
+    progress: Progress | None = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _kept(case: _Case) -> Limit:
+    path = cache_folder() / "limits" / f"{case.digest}.npz"
+    found = _read(path)
+    if found is not None:
+        return found
+    begin = time.perf_counter()
+    rows = case.model.parameters.unpack(case.rows)
+    found = limits.bound(case.model, rows, case.prior, case.samples, in_place=case.in_place, progress=case.progress)
+    if time.perf_counter() - begin > WORTH_KEEPING_S:
+        _write(path, found)
+    return found
+
+
+def _read(path: Path) -> Limit | None:
+    """The limit in a file; None if there is none that can be read."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        return Limit(arrays.pop("time"), arrays.pop("rotation"), arrays)
+    except (OSError, ValueError, KeyError, EOFError):
+        return None
+
+
+def _write(path: Path, found: Limit) -> None:
+    """Keep a limit; a folder that cannot be written to costs time only."""
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        with atomic(path, private=True) as stream:
+            np.savez(stream, allow_pickle=False, time=found.time, rotation=found.rotation, **found.sigma)
+
+
+@cache
+def _version() -> str:
+    """Hash of the source of the limits."""
+    files = sorted(Path(limits.__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()

@@ -1,0 +1,40 @@
+"""The limit of an episode is that of its scenario, whatever the episode draws, and that of the unit it draws."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import insenv
+from insenv.envs.episode_limits import between, episode_limits
+from insenv.scenario import load, plant_of
+
+
+def test_the_limit_of_an_alignment_is_that_of_the_scenario_at_the_end():
+    env = gymnasium.make_vec("insenv/ShipAlignment-v0", 3, duration_s=40.0, initial_error=None)
+    _, info = env.reset(seed=4)
+    assert np.array_equal(info["limit"], np.tile(insenv.limit("ship-swaying", duration_s=40.0).rotation[-1], (3, 1)))
+
+
+def test_the_limit_of_a_navigation_is_the_root_mean_square_over_the_episode():
+    env = gymnasium.make_vec("insenv/VehicleNavigation-v0", 2, duration_s=40.0)
+    _, info = env.reset(seed=4)
+    found = insenv.limit("car-city-drive", duration_s=40.0).rms(np.arange(1.0, 41.0))
+    assert np.array_equal(info["limit"][0], info["limit"][1])
+    names = ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m")
+    assert info["limit"][0, 3:] == pytest.approx([found[name] for name in names], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ship-swaying", "car-city-drive"])
+def test_the_limit_of_a_drawn_unit_is_interpolated_to_three_percent(name):
+    """Units between a marine and a tactical one, against the limit of the unit itself."""
+    scenario = load(name)
+    env = gymnasium.make("insenv/ShipAlignment-v0" if name == "ship-swaying" else "insenv/VehicleNavigation-v0")
+    task = env.unwrapped.setup.task
+    grades = [scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": g})}) for g in ("marine", "tactical")]
+    plant = plant_of(scenario)[0]
+    bases = tuple(plant.parameters.pack(plant_of(grade)[1]) for grade in grades)
+    drawn = np.array([between(*bases, fraction, plant.parameters) for fraction in (0.003, 0.1, 0.37, 0.9)])
+    found = episode_limits(task, plant, scenario, bases, drawn, 60.0)
+    for vector, limit in zip(drawn, found, strict=True):
+        exact = episode_limits(task, plant, scenario, (vector,), vector[None], 60.0)[0]
+        assert limit == pytest.approx(exact, rel=0.03)

@@ -1,0 +1,69 @@
+"""Fixes that contradict an estimate: what is found in innovations, and what is not."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from insenv import replay
+from insenv.evaluation.contradiction import contradiction_notes, contradictions, jumps
+
+TIME = np.arange(0.0, 100.0, 0.2)
+
+
+def innovations(seed: int = 1) -> dict[str, np.ndarray]:
+    """Independent innovations of a consistent filter: 1 m, 0.1 m/s."""
+    ratio = np.random.default_rng(seed).normal(size=(len(TIME), 6))
+    return {"test_ratio": ratio, "innovation": ratio * [1.0, 1.0, 1.0, 0.1, 0.1, 0.1]}
+
+
+def test_a_consistent_filter_is_contradicted_by_none_of_500_fixes_of_200_seeds() -> None:
+    assert [seed for seed in range(200) if contradiction_notes(TIME, innovations(seed))] == []
+
+
+def test_a_lasting_difference_of_four_sigma_is_found() -> None:
+    outputs = innovations()
+    late = (TIME > 40) & (TIME < 50)
+    outputs["test_ratio"][late, 2] += 4.0
+    outputs["innovation"][late, 2] += 4.0
+    (found,) = contradictions(TIME, outputs)
+    assert found.component == "down" and found.ratio > 3.5 and 3.0 < found.innovation < 6.5  # the largest median
+    assert 39.5 < found.begin < 42 and 48 < found.end < 50.5
+    (note,) = contradiction_notes(TIME, outputs)
+    assert "down is off by" in note and "stated sigmas are too small" in note
+
+
+def test_outliers_do_not_contradict() -> None:
+    outputs = innovations()
+    outputs["test_ratio"][::10] *= 20.0
+    assert contradiction_notes(TIME, outputs) == ()
+
+
+def test_a_jump_of_the_velocity_that_the_unit_does_not_measure() -> None:
+    """0.7 m/s, of a receiver whose noise is 0.02 m/s though it states 0.25; slow errors and gaps are no jumps."""
+    outputs = innovations()
+    outputs["innovation"] *= 0.2
+    outputs["test_ratio"] = outputs["innovation"] / 0.25
+    slow = {name: values.copy() for name, values in outputs.items()}
+    slow["innovation"][:, 5] += np.sin(TIME / 5.0)
+    assert jumps(TIME, slow) == []
+    outputs["innovation"][TIME > 30, 5] += 0.7
+    (found,) = jumps(TIME, outputs)
+    assert found.component == "vd" and found.size == pytest.approx(0.7, abs=0.05)
+    assert found.before == pytest.approx(30.0, abs=0.01) and found.after == pytest.approx(30.2, abs=0.01)
+    after_gap = TIME + np.where(TIME > 30, 60.0, 0.0)
+    assert jumps(after_gap, outputs) == []
+
+
+def test_estimators_without_six_test_ratios_have_no_notes() -> None:
+    assert contradiction_notes(TIME, {"q_nb": np.zeros((len(TIME), 4))}) == ()
+
+
+def test_the_touch_down_of_the_shipped_drone_is_said() -> None:
+    """At 25.7 s the simulated vehicle stops from 0.71 m/s, and its accelerometer shows nothing of it."""
+    notes = replay(ROOT / "examples/logs/px4-takeoff.ulg.gz", "loosely-coupled", start="reference").results[0].notes
+    (found,) = [note for note in notes if "touch-down" in note]
+    assert re.match(r"between 25\.7\d and 25\.\d\d s the receiver's vd changes by -0\.[67]", found)

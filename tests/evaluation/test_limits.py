@@ -1,0 +1,436 @@
+"""The limit: against values of an independent program, closed forms, a nonlinear mechanization and ensembles."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from earth_mechanization import navigate, rotation
+from scipy.stats import chi2
+
+import insenv
+from insenv import attitude, geodesy
+from insenv.core.runner import make_runner
+from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
+from insenv.evaluation.limits import Prior, bound, closed_forms, ratio, ratio_bounds
+from insenv.evaluation.limits.bound import limit_of
+from insenv.evaluation.limits.fixes import fixes_of
+from insenv.evaluation.limits.mechanization import DR, DV, PSI, earth_axes, integrals
+from insenv.evaluation.limits.mooring import Mooring, mooring_of
+from insenv.evaluation.limits.recursion import Layout, recursion
+from insenv.evaluation.limits.states import entering, unit_of, wander_of
+from insenv.evaluation.limits.steps import step_ends, steps_along
+from insenv.runs.ensemble import ensemble
+from insenv.scenario import build, limits, load
+
+
+def prior_of(plant):
+    known = plant.knowledge
+    return Prior(np.array([known.tilt_sigma] * 2 + [known.heading_sigma]), known.velocity_sigma, known.position_sigma)
+
+
+def rows_of(plant):
+    return plant.model.parameters.unpack(plant.model.parameters.pack({**plant.parameters, "seed": 1.0}))
+
+
+def steps_of(plant, **changes):
+    """Fixes and steps of a plant's trajectory, with rows of the steps replaced by functions of their number."""
+    rows = rows_of(plant)
+    fixes, interval = fixes_of(rows, plant.sample_interval), plant.sample_interval
+    ends = step_ends(plant.samples, interval, fixes)
+    blocks = steps_along(plant.model, plant.model.parameters.pack(rows), interval, ends, unit_of(rows).C_bs)
+    return fixes, (replace(block, **{k: make(len(block.time)) for k, make in changes.items()}) for block in blocks)
+
+
+def bound_with(plant, rest, mooring=None):
+    """The limit of a plant said to rest always or never, whatever it does, and with a sway or without."""
+    rows = rows_of(plant)
+    fixes, blocks = steps_of(plant, rest=lambda count: np.full(count, rest))
+    layout = Layout(unit_of(rows), wander_of(rows) if fixes else None, fixes, mooring)
+    times, sigmas = zip(*recursion(blocks, layout, prior_of(plant)), strict=True)
+    return limit_of(np.concatenate(times), np.concatenate(sigmas))
+
+
+def changed(name, **sections):
+    """A scenario with keys of its sections replaced, and its duration."""
+    scenario = load(name).model_dump(mode="json", exclude_none=True)
+    for section, values in sections.items():
+        scenario[section] = {**scenario.get(section, {}), **values} if isinstance(values, dict) else values
+    return load(scenario)
+
+
+# --- against an independent program ----------------------------------------------------------------------------------
+
+NINE = ("roll_deg", "pitch_deg", "heading_deg", *VELOCITY, *POSITION)
+TENTHS = np.arange(0.1, 900.05, 0.1)
+
+
+def statistic(limit, from_s, channels=NINE):
+    times = TENTHS[: np.searchsorted(TENTHS, limit.time[-1] + 1e-9)]
+    found = limit.rms(times, from_s)
+    return [found[name] for name in channels]
+
+
+@pytest.mark.parametrize(
+    ("name", "from_s", "rms", "end"),
+    [
+        ("static-ecef", 450.0, (0.001168, 0.001155, 0.01084), (0.001168, 0.001155, 0.01084)),
+        (
+            "car-city-drive",
+            0.0,
+            (0.0421, 0.0416, 0.567, 0.0361, 0.0348, 0.0108, 1.200, 1.193, 1.760),
+            (0.0355, 0.0358, 0.102, 0.0, 0.0, 0.0, 0.798, 0.819, 1.301),
+        ),
+    ],
+)
+def test_the_limit_is_that_of_an_independent_program(name, from_s, rms, end):
+    """Values of a program that shares nothing with insenv; it counts the first second of a stop as rest as well."""
+    found = insenv.limit(name)
+    channels = NINE[: len(rms)]
+    assert statistic(found, from_s, channels) == pytest.approx(rms, rel=0.02)
+    assert [found.sigma[c][-1] for c in channels] == pytest.approx(end, rel=0.005, abs=1.1e-5)
+
+
+def test_the_limit_at_rest_swaying_and_moving_is_that_of_an_independent_program():
+    still = bound_with(build(load("ship-swaying"), seed=1), True)
+    assert statistic(still, 225.0, NINE[:3]) == pytest.approx((0.000443, 0.000537, 0.0384), rel=0.003)
+    displaced = Mooring(2 * np.pi / np.array([6.0, 7.0, 8.0]), 1.2)
+    swaying = bound_with(build(load("ship-swaying"), seed=1), False, displaced)
+    assert statistic(swaying, 225.0, NINE[:3]) == pytest.approx((0.000582, 0.000588, 0.0385), rel=0.003)
+    assert [swaying.sigma[c][-1] for c in NINE[:3]] == pytest.approx((0.000577, 0.000584, 0.0350), rel=0.003)
+    moving = bound_with(build(load("car-city-drive"), seed=1), False)
+    expected = (0.0502, 0.0509, 0.574, 0.0524, 0.0515, 0.0171, 1.556, 1.542, 1.878)
+    assert statistic(moving, 0.0) == pytest.approx(expected, rel=0.003)
+
+
+# --- against closed forms --------------------------------------------------------------------------------------------
+
+
+def test_noise_alone_gives_the_closed_form_and_the_coupling_of_both_noises():
+    """At rest: sqrt(N^2 / T + 12 V^2 / (g^2 T^3)) / (Omega cos L) leaves out the coupling, and is 3 to 6 % low."""
+    quiet = dict.fromkeys(
+        ("gyro_bias_sigma_deg_h", "gyro_instability_deg_h", "gyro_rrw_deg_h_sqrt_h", "gyro_scale_factor_sigma_ppm",
+         "gyro_misalignment_sigma_urad", "accel_bias_sigma_ug", "accel_instability_ug", "accel_scale_factor_sigma_ppm",
+         "accel_misalignment_sigma_urad", "accel_rrw_ug_sqrt_h"),
+        0.0,
+    )  # fmt: skip
+    plant = build(changed("ship-swaying", imu=quiet), seed=1)
+    found, times = bound_with(plant, True), np.array([75.0, 150.0, 225.0, 300.0])
+    heading = found.at(times)["heading_deg"]
+    assert heading == pytest.approx((0.1176, 0.0580, 0.0422, 0.0347), rel=0.005)
+    N, V = (float(np.max(rows_of(plant)[name])) for name in ("angle_random_walk", "velocity_random_walk"))
+    both = np.degrees([closed_forms.noise_tilts(N, V, np.radians(30.0), 0.0, time)[2] for time in times])
+    assert np.all((heading > 1.02 * both) & (heading < 1.07 * both))
+
+
+@pytest.mark.parametrize(("N", "V"), [(1e-5, 1e-7), (1e-9, 1e-3)])
+def test_one_noise_alone_gives_the_closed_form(N, V):
+    values = {
+        "gyro_arw_deg_sqrt_h": float(np.degrees(N) * 60),
+        "accel_vrw_ug_sqrt_hz": V / 9.80665e-6,
+    }
+    scenario = changed("static-ecef", duration_s=300.0, imu={"grade": "perfect", **values},
+                       knowledge={"tilt_sigma_deg": 60.0, "heading_sigma_deg": 360.0})  # fmt: skip
+    found = bound_with(build(scenario, seed=1), True).at(np.array([100.0, 300.0]))
+    for place, time in enumerate((100.0, 300.0)):
+        expected = np.degrees(closed_forms.noise_tilts(N, V, np.radians(45.0), 0.0, time))
+        assert found["heading_deg"][place] == pytest.approx(expected[2], rel=0.03)
+        if V > 1e-6:
+            assert found["roll_deg"][place] == pytest.approx(expected[0], rel=0.03)
+            assert found["pitch_deg"][place] == pytest.approx(expected[1], rel=0.03)
+
+
+def test_biases_alone_give_the_closed_form():
+    """static-ecef: b / g of tilt; heading hypot(tilt tan L, b_gE / (Omega cos L))."""
+    found, b, d = insenv.limit("static-ecef"), 2e-4, np.radians(0.002) / 3600
+    tilt = b / float(geodesy.numeric.normal_gravity(np.sin(np.pi / 4), 0.0))
+    heading = np.hypot(tilt, d / (geodesy.OMEGA_IE * np.cos(np.pi / 4)))
+    assert found.sigma["roll_deg"][-1] == pytest.approx(np.degrees(tilt), rel=0.005)
+    assert found.sigma["heading_deg"][-1] == pytest.approx(np.degrees(heading), rel=0.005)
+
+
+def test_a_deflection_of_the_vertical_is_a_tilt():
+    """At rest with a perfect unit: 60 arcsec to the north and 30 to the east."""
+    gravity = {"deflection_north_arcsec": 60.0, "deflection_east_arcsec": 30.0}
+    found = insenv.limit(changed("static-ecef", duration_s=60.0, imu={"grade": "perfect"}, gravity=gravity))
+    assert found.sigma["pitch_deg"][-1] == pytest.approx(60.0 / 3600, rel=0.02)
+    assert found.sigma["roll_deg"][-1] == pytest.approx(30.0 / 3600, rel=0.02)
+
+
+def test_velocity_and_position_without_aiding_grow_as_told():
+    """A perfect unit in flight without GNSS, after 60 s: p + v T of the told start, and the tilt's g T^2 / 2."""
+    scenario = changed("aircraft-free-inertial", duration_s=60.0, imu={"grade": "perfect"}, vehicle={"legs": []},
+                       knowledge={"tilt_sigma_deg": 0.01, "heading_sigma_deg": 1e-6, "position_sigma_m": 3.0,
+                                  "velocity_sigma_mps": 0.05})  # fmt: skip
+    end = {name: values[-1] for name, values in insenv.limit(scenario).sigma.items()}
+    expected = np.sqrt(3.0**2 + (0.05 * 60.0) ** 2 + (9.79 * np.radians(0.01) * 60.0**2 / 2) ** 2)
+    assert end["north_m"] == pytest.approx(expected, rel=0.005)
+    assert end["east_m"] == pytest.approx(expected, rel=0.005)
+    assert end["vn_mps"] == pytest.approx(np.hypot(0.05, 9.79 * np.radians(0.01) * 60.0), rel=0.005)
+
+
+# --- against a nonlinear mechanization -------------------------------------------------------------------------------
+
+
+def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanization():
+    """40 s of a drive with a turn and a climb: every navigation error, and every kind of error of the unit."""
+    full = {"gyro_temperature_slope_deg_h_k": 1.0, "accel_temperature_slope_ug_k": 10.0, "temperature_end_degc": 40.0,
+            "mounting_error_deg": [1.0, 2.0, 3.0], "gyro_bias_deg_h": 1.0, "accel_bias_ug": 100.0}  # fmt: skip
+    plant = build(changed("car-city-drive", duration_s=70.0, imu=full), seed=1)
+    rows, dt, begin = rows_of(plant), plant.sample_interval, 6000
+    unit = unit_of(rows)
+    ends = np.append(begin, np.arange(begin + 20, plant.samples + 1, 20))
+    blocks = list(steps_along(plant.model, plant.model.parameters.pack(rows), dt, ends, unit.C_bs))
+    steps = replace(blocks[0], **{n: np.concatenate([getattr(b, n) for b in blocks])[1:] for n in vars(blocks[0])})
+    A = integrals(steps, earth_axes(steps.latitude, steps.longitude), steps.thrust)
+    C_en = earth_axes(steps.latitude, steps.longitude)
+    total = np.eye(9)
+    for step in np.eye(9) + A + A @ A / 2:
+        total = step @ total
+
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.model.parameters.pack(rows)).run(plant.samples))
+    at, later = begin - 1, slice(begin, None)
+    C = earth_axes(shown["latitude"], shown["longitude"])[at] @ attitude.numeric.to_dcm(shown["q_nb"][at])
+    v = earth_axes(shown["latitude"], shown["longitude"])[at] @ shown["velocity_n"][at]
+    r = np.asarray(geodesy.numeric.geodetic_to_ecef(shown["latitude"][at], shown["longitude"][at], shown["height"][at]))
+    angle, velocity = shown["true_delta_angle"][later, None], shown["true_delta_velocity"][later, None]
+    size = np.repeat([1e-5, 1e-2, 10.0], 3)
+    signs = np.concatenate([np.diag(size), -np.diag(size)])
+    after = navigate(rotation(signs[:, PSI]) @ C, v + signs[:, DV], r + signs[:, DR], angle, velocity, dt)
+
+    def differences(after):
+        C, v, r = (part.reshape(2, -1, *part.shape[1:]) for part in after)
+        turn = C[0] @ C[1].swapaxes(1, 2)
+        psi = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], axis=1)
+        return np.concatenate([psi, v[0] - v[1], r[0] - r[1]], axis=1).T / 2
+
+    found = differences(after) / size
+    scale = np.abs(found).reshape(3, 3, 3, 3).max(axis=(1, 3), keepdims=True)  # of each block
+    rounding = 1e-8 * (size[:, None] / size).reshape(3, 3, 3, 3)
+    assert np.all(np.abs((total - found).reshape(3, 3, 3, 3)) < 1e-4 * scale + rounding)
+
+    for source in unit.sources:
+        enter = entering(source, unit, steps, steps.force)
+        effect = np.concatenate([C_en @ enter[:, :3], C_en @ enter[:, 3:], 0 * enter[:, 3:]], axis=1)
+        state = np.zeros((9, source.place.size))
+        for k, step in enumerate(np.eye(9) + A + A @ A / 2):
+            state = step @ state + effect[k] + A[k] @ effect[k] / 2
+        errors = [unit_error(source, unit, angle[:, 0], velocity[:, 0], dt, place, begin) for place in source.place]
+        da, dv = (np.stack(part, axis=1) for part in zip(*errors, strict=True))
+        start = (np.tile(part, (2 * source.place.size, *[1] * part.ndim)) for part in (C, v, r))
+        scale = 1e-4 / max(np.abs(da).sum(axis=0).max(), np.abs(dv).sum(axis=0).max() / 10.0)
+        both = [np.concatenate([true + scale * own, true - scale * own], axis=1) for true, own in ((angle, da), (velocity, dv))]
+        found = differences(navigate(*start, *both, dt)) / scale
+        blocks = np.abs(found).reshape(3, 3, -1).max(axis=(1, 2))
+        error = np.abs(state - found).reshape(3, 3, -1).max(axis=(1, 2))
+        assert np.all(error <= 2e-3 * blocks + 1e-7 * blocks.max()), source.name
+
+
+def unit_error(source, unit, angle, velocity, dt, place, begin):
+    """Errors of the increments (n, 3) of angle and velocity by one unit of one state, from the equations of the unit."""
+    count = len(angle)
+    zero = np.zeros((count, 3))
+    if source.name in ("bias", "in-run bias", "thermal bias"):
+        own = np.zeros((count, 3))
+        time = (begin + np.arange(count) + 0.5) * dt
+        own[:, place] = dt * (20.0 * (1 - np.exp(-time / 600.0)) if source.name == "thermal bias" else 1.0)
+        return (own, zero) if source.triad == 0 else (zero, own)
+    if source.name == "mounting":
+        turn = np.zeros(3)
+        turn[place] = 1.0
+        return -np.cross(turn, angle), -np.cross(turn, velocity)
+    matrix = np.zeros((3, 3))
+    matrix.flat[place] = 1.0
+    if source.name == "g-sensitivity":
+        return velocity @ matrix.T, zero
+    return (angle @ matrix.T, zero) if source.triad == 0 else (zero, velocity @ matrix.T)
+
+
+# --- against ensembles -----------------------------------------------------------------------------------------------
+
+
+def shares(scenario, id, runs, seconds):
+    """rms / limit by channel at the given times, over an ensemble: (times, channels)."""
+    found = ensemble(scenario, [id], range(1, runs + 1), records=round(scenario.duration_s))
+    limit = insenv.limit(scenario).at(found.time)
+    truth, own = found.truth, found.outputs[id]
+    places = [np.asarray(t[n]) for t in (own, truth) for n in ("latitude", "longitude", "height")]
+    position = np.asarray(geodesy.numeric.ned_offset(*places))
+    errors = np.concatenate([found.attitude_errors_deg(id), position, own["velocity_n"] - truth["velocity_n"]], axis=-1)
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    at = [int(np.argmin(np.abs(found.time - second))) for second in seconds]
+    return np.array([[rms[k, c] / limit[name][k] for c, name in enumerate(CHANNELS)] for k in at])
+
+
+def spread(runs):
+    """Bounds of rms / limit that hold for 20 numbers together with a probability of 99 %."""
+    low, high = chi2.ppf((0.00025, 0.99975), runs)
+    return np.sqrt(low / runs), np.sqrt(high / runs)
+
+
+def test_the_errors_of_free_inertial_navigation_have_the_limit():
+    """Nothing measured: the limit is the ensemble's rms. 96 units with every error that a scenario can draw."""
+    unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,
+            "gyro_instability_time_s": 30.0, "gyro_rrw_deg_h_sqrt_h": 20.0, "gyro_scale_factor_sigma_ppm": 300.0,
+            "gyro_flicker_deg_h": 2.0, "accel_flicker_ug": 200.0,
+            "gyro_misalignment_sigma_urad": 200.0, "accel_bias_sigma_ug": 100.0, "accel_vrw_ug_sqrt_hz": 200.0,
+            "accel_instability_ug": 300.0, "accel_instability_time_s": 20.0, "accel_scale_factor_sigma_ppm": 100.0,
+            "accel_misalignment_sigma_urad": 100.0}  # fmt: skip
+    legs = [{"turn_deg": 180.0, "bank_deg": 25.0}, {"fly_s": 20.0}, {"turn_deg": -180.0, "bank_deg": 25.0}]
+    scenario = changed("aircraft-free-inertial", duration_s=200.0, rate_hz=50.0, imu=unit, vehicle={"legs": legs, "engine": []},
+                       knowledge={"tilt_sigma_deg": 0.02, "position_sigma_m": 2.0, "velocity_sigma_mps": 0.03})  # fmt: skip
+    found = shares(scenario, "wander-sins", 96, (60.0, 200.0))
+    low, high = spread(96)
+    assert found.min() > low and found.max() < high, found
+
+
+def test_a_filter_that_is_optimal_reaches_the_limit_and_does_not_beat_it():
+    """White noise, constant biases and white fixes, which are all that loosely-coupled models: 64 seeds."""
+    unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 5.0, "gyro_arw_deg_sqrt_h": 0.1, "accel_bias_sigma_ug": 500.0,
+            "accel_vrw_ug_sqrt_hz": 100.0}  # fmt: skip
+    gnss = {"grade": "rtk", "position_noise_m": 1.0, "velocity_noise_mps": 0.1, "wander_sigma_m": 0.0, "latency_s": 0.2,
+            "interval_s": 1.0, "lever_arm_m": [1.0, 0.5, -1.5], "outages_s": [[60.0, 80.0]]}  # fmt: skip
+    legs = [{"fly_s": 20.0}, {"turn_deg": 90.0, "bank_deg": 25.0}, {"fly_s": 20.0}, {"turn_deg": -90.0, "bank_deg": 25.0}]
+    scenario = changed("aircraft-free-inertial", duration_s=150.0, rate_hz=50.0, imu=unit, gnss=gnss,
+                       vehicle={"legs": legs, "engine": []},
+                       knowledge={"tilt_sigma_deg": 0.5, "heading_sigma_deg": 1.0, "position_sigma_m": 3.0,
+                                  "velocity_sigma_mps": 0.3})  # fmt: skip
+    found = shares(scenario, "loosely-coupled", 64, (30.0, 79.0, 150.0))
+    low, high = spread(64)
+    assert found.min() > low and found.max() < high, found
+
+
+# --- properties ------------------------------------------------------------------------------------------------------
+
+CITY = {"duration_s": 60.0, "rate_hz": 100.0, "vehicle": {"engine": []}}
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("imu", "gyro_bias_sigma_deg_h", 40.0),
+        ("imu", "gyro_bias_deg_h", 40.0),
+        ("imu", "gyro_arw_deg_sqrt_h", 1.5),
+        ("imu", "gyro_instability_deg_h", 50.0),
+        ("imu", "gyro_rrw_deg_h_sqrt_h", 100.0),
+        ("imu", "gyro_flicker_deg_h", 20.0),
+        ("imu", "accel_flicker_ug", 5000.0),
+        ("gravity", "deflection_north_arcsec", 300.0),
+        ("gravity", "disturbance_mgal", 1000.0),
+        ("imu", "gyro_scale_factor_sigma_ppm", 50_000.0),
+        ("imu", "gyro_misalignment_sigma_urad", 50_000.0),
+        ("imu", "gyro_g_sensitivity_deg_h_g", 100.0),
+        ("imu", "accel_bias_ug", 7500.0),
+        ("imu", "accel_vrw_m_s_sqrt_h", 0.6),
+        ("imu", "accel_instability_ug", 5000.0),
+        ("imu", "accel_rrw_ug_sqrt_h", 30_000.0),
+        ("imu", "accel_scale_factor_sigma_ppm", 30_000.0),
+        ("imu", "accel_misalignment_sigma_urad", 30_000.0),
+        ("imu", "mounting_error_deg", [3.0, 3.0, 3.0]),
+        ("gnss", "position_noise_m", [10.0, 10.0, 10.0]),
+        ("gnss", "velocity_noise_mps", [1.0, 1.0, 1.0]),
+        ("gnss", "velocity", False),
+        ("gnss", "wander_sigma_m", [20.0, 20.0, 20.0]),
+        ("gnss", "outages_s", [[20.0, 50.0]]),
+        ("gnss", "outlier_probability", 0.5),
+        ("gnss", "interval_s", 5.0),
+        ("knowledge", "tilt_sigma_deg", 5.0),
+        ("knowledge", "heading_sigma_deg", 30.0),
+        ("knowledge", "velocity_sigma_mps", [1.0, 1.0, 1.0]),
+        ("knowledge", "position_sigma_m", [30.0, 30.0, 60.0]),
+    ],
+)
+def test_more_error_is_not_less_limit(section, key, value):
+    """In every channel and at every time, and more in some."""
+    base = insenv.limit(changed("car-city-drive", **CITY))
+    worse = insenv.limit(changed("car-city-drive", **CITY, **{section: {key: value}}))
+    times = np.arange(0.0, 60.0, 0.5)
+    before, after = base.at(times), worse.at(times)
+    # fixes move the ends of the steps, and so the numbers by about 1e-4
+    assert all(np.all(after[name] >= before[name] * (1 - 1e-3) - 1e-7) for name in CHANNELS)
+    assert max(np.max(after[name] / before[name]) for name in CHANNELS) > 1.02
+
+
+def test_no_setting_of_an_estimator_and_no_seed_moves_the_limit():
+    scenario = load("car-city-drive").model_dump(mode="json", exclude_none=True)
+    scenario["duration_s"] = 30.0
+    first = insenv.run(scenario, seed=1).results[0]
+    tuned = json.loads(json.dumps(scenario))
+    tuned["estimator"]["loosely-coupled"].update(
+        innovation_gate=0.0, standing_sigma_mps=1.0, fix_wander_sigma_m=[9.0, 9.0, 9.0], rotation_error=0.1, arw_deg_sqrt_h=9.0
+    )
+    second = insenv.run(tuned, seed=7).results[0]
+    other = insenv.run(scenario, ["aqe-ekf"], seed=9).results[0]
+    assert first.limit == second.limit == other.limit and set(first.limit) == set(CHANNELS)
+    assert not np.array_equal(first.sigma["north_m"], second.sigma["north_m"])
+
+
+def test_the_statistic_is_that_of_the_errors():
+    result = insenv.run("ship-swaying", seed=3, duration_s=40.0).results[0]
+    late = result.time >= result.from_s - 1e-9
+    for name, value in result.limit.items():
+        assert value == pytest.approx(np.sqrt(np.mean(result.limit_sigma[name][late] ** 2)), rel=1e-12)
+        assert result.limit_sigma[name].shape == result.time.shape
+
+
+def test_a_late_fix_counts_from_its_delivery():
+    """Fixes at 1, 2, ... s, delivered 0.5 s later, without velocity: the position's limit falls at 1.5, 2.5, ... s."""
+    scenario = changed("car-city-drive", duration_s=6.0, gnss={"latency_s": 0.5, "velocity": False, "outages_s": [[2.9, 3.5]]},
+                       vehicle={"legs": [], "engine": [], "start_speed_mps": 10.0},
+                       knowledge={"position_sigma_m": 100.0})  # fmt: skip
+    found = insenv.limit(scenario)
+    falls = found.time[1:][np.diff(found.sigma["north_m"]) < -0.005]
+    assert falls == pytest.approx([1.5, 2.5, 4.5, 5.5])
+
+
+def test_a_moored_ship_has_its_frequencies_and_a_parked_car_none():
+    rows = rows_of(build(load("ship-swaying"), seed=1))
+    found = mooring_of(rows)
+    assert 2 * np.pi / found.frequencies == pytest.approx([10.0, 8.0, 7.0, 6.0])
+    assert found.sigma >= np.sqrt((0.5**2 + 0.5**2 + 1.0) / 2)
+    for name in ("car-parked", "turntable-quaternion", "aircraft-parked"):
+        assert mooring_of(rows_of(build(load(name), seed=1))) is None
+
+
+@pytest.mark.parametrize(("name", "b"), [("ship-moored-paper", 50e-6), ("ship-irregular-sea", 10e-6)])
+def test_sway_does_not_tell_the_biases_of_accelerometers(name, b):
+    """A moored ship is levelled to b / g and no better: it moves at the frequencies at which it turns."""
+    found = insenv.limit(name)
+    for channel in ("roll_deg", "pitch_deg"):
+        assert np.degrees(b) * 0.95 < found.sigma[channel][-1] < np.degrees(b) * 1.1
+
+
+def test_channels_at_the_floor_have_no_ratio():
+    assert ratio(1.0, 9e-6, "vn_mps") is None and ratio(1.0, None, "heading_deg") is None
+    assert ratio(1.0, 0.5, "heading_deg") == 2.0
+    perfect = insenv.run(changed("static-ecef", duration_s=60.0, imu={"grade": "perfect"})).results[0]
+    assert all(value is None for value in (ratio(1.0, perfect.limit[n], n) for n in ("roll_deg", "pitch_deg")))
+
+
+def test_so_many_runs_allow_so_much():
+    assert ratio_bounds(1) == pytest.approx((0.03, 2.24), abs=0.005)
+    assert ratio_bounds(64) == pytest.approx((0.83, 1.17), abs=0.005)
+
+
+def test_a_limit_is_kept_on_disk_and_a_broken_file_is_not_believed(tmp_path, monkeypatch):
+    monkeypatch.setenv("INSENV_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(limits, "WORTH_KEEPING_S", 0.0)
+    limits._kept.cache_clear()
+    first = insenv.limit("static-ecef", duration_s=2.0)
+    (path,) = (tmp_path / "limits").glob("*.npz")
+    monkeypatch.setattr(limits.limits, "bound", None)  # a limit that is read is not computed
+    limits._kept.cache_clear()
+    again = insenv.limit("static-ecef", duration_s=2.0)
+    assert all(np.array_equal(again.sigma[n], first.sigma[n]) for n in CHANNELS)
+    monkeypatch.setattr(limits.limits, "bound", bound)
+    path.write_bytes(b"not a file of NumPy")
+    limits._kept.cache_clear()
+    assert np.array_equal(insenv.limit("static-ecef", duration_s=2.0).sigma["heading_deg"], first.sigma["heading_deg"])
+
+
+def test_a_sensor_that_is_not_known_gives_no_limit():
+    plant = build(load("car-city-drive"), seed=1)
+    assert limits.no_limit(plant) == ""
+    further = SimpleNamespace(sensors=frozenset({"gnss", "odometer"}))
+    assert "errors of inertial units and GNSS receivers, not those of 'odometer'" in limits.no_limit(further)

@@ -1,0 +1,102 @@
+"""A recorded log in text files, written to a folder, changed and loaded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from insenv.errors import InputError
+from insenv.logs import RecordedLog, load
+
+N = 100
+RATE = 50.0
+G = 9.80665
+
+IMU_TOML = """
+[imu]
+file = "imu.csv"
+time = "t"
+gyro = ["gx", "gy", "gz"]
+accel = ["ax", "ay", "az"]
+kind = "rate"
+stamp = "interval_end"
+gyro_unit = "deg/s"
+accel_unit = "g"
+axes = "FRD"
+"""
+GNSS_TOML = """
+[gnss]
+file = "gnss.csv"
+time = "t"
+latitude = "lat"
+longitude = "lon"
+height = "h"
+position_unit = "deg"
+position_sigma = ["sn", "se", "sd"]
+lever_arm_m = [1.0, 2.0, -3.0]
+"""
+
+
+def imu_rows(n: int = N) -> np.ndarray:
+    """(n, 7): time [s], gyro [deg/s], accel [g]: distinct smooth signals on every axis."""
+    t = 10.0 + np.arange(1, n + 1) / RATE
+    gyro = [k * np.sin(0.3 * k * t) for k in (1, 2, 3)]
+    accel = [0.1 * np.cos(t), 0.2 * np.sin(t), -1.0 + 0.01 * np.cos(2 * t)]
+    return np.column_stack([t, *gyro, *accel])
+
+
+def gnss_rows() -> np.ndarray:
+    t = np.array([10.5, 11.5, 12.0])
+    return np.column_stack([t, 45 + 1e-5 * t, -93 + 1e-5 * t, 200 + t, *np.full((3, 3), 0.5) * [[1], [2], [3]]])
+
+
+def as_text(rows: np.ndarray, header: str = "", sep: str = ",") -> str:
+    lines = [sep.join(f"{v:.12g}" for v in row) for row in rows]
+    return "\n".join(([header] if header else []) + lines) + "\n"
+
+
+class Folder:
+    """A log in a temporary folder; `load(...)` after changing its files."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.toml = 'title = "test"\n' + IMU_TOML + GNSS_TOML
+        self.write("imu.csv", as_text(imu_rows(), "t,gx,gy,gz,ax,ay,az"))
+        self.write("gnss.csv", as_text(gnss_rows(), "t,lat,lon,h,sn,se,sd"))
+
+    def write(self, name: str, text: str | bytes) -> None:
+        (self.path / name).write_bytes(text.encode() if isinstance(text, str) else text)
+
+    def change(self, old: str, new: str, name: str = "") -> None:
+        if name:
+            text = (self.path / name).read_text()
+            assert old in text
+            self.write(name, text.replace(old, new, 1))
+        else:
+            assert old in self.toml
+            self.toml = self.toml.replace(old, new, 1)
+
+    def line(self, name: str, number: int, text: str) -> None:
+        lines = (self.path / name).read_text().split("\n")
+        lines[number - 1] = text
+        self.write(name, "\n".join(lines))
+
+    def load(self) -> RecordedLog:
+        self.write("log.toml", self.toml)
+        return load(self.path / "log.toml")
+
+    def error(self) -> str:
+        with pytest.raises(InputError) as caught:
+            self.load()
+        return str(caught.value)
+
+
+def si(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.radians(rows[:, 1:4]), rows[:, 4:7] * G
+
+
+def increments(rows: np.ndarray) -> np.ndarray:
+    gyro, accel = si(rows)
+    return np.column_stack([rows[:, 0], gyro / RATE, accel / RATE])

@@ -1,0 +1,127 @@
+"""Rest and travel as a log shows them; an alignment in place is refused where the vehicle travels."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from insenv import geodesy, replay
+from insenv.errors import InputError
+from insenv.logs import load
+
+IMU = """title = "drive"
+[imu]
+file = "imu.csv"
+time = "t"
+gyro = ["gx", "gy", "gz"]
+accel = ["ax", "ay", "az"]
+kind = "rate"
+stamp = "interval_end"
+gyro_unit = "rad/s"
+accel_unit = "m/s2"
+axes = "FRD"
+"""
+GNSS = """[gnss]
+file = "gnss.csv"
+time = "t"
+latitude = "lat"
+longitude = "lon"
+height = "h"
+position_unit = "deg"
+position_sigma_m = [1.0, 1.0, 2.0]
+lever_arm_m = [0.0, 0.0, 0.0]
+"""
+VELOCITY = 'velocity = ["vn", "ve", "vd"]\nvelocity_sigma_mps = [0.1, 0.1, 0.2]\n'
+
+
+def drive(folder: Path, stands_s: float, push: float, *, speed: float = 0.0, velocity: bool = True, more: str = "") -> Path:
+    """A vehicle northward at `speed` m/s for `stands_s`, which then accelerates by `push` m/s^2 for 10 s; 60 s in all."""
+    draw = np.random.default_rng(1)
+    time = np.arange(1, 6001) / 100
+    pushes = np.where((time > stands_s) & (time <= stands_s + 10), push, 0.0)
+    rates = geodesy.numeric.earth_rate_n(np.radians(47.0)) + draw.normal(0, 1e-3, (6000, 3))
+    forces = draw.normal(0, 0.02, (6000, 3)) + np.stack([pushes, 0 * time, np.full(6000, -9.81)], axis=1)
+    rows = np.column_stack([time, rates, forces])
+    np.savetxt(folder / "imu.csv", rows, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="")
+    velocities = speed + np.cumsum(pushes) / 100
+    way = np.cumsum(velocities) / 100
+    fixes = np.column_stack([time, 47 + (way + draw.normal(0, 0.5, 6000)) / 111_180.0, 0 * time + 15, 0 * time + 400])
+    fixes = np.column_stack([fixes, velocities, 0 * time, 0 * time])[99::100]
+    np.savetxt(folder / "gnss.csv", fixes, delimiter=",", header="t,lat,lon,h,vn,ve,vd", comments="")
+    path = folder / "log.toml"
+    path.write_text(IMU + GNSS + (VELOCITY if velocity else "") + more)
+    return path
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+@pytest.mark.parametrize("push", [0.3, 2.0])
+def test_the_time_at_rest_is_found(push: float, velocity: bool, tmp_path: Path) -> None:
+    """Also where the start is gentle, and where the receiver gives no velocity."""
+    found = load(drive(tmp_path, 30.0, push, velocity=velocity)).description.initial.static_until_s
+    assert found is not None and 28.9 < found < 31.2
+
+
+def test_what_the_description_states_goes_before(tmp_path: Path) -> None:
+    path = drive(tmp_path, 30.0, 2.0, more="[initial]\nstatic_until_s = 12.0\n")
+    assert load(path).description.initial.static_until_s == 12.0
+    path = drive(tmp_path, 30.0, 2.0, more="[initial]\nstatic_from_s = 10.0\n")
+    assert load(path).description.initial.static_until_s == pytest.approx(30.0, abs=1.01)
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+def test_a_smooth_ride_is_no_rest(speed: float, velocity: bool, tmp_path: Path) -> None:
+    log = load(drive(tmp_path, 60.0, 0.0, speed=speed, velocity=velocity))
+    assert log.description.initial.static_until_s is None
+
+
+def test_a_navigation_starts_without_static_until(tmp_path: Path) -> None:
+    result = replay(drive(tmp_path, 30.0, 2.0), "loosely-coupled").results[0]
+    assert abs(result.outputs["velocity_n"][-1, 0] - 20.0) < 0.5
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+def test_an_alignment_in_place_is_refused_on_a_vehicle_that_travels(velocity: bool, tmp_path: Path) -> None:
+    path = drive(tmp_path, 20.0, 2.0, velocity=velocity)
+    for id in ("q-method", "gyrocompass", "analytic"):
+        with pytest.raises(InputError, match=r"'" + id + r"' aligns a vehicle in place: that of the log \(at .* m/s about"):
+            replay(path, id)
+    drive(tmp_path, 20.0, 2.0, velocity=velocity)
+    path.write_text(path.read_text().replace('title = "drive"', 'title = "drive"\nstop_s = 19.0'))
+    assert replay(path, "q-method").results[0].outputs["q_nb"].shape[1] == 4
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+def test_one_wrong_fix_does_not_refuse_an_alignment(velocity: bool, tmp_path: Path) -> None:
+    path = drive(tmp_path, 60.0, 0.0, velocity=velocity)
+    lines = (tmp_path / "gnss.csv").read_text().split("\n")
+    fields = lines[30].split(",")
+    fields[1], fields[4] = str(float(fields[1]) + 1e-3), "30.0"  # 111 m
+    lines[30] = ",".join(fields)
+    (tmp_path / "gnss.csv").write_text("\n".join(lines))
+    assert "nothing in it shows" not in " ".join(replay(path, "q-method").results[0].notes)
+
+
+def test_a_moving_log_without_fixes_says_that_nothing_shows_it(tmp_path: Path) -> None:
+    place = "[initial]\nlatitude_deg = 47.0\nlongitude_deg = 15.0\nheight_m = 400.0\n"
+    path = drive(tmp_path, 20.0, 2.0)
+    path.write_text(IMU + place)
+    assert any("nothing in it shows whether the vehicle stays" in note for note in replay(path, "q-method").results[0].notes)
+    path = drive(tmp_path, 60.0, 0.0)  # at rest all the time, as the inertial unit shows
+    path.write_text(IMU + place)
+    assert not any("nothing in it shows" in note for note in replay(path, "q-method").results[0].notes)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("onavdata") is None, reason="onavdata is not installed")
+def test_the_real_car_stands_until_it_drives_and_is_not_aligned_in_place_after_that(tmp_path: Path) -> None:
+    text = (ROOT / "examples" / "n380-car.toml").read_text()
+    path = tmp_path / "car.toml"
+    path.write_text(text.replace("static_until_s = 160.0", "# static_until_s = 160.0"))
+    log = load(path)
+    assert log.description.initial.static_until_s == pytest.approx(161.0, abs=1.3)
+    with pytest.raises(InputError, match="aligns a vehicle in place"):
+        replay(log, "q-method")
