@@ -36,7 +36,7 @@ import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.core import symmetric
-from insenv.core.elementary import select
+from insenv.core.elementary import maximum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
@@ -238,7 +238,8 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     H = ca.diagcat(C_nw, C_nw) @ fix_sensitivity(p, x, u.gnss_age, antenna)
     P = symmetric.full(x.covariance, N)[DQ, DQ]
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
-    variance = variance + ca.vertcat(gnss_fix.correlated_variance(p, x.since_fix), ca.SX.zeros(3))
+    since = maximum(x.since_fix - u.gnss_age, 0.0)  # between the epochs of the two fixes
+    variance = variance + ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
     present = gnss_fix.present(u)
     changed, test_ratio = fused(x, innovation, H, variance, present)
     reported = {"innovation": innovation * present, "test_ratio": test_ratio, "since_fix": u.gnss_age}
