@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from insenv.estimators import SensorNotes
+from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.units import Array
@@ -83,7 +87,23 @@ class RecordedLog(InertialSamples):
         """Time covered by the IMU samples [s]."""
         return float(self.imu_time[-1] - self.imu_time[0] + self.dt[0])
 
+    @cached_property
+    def assumed(self) -> AssumedUnit | None:
+        """What is assumed of the inertial unit; None if the description gives its grade."""
+        if self.description.imu.grade:
+            return None
+        initial, rest = self.description.initial, None
+        if initial.static_until_s is not None:
+            begin = self.imu_time[0] if initial.static_from_s is None else initial.static_from_s
+            rest = (float(begin), initial.static_until_s)
+        return assumed_unit(self, rest)
+
     def sensors(self, in_place: bool) -> SensorNotes:
-        """What the log says of its IMU: the grade of [imu], or the assumption for an unknown unit."""
-        grade = self.description.imu.grade
-        return sensor_notes(imu_grade(grade).parameters(), in_place) if grade else SensorNotes()
+        """What estimators are tuned by: the grade of the description, or what is assumed of an unknown unit."""
+        grade = imu_grade(self.description.imu.grade) if self.assumed is None else self.assumed.grade
+        rows = grade.parameters()
+        return replace(
+            sensor_notes(rows, in_place),
+            rotation_error=float(np.hypot(rows["gyro_scale_factor_sigma"], rows["gyro_misalignment_sigma"])),
+            thrust_error=float(np.hypot(rows["accel_scale_factor_sigma"], rows["accel_misalignment_sigma"])),
+        )

@@ -18,6 +18,7 @@ from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, load
+from insenv.scenario.tuning import Settings, setting_rows
 from insenv.sensors import SENSOR_ERROR
 
 Array = NDArray[np.float64]
@@ -35,6 +36,7 @@ def run(
     *,
     seed: int | None = None,
     duration_s: float | None = None,
+    settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Simulate a scenario and run estimators on the measurements of its sensors.
@@ -45,6 +47,8 @@ def run(
     file.
     estimators: one or several, by id or as `Estimator` objects; None: those that the scenario names.
     seed, duration_s: seed, and duration in s; None: the scenario's.
+    settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the scenario:
+        ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
     progress: called with the numbers of samples done and in all.
 
     Raises `InputError` for an unknown name, a wrong value, or an estimator that cannot run on this scenario;
@@ -54,7 +58,8 @@ def run(
     chosen = get_all(scenario.estimators if estimators is None else estimators)
     plant = build(scenario, seed=seed, duration_s=duration_s)
     every = recording_interval(plant.samples)
-    started = [plant.parameters_of(estimator) for estimator in chosen]
+    rows = setting_rows(settings, chosen)
+    started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
     runner = make_runner(plant.model, plant.parameters)
     followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]
     # the covariance of the 15-state filter without fixes is the limit of free-inertial navigation
@@ -84,7 +89,7 @@ def run(
     truth = plant.model.outputs.unpack(np.concatenate(kept))
     track = track_of(truth["time"], truth)
     results = tuple(_result(f, plant, track, sensor_error_n, predictor) for f in followers)
-    notes = (f"{bridged} lost inertial samples bridged by interpolation",) if bridged else ()
+    notes = (*scenario.notes, *((f"{bridged} lost inertial samples bridged by interpolation",) if bridged else ()))
     return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, notes)
 
 

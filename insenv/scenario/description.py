@@ -14,6 +14,7 @@ from insenv.files.values import Sigmas, within
 from insenv.scenario.tuning import tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
+from insenv.sensors.imu_section import FIGURES
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
 
@@ -67,6 +68,14 @@ class Scenario(Section):
     def name(self) -> str:
         """Name of the file without ``.toml``; empty if the scenario is not from a file."""
         return self._name
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the scenario leaves open and a reader of its results must know."""
+        if self.imu.model_fields_set & {"grade", *FIGURES}:
+            return ()
+        lacking = "has no [imu]" if "imu" not in self.model_fields_set else "gives no grade and no errors in [imu]"
+        return (f"the inertial unit is perfect, because the scenario {lacking}: errors are those of the algorithm alone",)
 
     @property
     def sensors(self) -> dict[str, SensorSection]:

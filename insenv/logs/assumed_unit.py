@@ -1,0 +1,95 @@
+"""An inertial unit of which the log gives no grade: its noise from the log, its biases by the class of such a noise.
+
+Noise tells little of biases: modern MEMS gyros are as quiet as tactical ones and drift a hundred times as much. So the
+class is one coarser than the one that the noise suggests, and its biases are the largest of that class and all finer ones.
+A log with less noise than any unit of the catalogue is simulated, rounded or smoothed; it is judged as the coarsest class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from insenv.logs.inertial import InertialSamples
+from insenv.logs.unit_noise import noise_at_rest, noise_in_motion
+from insenv.scenario.sensor_notes import sensor_notes
+from insenv.sensors import units
+from insenv.sensors.catalogue import CLASSES
+from insenv.sensors.grades import ImuGrade
+
+MARGIN = 1.25
+"""A class covers noise up to this much above its own."""
+LEAST = 0.1
+"""A noise below this part of the finest class's says nothing of the unit."""
+_REST_SAMPLES = 100
+
+
+@dataclass(frozen=True)
+class AssumedUnit:
+    """What is assumed of an unknown unit: its grade, and the one sentence that says so."""
+
+    grade: ImuGrade
+    sentence: str
+
+
+def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> AssumedUnit:
+    """The assumption for the unit of a log.  rest: start and end (s) of the time at rest, if one is known."""
+    gyro, accel, where = _measured(samples, rest)
+    finest = CLASSES[-1].parameters()
+    told = gyro >= LEAST * finest["angle_random_walk"] and accel >= LEAST * finest["velocity_random_walk"]
+    place = 0
+    if told:
+        place = max(min(_class("angle_random_walk", gyro), _class("velocity_random_walk", accel)) - 1, 0)
+    assumed = CLASSES[place]
+    gyro_bias = max(float(np.max(grade.gyro_bias_sigma_deg_h)) for grade in CLASSES[place:])
+    accel_bias = max(float(np.max(grade.accel_bias_sigma_ug)) for grade in CLASSES[place:])
+    noise = assumed.parameters()
+    if told:
+        noise |= {"angle_random_walk": gyro, "velocity_random_walk": accel}
+    arw, vrw = noise["angle_random_walk"] / units.deg_sqrt_h_to_rad_sqrt_s(1.0), noise["velocity_random_walk"] * units.HOUR**0.5
+    unit = replace(
+        assumed,
+        name="",
+        title="",
+        sources={},
+        gyro_bias_sigma_deg_h=gyro_bias,
+        gyro_arw_deg_sqrt_h=float(arw),
+        accel_bias_sigma_ug=accel_bias,
+        accel_vrw_ug_sqrt_hz=0.0,
+        accel_vrw_m_s_sqrt_h=float(vrw),
+    )
+    sheet = sensor_notes(unit.parameters(), in_place=False)
+    gyro_sigma, accel_sigma = units.rad_s_to_deg_h(sheet.gyro_bias_sigma), units.m_s2_to_ug(sheet.accel_bias_sigma) / 1000
+    source = f"the log's own {where}" if told else f"that of class {assumed.name!r}, because the log has less than any unit"
+    sentence = (
+        f"the log gives no grade of its inertial unit: white noise is {source} ({_round(float(arw))} deg/sqrt(h), "
+        f"{_round(float(vrw))} m/s/sqrt(h)), biases are assumed as those of class {assumed.name!r} "
+        f"({_round(gyro_sigma)} deg/h, {_round(accel_sigma)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
+    )
+    return AssumedUnit(unit, sentence)
+
+
+def _measured(samples: InertialSamples, rest: tuple[float, float] | None) -> tuple[float, float, str]:
+    """Noise densities of gyros and accelerometers (SI), and where they are from."""
+    interval = float(np.median(samples.dt))
+    if rest is not None:
+        still = (samples.imu_time >= rest[0]) & (samples.imu_time <= rest[1])
+        if np.count_nonzero(still) >= _REST_SAMPLES:
+            parts = (samples.delta_angle[still], samples.delta_velocity[still])
+            return (*(noise_at_rest(part, interval) for part in parts), "at rest")  # type: ignore[return-value]
+    parts = (samples.delta_angle, samples.delta_velocity)
+    return (*(noise_in_motion(part, interval) for part in parts), "in its quietest tenth")  # type: ignore[return-value]
+
+
+def _round(value: float) -> str:
+    """Two significant digits."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _class(row: str, noise: float) -> int:
+    """Place of the finest class with at least this noise; of the coarsest, if none has."""
+    for place in reversed(range(len(CLASSES))):
+        if MARGIN * float(np.max(CLASSES[place].parameters()[row])) >= noise:
+            return place
+    return 0
