@@ -27,7 +27,7 @@ class SensorNotes:
     """Data sheet of the inertial unit, SI: the numbers that estimators are tuned by.
 
     angle_random_walk rad/s^0.5, velocity_random_walk m/s^1.5; gyro_bias_sigma rad/s, accel_bias_sigma m/s^2; correlation
-    times s; rotation_error, thrust_error: scale factor and misalignment, 1 (0: not known, or a scenario sets them).
+    times s.
     """
 
     angle_random_walk: float = 1e-6
@@ -36,8 +36,6 @@ class SensorNotes:
     accel_bias_sigma: float = 1e-3
     gyro_correlation_time: float = 3600.0
     accel_correlation_time: float = 3600.0
-    rotation_error: float = 0.0
-    thrust_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +47,7 @@ class Knowledge:
     gyro_bias_error (rad/s): standard deviation of gyro_bias, each axis, if the attitude were right; 0: that of the data sheet.
     rest_share: the part of gyro_bias that is the rate at rest less the Earth's rate in the attitude above, 0 to 1; through it
     an error of the attitude is one of the bias too.
+    rotation_error, thrust_error: 1 sigma of the scale factor and misalignment of gyros and accelerometers, 1; 0: not stated.
     antenna_lever_arm: IMU to antenna, b, m.
     """
 
@@ -68,6 +67,8 @@ class Knowledge:
     accel_bias: Vector = field(default_factory=lambda: _ZERO)
     gyro_bias_error: float = 0.0
     rest_share: float = 0.0
+    rotation_error: float = 0.0
+    thrust_error: float = 0.0
     antenna_lever_arm: Vector = field(default_factory=lambda: _ZERO)
     sensors: SensorNotes = SensorNotes()
 

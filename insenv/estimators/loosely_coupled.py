@@ -10,6 +10,8 @@ measurement comes; the integrals of specific force and attitude over that interv
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +30,7 @@ from insenv.estimators.parts.kalman import innovation_variance, measure, propaga
 from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
+LARGEST_HEADING = 60.0  # deg: largest standard deviation of the start heading
 # errors proportional to the motion accumulate in a manoeuvre and reverse in the next: white over one of this size
 COHERENT_ANGLE = 1.0  # rad
 COHERENT_SPEED = 10.0  # m/s
@@ -307,4 +310,16 @@ MODEL = Model(
     start=start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="navigation", sensors=("gnss",), error=consistency_error)
+
+def applicability(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A heading that is too uncertain for a linear filter."""
+    heading = math.degrees(float(parameters["heading_sigma"]))
+    if heading <= LARGEST_HEADING + 1e-6:
+        return ()
+    return (
+        f"not applicable: the start heading is uncertain by {heading:.3g} deg (1 sigma), and this filter is linear: it "
+        f"converges from {LARGEST_HEADING:g} deg; 'aqe-sukf' starts from any heading",
+    )
+
+
+ESTIMATOR = Estimator(MODEL, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability)

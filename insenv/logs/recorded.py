@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.units import Array
 from insenv.scenario.sensor_notes import sensor_notes
-from insenv.sensors import imu_grade
+from insenv.sensors import ImuGrade, imu_grade
 
 
 @dataclass(frozen=True)
@@ -100,10 +101,17 @@ class RecordedLog(InertialSamples):
 
     def sensors(self, in_place: bool) -> SensorNotes:
         """What estimators are tuned by: the grade of the description, or what is assumed of an unknown unit."""
-        grade = imu_grade(self.description.imu.grade) if self.assumed is None else self.assumed.grade
-        rows = grade.parameters()
-        return replace(
-            sensor_notes(rows, in_place),
-            rotation_error=float(np.hypot(rows["gyro_scale_factor_sigma"], rows["gyro_misalignment_sigma"])),
-            thrust_error=float(np.hypot(rows["accel_scale_factor_sigma"], rows["accel_misalignment_sigma"])),
+        return sensor_notes(self._grade.parameters(), in_place)
+
+    def motion_errors(self) -> dict[str, Any]:
+        """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""
+        rows = self._grade.parameters()
+        gyro, accel = (
+            float(np.hypot(rows[f"{triad}_scale_factor_sigma"], rows[f"{triad}_misalignment_sigma"]))
+            for triad in ("gyro", "accel")
         )
+        return {"rotation_error": gyro, "thrust_error": accel}
+
+    @property
+    def _grade(self) -> ImuGrade:
+        return imu_grade(self.description.imu.grade) if self.assumed is None else self.assumed.grade

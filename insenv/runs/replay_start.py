@@ -125,6 +125,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         pitch=float(reference.pitch[row]),
         heading=float(reference.heading[row]),
         **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
+        **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
         sensors=log.sensors(in_place=False),
     )
@@ -175,6 +176,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         gyro_bias=found.gyro_bias,
         gyro_bias_error=found.gyro_bias_error,
         rest_share=found.rest_share,
+        **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
         sensors=log.sensors(in_place=False),
     )
@@ -200,7 +202,7 @@ def _checked_by_course(
     notes.append(
         f"the given heading, {np.degrees(heading):.4g} deg, and the course of the first motion, which means "
         f"{np.degrees(by_course):.4g} deg, are {np.degrees(apart):.3g} deg apart: its standard deviation is taken as "
-        f"{np.degrees(widened):.3g} deg, not {np.degrees(sigma):.2g}"
+        f"{np.degrees(widened):.3g} deg, not {np.degrees(sigma):.2g} deg"
     )
     return widened
 

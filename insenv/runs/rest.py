@@ -124,7 +124,7 @@ def start_at_rest(
         curvature = weight * np.cos(heading + turn - compass) + given
         turn += float(slope / curvature) if curvature > 0 else 0.0
     found = _wrapped(heading + turn)
-    left = min(float((weight * np.cos(found - compass) + given) ** -0.5), np.pi)
+    left = min(float((weight * np.cos(found - compass) + given) ** -0.5), sigma, np.pi)
 
     bias, mean = sensors.gyro_bias_sigma, _drifted(rest, sensors)
     share = bias**2 / (bias**2 + mean**2)
