@@ -70,7 +70,9 @@ def test_a_perfect_unit_for_want_of_a_section_is_said(imu, perfect):
         values["imu"] = {"lever_arm_m": [1.0, 0.0, 0.0], **imu}
     said = ["the inertial unit is perfect, because [imu] is missing or states no errors"] if perfect else []
     assert run(values, "q-method", duration_s=5.0).as_json()["notes"] == said
-    assert [note for note in campaign(values, "q-method", runs=2, duration_s=5.0).as_json()["notes"] if "perfect" in note] == said
+    assert [
+        note for note in campaign(values, "q-method", runs=2, duration_s=5.0).as_json()["notes"] if "perfect" in note
+    ] == said
     assert run("ship-swaying", duration_s=5.0).notes == ()
 
 
