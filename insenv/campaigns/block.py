@@ -8,12 +8,11 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.campaigns.model import Measured, measured_model, predictor
+from insenv.campaigns.parameters import known_values
 from insenv.campaigns.plan import Plan
 from insenv.core.batch import Batch, make_batch
 from insenv.errors import InputError
-from insenv.estimators import Estimator
-from insenv.scenario import Plant, reseeded
+from insenv.scenario import Plant
 
 Arrays = dict[str, NDArray[np.float64]]
 Stopped = Callable[[], bool]
@@ -39,21 +38,17 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arra
     runs = plan.blocks[number]
     seeds = [plan.first_seed + run for run in runs]
     plants = _plants(plan, seeds, stopped)
-    estimator = plan.chosen
-    measured = measured_model(plants[0].model, estimator)
-    batch = make_batch(measured.model, len(plants), _parameters(plan, plants, estimator, measured))
+    measured = plan.measured
+    batch = make_batch(measured.model, len(plants), plan.parameters_of(plants))
     shown = measured.model.outputs.unpack(_records(batch, plan, stopped))
-    known = [plant.knowledge for plant in plants]
     wander = [np.broadcast_to(np.asarray(plant.parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3) for plant in plants]
     return {
         "seed": np.array(seeds, dtype=np.float64),
         "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
-        "known": np.array([
-            (k.latitude, k.height, k.sensors.angle_random_walk, k.sensors.velocity_random_walk) for k in known
-        ]),
+        "known": known_values(plants),
         "wander": np.array(wander),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
-    }  # fmt: skip
+    }
 
 
 def _records(batch: Batch, plan: Plan, stopped: Stopped) -> NDArray[np.float64]:
@@ -75,33 +70,12 @@ def _records(batch: Batch, plan: Plan, stopped: Stopped) -> NDArray[np.float64]:
 
 
 def _plants(plan: Plan, seeds: list[int], stopped: Stopped) -> list[Plant]:
-    if not plan.variations:
-        return reseeded(plan.plant, seeds)
     plants = []
-    for seed in seeds:
+    for plant in plan.plants(seeds):
         if stopped():
             raise StoppedError
-        plants.append(plan.plant_of(seed))
+        plants.append(plant)
     for plant in plants:
         if plant.model is not plan.plant.model:
             raise InputError(f"vary: in the run of seed {plant.seed} the parts of the plant differ from those of the first run")
     return plants
-
-
-def _parameters(plan: Plan, plants: list[Plant], estimator: Estimator, measured: Measured) -> NDArray[np.float64]:
-    """Parameters of the campaign's model, one row per run."""
-    model = plants[0].model
-    place, one = model.parameters.slice("seed").start, model.parameters.pack(plants[0].parameters)
-    own = estimator.model.parameters
-    rows = []
-    for plant in plants:
-        if plan.variations:
-            one = model.parameters.pack(plant.parameters)
-        one[place] = plant.seed
-        parts = [one, own.pack(plant.parameters_of(estimator))]
-        if measured.predicted:
-            unaided = predictor()
-            parts.append(unaided.model.parameters.pack(unaided.parameters(plant.knowledge, rows={"standing_window": 0.0})))
-        parts.append(np.array([plan.evaluation_samples, plan.evaluations], dtype=np.float64))
-        rows.append(np.concatenate(parts))
-    return np.array(rows)

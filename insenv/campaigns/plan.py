@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 import insenv
 from insenv import estimators
+from insenv.campaigns.model import Measured, measured_model
+from insenv.campaigns.parameters import known_values, parameter_digest, run_parameters
 from insenv.campaigns.variation import Variation, check_variations, varied
 from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.plant.feeding import recording_interval
-from insenv.scenario import Plant, ScenarioLike, build, load, parse
+from insenv.scenario import Plant, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
 
 RECORDS = 120
@@ -27,6 +29,8 @@ BLOCK_SAMPLES = 10_000_000
 """Approximate number of inertial samples in a block: some seconds of one core, so that distributing it costs little."""
 LARGEST_BLOCK, LANES = 1024, 8
 MAX_RUNS = 10_000_000
+COMPARED_RUNS = 8
+"""Runs whose parameters the digest contains."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,20 @@ class Plan:
             "insenv": insenv.__version__,
             **asdict(self),
             "variations": [asdict(v) for v in self.variations],
-            "equations": self.chosen.model.fingerprint,
+            "equations": self.measured.model.fingerprint,
+            "parameters": self._parameter_digest,
         }
 
-    @property
+    @functools.cached_property
+    def _parameter_digest(self) -> str:
+        """Hash of what the functions of the estimator, the vehicle and the sensors make of the scenario, in the first runs.
+
+        A function that prepares parameters has no text to compare, as a plug-in's source may be anywhere; its results have.
+        """
+        plants = list(self.plants([self.first_seed + run for run in range(min(self.runs, COMPARED_RUNS))]))
+        return parameter_digest(np.hstack([self.parameters_of(plants), known_values(plants)]))
+
+    @functools.cached_property
     def digest(self) -> str:
         """Hash of `as_json`: campaigns with the same digest give the same results."""
         text = json.dumps(self.as_json(), sort_keys=True, separators=(",", ":"))
@@ -89,6 +103,20 @@ class Plan:
         values = {v.key: v.value(seed) for v in self.variations}
         scenario = parse(varied(self.scenario, values), self.name, self.name)
         return build(scenario, seed, self.duration_s)
+
+    def plants(self, seeds: Sequence[int]) -> Iterable[Plant]:
+        """The plants of the runs of some seeds."""
+        return (self.plant_of(seed) for seed in seeds) if self.variations else reseeded(self.plant, seeds)
+
+    @functools.cached_property
+    def measured(self) -> Measured:
+        """The model that the runs share."""
+        return measured_model(self.plant.model, self.chosen)
+
+    def parameters_of(self, plants: Sequence[Plant]) -> NDArray[np.float64]:
+        """Parameters of `measured` for the plants of some runs, one row per run."""
+        evaluation = self.evaluation_samples, self.evaluations
+        return run_parameters(plants, self.chosen, self.measured, evaluation, bool(self.variations))
 
     @property
     def notes(self) -> tuple[str, ...]:

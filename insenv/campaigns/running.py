@@ -12,17 +12,16 @@ from uuid import uuid4
 from insenv import __version__
 from insenv.campaigns.block import Arrays, run_block
 from insenv.campaigns.executors import Processes, Workers, processes, threads
-from insenv.campaigns.model import measured_model
 from insenv.campaigns.plan import Plan, make_plan
 from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
 from insenv.campaigns.variation import Variation
 from insenv.core.compile import batch_library_path
+from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator
 from insenv.files.output import as_path
-from insenv.plant.feeding import Progress
 from insenv.scenario import ScenarioLike
 
 ATTEMPTS = 4
@@ -89,13 +88,14 @@ def run_campaign(
     repeatedly, `InputError` if another process holds the store; finished blocks stay in the store. Ctrl-C ends the
     blocks that run; those that are finished are stored, and the message of the KeyboardInterrupt says how many.
     """
+    check_progress(progress)
     store = Memory() if store is None else store
     with store.held():
         return _run_held(plan, store, workers or threads(), progress)
 
 
 def _run_held(plan: Plan, store: Memory | Folder, make: Workers, progress: Progress | None) -> Summary:
-    measured = measured_model(plan.plant.model, plan.chosen)
+    measured = plan.measured
     if resolve_backend(None) == "native":
         batch_library_path(measured.model, None)  # compile once here, not once in each worker
     blocks = plan.blocks
@@ -191,6 +191,7 @@ def _block(plan: Plan, number: int, digest: str, token: str = "") -> Arrays:
     """Run a block on a worker, provided that the worker's version gives the same results."""
     if plan.digest != digest:
         raise InsenvError(
-            f"a worker has insenv {__version__}, another version than this process: install the same version on all"
+            f"a worker with insenv {__version__} would give other results than this process: install the same version of "
+            "insenv and of its plug-ins on all"
         )
     return run_block(plan, number, lambda: token in _stopped)

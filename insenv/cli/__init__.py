@@ -82,7 +82,7 @@ def _execute(arguments: list[str]) -> int:
         return int(work or DONE)
     from insenv.cli.output import quiet_warnings
 
-    with quiet_warnings():  # an installed package that is broken gives one
+    with quiet_warnings():  # of a broken plug-in, or because there is no C compiler
         work()
     return DONE
 

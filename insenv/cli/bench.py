@@ -22,11 +22,11 @@ def bench(
 ) -> None:
     """Measure speed and accuracy on this machine, each figure beside its floor."""
     from insenv.bench import figures, machine
-    from insenv.cli.output import print_json, print_line, print_table, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report.tables import number
 
     measured = []
-    with quiet_warnings(), working("measuring") as progress:
+    with working("measuring") as progress:
         for figure in figures(only):
             measured.append(figure)
             progress.describe(f"measuring: {figure.name} done")

@@ -39,7 +39,7 @@ def campaign(
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
     from insenv.campaigns import Folder, make_plan, parse_variation, run_campaign
     from insenv.campaigns.presentation import campaign_document, campaign_tables, write_campaign
-    from insenv.cli.output import print_json, print_line, print_parts, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, print_parts, working
     from insenv.report import OutputFolder
     from insenv.scenario import load
 
@@ -55,7 +55,7 @@ def campaign(
     plan = make_plan(load(scenario), estimator[0], runs, first_seed=seed, duration_s=duration, variations=variations)
     folder = None if out is None else OutputFolder(out)
     store = None if folder is None else Folder(folder.path, plan, resume)
-    with quiet_warnings(), working(f"{plan.name}, {plan.runs} runs") as progress:
+    with working(f"{plan.name}, {plan.runs} runs") as progress:
         found = run_campaign(plan, store=store, workers=pool, progress=progress)
         written = None if folder is None else write_campaign(found, folder, not no_figure)
     paths = [str(path) for path in written.paths] if written else []

@@ -60,13 +60,13 @@ def export_fmu(
     as_json: Json = False,
 ) -> None:
     """Write an estimator, a scenario's plant, or both in one, as an FMU for Co-Simulation."""
-    from insenv.cli.output import print_json, print_line, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, working
     from insenv.fmu import export_fmu as write
     from insenv.fmu.exporter import summary
     from insenv.scenario.tuning import FILE
 
     names, settings = _platforms(platform), _settings(set_, texts=(FILE,))
-    with quiet_warnings(), working(f"exporting {subject}"):
+    with working(f"exporting {subject}"):
         write(subject, output, estimator=estimator, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
     content = summary(output)
     if as_json:
@@ -89,10 +89,10 @@ def ssp(
     as_json: Json = False,
 ) -> None:
     """Write a scenario's plant and an estimator, connected, as an SSP file of two FMUs."""
-    from insenv.cli.output import print_json, print_line, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, working
     from insenv.fmu import export_ssp
 
-    with quiet_warnings(), working(f"exporting {scenario} and {estimator}"):
+    with working(f"exporting {scenario} and {estimator}"):
         made = export_ssp(scenario, estimator, output, seed=seed, platforms=_platforms(platform))
     if as_json:
         print_json({"written": str(output), **made})
@@ -128,7 +128,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run an FMU over sampled inputs, or the FMUs of an SSP file; print or write the outputs."""
-    from insenv.cli.output import print_json, print_line, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, working
     from insenv.files.output import check_output_file
     from insenv.fmu.master import run_ssp
     from insenv.fmu.running import run, some
@@ -141,7 +141,7 @@ def run(
     if is_system and input_ is not None:
         raise InputError(f"--input with {fmu}: a system has no inputs here: allowed is --input with an .fmu file")
     inputs = None if input_ is None else read_csv(input_)
-    with quiet_warnings(), working(fmu.name) as progress:
+    with working(fmu.name) as progress:
         if is_system:
             found = run_ssp(fmu, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
         else:

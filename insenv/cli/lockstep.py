@@ -37,7 +37,7 @@ def lockstep(
     speed: None is 1 for PX4, which has no pace of its own, and 0 for ArduPilot, which keeps that of its --speedup.
     """
     from insenv.cli.ending import ending, written
-    from insenv.cli.output import print_json, print_line, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, working
     from insenv.cli.stream import checked_duration
     from insenv.mavlink import Vehicle
     from insenv.mavlink.lockstep import px4_rates
@@ -54,7 +54,6 @@ def lockstep(
     chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates))}
     with ending() as request:
         with ExitStack() as stack:
-            stack.enter_context(quiet_warnings())
             vehicle = Vehicle(loaded, estimator, seed=seed, rates=chosen, speed=0.0, **_as_simulator(kind))
             simulator, address = _prepared(stack, kind, vehicle, to, tlog, pace)
             progress = stack.enter_context(working(f"lockstep with {kind} on {address}"))

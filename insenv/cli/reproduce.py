@@ -16,7 +16,7 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """Repeat the tests of the papers; print published value, own value and theoretical limit."""
-    from insenv.cli.output import print_json, print_line, print_table, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report import OutputFolder
     from insenv.report.tables import number
     from insenv.reproduce import PAPERS, chosen, figure
@@ -25,7 +25,7 @@ def reproduce(
     papers = chosen(paper)
     folder = None if out is None else OutputFolder(out)
     found, written = {}, []
-    with quiet_warnings(), working(f"measuring {papers[0]}") as progress:
+    with working(f"measuring {papers[0]}") as progress:
         for name, quantities in measure(paper):
             found[name] = quantities
             progress.describe(f"measured {name}")

@@ -35,7 +35,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
-    from insenv.cli.output import quiet_warnings, working
+    from insenv.cli.output import working
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
@@ -44,7 +44,7 @@ def run(
     chosen, given = _known(estimators or []), parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
-    with quiet_warnings(), working(loaded.name) as progress:
+    with working(loaded.name) as progress:
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()
@@ -63,7 +63,7 @@ def replay(
     as_json: Json = False,
 ) -> None:
     """Run estimators on a recorded log; print their errors against its reference."""
-    from insenv.cli.output import quiet_warnings, working
+    from insenv.cli.output import working
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
     from insenv.scenario.tuning import parsed_settings
@@ -72,7 +72,7 @@ def replay(
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen, given = _known(estimators), parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
-    with quiet_warnings(), working(log.name) as progress:
+    with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()

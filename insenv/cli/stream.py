@@ -43,7 +43,7 @@ def stream(
 ) -> None:
     """Stream until the duration is over or an end is requested, and print a summary."""
     from insenv.cli.ending import ending, written
-    from insenv.cli.output import print_json, quiet_warnings
+    from insenv.cli.output import print_json
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
@@ -57,7 +57,6 @@ def stream(
     addresses = _checked_addresses(to)
     with ending() as request:
         with ExitStack() as stack:
-            stack.enter_context(quiet_warnings())
             signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
             vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors)
             links = [

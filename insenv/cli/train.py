@@ -30,7 +30,7 @@ def train(
     as_json: Json = False,
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
-    from insenv.cli.output import print_json, print_line, print_table, quiet_warnings, working
+    from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.learning.training import Choice, need_packages
     from insenv.learning.training import train as learn
 
@@ -40,7 +40,7 @@ def train(
     check_output_file(out)
     need_packages()
     choice = Choice() if support is None else Choice(support=support)
-    with quiet_warnings(), working("simulating") as progress:
+    with working("simulating") as progress:
 
         def show(work: str, done: int, total: int) -> None:
             progress.describe(work)

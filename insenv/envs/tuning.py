@@ -295,18 +295,8 @@ class TuningEnv(InertialEnv):
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        setup = _setup(
-            scenario,
-            vehicle,
-            ranges,
-            samples_per_step,
-            duration_s,
-            estimator,
-            decades,
-            mistuning_decades,
-            consistency_weight,
-            dtype,
-        )
+        rewarded = (decades, mistuning_decades, consistency_weight)
+        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, *rewarded, dtype)
         super().__init__(setup, backend=backend, render_mode=render_mode)
 
 
@@ -325,18 +315,8 @@ class TuningVectorEnv(InertialVectorEnv):
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s)
-        setup = _setup(
-            scenario,
-            vehicle,
-            ranges,
-            samples_per_step,
-            duration_s,
-            estimator,
-            decades,
-            mistuning_decades,
-            consistency_weight,
-            dtype,
-        )
+        rewarded = (decades, mistuning_decades, consistency_weight)
+        setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, *rewarded, dtype)
         super().__init__(
             setup, num_envs, autoreset_mode=autoreset_mode, threads=threads, backend=backend, render_mode=render_mode,
             max_episode_steps=max_episode_steps,

@@ -7,8 +7,12 @@ The mean specific force is minus gravity and the mean rate is the Earth's; down 
 
 Source: Titterton and Weston (2004), section 10.3; TRIAD: Black, AIAA Journal 2 (1964), with gravity as the trusted
 vector. Any attitude, both hemispheres, not at the poles. The attitude is assumed constant: sway, people and engines
-enter the means directly, and the noise of heading falls only as the square root of time. The latitude is used by the
-stated accuracy only.
+enter the means directly, and the noise of heading falls only as the square root of time.
+
+Stated accuracy: biases, white noise and the motion itself. The integrals of rate and specific force of a vehicle at
+rest are straight lines, so their scatter about a straight line (`spread`) is motion and noise: the attitude of now
+differs from the mean by that of the angle, and either mean is wrong by the scatter at both ends over the time. The
+latitude is used by the stated accuracy only.
 """
 
 from __future__ import annotations
@@ -19,13 +23,15 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core.elementary import cos, maximum, minimum
+from insenv.core.elementary import cos, maximum, minimum, select, sin
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, rows
 
 LARGEST_SIGMA = math.pi  # rad: heading unknown
+TURN = 2.0  # square of the attitude of now less the mean over the variance of the angle: a margin for short runs
+ENDS = 4.0  # square of the difference of two ends of a path over its variance: those of a sine, and a margin
 
 PARAMETERS = rows.chosen(rows.PLACE, "latitude") + rows.NOISES
 
@@ -33,12 +39,35 @@ STATE = Table((
     Row("angle", "Sum of the delta angles", "rad", (3,), "b"),
     Row("velocity", "Sum of the delta velocities", "m/s", (3,), "b"),
     Row("time", "Time since the start", "s"),
+    Row("first", "Angular rate and specific force of the first sample", "rad/s, m/s^2", (6,), "b"),
+    Row("path", "Integral of the angle, and of the velocity, less those of constant first values", "rad s, m", (6,), "b"),
+    Row("path_moment", "Its integral weighted with time", "rad s^2, m s", (6,), "b"),
+    Row("path_square", "Integral of the square", "rad^2 s, m^2/s", (6,), "b"),
 ))  # fmt: skip
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One inertial sample."""
-    return {"angle": x.angle + u.delta_angle, "velocity": x.velocity + u.delta_velocity, "time": x.time + u.dt}
+    increments = ca.vertcat(u.delta_angle, u.delta_velocity)
+    first = select(x.time == 0, increments / u.dt, x.first)
+    middle = x.time + u.dt / 2
+    gained = ca.vertcat(x.angle, x.velocity) + increments / 2 - first * middle  # small, so that squares lose no digits
+    return {
+        "angle": x.angle + u.delta_angle,
+        "velocity": x.velocity + u.delta_velocity,
+        "time": x.time + u.dt,
+        "first": first,
+        "path": x.path + gained * u.dt,
+        "path_moment": x.path_moment + gained * (middle * u.dt),
+        "path_square": x.path_square + gained**2 * u.dt,
+    }
+
+
+def spread(x: Any) -> Any:
+    """Variance of the angle (3, rad^2, b) and of the velocity (3, m^2/s^2, b) about straight lines over the run."""
+    time = maximum(x.time, 1e-6)
+    mean, slope = x.path / time, (x.path_moment - x.path * time / 2) * (12 / time**3)
+    return maximum(x.path_square / time - mean**2 - slope**2 * time**2 / 12, 0.0)
 
 
 def triad(force_b: Any, rate_b: Any) -> Any:
@@ -55,13 +84,19 @@ def _unit(v: Any) -> Any:
 
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude from the means so far."""
-    time = maximum(x.time, 1e-6)
-    tilt = ca.sqrt(p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time) / geodesy.NOMINAL_GRAVITY
-    rate = ca.sqrt(p.gyro_bias_sigma**2 + p.angle_random_walk**2 / time)
-    heading = rate / (geodesy.OMEGA_IE * maximum(ca.fabs(cos(p.latitude)), 1e-9))
+    time, g, scatter = maximum(x.time, 1e-6), geodesy.NOMINAL_GRAVITY, spread(x)
+    C_nb = triad(x.velocity, x.angle)
+    angle, velocity = (C_nb * C_nb) @ scatter[:3], (C_nb * C_nb) @ scatter[3:]  # n
+    ends = ENDS / time**2
+    pushed = (velocity[0] + velocity[1]) / 2
+    tilt = (p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time + ends * pushed) / g**2
+    rate = p.gyro_bias_sigma**2 + p.angle_random_walk**2 / time + ends * angle[1]
+    earth_rate = geodesy.OMEGA_IE * maximum(ca.fabs(cos(p.latitude)), 1e-9)
+    heading = (rate + tilt * (geodesy.OMEGA_IE * sin(p.latitude)) ** 2) / earth_rate**2
+    variance = ca.vertcat(tilt, tilt, heading) + TURN * angle
     return {
-        "q_nb": attitude.from_dcm(triad(x.velocity, x.angle)),
-        "attitude_sigma": ca.vertcat(tilt, tilt, minimum(heading, LARGEST_SIGMA)),
+        "q_nb": attitude.from_dcm(C_nb),
+        "attitude_sigma": minimum(ca.sqrt(variance), LARGEST_SIGMA),
     }
 
 

@@ -39,8 +39,9 @@ from insenv.core import symmetric
 from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators.contract import Estimator
+from insenv.estimators.contract import Estimator, Notes
 from insenv.estimators.parts import gnss_fix, rows, strapdown
+from insenv.estimators.parts.applicability import linear_start
 from insenv.estimators.parts.increments import compensated
 from insenv.estimators.parts.kalman import measure_joseph
 from insenv.estimators.parts.quaternion_error import (
@@ -326,7 +327,7 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
     return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
 
 
-def _estimator(id: str, title: str, spread: Spread) -> Estimator:
+def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -343,10 +344,11 @@ def _estimator(id: str, title: str, spread: Spread) -> Estimator:
         output=output,
         start=start,
     )
-    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error)
+    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability)
 
 
+_TITLE = "large misalignment: additive quaternion error"
 ESTIMATORS = (
-    _estimator("aqe-ekf", "large misalignment: additive quaternion error, extended Kalman filter", linearised),
-    _estimator("aqe-sukf", "large misalignment: additive quaternion error, simplified unscented Kalman filter", unscented),
+    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start),
+    _estimator("aqe-sukf", f"{_TITLE}, simplified unscented Kalman filter", unscented, None),
 )

@@ -98,6 +98,8 @@ class Drive:
     whole: bool = True
 
 
+Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]
+"""Of parameters by row name and a duration (s): sentences about where an estimate may not be trusted."""
 Kind = Literal["alignment", "navigation"]
 Motion = Literal["in place", "moving", "any"]
 
@@ -131,7 +133,7 @@ class Estimator:
     motion: Motion | None = None
     moving_row: str = ""
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
-    applicability: Callable[[Mapping[str, Any], float], tuple[str, ...]] | None = None
+    applicability: Notes | None = None
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
     read_file: Callable[[str], Mapping[str, Any]] | None = None

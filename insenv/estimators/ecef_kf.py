@@ -14,16 +14,18 @@ are estimate minus truth, C_hat_eb = (I - [phi x]) C_eb; the biases are those st
 Correction to the paper: its observation z = -v_ins with H = [I 0 0 0] (26) contradicts the sign of its (8) and (12).
 With dv = estimate minus truth, z is +v_ins (minus the velocity known from outside).
 
-Start: from the given attitude or, where that is too uncertain for a linear filter, from a coarse alignment by the
-q-method over the first `coarse_time` seconds (any attitude, any sway).
+Start: from a coarse alignment by the q-method over the first `coarse_time` seconds (any attitude, any sway), with the
+accuracy that it states and the correlation of its errors with the biases; or, with `coarse_time` = 0, from the given
+attitude. On a moving base always from the given attitude.
 
 Observation: the mean velocity over a window, which is zero (or the velocity itself, against that of a fix). Attitude,
 velocity and biases are fed back at the end of a window only, so over T the mean error is H x with H = [I, -T/2 [f x],
 -T/2 C_eb, 0] of the state at its end. A parked vehicle has windows of `update_interval` and a velocity of zero within
 `velocity_sigma`. On a swaying base the velocity in excess of its prediction (`excess`, learnt as the filter runs) is
 not white: the mean of a sway that stays in place falls as 1/T, so the windows are then `sway_interval` long, and the
-sway counts with 2 (sway_time / T)^2 of its variance. A sway too gentle to be detected at the start may be taken for
-tilt: where sway is expected, set `sway_sigma`.
+sway counts with 2 (sway_time / T)^2 of its variance. After the coarse alignment the windows are long until the scatter
+of the velocity about a straight line, which tilts and biases do not cause, shows that there is no sway. With a given
+attitude (`coarse_time` = 0) a sway that starts gently may be taken for tilt: set `sway_sigma` where it is expected.
 
 Jacobians: in place, the horizontal accelerometer biases cannot be separated from tilts, nor the east gyro's bias from
 heading. Matrices that follow each correction would pretend that they can. So f^e is minus gravity, and C_eb is taken at
@@ -35,7 +37,6 @@ lever arm; latitude, longitude and height are those of the fixes, propagated by 
 
 from __future__ import annotations
 
-from math import hypot
 from typing import Any
 
 import casadi as ca
@@ -48,17 +49,17 @@ from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators import q_method
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.parts import applicability, inertial_vectors, rows, two_sample
+from insenv.estimators.parts import applicability, handover, inertial_vectors, rows, two_sample
 from insenv.estimators.parts.kalman import measure, propagate
 
 COARSE = q_method.MODEL
 _COARSE_START = COARSE.start or (lambda p: {})
 AXIS_E = ca.SX([0, 0, geodesy.OMEGA_IE])  # rad/s
-LARGE_TILT, LARGE_HEADING = 0.05, 0.1  # rad: a start attitude of this uncertainty or more is not used
 GATE = 3.0  # a velocity beyond this many standard deviations counts as sway at once
 SWAYING = 5.0  # sway of this many times velocity_sigma selects the long windows
 COARSE_TIME = 120.0  # s: the q-method's filters have settled after 80
-COARSE_TILT, COARSE_HEADING = 0.0005, 0.005  # rad: the error that sway leaves in the coarse alignment
+UNKNOWN_VELOCITY = 1.0  # m/s: that of a sway, after the coarse alignment
+LINE = 2.0  # a straight line takes up to half of the variance of a slow sway's velocity
 
 N = 12
 VELOCITY, TILT, ACCEL, GYRO = (slice(i, i + 3) for i in range(0, N, 3))
@@ -111,6 +112,8 @@ STATE = _new(Table((
     Row("holding", "1 when a first sample waits for its second"),
     Row("pair_due", "1 when the sample completes a pair"),
     Row("window", "Time since the last observation", "s"),
+    Row("window_moment_e", "Integral of velocity times the time in the window", "m s", (3,), "e"),
+    Row("window_square", "Integral of the square of velocity", "m^2/s", (3,), "e"),
     Row("window_force_e", "Integral of specific force over it", "m/s", (3,), "e"),
     Row("window_velocity_e", "Integral of velocity over it", "m", (3,), "e"),
     Row("window_C_eb", "Integral of the attitude matrix over it", "s", (3, 3), "e"),
@@ -165,29 +168,33 @@ def observation(A: Any, lag: Any) -> Any:
 def start(p: Any) -> dict[str, Any]:
     """The given attitude, its covariance, and the place."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
+    coarse = (p.coarse_time > 0) * (1 - p.moving)
+    given = ca.SX(3, 3)
+    level = ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2)
+    q_nb = attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)
     return {
         **_COARSE_START(p),
         "place": ca.vertcat(p.latitude, p.longitude, p.height),
         "gravity_e": _gravity_e(p.latitude, p.longitude, p.height),
-        "coarse": select(p.coarse_time > 0, 1.0, 0.0),
-        "swaying": select(p.sway_sigma > 0, 1.0, 0.0),
-        **_filter_start(p, q_en, attitude.from_euler(p.start_roll, p.start_pitch, p.start_heading)),
+        "coarse": coarse,
+        "swaying": ca.logic_or(p.sway_sigma > 0, coarse),
+        "velocity_e": attitude.rotate(q_en, p.start_velocity_n),
+        **_filter_start(p, q_en, q_nb, handover.Aligned(level, given, given), p.velocity_sigma_start),
     }
 
 
-def _filter_start(p: Any, q_en: Any, q_nb: Any) -> dict[str, Any]:
-    """State rows of a filter that starts with attitude q_nb where n has attitude q_en."""
-    C_en = attitude.to_dcm(q_en)
+def _filter_start(p: Any, q_en: Any, q_nb: Any, known: handover.Aligned, velocity_sigma: Any) -> dict[str, Any]:
+    """State rows of a filter that starts with attitude q_nb, known to `known`, where n has attitude q_en."""
+    C_en, C_nb = attitude.to_dcm(q_en), attitude.to_dcm(q_nb)
     P = ca.SX(N, N)
-    P[VELOCITY, VELOCITY] = ca.SX.eye(3) * p.velocity_sigma_start**2
-    P[TILT, TILT] = C_en @ ca.diag(ca.vertcat(p.tilt_sigma, p.tilt_sigma, p.heading_sigma) ** 2) @ C_en.T
+    P[VELOCITY, VELOCITY] = ca.SX.eye(3) * velocity_sigma**2
+    P[TILT, TILT] = C_en @ known.tilt @ C_en.T
     P[ACCEL, ACCEL] = ca.SX.eye(3) * p.accel_bias_sigma**2
     P[GYRO, GYRO] = ca.SX.eye(3) * p.gyro_bias_sigma**2
-    return {
-        "q_eb": attitude.normalize(attitude.multiply(q_en, q_nb)),
-        "velocity_e": C_en @ p.start_velocity_n,
-        "covariance": symmetric.triangle(P),
-    }
+    for part, with_tilt in ((ACCEL, known.tilt_accel), (GYRO, known.tilt_gyro)):
+        P[TILT, part] = C_en @ with_tilt @ C_nb
+        P[part, TILT] = P[TILT, part].T
+    return {"q_eb": attitude.normalize(attitude.multiply(q_en, q_nb)), "covariance": symmetric.triangle(P)}
 
 
 def coarse(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -200,7 +207,14 @@ def coarse(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def begin(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Start the filter from the result of the coarse alignment."""
     q_en = geodesy.q_ew_from_geodetic(p.latitude, p.longitude, 0)
-    return {**_filter_start(p, q_en, COARSE.output(p, x)["q_nb"]), "coarse": 0, "coarse_over": 0, "holding": 0, "pair_due": 0}
+    found = COARSE.output(p, x)
+    gravity = ca.sqrt(ca.sumsqr(x.gravity_e))
+    known = handover.aligned(found["attitude_sigma"], p.latitude, gravity, p.gyro_bias_sigma, p.accel_bias_sigma)
+    return {
+        **_filter_start(p, q_en, found["q_nb"], known, UNKNOWN_VELOCITY),
+        "velocity_e": ca.SX.zeros(3),
+        **dict.fromkeys(("coarse", "coarse_over", "holding", "pair_due"), 0),
+    }
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -238,6 +252,7 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
     felt = C_eb @ two_sample.velocity_change(first, second, *velocities)
     middle = x.velocity_e + (felt + x.gravity_e * duration) / 2
     change = felt + (x.gravity_e - 2 * ca.cross(AXIS_E, middle)) * duration
+    middle_velocity = x.velocity_e + change / 2
     window = x.window + duration
     interval = select(x.swaying * (1 - p.moving), p.sway_interval, p.update_interval)
     due = select(ca.logic_or(window + duration / 2 > interval, x.fix_waiting), 1.0, 0.0)
@@ -245,7 +260,9 @@ def pair(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "q_eb": attitude.renormalize(two_sample.turned(x.q_eb, first, second)),
         "velocity_e": x.velocity_e + change,
         "window": window,
-        "window_velocity_e": x.window_velocity_e + (x.velocity_e + change / 2) * duration,
+        "window_velocity_e": x.window_velocity_e + middle_velocity * duration,
+        "window_moment_e": x.window_moment_e + middle_velocity * (duration * (x.window + duration / 2)),
+        "window_square": x.window_square + middle_velocity**2 * duration,
         "window_force_e": x.window_force_e + felt,
         "window_C_eb": x.window_C_eb + C_eb * duration,
         "acceleration_e": change / duration,
@@ -292,6 +309,7 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
     predicted = ca.vertcat(*[stored[symmetric.place(i, i)] for i in range(3)])
     floor, time = p.velocity_sigma**2, x.observing + x.window
     beyond = maximum(x.velocity_e**2 - GATE**2 * (predicted + floor), 0.0)
+    beyond = select(x.swaying, LINE * scatter(x), beyond)
     excess = x.excess + (beyond - x.excess) * (x.window / minimum(time, p.learning_time))
     sway = p.sway_sigma**2 + ca.sum1(maximum(excess, beyond))  # sway in one direction counts in all
     variance = floor + sway * minimum(2 * (p.sway_time / x.window) ** 2, 1.0) + (p.velocity_random_walk**2 / 3) * x.window
@@ -313,8 +331,17 @@ def observed(p: Any, x: Any, moving: Any, stored: Any, A: Any) -> dict[str, Any]
         "window": 0,
         "window_force_e": ca.SX.zeros(3),
         "window_velocity_e": ca.SX.zeros(3),
+        "window_moment_e": ca.SX.zeros(3),
+        "window_square": ca.SX.zeros(3),
         "window_C_eb": ca.SX.zeros(3, 3),
     }
+
+
+def scatter(x: Any) -> Any:
+    """Variance (3, m^2/s^2, e) of the velocity in the window about a straight line."""
+    mean = x.window_velocity_e / x.window
+    slope = (x.window_moment_e / x.window - mean * (x.window / 2)) * (12 / x.window**2)
+    return maximum(x.window_square / x.window - mean**2 - slope**2 * (x.window**2 / 12), 0.0)
 
 
 def fix_observation(p: Any, x: Any) -> tuple[Any, Any]:
@@ -382,7 +409,7 @@ MODEL = Model(
     steps={
         "sample": Step(sample),
         "coarse": Step(coarse, when="coarse"),
-        "smooth": COARSE.steps["smooth"],
+        **{name: step for name, step in COARSE.steps.items() if name != "sample"},
         "begin": Step(begin, when="coarse_over"),
         "fix": Step(fix, when="gnss_valid"),
         "pair": Step(pair, when="pair_due"),
@@ -395,22 +422,10 @@ MODEL = Model(
 
 
 def prepare(known: Knowledge) -> dict[str, Any]:
-    """Parameters from what is known; a coarse alignment where the attitude is too uncertain for a linear filter."""
-    sensors = known.sensors
+    """Parameters from what is known, with a coarse alignment."""
     given = {**known.rows_of(PARAMETERS), **inertial_vectors.prepare(known)}
     del given["velocity_sigma"]  # the row of that name is about a velocity of zero
-    given |= {"coarse_time": 0.0, "velocity_sigma_start": float(known.velocity_sigma.max())}
-    if known.tilt_sigma <= LARGE_TILT and known.heading_sigma < LARGE_HEADING:
-        return given
-    earth = max(float(geodesy.numeric.earth_rate_n(known.latitude)[0]), 1e-3 * geodesy.OMEGA_IE)
-    drift = sensors.gyro_bias_sigma * COARSE_TIME / 2  # the q-method's vertical is at most half as old as the alignment
-    return given | {
-        "coarse_time": COARSE_TIME,
-        "start_velocity_n": (0.0, 0.0, 0.0),
-        "velocity_sigma_start": 1.0,
-        "tilt_sigma": hypot(COARSE_TILT, sensors.accel_bias_sigma / geodesy.NOMINAL_GRAVITY, drift),
-        "heading_sigma": min(hypot(COARSE_HEADING, sensors.gyro_bias_sigma / earth), 1.0),
-    }
+    return given | {"coarse_time": COARSE_TIME, "velocity_sigma_start": float(known.velocity_sigma.max())}
 
 
 ESTIMATOR = Estimator(MODEL, kind="alignment", moving_row="moving", prepare=prepare, applicability=applicability.notes)

@@ -9,7 +9,7 @@ v the error of the integrated velocity (the true one is zero) and R the horizont
 Levelling (the first `levelling_time`) has K1 = 2/tau, K2 = 1/tau^2, K3 = 0: a double pole at -1/tau, with tau =
 `levelling_constant`. The heading loop has K1 = 3/tau, K2 = 3/tau^2, K3 = 1/tau^3: a triple pole at -1/tau, with tau =
 `heading_constant`. A sway of displacement d leaves a heading error d / (tau^3 g R), so the sway determines the time
-constant.
+constant; it leaves a tilt K2 d / g. Its displacement is measured by integrating the velocity with a leak.
 
 Source: Titterton and Weston (2004), section 10.5; Britting (1971), chapter 9; the baseline of the swaying-base paper.
 """
@@ -27,6 +27,10 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.parts import applicability, frozen_frame, rows
 
+LEAK, LEARNING = 10.0, 60.0  # s: of the integral of velocity, and of the mean square of the displacement
+UNLEVEL = 0.05  # rad: level by the first sample of a base that sways
+SWAY = 2.0  # the leak and the phase take a part of the displacement
+
 PARAMETERS = frozen_frame.PARAMETERS + Table((
     rows.START["start_heading"],
     Row("start_heading_sigma", "Its standard deviation", "rad", start=0.1, lower=0.0, upper=math.pi),
@@ -37,6 +41,8 @@ PARAMETERS = frozen_frame.PARAMETERS + Table((
 
 STATE = frozen_frame.STATE + Table((
     Row("velocity_n", "Velocity over the Earth by integration, fed back", "m/s", (3,), "n"),
+    Row("displacement", "Its integral, with a leak", "m", (2,), "n"),
+    Row("displacement_square", "Mean square of the displacement, per axis", "m^2"),
 ))  # fmt: skip
 
 
@@ -57,11 +63,23 @@ def loop(p: Any, x: Any, u: Any) -> dict[str, Any]:
     # at most 0.01 rad per block: at a pole the loop has no meaning and must not diverge
     heading_turn = clamp(K3 * north / frozen_frame.horizontal_earth_rate(x) / g * T, -0.01, 0.01)
     turn = ca.vertcat(-K2 * east / g * T, K2 * north / g * T, heading_turn)
+    moved = (x.displacement + velocity[:2] * T) * (LEAK / (LEAK + T))
+    fresh = T / minimum(x.time, LEARNING)
     return {
         "q_n0i": frozen_frame.corrected(x, turn),
+        "displacement": moved,
+        "displacement_square": x.displacement_square + fresh * (ca.sumsqr(moved) / 2 - x.displacement_square),
         "velocity_n": ca.vertcat((1 - K1 * T) * velocity[:2], 0),
         **frozen_frame.block_done(),
     }
+
+
+def decayed(s: Any) -> Any:
+    """exp(-s) as (1 + s/64)^-64."""
+    decay = 1 / (1 + s / 64)
+    for _ in range(6):
+        decay = decay * decay
+    return decay
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:
@@ -73,14 +91,20 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     noise = p.angle_random_walk**2 * (0.1875 / tau) + (p.velocity_random_walk / g) ** 2 / (16 * tau**3)
     slope = x.axis_n[2] / (x.axis_n[0] + 1e-12)
     square = (p.gyro_bias_sigma**2 + noise) / earth_rate**2 + (tilt * slope) ** 2
-    # the start heading error decays as (1 + s + s^2/2) exp(-s), s in time constants; exp(-s) as (1 + s/64)^-64
-    s = select(x.time > p.levelling_time, (x.time - p.levelling_time) / tau, 0.0)
-    decay = 1 / (1 + s / 64)
-    for _ in range(6):
-        decay = decay * decay
-    rest = p.start_heading_sigma * (1 + s + s * s / 2) * decay
+    # the start heading error decays as (1 + s + s^2/2) exp(-s), s in time constants
+    levelling = x.time <= p.levelling_time
+    s = select(levelling, 0.0, (x.time - p.levelling_time) / tau)
+    left = (1 + s + s * s / 2) * decayed(s)
+    rest = p.start_heading_sigma * left
     heading = minimum(ca.sqrt(square + rest * rest), PI)
-    level = ca.sqrt(tilt**2 + (p.gyro_bias_sigma * tau) ** 2)  # K1 / K2 times the drift
+    # of the first sample's level, by a double pole, then of the sway at the end of levelling, by the triple pole
+    fine = p.levelling_constant
+    s = minimum(x.time, p.levelling_time) / fine
+    first = UNLEVEL * (1 + s) * decayed(s) * left
+    sway = x.displacement_square * ((left / fine**2) ** 2 + select(levelling, 0.0, 3 / tau**2) ** 2) / g**2
+    # K1 / K2 times the rates that the loop balances: the gyros' bias and that of the heading error
+    ratio = select(levelling, 2 * fine, tau)
+    level = ca.sqrt(tilt**2 + ratio**2 * (p.gyro_bias_sigma**2 + (earth_rate * rest) ** 2) + first**2 + SWAY * sway)
     return {"q_nb": frozen_frame.q_nb(x, x.q_n0i), "attitude_sigma": ca.vertcat(level, level, heading)}
 
 

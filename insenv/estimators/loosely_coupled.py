@@ -10,8 +10,6 @@ measurement comes; the integrals of specific force and attitude over that interv
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,13 +22,12 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import gnss_fix, rows, standing, strapdown
+from insenv.estimators.parts import applicability, gnss_fix, rows, standing, strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
 from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
-LARGEST_HEADING = 60.0  # deg: largest standard deviation of the start heading
 # errors proportional to the motion accumulate in a manoeuvre and reverse in the next: white over one of this size
 COHERENT_ANGLE = 1.0  # rad
 COHERENT_SPEED = 10.0  # m/s
@@ -310,16 +307,6 @@ MODEL = Model(
     start=start,
 )
 
-
-def applicability(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-    """A heading that is too uncertain for a linear filter."""
-    heading = math.degrees(float(parameters["heading_sigma"]))
-    if heading <= LARGEST_HEADING + 1e-6:
-        return ()
-    return (
-        f"not applicable: the start heading is uncertain by {heading:.3g} deg (1 sigma), and this filter is linear: it "
-        f"converges from {LARGEST_HEADING:g} deg; 'aqe-sukf' starts from any heading",
-    )
-
-
-ESTIMATOR = Estimator(MODEL, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability)
+ESTIMATOR = Estimator(
+    MODEL, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability.linear_start
+)

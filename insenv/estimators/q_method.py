@@ -35,7 +35,7 @@ import casadi as ca
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
-from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows
+from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows, settling
 from insenv.estimators.parts.eigen import largest_eigenvector
 from insenv.estimators.parts.inertial_vectors import davenport
 
@@ -60,7 +60,7 @@ STATE = inertial_vectors.CARRIED + Table((
     Row("profile", "B: the sum after the low-pass", "m^2/s^3", (3, 3)),
     Row("smoothing_age", "Time since the last step of the low-pass", "s"),
     Row("smoothing_due", "1 when its next step is due", "1"),
-))  # fmt: skip
+)) + settling.STATE  # fmt: skip
 
 
 def low_pass(values: Any, rates: Any, value: Any, time_constant: Any, dt: Any) -> tuple[Any, Any, Any]:
@@ -100,6 +100,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
         "decay": keep * x.decay,
         "smoothing_age": age,
         "smoothing_due": age + 0.5 * u.dt >= STRIDE * p.smoothing_time,
+        "answer_due": settling.due(x, changed["time"]),
     }
 
 
@@ -121,14 +122,34 @@ def smooth(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
+def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Keep the answer of now for comparison with later ones."""
+    return settling.kept(x, answer(x))
+
+
+def answer(x: Any) -> Any:
+    """Q (4): takes components in b at the start to n at the start."""
+    return largest_eigenvector(davenport(x.profile))
+
+
+def sensor_sigma(p: Any, x: Any, time: Any) -> Any:
+    """Standard deviations of attitude about n (3, rad) that sensor errors set after `time` seconds."""
+    # mean time of the early vectors after the start, and of the late ones before now
+    ends = time / ca.sqrt(4 + (time / p.memory_time) ** 2)
+    age = (time - ends + LATE * ends) / (1 + LATE)
+    return inertial_vectors.stated_sigma(p, x, time, DELAY * p.smoothing_time, age, age)
+
+
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now."""
-    # mean time of the early vectors after the start, and of the late ones before now
-    ends = x.time / ca.sqrt(4 + (x.time / p.memory_time) ** 2)
-    age = (x.time - ends + LATE * ends) / (1 + LATE)
+    found, lost = answer(x), DELAY * p.smoothing_time
+
+    def sigma(time: Any) -> Any:
+        return sensor_sigma(p, x, time)
+
     return {
-        "q_nb": frozen_frame.q_nb(x, largest_eigenvector(davenport(x.profile))),
-        "attitude_sigma": inertial_vectors.stated_sigma(p, x, DELAY * p.smoothing_time, age, age),
+        "q_nb": frozen_frame.q_nb(x, found),
+        "attitude_sigma": settling.stated(x, found, lost, sigma, inertial_vectors.LARGEST_HEADING_SIGMA),
     }
 
 
@@ -139,7 +160,7 @@ MODEL = Model(
     state=STATE,
     inputs=rows.SAMPLE_INPUTS,
     outputs=rows.ALIGNMENT,
-    steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due")},
+    steps={"sample": Step(sample), "smooth": Step(smooth, when="smoothing_due"), "keep": Step(keep, when="answer_due")},
     output=output,
     start=start,
 )

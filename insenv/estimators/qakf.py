@@ -31,9 +31,11 @@ r <- (1 - c) r + c max(|e|^2 - trace(H P H^T), |e|^2 / 4) / trace(R / r), c = 10
 
 Accuracy: `qakf-improved` reaches that of the q-method, a sixth of the time later, and is smoother. `qakf` reaches it
 later, the more noise there is: the square of M's own noise enters the information as if it were information on heading,
-so heading errors decay only as (t0 / t)^3, t0 being the time at which the Earth's rotation exceeds that noise. P treats
-correlated residuals as independent, so it is no measure of accuracy: `attitude_sigma` states the limit that the sensors
-set.
+so heading errors decay only as (t0 / t)^3, t0 being the time at which the Earth's rotation exceeds that noise.
+
+Stated accuracy: the limit that the sensors set, and P. P treats successive residuals as independent, but the low-pass
+makes them alike over `inertial_vectors.CORRELATION` smoothing times: as many samples count as one. It takes the square
+of M's noise for information: `SURPLUS`. And it is linear: beyond `LINEAR` of heading it is raised.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ import casadi as ca
 from insenv import attitude
 from insenv.attitude import skew
 from insenv.core import symmetric
-from insenv.core.elementary import maximum
+from insenv.core.elementary import maximum, minimum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
@@ -57,6 +59,9 @@ MEMORY = 10.0  # the noise estimate has a memory of 1 / MEMORY of the samples so
 FADING = 6.0  # the improved filter keeps its information over the last 1 / FADING of the samples
 LEAST_SHARE = 0.25  # share of an innovation's square that always counts as noise
 LEAST_NOISE = 1e-26
+SURPLUS = 2.0  # noise in H counts as information, and P does not see it: see the docstring of the module
+LINEAR = 0.35  # rad of heading sigma: beyond it the covariance of a linear filter is too small
+LARGEST_SIGMA = ca.DM([1.0, 1.0, inertial_vectors.LARGEST_HEADING_SIGMA])  # rad
 START_INFORMATION = 1.0  # rad^-2, of theta: nothing known
 START_TRIANGLE = symmetric.triangle_of_diagonal([START_INFORMATION] * 3)
 
@@ -184,9 +189,15 @@ def output(p: Any, x: Any, lags: tuple[float, float]) -> dict[str, Any]:
     average.
     """
     lost = inertial_vectors.DELAY * p.smoothing_time
+    limit = inertial_vectors.stated_sigma(p, x, x.time, lost, *(lag * x.time for lag in lags))
+    # successive residuals are equal over the correlation time of the low-pass, so as many samples count as one
+    alike = 1 + inertial_vectors.CORRELATION * p.smoothing_time * x.samples / maximum(x.time, 1e-9)
+    C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
+    own = 4 * ca.diag(C_n0n.T @ symmetric.full(x.covariance, 3) @ C_n0n) * alike * SURPLUS**2
+    own *= (1 + own[2] / LINEAR**2) ** 2
     return {
         "q_nb": frozen_frame.q_nb(x, x.q_start),
-        "attitude_sigma": inertial_vectors.stated_sigma(p, x, lost, *(lag * x.time for lag in lags)),
+        "attitude_sigma": minimum(ca.sqrt(limit**2 + own), LARGEST_SIGMA),
         "filter_sigma": 2 * ca.sqrt(x.covariance[symmetric.diagonal_places(3)]),
         "noise_variance": x.noise_variance,
     }

@@ -20,6 +20,7 @@ else:  # pragma: no cover
     import tomli as tomllib
 
 if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _ModelType
     from typing_extensions import Self
 
 MAX_FAULTS = 5
@@ -27,6 +28,8 @@ MAX_SHOWN = 80
 """Largest number of characters of a wrong value in a message."""
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
+if not TYPE_CHECKING:
+    _ModelType = type(BaseModel)  # public at run time only
 
 
 # --- how a key is declared -------------------------------------------------------------------------
@@ -61,7 +64,19 @@ Parameter = Annotated[Any, BeforeValidator(_check_parameter)]
 """Value of an estimator's parameter."""
 
 
-class Section(BaseModel):
+class _Checked(_ModelType):
+    """Type of a section: a wrong value in a call of the class is an `InputError`, as one in a file is."""
+
+    def __call__(self, *given: Any, **values: Any) -> Any:
+        if given:
+            raise InputError(f"{self.__name__}({shown(given[0])}): allowed are keys with their values")
+        try:
+            return super().__call__(**values)
+        except ValidationError as error:
+            raise InputError(_faults(error, self, self.__name__)) from None  # type: ignore[arg-type]
+
+
+class Section(BaseModel, metaclass=_Checked):
     """A table of the TOML file: unknown keys are errors, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -114,15 +129,20 @@ def validated(model: type[AnyModel], data: Any, label: str) -> AnyModel:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        faults: dict[str, str] = {}
-        for fault in error.errors(include_url=False, include_context=True):
-            where, message = _fault(dict(fault), model)
-            if (alternative := message.partition(": must be ")[2]) and where in faults:  # of a union of types
-                faults[where] += f" or {alternative}" if alternative not in faults[where] else ""
-            faults.setdefault(where, message)
-        shown = [f"{label}: {where}{message}" for where, message in list(faults.items())[:MAX_FAULTS]]
-        more = len(faults) - len(shown)
-        raise InputError("\n".join(shown + ([f"and {more} more"] if more > 0 else []))) from None
+        raise InputError(_faults(error, model, label)) from None
+
+
+def _faults(error: ValidationError, model: type[BaseModel], label: str) -> str:
+    """The message on what pydantic found wrong; every line begins with `label`."""
+    faults: dict[str, str] = {}
+    for fault in error.errors(include_url=False, include_context=True):
+        where, message = _fault(dict(fault), model)
+        if (alternative := message.partition(": must be ")[2]) and where in faults:  # of a union of types
+            faults[where] += f" or {alternative}" if alternative not in faults[where] else ""
+        faults.setdefault(where, message)
+    shown = [f"{label}: {where}{message}" for where, message in list(faults.items())[:MAX_FAULTS]]
+    more = len(faults) - len(shown)
+    return "\n".join(shown + ([f"and {more} more"] if more > 0 else []))
 
 
 def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:

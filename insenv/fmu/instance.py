@@ -19,12 +19,10 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.progress import Progress
 from insenv.errors import InputError, InsenvError, nearest
 from insenv.fmu.ports import Ports
 from insenv.fmu.reading import KINDS, KINDS_3, Array, Variable, read_description, read_variable
-
-Progress = Callable[[int, int], None]
-"""Function of the number of steps done and the number of steps in all."""
 
 PROGRESS_STEPS = 5_000  # steps between two calls of the progress function
 MOST_MESSAGES = 20  # messages of the FMU kept for an error

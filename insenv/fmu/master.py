@@ -16,8 +16,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
-from insenv.fmu.instance import PROGRESS_STEPS, Instance, Progress
+from insenv.fmu.instance import PROGRESS_STEPS, Instance
 from insenv.fmu.running import Outputs, steps_between
 
 _SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
@@ -42,6 +43,7 @@ def run_ssp(
     `InputError` for a file that is not such a system, for one whose connections form a ring, and for wrong settings;
     `InsenvError` if an FMU fails.
     """
+    check_progress(progress)
     with tempfile.TemporaryDirectory(prefix="insenv-ssp-") as name, ExitStack() as stack:
         sources, wires, declared = _structure(Path(ssp), Path(name))
         own: dict[str, dict[str, float]] = {component: {} for component in sources}

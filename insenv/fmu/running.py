@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
+from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
-from insenv.fmu.instance import Instance, Progress
+from insenv.fmu.instance import Instance
 from insenv.fmu.reading import Array
 from insenv.fmu.series import Series, chosen, flattened, uniform
 
@@ -60,6 +61,7 @@ def run(
     inputs the run ends with the last input at the latest.  Raises `InputError` for inputs or settings that do not fit,
     `InsenvError` if the FMU fails.
     """
+    check_progress(progress)
     if isinstance(inputs, Series) and len(inputs.time):
         start_time = float(inputs.time[0])
     given = inputs.columns() if isinstance(inputs, Series) else flattened(inputs or {})

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.progress import check_progress
 from insenv.errors import InputError
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
 from insenv.installing import install_extra
@@ -60,6 +61,7 @@ def train(
     Raises `InputError` for unsuitable scenarios or too few seeds, or if scikit-learn or PyWavelets is not
     installed.
     """
+    check_progress(progress, ("work", "done", "total"))
     need_packages()
     from insenv.learning.samples import FILTER, SHARES, collect
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from insenv.core.model import Model
 
 Array = NDArray[np.float64]
-Progress = Callable[[int, int], None]
-"""Callback with the numbers of samples done and in all."""
-
 CHUNK = 20_000
 """Samples that are simulated before the estimators take them: about 10 MB."""
 RECORDS = 3_000

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from insenv import attitude
 from insenv.core.batch import Batch, make_batch
 from insenv.core.model import Model
+from insenv.core.progress import Progress, check_progress
 from insenv.errors import InsenvError
 from insenv.estimators import EstimatorsLike, get_all
 from insenv.evaluation.errors import wrapped_deg
-from insenv.plant.feeding import Progress, chunks, input_rows, recording_interval
+from insenv.plant.feeding import chunks, input_rows, recording_interval
 from insenv.runs.simulated import sensor_error_sum_n
 from insenv.scenario import Plant, ScenarioLike, build, load
 
@@ -60,6 +61,7 @@ def ensemble(
     The row of a seed equals `insenv.runs.simulated.run` with that seed, except that lost samples are not bridged.
     tuning: parameter rows by estimator id; they replace those of the scenario.
     """
+    check_progress(progress)
     scenario, chosen = load(scenario), get_all(estimators)
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.evaluation.errors import Result, Track, errors, rms, stated_sigma, track_of
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, load
-from insenv.plant.feeding import RECORDS, Progress, chunks, recording_interval
+from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
@@ -48,6 +49,7 @@ def replay(
 
     Raises `InputError` for a wrong log or a wrong argument; `InsenvError` if an estimator diverges.
     """
+    check_progress(progress)
     if start not in STARTS:
         raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
     chosen = get_all(estimators)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import make_runner
 from insenv.estimators import Estimator, EstimatorsLike, get, get_all
 from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION, Result, Track, errors, rms, stated_sigma, track_of
-from insenv.plant.feeding import Progress, bridge_lost, chunks, recording_interval
+from insenv.plant.feeding import bridge_lost, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothed import SmoothingFollower
@@ -54,6 +55,7 @@ def run(
     Raises `InputError` for an unknown name, a wrong value, or an estimator that cannot run on this scenario;
     `InsenvError` if an estimator diverges.
     """
+    check_progress(progress)
     scenario = load(scenario)
     chosen = get_all(scenario.estimators if estimators is None else estimators)
     plant = build(scenario, seed=seed, duration_s=duration_s)

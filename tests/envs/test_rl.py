@@ -1,4 +1,4 @@
-"""Learning: the example's PPO beats the untuned filter on held-out seeds.  It takes minutes; `make test-rl` runs it."""
+"""Learning: the examples' PPO on held-out seeds.  It takes minutes; `make test-rl` runs it."""
 
 import os
 import re
@@ -14,35 +14,43 @@ if not os.environ.get("INSENV_TEST_RL"):
 pytest.importorskip("stable_baselines3", reason="stable_baselines3 is not installed: pip install -e '.[rl]'")
 
 
-def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
+def trained(example, figure, folder, *arguments):
+    """Run a training example, check its figure, and return what it printed."""
     done = subprocess.run(
-        [sys.executable, ROOT / "examples" / "train_tuner.py", "--out", "figure"],
-        cwd=tmp_path,
+        [sys.executable, ROOT / "examples" / f"{example}.py", *arguments, "--out", "figure"],
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=3000,
     )
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "figure" / "tuner.png").stat().st_size > 10_000
-    found = re.search(r"PPO minus untuned, seed by seed: ([+-][\d.]+) \+- ([\d.]+)", done.stdout)
-    assert found is not None, done.stdout
-    gain, error = map(float, found.groups())
-    assert gain > 4 * error, done.stdout
+    assert (folder / "figure" / figure).stat().st_size > 10_000
+    return done.stdout
+
+
+def number_after(text, printed):
+    """Return the number and its standard error after some text."""
+    found = re.search(re.escape(text) + r" +([+-]?[\d.]+) \+- ([\d.]+)", printed)
+    assert found is not None, printed
+    return float(found[1]), float(found[2])
+
+
+def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
+    printed = trained("train_tuner", "tuner.png", tmp_path)
+    gain, error = number_after("PPO minus untuned, seed by seed:", printed)
+    assert gain > 4 * error, printed
 
 
 def test_a_trained_aligner_beats_analytic_on_held_out_seeds(tmp_path):
-    done = subprocess.run(
-        [sys.executable, ROOT / "examples" / "train_aligner.py", "--minutes", "3", "--out", "figure"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=3000,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "figure" / "aligner.png").stat().st_size > 10_000
-    rows = re.findall(r"^(\S+) +(-[\d.]+) \+- ([\d.]+)$", done.stdout, re.M)
-    found = {name: (float(mean), float(error)) for name, mean, error in rows}
-    gain = found["PPO"][0] - found["analytic"][0]
-    assert gain > 4.0 * np.hypot(found["PPO"][1], found["analytic"][1]), done.stdout
+    printed = trained("train_aligner", "aligner.png", tmp_path, "--minutes", "3")
+    learnt, classical = number_after("PPO", printed), number_after("analytic", printed)
+    assert learnt[0] - classical[0] > 4.0 * np.hypot(learnt[1], classical[1]), printed
+
+
+def test_a_trained_driver_is_at_least_as_good_as_the_best_fixed_pattern(tmp_path):
+    printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path)
+    gain, error = number_after("PPO minus the pattern chosen, seed by seed:", printed)
+    assert gain > -2.0 * error, printed
+    assert number_after("PPO", printed)[0] > number_after("random commands", printed)[0] + 0.3, printed
+    assert number_after("PPO", printed)[0] < number_after("bound of the fixes", printed)[0], printed

@@ -225,16 +225,18 @@ def test_analytic_has_the_error_of_the_biases():
         assert abs(value) == pytest.approx(result.limit[name], rel=0.02)
 
 
-def test_prepare_chooses_the_start():
-    from dataclasses import replace
+def test_starts_from_its_own_coarse_alignment_unless_told_not_to():
+    """On sway, a start from the given attitude takes the sway for tilt."""
+    own, given = (run(scenario, "ecef-kf").results[0] for scenario in (load("ship-swaying"), _without_coarse("ship-swaying")))
+    for channel in ("roll_deg", "pitch_deg", "heading_deg"):
+        late = own.time > 150
+        assert np.all(np.abs(own.errors[channel][late]) < 3 * own.sigma[channel][late]), channel
+    assert abs(given.errors["heading_deg"][10]) > 1 and given.sigma["heading_deg"][10] < 3
 
-    from insenv.scenario import build
 
-    known = build(load("ship-swaying")).knowledge
-    assert ecef_kf.prepare(known)["coarse_time"] == 0
-    unknown = ecef_kf.prepare(replace(known, heading_sigma=np.pi))
-    assert unknown["coarse_time"] == ecef_kf.COARSE_TIME
-    assert unknown["heading_sigma"] < 0.1
+def _without_coarse(name):
+    scenario = load(name)
+    return scenario.model_copy(update={"estimator": {"ecef-kf": {"coarse_time_s": 0.0}}})
 
 
 def test_covariance_is_consistent_in_the_laboratory():

@@ -322,6 +322,7 @@ def test_streams_are_bounded_and_old_ones_make_room(monkeypatch: pytest.MonkeyPa
         system = 100 + restarted
         assert signing.verify(Ground(at_s=clock.now, system=system).frame()) is Verdict.GOOD
         assert [signing.verify(frame) for frame in flood] == [Verdict.REPLAYED] * 6
+        assert len(signing._last) <= 4
     # nor if our clock is set back, before a restart or after a crash
     clock.now = NOW_S + 2
     assert [signing.verify(frame) for frame in flood] == [Verdict.REPLAYED] * 6

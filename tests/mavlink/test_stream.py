@@ -164,10 +164,14 @@ def logged(path):
 PLAIN = "from insenv.cli import main; main()"
 IGNORING = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); " + PLAIN
 """As a shell starts the background jobs of a script."""
+HANGING_UP = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); " + PLAIN
+"""Hears SIGHUP, also where the tests run with it ignored, as below nohup."""
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
-@pytest.mark.parametrize("number, program", [("SIGINT", PROGRAM), ("SIGINT", IGNORING), ("SIGTERM", PLAIN), ("SIGHUP", PLAIN)])
+@pytest.mark.parametrize(
+    "number, program", [("SIGINT", PROGRAM), ("SIGINT", IGNORING), ("SIGTERM", PLAIN), ("SIGHUP", HANGING_UP)]
+)
 def test_every_request_to_end_completes_log_and_summary(number, program, tmp_path):
     with Receiver() as client:
         arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
@@ -225,7 +229,7 @@ def test_a_closed_terminal_ends_a_stream(tmp_path):
     with Receiver() as client:
         arguments = ["stream", "ship-swaying", "--to", f"udpout:127.0.0.1:{client.port}", "--tlog", str(tmp_path / "a.tlog")]
         running = subprocess.Popen(
-            [sys.executable, "-c", PLAIN, *arguments], stdin=inside, stdout=inside, stderr=inside, preexec_fn=take_terminal
+            [sys.executable, "-c", HANGING_UP, *arguments], stdin=inside, stdout=inside, stderr=inside, preexec_fn=take_terminal
         )
         os.close(inside)
         until(lambda: len(client.frames) > 500)

@@ -137,3 +137,21 @@ def test_a_campaign_of_other_equations_under_the_same_id_is_not_resumed(tmp_path
         insenv.campaign(
             "static-ecef", insenv.Estimator(turned, kind="alignment"), 2, duration_s=2.0, folder=tmp_path, resume=True
         )
+
+
+def test_a_campaign_of_other_functions_under_the_same_id_is_not_resumed(tmp_path):
+    """What `prepare` makes of the knowledge and what `error` compares count as much as the equations."""
+    loose = registered()["loosely-coupled"]
+    own = replace(loose, model=replace(loose.model, id="mine"))
+
+    def resume(estimator):
+        return insenv.campaign("car-city-drive", estimator, 2, duration_s=2.0, folder=tmp_path, resume=True)
+
+    insenv.campaign("car-city-drive", own, 2, duration_s=2.0, folder=tmp_path)
+    assert resume(replace(own)).plan.runs == 2
+    wider = replace(own, prepare=lambda known: {**known.rows_of(loose.model.parameters), "angle_random_walk": 1e-3})
+    with pytest.raises(InputError, match="holds another campaign: it differs in parameters"):
+        resume(wider)
+    twice = replace(own, error=lambda x, found, true: tuple(2.0 * part for part in loose.error(x, found, true)))
+    with pytest.raises(InputError, match="holds another campaign: it differs in equations"):
+        resume(twice)

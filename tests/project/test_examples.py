@@ -20,9 +20,11 @@ SAID = {  # what each script must print
     "env_loop.py": ("aligned after", "limit"),
     "navigate_a_log.py": ("vd_mps", "KF-GINS"),
     "own_estimator.py": ("frozen frame", "q-method"),
+    "rank_navigators.py": ("wander-sins", "loosely-coupled", "limit"),
     "rank_policies.py": ("quit", "bound"),
     "step_by_step.py": ("90 s", "stated sigma"),
     "train_aligner.py": ("PPO", "q-method"),
+    "train_manoeuvre.py": ("PPO minus the pattern", "bound of the fixes"),
     "train_tuner.py": ("PPO minus untuned", "best fixed factors"),
 }
 
@@ -31,7 +33,9 @@ def test_each_script_is_named_here():
     assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
 
 
-COMPILES_LONG = {"active_alignment.py", "rank_policies.py"}
+SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}
+"""Arguments of scripts that take long without."""
+COMPILES_LONG = {"active_alignment.py", "rank_navigators.py", "rank_policies.py"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in COMPILES_LONG else ()) for n in sorted(SAID)])
@@ -41,7 +45,7 @@ def test_script(name, tmp_path):
     if name == "navigate_a_log.py" and find_spec("onavdata") is None:
         pytest.skip("the log is in the package onavdata, which is not installed")
     done = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / name],
+        [sys.executable, "-W", "error", EXAMPLES / name, *SHORTER.get(name, ())],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,

@@ -11,6 +11,8 @@ from places import ROOT
 
 import insenv
 from insenv.errors import InputError
+from insenv.scenario import Scenario
+from insenv.sensors import ImuSection
 
 SHIP = "ship-swaying"
 VALUES = {
@@ -56,6 +58,13 @@ def test_every_public_name_is_found_by_help_and_type_checkers():
         (lambda: insenv.run(SHIP, "q-metod"), "no estimator 'q-metod'; did you mean 'q-method'?"),
         (lambda: insenv.run(SHIP, "q-method", seed="3"), "seed = '3': allowed is a whole number from 0 to 2^53"),
         (lambda: insenv.run(SHIP, "q-method", duration_s="60"), "duration_s = '60': allowed is a number of seconds"),
+        (lambda: insenv.run(SHIP, "q-method", progress=3), "progress = 3: allowed is None or a function of (done, total)"),
+        (lambda: insenv.run(SHIP, "q-method", progress=lambda x: 0), "allowed is None or a function of (done, total)"),
+        (lambda: insenv.campaign(SHIP, "q-method", 1, duration_s=1.0, progress="bar"), "progress = 'bar': allowed is None"),
+        (lambda: insenv.replay("none.toml", "q-method", progress=3), "progress = 3: allowed is None or a function"),
+        (lambda: Scenario(title="x", duration_s=-3), "Scenario: duration_s = -3 [s]: must be greater than 0"),
+        (lambda: Scenario(VALUES), "allowed are keys with their values"),
+        (lambda: ImuSection(grade=3), "ImuSection: grade = 3: must be text"),
         (lambda: insenv.replay(None, "q-method"), "log = None: allowed is a path"),
         (lambda: insenv.replay("none.toml", "q-method"), "none.toml: file not found"),
         (lambda: insenv.campaign(SHIP, "q-method", "8"), "runs = '8': allowed is a whole number from 1 to"),

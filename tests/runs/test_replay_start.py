@@ -96,7 +96,8 @@ def test_any_heading_within_60_deg_ends_at_the_same_answer(calm):
 def test_a_heading_that_the_course_contradicts_is_said():
     log = simulated_log(car("tactical"), seed=5, duration_s=80.0, grade="tactical", initial={"static_until_s": 30.0})
     right = replay(started(log, heading_deg=HEADING), ["loosely-coupled"]).results[0].notes
-    (note,) = replay(started(log, heading_deg=HEADING + 60.0), ["loosely-coupled"]).results[0].notes
+    note, linear = replay(started(log, heading_deg=HEADING + 60.0), ["loosely-coupled"]).results[0].notes
+    assert "use aqe-sukf" in linear
     assert right == () and "course of the first motion" in note and "not 5 deg" in note
 
 
@@ -206,4 +207,4 @@ def test_an_unknown_heading_starts_the_filters_of_large_misalignment():
     unscented, linear = replay(log, ["aqe-sukf", "loosely-coupled"]).results
     assert unscented.sigma["heading_deg"][0] > 60.0
     assert abs(unscented.errors["heading_deg"][-1]) < 3 * unscented.sigma["heading_deg"][-1] < 3.0
-    assert unscented.notes == () and "this filter is linear" in linear.notes[0]
+    assert unscented.notes == () and "linearised filter states too small sigmas" in linear.notes[0]

@@ -25,6 +25,25 @@ NEAR_POLE = 0.5 * pi / 180
 """rad of latitude, 56 km."""
 
 
+LINEAR_TILT, LINEAR_HEADING = 6 * pi / 180, 20 * pi / 180
+"""rad: with larger start errors the covariance of a linearised filter becomes too small while it converges."""
+
+
+def linear_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about a start attitude that is too uncertain for a linearised filter.
+
+    parameters: SI, by row name: `tilt_sigma`, `heading_sigma`. duration_s: of the data, s.
+    """
+    tilt, heading = float(parameters["tilt_sigma"]), float(parameters["heading_sigma"])
+    if tilt <= LINEAR_TILT and heading <= LINEAR_HEADING:
+        return ()
+    return (
+        f"the start attitude is uncertain by {degrees(tilt):.2g} deg of level and {degrees(heading):.3g} deg of heading: this "
+        f"linearised filter states too small sigmas from more than {degrees(LINEAR_TILT):.2g} and "
+        f"{degrees(LINEAR_HEADING):.2g} deg; use aqe-sukf",
+    )
+
+
 def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
     """Sentences about the heading of an alignment by the Earth's rotation, after `duration_s` of data.
 

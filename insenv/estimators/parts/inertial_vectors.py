@@ -46,6 +46,7 @@ DAMPING = (0.9659258262890683, 0.7071067811865476, 0.25881904510252074)  # Butte
 SECTIONS = len(DAMPING)
 FADE_IN = 7.5  # smoothing times
 DELAY = 0.5 * FADE_IN + 2.0 * sum(DAMPING)  # smoothing times lost, both ends together: fade-in and filter delay
+CORRELATION = 3.1  # smoothing times over which filtered white noise stays alike: 1 / (2 B), B its noise bandwidth
 LEAST_MEMORY = 30.0  # s: shorter windows would show waves
 LEAST_SIGMA_TIME = 1e-3  # s
 LARGEST_HEADING_SIGMA = math.pi / math.sqrt(3.0)  # rad: heading unknown
@@ -129,8 +130,8 @@ def davenport(profile: Any) -> Any:
     return ca.vertcat(ca.horzcat(ca.trace(B), vector.T), ca.horzcat(vector, block))
 
 
-def stated_sigma(p: Any, x: Any, lost: Any, age: Any, mean_age: Any) -> Any:
-    """Stated accuracy (3, rad): the limit that biases and white noise set (`insenv.evaluation.limits`).
+def stated_sigma(p: Any, x: Any, time: Any, lost: Any, age: Any, mean_age: Any) -> Any:
+    """Stated accuracy (3, rad) after `time` seconds: the limit that biases and white noise set.
 
     lost: time that the windows leave out of the run, s. Tilt also has the rotation error of the gyros since the time of
     the estimated vertical: of their bias over `age` (s), of their noise over `mean_age` (s); the mean of a Brownian
@@ -138,7 +139,7 @@ def stated_sigma(p: Any, x: Any, lost: Any, age: Any, mean_age: Any) -> Any:
     the limits of gyro noise (N) and accelerometer noise (V) to within 5 %.
     """
     g, cosine = -x.rest_force_n[2], x.axis_n[0]
-    time = maximum(x.time - lost, LEAST_SIGMA_TIME)
+    time = maximum(time - lost, LEAST_SIGMA_TIME)
     N, V = p.angle_random_walk, p.velocity_random_walk / g
     tilt = p.accel_bias_sigma / g
     drifted = (p.gyro_bias_sigma * age) ** 2 + N**2 * mean_age * (2.0 / 3.0)

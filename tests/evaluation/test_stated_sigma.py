@@ -1,0 +1,86 @@
+"""Errors are as large as the estimators state: on rest, sway, waves and gusts, at all times."""
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from insenv import geodesy, run
+from insenv.campaigns.block import run_block
+from insenv.campaigns.plan import make_plan
+from insenv.estimators import get
+from insenv.estimators.parts import applicability, handover
+
+SEEDS = 9000
+"""First of the seeds: nothing was chosen on them."""
+IN_PLACE = ("q-method", "qakf", "qakf-improved", "inertial-fir", "ecef-kf", "gyrocompass", "analytic")
+SCENARIOS = ("ship-swaying", "ship-moored-paper", "car-parked", "car-parked-paper", "turntable-quaternion")
+
+
+def beyond(scenario, estimator, runs=32):
+    """Share of the errors of attitude, over the runs and times, beyond three stated standard deviations, by channel."""
+    plan = make_plan(scenario, estimator, runs, first_seed=SEEDS)
+    found = [run_block(plan, block) for block in range(len(plan.blocks))]
+    error, sigma = (np.concatenate([part[name] for part in found])[..., :3] for name in ("error", "sigma"))
+    return np.mean(np.abs(error) > 3 * sigma, axis=(0, 1))
+
+
+@pytest.mark.parametrize("estimator", ["q-method", "qakf-improved", "ecef-kf", "gyrocompass", "analytic"])
+def test_three_sigma_holds_in_an_irregular_sea(estimator):
+    """Before: q-method 6 %, qakf-improved 5 %, ecef-kf 49 %, gyrocompass 41 %, analytic 100 %."""
+    assert np.all(beyond("ship-irregular-sea", estimator) < 0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("estimator", IN_PLACE)
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_three_sigma_holds_in_place(scenario, estimator):
+    # one seed of 64 on which qakf converges slowly is 1.6 %; people who step into the car move it for 2 % of the time
+    allowed = {"qakf": 0.035, "analytic": 0.03}.get(estimator, 0.015)
+    assert np.all(beyond(scenario, estimator, 64) < allowed)
+
+
+def test_qakf_says_when_it_has_not_converged():
+    """On some of these seas it is wrong by tens of degrees for minutes; its sigma was the sensors' limit, 0.05 deg."""
+    assert np.all(beyond("ship-irregular-sea", "qakf", 64) < 0.05)
+
+
+def test_an_alignment_on_sway_is_unknown_before_its_windows_have_settled():
+    result = run("ship-swaying", "q-method", duration_s=30.0).results[0]
+    assert result.sigma["heading_deg"][-1] > 90 and result.sigma["roll_deg"][-1] > 1
+
+
+def test_the_answer_of_a_vehicle_at_rest_is_stated_as_the_sensors_allow():
+    """What the answer moves by noise alone is not counted twice."""
+    result = run("car-parked-paper", "q-method").results[0]
+    known = get("q-method").model
+    assert result.sigma["heading_deg"][-1] == pytest.approx(0.039, rel=0.15) and known.id == "q-method"
+
+
+def test_the_hand_over_carries_what_biases_do():
+    """The balance of specific force and Earth rate in place, against differences of the rates at a misalignment."""
+    latitude, g, gyro, accel = 0.8, 9.81, 3e-8, 5e-4
+    noise = np.array([1e-5, 2e-5, 3e-4])
+    level, heading = accel / g, np.hypot(gyro / (geodesy.OMEGA_IE * np.cos(latitude)), accel / g * np.tan(latitude))
+    sigma = np.sqrt(noise**2 + np.array([level, level, heading]) ** 2)
+    found = handover.aligned(ca.DM(sigma), latitude, g, gyro, accel)
+    P, by_accel, by_gyro = (np.array(ca.evalf(part)) for part in dataclasses.astuple(found))
+    assert np.diag(P) == pytest.approx(sigma**2, rel=1e-9)
+    f, omega = np.array([0, 0, -g]), geodesy.OMEGA_IE * np.array([np.cos(latitude), 0, -np.sin(latitude)])
+    for axis in range(3):
+        b = np.eye(3)[axis] * accel
+        phi = by_accel[:, axis] / accel  # the misalignment that this bias causes
+        assert (np.cross(f, phi) + b)[:2] == pytest.approx(0, abs=1e-12)
+        assert np.cross(omega, phi)[1] == pytest.approx(0, abs=1e-15)
+        phi = by_gyro[:, axis] / gyro
+        assert (np.cross(omega, phi) + np.eye(3)[axis] * gyro)[1] == pytest.approx(0, abs=1e-15)
+
+
+def test_a_linearised_filter_says_that_its_start_is_too_uncertain():
+    small = {"tilt_sigma": np.radians(1.0), "heading_sigma": np.radians(10.0)}
+    assert applicability.linear_start(small, 100.0) == ()
+    (note,) = applicability.linear_start({**small, "heading_sigma": np.radians(45.0)}, 100.0)
+    assert "45 deg of heading" in note and "aqe-sukf" in note
+    noted = {r.estimator: r.notes for r in run("car-unknown-heading", ["loosely-coupled", "aqe-sukf"], duration_s=2.0).results}
+    assert note in noted["loosely-coupled"] and note not in noted["aqe-sukf"]
