@@ -1,7 +1,8 @@
 """An inertial unit of which the log gives no grade: its noise from the log, its biases by the class of such a noise.
 
 Noise tells little of biases: modern MEMS gyros are as quiet as tactical ones and drift a hundred times as much. So the
-class is one coarser than the one that the noise suggests, and its biases are the largest of that class and all finer ones.
+class is one coarser than the one that the noise suggests, and biases, scale factors and misalignments are the largest of that
+class and all finer ones.
 A log with less noise than any unit of the catalogue is simulated, rounded or smoothed; it is judged as the coarsest class.
 """
 
@@ -13,7 +14,6 @@ import numpy as np
 
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.unit_noise import noise_at_rest, noise_in_motion
-from insenv.scenario.sensor_notes import sensor_notes
 from insenv.sensors import units
 from insenv.sensors.catalogue import CLASSES
 from insenv.sensors.grades import ImuGrade
@@ -23,6 +23,10 @@ MARGIN = 1.25
 LEAST = 0.1
 """A noise below this part of the finest class's says nothing of the unit."""
 _REST_SAMPLES = 100
+_LARGEST = (
+    "gyro_bias_sigma_deg_h", "gyro_scale_factor_sigma_ppm", "gyro_misalignment_sigma_urad", "gyro_g_sensitivity_deg_h_g",
+    "accel_bias_sigma_ug", "accel_scale_factor_sigma_ppm", "accel_misalignment_sigma_urad",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,8 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
     if told:
         place = max(min(_class("angle_random_walk", gyro), _class("velocity_random_walk", accel)) - 1, 0)
     assumed = CLASSES[place]
-    gyro_bias = max(float(np.max(grade.gyro_bias_sigma_deg_h)) for grade in CLASSES[place:])
-    accel_bias = max(float(np.max(grade.accel_bias_sigma_ug)) for grade in CLASSES[place:])
+    largest = {name: max(float(getattr(grade, name)) for grade in CLASSES[place:]) for name in _LARGEST}
+    gyro_bias, accel_bias = largest["gyro_bias_sigma_deg_h"], largest["accel_bias_sigma_ug"]
     noise = assumed.parameters()
     if told:
         noise |= {"angle_random_walk": gyro, "velocity_random_walk": accel}
@@ -53,19 +57,16 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
         name="",
         title="",
         sources={},
-        gyro_bias_sigma_deg_h=gyro_bias,
         gyro_arw_deg_sqrt_h=float(arw),
-        accel_bias_sigma_ug=accel_bias,
         accel_vrw_ug_sqrt_hz=0.0,
         accel_vrw_m_s_sqrt_h=float(vrw),
+        **largest,
     )
-    sheet = sensor_notes(unit.parameters(), in_place=False)
-    gyro_sigma, accel_sigma = units.rad_s_to_deg_h(sheet.gyro_bias_sigma), units.m_s2_to_ug(sheet.accel_bias_sigma) / 1000
     source = f"the log's own {where}" if told else f"that of class {assumed.name!r}, because the log has less than any unit"
     sentence = (
         f"the log gives no grade of its inertial unit: white noise is {source} ({_round(float(arw))} deg/sqrt(h), "
-        f"{_round(float(vrw))} m/s/sqrt(h)), biases are assumed as those of class {assumed.name!r} "
-        f"({_round(gyro_sigma)} deg/h, {_round(accel_sigma)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
+        f"{_round(float(vrw))} m/s/sqrt(h)), all else is assumed to be of class {assumed.name!r} (biases {_round(gyro_bias)} "
+        f"deg/h, {_round(accel_bias / 1000)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
     )
     return AssumedUnit(unit, sentence)
 
@@ -76,10 +77,10 @@ def _measured(samples: InertialSamples, rest: tuple[float, float] | None) -> tup
     if rest is not None:
         still = (samples.imu_time >= rest[0]) & (samples.imu_time <= rest[1])
         if np.count_nonzero(still) >= _REST_SAMPLES:
-            parts = (samples.delta_angle[still], samples.delta_velocity[still])
-            return (*(noise_at_rest(part, interval) for part in parts), "at rest")  # type: ignore[return-value]
-    parts = (samples.delta_angle, samples.delta_velocity)
-    return (*(noise_in_motion(part, interval) for part in parts), "in its quietest tenth")  # type: ignore[return-value]
+            angle, velocity = samples.delta_angle[still], samples.delta_velocity[still]
+            return noise_at_rest(angle, interval), noise_at_rest(velocity, interval), "at rest"
+    angle, velocity = samples.delta_angle, samples.delta_velocity
+    return noise_in_motion(angle, interval), noise_in_motion(velocity, interval), "in its quietest tenth"
 
 
 def _round(value: float) -> str:

@@ -74,6 +74,8 @@ def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
     own, taken = imu_grade(grade).parameters(), log.sensors(in_place=True)
     for name in ("gyro_bias_sigma", "accel_bias_sigma"):
         assert getattr(taken, name) >= np.max(own[name]), name
+    for triad, error in (("gyro", "rotation_error"), ("accel", "thrust_error")):
+        assert log.motion_errors()[error] >= max(own[f"{triad}_scale_factor_sigma"], own[f"{triad}_misalignment_sigma"])
     if grade != "perfect":
         assert taken.angle_random_walk == pytest.approx(float(np.max(own["angle_random_walk"])), rel=0.3)
         assert taken.velocity_random_walk == pytest.approx(float(np.max(own["velocity_random_walk"])), rel=0.3)
