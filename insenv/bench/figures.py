@@ -73,6 +73,7 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "fmu.c-host": fmu.c_host,
         "fmu.fmpy": fmu.fmpy,
         "fmu.pythonfmu": fmu.pythonfmu,
+        "fmu.ssp": fmu.ssp,
         "fmu.export": fmu.export_time,
         "fmu.size": fmu.size,
         "mavlink.message": mavlink.message,

@@ -25,7 +25,6 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import estimators
 from insenv.bench.figure import Figure
 from insenv.core.codegen import native_source
 from insenv.core.compile import Compiler, compile_library, find_compiler, pointer
@@ -33,11 +32,11 @@ from insenv.core.compile import load as load_library
 from insenv.core.runner import make_runner
 from insenv.errors import InsenvError
 from insenv.files.resources import fmu_folder
-from insenv.fmu import export_fmu
+from insenv.fmu import export_fmu, export_ssp, run_ssp
 from insenv.fmu.instance import Instance
 from insenv.fmu.platforms import FLAGS, host
 from insenv.fmu.series import flattened
-from insenv.fmu.subject import subject
+from insenv.fmu.subject import Subject, subject
 from insenv.installing import install_extra
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
@@ -59,10 +58,12 @@ def c_host() -> Figure:
         _write(table, columns, interval)
         command = [str(host), str(folder / "fmu"), str(table), repr(interval), str(folder / "out.csv"), "6"]
         hosted, bare = [], []
+        estimator = subject(ESTIMATOR, {})
+        rows = input_rows(estimator.model, columns, len(columns["dt"]))
         for _ in range(REPETITIONS):  # alternately, so that both run under the same load
             printed = subprocess.run(command, capture_output=True, text=True, check=True).stderr
             hosted += [float(us) for us in re.findall(r"([\d.]+) us a step", printed)[1:]]  # the first run warms the caches
-            bare += _bare(columns)
+            bare += _bare(estimator, rows)
     value, floor = statistics.median(hosted), statistics.median(bare)
     note = f"{ESTIMATOR}, C host, FMI 2, {value / floor:.2f} x the floor: the bare model in a C loop"
     return Figure("fmu.c-host", value, "us", floor, len(hosted), note)
@@ -85,6 +86,22 @@ def pythonfmu() -> Figure:
     missing = "" if value is not None else f"; not installed: {install_extra('bench')}"
     note = f"{ESTIMATOR} in Python, by the same loop{missing}"
     return Figure("fmu.pythonfmu", float("nan") if value is None else value, "us", _empty_calls(), REPETITIONS, note)
+
+
+def ssp() -> Figure:
+    """A step of `insenv.fmu.run_ssp`: plant, then estimator; the floor is the bare model of both in a C loop."""
+    both = subject(SCENARIO, {}, ESTIMATOR)
+    with _folder() as folder:
+        export_ssp(SCENARIO, ESTIMATOR, folder / "loop.ssp")
+        taken: dict[str, list[float]] = {"native": [], "interpreter": []}
+        floors = []
+        for _ in range(REPETITIONS):  # alternately, so that all run under the same load
+            for backend, times in taken.items():
+                times.append(_ssp_step_time(folder / "loop.ssp", backend))
+            floors += _bare(both, np.zeros((round(DURATION_S / both.sample_interval), both.model.inputs.size)))
+    note = f"{ESTIMATOR} and {SCENARIO}, insenv.fmu.run_ssp, FMI 2, all outputs; floor: the bare model of both in a C loop"
+    value, python = (statistics.median(times) for times in taken.values())
+    return Figure("fmu.ssp", value, "us", statistics.median(floors), REPETITIONS, note, ("the same in Python", python))
 
 
 def export_time() -> Figure:
@@ -142,15 +159,18 @@ def _columns() -> tuple[dict[str, Array], float]:
     return {**columns, "dt": np.full(plant.samples, plant.sample_interval)}, plant.sample_interval
 
 
-def _bare(columns: dict[str, Array]) -> list[float]:
-    """Time of a sample in the compiled loop of the model, us, of several runs; compiled with the flags of the FMU."""
-    model, count, compiler = estimators.get(ESTIMATOR).model, len(columns["dt"]), find_compiler()
+def _bare(of: Subject, rows: Array) -> list[float]:
+    """Time of a sample in the compiled loop of the model, us, of several runs; compiled with the flags of the FMU.
+
+    rows: (samples, inputs).
+    """
+    model, count, compiler = of.model, len(rows), find_compiler()
     if compiler is None:
         raise InsenvError("fmu.c-host: no C compiler found")
     portable = Compiler(compiler.command, (*FLAGS, *host().further))
     library = load_library(str(compile_library(native_source(model), portable)))
-    rows, taken = np.ascontiguousarray(input_rows(model, columns, count)), []
-    p, x = np.array(subject(ESTIMATOR, {}).parameters), np.zeros(model.state.size)
+    rows, taken = np.ascontiguousarray(rows), []
+    p, x = np.array(of.parameters), np.zeros(model.state.size)
     y = np.empty((count, model.outputs.size))
     for _ in range(6):
         library.insenv_start(1, pointer(p), pointer(x))
@@ -170,6 +190,14 @@ def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
             instance.run(inputs, count, start_time=0.0, step=interval, every=1, progress=None)
             taken.append((time.process_time() - begin) / count * 1e6)
     return statistics.median(taken)
+
+
+def _ssp_step_time(path: Path, backend: str) -> float:
+    """Processor time of a step of `insenv.fmu.run_ssp`, us, without loading and the first step."""
+    marks: list[tuple[int, float]] = []
+    run_ssp(path, stop_time=DURATION_S, backend=backend, progress=lambda done, _: marks.append((done, time.process_time())))
+    (first, begin), (last, end) = marks[0], marks[-1]
+    return (end - begin) / (last - first) * 1e6
 
 
 def _host(folder: Path) -> Path:

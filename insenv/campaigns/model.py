@@ -21,6 +21,7 @@ from insenv.core.elementary import select, sin_cos, wrap_angle
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
+from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.consistency import nees
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.plant import loop_model
@@ -61,8 +62,8 @@ def measured_model(plant: Model, estimator: Estimator) -> Measured:
 
     Outputs: `error` (channels), current; `mean_square` (channels), since the previous record; `sigma` (stated channels)
     and `predicted` (predicted channels); `nees`; `sensor_error_n` (6): mean error of gyros (rad/s) and accelerometers
-    (m/s^2) in n since the start, without noise; `heading` (rad), true.  Added parameters: `evaluation_samples`,
-    `evaluations`.
+    (m/s^2) in n since the start, without noise; `heading` (rad), true; the rows of `FIX_HEALTH`, if the estimator has
+    them.  Added parameters: `evaluation_samples`, `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
     predicts = estimator.navigates and not estimator.aided
@@ -131,6 +132,8 @@ class _Statistics:
         if self.senses:
             rows.append(Row("excess_n", "Sum of the sensors' errors without noise", "rad, m/s", (6,), "n"))
             shown.append(Row("sensor_error_n", "Mean error of the sensors without noise", "rad/s, m/s^2", (6,), "n"))
+        if estimator.reports_health:
+            shown.extend(FIX_HEALTH)
         self.state, self.outputs = Table(tuple(rows)), Table(tuple(shown))
 
     def sample(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
@@ -166,6 +169,8 @@ class _Statistics:
         if self.degrees:
             own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
             rows["nees"] = nees(self.estimator, own, found, x)[0]
+        if self.estimator.reports_health:
+            rows.update({name: getattr(found, name) for name in FIX_HEALTH.names})
         if self.senses:
             rows["sensor_error_n"] = x.excess_n / (x.time + (x.time == 0))
         return rows

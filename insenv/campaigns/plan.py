@@ -119,12 +119,24 @@ class Plan:
         return run_parameters(plants, self.chosen, self.measured, evaluation, bool(self.variations))
 
     @property
+    def too_short(self) -> str:
+        """The sentence that the runs are too short for the estimator; empty if they are not (`Estimator.too_short`)."""
+        return self.chosen.too_short(self._parameters, self.duration_s)
+
+    @property
+    def _parameters(self) -> dict[str, Any]:
+        """Parameters of the estimator in the first run, by row name."""
+        table = self.chosen.model.parameters
+        return table.unpack(table.pack(self.plant.parameters_of(self.chosen)))
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the scenario, and on the estimator in that of the first run (`Estimator.notes`)."""
-        estimator = self.chosen
-        table = estimator.model.parameters
-        found = self.plant.scenario.notes + estimator.notes(
-            table.unpack(table.pack(self.plant.parameters_of(estimator))), self.duration_s
+        short = self.too_short
+        found = (
+            *self.plant.scenario.notes,
+            *((short,) if short else ()),
+            *self.chosen.notes(self._parameters, self.duration_s),
         )
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
             found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from insenv.campaigns.statistics import Statistics
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
+from insenv.evaluation.health import VERDICTS
 from insenv.report.document import finite, to_json
 from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
@@ -66,6 +67,10 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
             f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
+    if (found_health := found.verdicts()) is not None:
+        shares = ", ".join(f"{100 * found_health[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
+        refused = f"{100 * found_health['refused']:.2g} % of the fixes refused"
+        yield Text(f"health of {found_health['runs']} runs: {shares}; mean NIS {number(found_health['nis'])}, {refused}")
     for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
         if seeds_of:
             named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
@@ -85,10 +90,10 @@ CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")
 
 
 def campaign_rows(found: Statistics) -> list[tuple[str, list[float | None]]]:
-    """By error, its label and the values of `CAMPAIGN_COLUMNS`."""
-    rows = []
+    """By error, its label and the values of `CAMPAIGN_COLUMNS`; no ratio for runs that are too short for the estimator."""
+    rows, comparable = [], not found.plan.too_short
     for name, row in found.figures().items():
-        ratio = row["rms"] / row["limit"] if row["limit"] else None
+        ratio = row["rms"] / row["limit"] if row["limit"] and comparable else None
         rows.append((label(name), [row["mean"], row["rms"], row["limit"], ratio, row["stated"]]))
     return rows
 
@@ -149,6 +154,11 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
     for place, name in enumerate(found.channels):
         for kind in ("final", "rms", "limit"):
             arrays[f"runs/{name}/{kind}"] = getattr(found, kind)[:, place]
+    for kind in ("fixes", "refused", "factor") if found.health else ():
+        values = [np.nan if one is None else getattr(one, kind) for one in found.health]
+        arrays[f"runs/health/{kind}"] = np.array(values, dtype=np.float64)
+    if found.health:
+        arrays["runs/health/nis"] = np.array([np.nan if one is None else one.nis.mean for one in found.health])
     arrays["runs/diverged"] = np.isin(found.seeds, found.diverged)
     arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **found.as_json()}, indent=None))
     return arrays

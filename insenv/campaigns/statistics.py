@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
+from insenv.evaluation.health import VERDICTS, Health
 
 Array = NDArray[np.float64]
 
@@ -57,6 +58,7 @@ class Statistics:
     limit).
     diverged: seeds of runs with a number that is not finite.
     far: seeds of runs whose rms is `FAR` times the median.
+    health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
     """
 
     plan: Plan
@@ -71,6 +73,7 @@ class Statistics:
     limit: Array
     diverged: tuple[int, ...]
     far: tuple[int, ...]
+    health: tuple[Health | None, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
 
     @property
@@ -93,6 +96,20 @@ class Statistics:
                 "stated": None if course.stated is None else float(rms_of(course.stated[late])),
             }
         return found
+
+    def verdicts(self) -> dict[str, Any] | None:
+        """Share of the runs with a health by verdict, their mean NIS and share of fixes refused; None if no run has one."""
+        known = [one for one in self.health if one is not None]
+        if not known:
+            return None
+        shares: dict[str, float] = {verdict: sum(one.verdict == verdict for one in known) / len(known) for verdict in VERDICTS}
+        fixes, refused = sum(one.fixes for one in known), sum(one.refused for one in known)
+        return {
+            "runs": len(known),
+            **shares,
+            "nis": float(np.mean([one.nis.mean for one in known])),
+            "refused": refused / fixes,
+        }
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
@@ -119,6 +136,7 @@ class Statistics:
             "statistics_from_s": self.from_s,
             "errors": self.figures(),
             "nees": nees,
+            "health": self.verdicts(),
             "diverged": list(self.diverged),
             "far": list(self.far),
             "notes": list(plan.notes),

@@ -13,8 +13,10 @@ from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
+from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation import limits
 from insenv.evaluation.errors import POSITION
+from insenv.evaluation.health import Health, health
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import require_matplotlib
 
@@ -90,7 +92,16 @@ def summarise(plan: Plan, measured: Measured, columns: Columns) -> Summary:
         limit=np.full_like(rms, np.nan) if limit is None else np.sqrt(np.mean(limit[:, late] ** 2, axis=1)),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
+        health=_health(columns) if plan.chosen.reports_health else (),
     )
+
+
+def _health(columns: Columns) -> tuple[Health | None, ...]:
+    """The health of every run; None for one without a fix or with a number that is not finite."""
+    rows = {name: np.concatenate(columns(name)) for name in FIX_HEALTH.names}
+    runs = range(len(rows["fix_count"]))
+    finite = [all(np.isfinite(values[run]).all() for values in rows.values()) for run in runs]
+    return tuple(health({n: v[run] for n, v in rows.items()}) if finite[run] else None for run in runs)
 
 
 def _course(error: Array, square: Array, limit: Array | None, stated: Array | None, finite: NDArray[np.bool_]) -> Course:

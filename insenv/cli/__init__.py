@@ -83,8 +83,7 @@ def _execute(arguments: list[str]) -> int:
     from insenv.cli.output import quiet_warnings
 
     with quiet_warnings():  # of a broken plug-in, or because there is no C compiler
-        work()
-    return DONE
+        return int(work() or DONE)
 
 
 def _report(error: BaseException, as_json: bool) -> int:

@@ -85,6 +85,7 @@ def ssp(
     estimator: Estimator,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="X.ssp", help="File to write.")],
     seed: Seed = None,
+    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs; those of 3.0 have scalars.")] = Version.two,
     platform: Platforms = None,
     as_json: Json = False,
 ) -> None:
@@ -93,7 +94,7 @@ def ssp(
     from insenv.fmu import export_ssp
 
     with working(f"exporting {scenario} and {estimator}"):
-        made = export_ssp(scenario, estimator, output, seed=seed, platforms=_platforms(platform))
+        made = export_ssp(scenario, estimator, output, seed=seed, fmi=int(fmi.value), platforms=_platforms(platform))
     if as_json:
         print_json({"written": str(output), **made})
         return

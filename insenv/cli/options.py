@@ -10,7 +10,8 @@ from typing import Annotated, Optional
 
 import typer
 
-Work = Callable[[], None]
+Work = Callable[[], "int | None"]
+"""Returns the exit status; None: done."""
 
 HELP = {"help_option_names": ["-h", "--help"]}
 
@@ -39,10 +40,11 @@ Out = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option("--out", "-o", metavar="DIR", help="Write the results (.npz, .json) and the figure (.png, .svg) there."),
 ]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 if a filter has diverged from its fixes.")]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure.")]
 
 
-def deferred(command: Callable[..., None]) -> Callable[..., Work]:
+def deferred(command: Callable[..., int | None]) -> Callable[..., Work]:
     """The command with the same parameters that returns its work instead of doing it.
 
     `insenv.cli.main` does the work after the parser has returned, because the parser handles errors in its own way.

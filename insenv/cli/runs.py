@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from insenv.cli.options import Duration, Estimators, Json, NoFigure, Out, Scenario, Seed, Settings, deferred
+from insenv.cli.options import Duration, Estimators, Json, NoFigure, Out, Scenario, Seed, Settings, Strict, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,8 +32,9 @@ def run(
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
+    strict: Strict = False,
     as_json: Json = False,
-) -> None:
+) -> int:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.cli.output import working
     from insenv.report import OutputFolder
@@ -48,6 +49,7 @@ def run(
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()
+    return _status(report, strict)
 
 
 @deferred
@@ -60,8 +62,9 @@ def replay(
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
+    strict: Strict = False,
     as_json: Json = False,
-) -> None:
+) -> int:
     """Run estimators on a recorded log; print their errors against its reference."""
     from insenv.cli.output import working
     from insenv.report import OutputFolder
@@ -76,6 +79,7 @@ def replay(
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()
+    return _status(report, strict)
 
 
 def _known(estimator_ids: Sequence[str]) -> list[str]:
@@ -83,6 +87,18 @@ def _known(estimator_ids: Sequence[str]) -> list[str]:
     from insenv import estimators
 
     return list(dict.fromkeys(estimators.get(id).id for id in estimator_ids))
+
+
+def _status(report: Report, strict: bool) -> int:
+    """Exit status after the report is printed; with `strict`, that of failed work if a filter has diverged."""
+    from insenv.cli import DONE, FAILED
+    from insenv.cli.output import print_line
+
+    diverged = [r.estimator for r in report.results if r.health is not None and r.health.verdict == "diverged"]
+    if not strict or not diverged:
+        return DONE
+    print_line(f"insenv: --strict: diverged from its fixes: {', '.join(diverged)}", stderr=True)
+    return FAILED
 
 
 def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json: bool) -> Callable[[], None]:

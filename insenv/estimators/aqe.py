@@ -82,7 +82,7 @@ STATE = strapdown.STATE + rows.BIASES + Table((
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     Row("predict_due", "1 when the time update is due"),
-)) + rows.FIX_RESIDUALS  # fmt: skip
+)) + rows.FIX_RESIDUALS + rows.FIX_HEALTH  # fmt: skip
 
 
 def start(p: Any) -> dict[str, Any]:
@@ -230,7 +230,8 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     variance = ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _curvature(p, antenna, P)
     present = gnss_fix.present(u)
     changed, test_ratio = fused(x, innovation, H, variance, present)
-    return {**changed, "innovation": innovation * present, "test_ratio": test_ratio}
+    counted = gnss_fix.counted(x, present, present, test_ratio)  # there is no gate
+    return {**changed, **counted, "innovation": innovation * present, "test_ratio": test_ratio}
 
 
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -312,8 +313,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         "position_sigma": sigma(C_nw, POSITION),
         "velocity_sigma": sigma(C_nw, VELOCITY),
         "attitude_sigma": sigma(tilt, DQ),
-        "innovation": x.innovation,
-        "test_ratio": x.test_ratio,
+        **{row.name: getattr(x, row.name) for row in rows.FIX_RESIDUALS + rows.FIX_HEALTH},
     }
 
 

@@ -6,6 +6,7 @@ answers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -17,6 +18,7 @@ from insenv.core.model import Model, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
+from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.plugins import check_id
 
 _ZERO = np.zeros(3)
@@ -119,6 +121,8 @@ class Estimator:
     moving_row: parameter row that, set to 1, lets an alignment in place work on a moving vehicle with GNSS, or empty.
     prepare: its parameters by row name from what is known.  None: every parameter row that is named like a field of
         `Knowledge` or `SensorNotes`, or ``start_`` and such a name, has its value.
+    needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
+        limit.  None: 0.
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
@@ -133,6 +137,7 @@ class Estimator:
     motion: Motion | None = None
     moving_row: str = ""
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
+    needs: Callable[[Mapping[str, Any]], float] | None = None
     applicability: Notes | None = None
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
@@ -153,6 +158,13 @@ class Estimator:
         lacking = [name for name in _OUTPUTS[self.kind] if name not in self.model.outputs]
         if lacking:
             raise InputError(f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r}")
+        wrong = [row for row in FIX_HEALTH if self.reports_health and self.model.outputs[row.name].shape != row.shape]
+        if wrong:
+            shape = self.model.outputs[wrong[0].name].shape
+            raise InputError(
+                f"estimator {self.id!r}: output {wrong[0].name!r} has the shape {shape}: allowed is {wrong[0].shape}, as in "
+                "insenv.estimators.parts.rows.FIX_HEALTH"
+            )
         if self.motion is None:
             object.__setattr__(self, "motion", "in place" if self.kind == "alignment" else "any")
 
@@ -178,6 +190,11 @@ class Estimator:
     def aided(self) -> bool:
         """Whether it takes more than the inertial unit."""
         return bool(self.sensors)
+
+    @property
+    def reports_health(self) -> bool:
+        """Whether its outputs tell how well it fits its fixes: all rows of `insenv.estimators.parts.rows.FIX_HEALTH`."""
+        return all(name in self.model.outputs for name in FIX_HEALTH.names)
 
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
@@ -232,6 +249,21 @@ class Estimator:
             and not row.name.startswith("start_")
             and row.name not in known
             and not used.intersection(range(table.slice(row.name).start, table.slice(row.name).stop))
+        )
+
+    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> str:
+        """The sentence that `duration_s` of data are too few with these parameters (by row name); empty if they suffice."""
+        if self.needs is None:
+            return ""
+        with naming(f"estimator {self.id!r}, needs"):
+            needed = float(self.needs(parameters))
+        if not 0 <= needed < math.inf:
+            raise InputError(f"estimator {self.id!r}, needs: {needed!r} s: allowed is a finite number of seconds, not negative")
+        if duration_s > needed * (1 - 1e-9):
+            return ""
+        return (
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled, and "
+            "no limit is a measure of them"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

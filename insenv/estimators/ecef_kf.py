@@ -37,6 +37,7 @@ lever arm; latitude, longitude and height are those of the fixes, propagated by 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -428,4 +429,11 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     return given | {"coarse_time": COARSE_TIME, "velocity_sigma_start": float(known.velocity_sigma.max())}
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", moving_row="moving", prepare=prepare, applicability=applicability.notes)
+def needs(parameters: Mapping[str, Any]) -> float:
+    """Time (s) of data: that of the coarse alignment, whose result the filter takes."""
+    return float(parameters["coarse_time"])
+
+
+ESTIMATOR = Estimator(
+    MODEL, kind="alignment", moving_row="moving", prepare=prepare, needs=needs, applicability=applicability.notes
+)

@@ -17,6 +17,7 @@ Source: Titterton and Weston (2004), section 10.5; Britting (1971), chapter 9; t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -131,4 +132,13 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     return {**frozen_frame.prepare(known), "start_heading": known.heading, "start_heading_sigma": sigma}
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, applicability=applicability.notes)
+SETTLING = 8.4
+"""Heading constants after which 1 % of the start heading error is left: (1 + s + s^2 / 2) exp(-s)."""
+
+
+def needs(parameters: Mapping[str, Any]) -> float:
+    """Time (s) of data: levelling, and the decay of the start heading error to a hundredth."""
+    return float(parameters["levelling_time"]) + SETTLING * float(parameters["heading_constant"])
+
+
+ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, needs=needs, applicability=applicability.notes)

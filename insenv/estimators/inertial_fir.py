@@ -228,4 +228,10 @@ MODEL = Model(
     start=frozen_frame.start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=frozen_frame.prepare, applicability=applicability.notes)
+ESTIMATOR = Estimator(
+    MODEL,
+    kind="alignment",
+    prepare=frozen_frame.prepare,
+    needs=lambda parameters: SPAN * BLOCK_S,  # until the first fix
+    applicability=applicability.notes,
+)

@@ -70,6 +70,7 @@ STATE = (
         Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
     ))
     + rows.FIX_RESIDUALS
+    + rows.FIX_HEALTH
     + Table((
         Row("rejected", "Scalar measurements rejected by the gate", "1"),
         Row("refusals", "Fixes in a row with an innovation beyond the gate", "1"),
@@ -212,9 +213,11 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
         stored, correction = measure(stored, correction, H[i, :], innovation[i], inflated[i], accept)
         ratios.append(ratio)
         outside = outside + beyond
+    test_ratio = ca.vertcat(*ratios)
     reported = {
+        **gnss_fix.counted(x, present, ca.vertcat(*[scalar.accept for scalar in scalars]), test_ratio),
         "innovation": innovation * present,
-        "test_ratio": ca.vertcat(*ratios),
+        "test_ratio": test_ratio,
         "rejected": x.rejected + gated * outside,
         "refusals": select(outside > 0, x.refusals + 1, 0),
         "since_fix": u.gnss_age,
@@ -277,8 +280,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         "position_sigma": sigma(POSITION),
         "velocity_sigma": sigma(VELOCITY),
         "attitude_sigma": sigma(TILT),
-        "innovation": x.innovation,
-        "test_ratio": x.test_ratio,
+        **{row.name: getattr(x, row.name) for row in rows.FIX_RESIDUALS + rows.FIX_HEALTH},
     }
 
 

@@ -165,4 +165,6 @@ MODEL = Model(
     start=start,
 )
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=inertial_vectors.prepare, applicability=applicability.notes)
+ESTIMATOR = Estimator(
+    MODEL, kind="alignment", prepare=inertial_vectors.prepare, needs=inertial_vectors.needs, applicability=applicability.notes
+)

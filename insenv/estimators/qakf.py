@@ -217,7 +217,13 @@ def _estimator(
         output=lambda p, x: output(p, x, lags),
         start=start,
     )
-    return Estimator(model, kind="alignment", prepare=inertial_vectors.prepare, applicability=applicability.notes)
+    return Estimator(
+        model,
+        kind="alignment",
+        prepare=inertial_vectors.prepare,
+        needs=inertial_vectors.needs,
+        applicability=applicability.notes,
+    )
 
 
 PLAIN = _estimator(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.evaluation.health import Health
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,8 @@ class Result:
         the root mean square of an optimal filter's standard deviations from `from_s` on.
     from_s: start of the statistics.
     us_per_sample: processor time of the estimator per inertial sample, microseconds.
+    settled: False for a run shorter than the estimator needs: its errors are then not compared with a limit.
+    health: how well a filter fits its fixes; None if it does not report it, or if no fix came.
     """
 
     estimator: str
@@ -66,15 +69,25 @@ class Result:
     from_s: float
     us_per_sample: float
     notes: tuple[str, ...] = ()
+    health: Health | None = None
+    settled: bool = True
 
     def statistics(self) -> dict[str, dict[str, float]]:
         """Final error, rms and max (largest magnitude) by channel; rms and max over the times from `from_s` on."""
-        late = self.time >= self.from_s - 1e-9
+        late = self._late
         return {
             "final": {name: float(e[-1]) for name, e in self.errors.items()},
             "rms": rms(self.errors, late),
             "max": {name: float(np.max(np.abs(e[late]))) for name, e in self.errors.items()},
         }
+
+    def stated(self) -> dict[str, float]:
+        """Root mean square of the standard deviations that the estimator states, by channel, over the same times as `rms`."""
+        return rms({name: self.sigma[name] for name in self.errors if name in self.sigma}, self._late)
+
+    @property
+    def _late(self) -> Any:
+        return self.time >= self.from_s - 1e-9
 
     def __repr__(self) -> str:
         final = []

@@ -17,7 +17,7 @@ from insenv.fmu.documentation import page
 from insenv.fmu.platforms import FLAGS, build, chosen
 from insenv.fmu.reference import reference_files
 from insenv.fmu.sources import TOKEN, amalgamated, sources, token
-from insenv.fmu.subject import Subject, subject
+from insenv.fmu.subject import Subject, identifier, subject
 from insenv.fmu.variables import Variable, variables
 from insenv.scenario import ScenarioLike
 
@@ -81,7 +81,7 @@ def _documents(
 ) -> dict[str, bytes]:
     """The files beside description, sources and libraries: documentation, licences, icon, reference signals."""
     folder = fmu_folder()
-    icon = (folder / "icons" / f"{'estimator' if subject.kind == 'estimator' else 'plant'}.png").read_bytes()
+    icon = _icon(subject)
     files = {"documentation/index.html": page(subject, listed, fmi, libraries).encode()}
     for licence in sorted((folder / "licenses").iterdir()):
         files[f"documentation/licenses/{licence.name}"] = licence.read_bytes()
@@ -90,6 +90,14 @@ def _documents(
     files["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals(listed, arrays).encode()
     files["terminalsAndIcons/icon.png"] = icon
     return files | reference_files(subject, listed, arrays)
+
+
+def _icon(subject: Subject) -> bytes:
+    """The icon of an estimator, or of a plant's vehicle: by the first word of the scenario (`turntable`), else by its kind."""
+    scenario = subject.plant.scenario
+    names = (identifier(scenario.name).partition("_")[0], scenario.vehicle.kind, "plant")
+    listed = (fmu_folder() / "icons" / f"{name}.png" for name in (["estimator"] if subject.kind == "estimator" else names))
+    return next(path for path in listed if path.is_file()).read_bytes()
 
 
 def check_output(path: Path, ending: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv.core.progress import Progress
 from insenv.errors import InputError, InsenvError, nearest
-from insenv.fmu.ports import Ports
+from insenv.fmu.ports import Group, Ports, Step
 from insenv.fmu.reading import KINDS, KINDS_3, Array, Variable, read_description, read_variable
 
 PROGRESS_STEPS = 5_000  # steps between two calls of the progress function
@@ -39,22 +40,30 @@ class Instance:
     """
 
     def __init__(
-        self, path: str | Path, parameters: Mapping[str, float] | None = None, *, start_time: float = 0.0, name: str = "insenv"
+        self,
+        path: str | Path,
+        parameters: Mapping[str, float] | None = None,
+        *,
+        start_time: float = 0.0,
+        name: str = "insenv",
+        label: str | None = None,
     ) -> None:
         """Unpack, load, set parameters, initialize.
 
-        Raises `InputError` for a file that is not such an FMU and for a parameter that is unknown or refused, `InsenvError` if
-        the FMU cannot be loaded on this machine.
+        label: how messages name the FMU; None: by its path.  Raises `InputError` for a file that is not such an FMU and for a
+        parameter that is unknown or refused, `InsenvError` if the FMU cannot be loaded on this machine.
         """
         import fmpy
         from fmpy.fmi2 import FMU2Slave
         from fmpy.fmi3 import FMU3Slave
 
         self.path = Path(path)
+        self.label = label or str(path)
         self.messages: list[str] = []
         self._folder = Path(tempfile.mkdtemp(prefix="insenv-fmu-"))
         self._slave: Any = None
-        self._terminate = ctypes.c_bool()  # FMI 3: whether the FMU has ended the simulation
+        # FMI 3: event needed, simulation ended, step ended early, and at which time
+        self._flags = (ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double())
         try:
             self.description = read_description(self.path)
             self.version = int(self.description.fmiVersion[0])
@@ -65,7 +74,7 @@ class Instance:
                 fmpy.extract(str(self.path), str(self._folder))
             except Exception as error:  # a damaged member, or a path outside the folder
                 kind = InsenvError if isinstance(error, OSError) else InputError
-                raise kind(f"{self.path}: cannot be unpacked: {error}") from None
+                raise kind(f"{self.label}: cannot be unpacked: {error}") from None
             kind = FMU2Slave if self.version == 2 else FMU3Slave
             try:
                 self._slave = kind(
@@ -75,7 +84,7 @@ class Instance:
                     instanceName=name,
                 )
             except Exception as error:  # FMPy raises a bare Exception
-                raise InsenvError(f"{self.path}: cannot be loaded on {fmpy.platform_tuple}: {error}") from None
+                raise InsenvError(f"{self.label}: cannot be loaded on {fmpy.platform_tuple}: {error}") from None
             self._start(parameters or {}, start_time)
         except BaseException:
             self.close()
@@ -113,19 +122,19 @@ class Instance:
         for k in range(steps):
             for call, address, stride, changes in setters:
                 if (changes is None or changes[k]) and (status := call(address + k * stride)) > 1:
-                    raise self._failure("setting the inputs", k, start_time + k * step, status)
+                    raise self.failure("setting the inputs", k, start_time + k * step, status)
             status = do_step(start_time + k * step, step)
-            if self._ends(status):
+            if self.ends(status):
                 ended = True
                 if status > 1:  # this step was not made to its end
                     recorded = k // every
                     break
             elif status > 1:
-                raise self._failure("the step", k, start_time + k * step, status)
+                raise self.failure("the step", k, start_time + k * step, status)
             if (k + 1) % every == 0:
                 for call, address, stride, _ in getters:
                     if (status := call(address + k // every * stride)) > 1:
-                        raise self._failure("reading the outputs", k, start_time + k * step, status)
+                        raise self.failure("reading the outputs", k, start_time + k * step, status)
             if ended:
                 recorded = (k + 1) // every
                 break
@@ -140,20 +149,23 @@ class Instance:
         }
         return np.array([columns[n] for v in self.outputs for n in v.elements], dtype=np.float64).reshape(-1, recorded).T
 
-    def ports(self, connected: Sequence[str]) -> Ports:
-        """The inputs named in `connected` and all outputs, for a master that steps it."""
+    def ports(self, name: str, connected: Sequence[str]) -> Ports:
+        """The inputs named in `connected` and all outputs, for a master that steps it as the component `name`."""
         wanted = dict.fromkeys(connected, np.zeros(1))
-        calls: tuple[list[Any], list[Any]] = ([], [])
+        groups: tuple[list[Group], list[Group]] = ([], [])
         places: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
-        groups = (self._groups(self.inputs, wanted), self._groups(self.outputs))
-        for verb, kept, found, listed in zip(("Set", "Get"), calls, places, groups, strict=True):
-            for group in listed:
-                row = np.zeros((1, len(_names(group))), dtype=self._dtype(group))
-                call, address, _, _ = self._calls(verb, group, row)
-                kept.append((functools.partial(call, address), row))
-                found.update({name: (row, place) for place, name in enumerate(_names(group))})
+        listed = (self._groups(self.inputs, wanted), self._groups(self.outputs))
+        for verb, kept, found, parts in zip(("Set", "Get"), groups, places, listed, strict=True):
+            for part in parts:
+                rows = np.zeros((1, len(_names(part))), dtype=self._dtype(part))
+                call, address, _, _ = self._calls(verb, part, rows)
+                row = rows[0]
+                function = self._slave.dll[f"fmi{self.version}{verb}{self._kinds[part[0].kind][1]}"]
+                kept.append(Group(functools.partial(call, address), _address(function), self._references(part), row))
+                found.update({element: (row, place) for place, element in enumerate(_names(part))})
         order = {name: places[1][name] for variable in self.outputs for name in variable.elements}
-        return Ports(str(self.path.name), *calls, (places[0], order), self._do_step(), self._failure)
+        step = Step(self._do_step(), _address(self._slave.dll[f"fmi{self.version}DoStep"]), self._flags)
+        return Ports(name, self.version, self._component, *groups, places[0], order, step)
 
     def close(self) -> None:
         """Free the instance and remove the unpacked files."""
@@ -188,25 +200,29 @@ class Instance:
         except InsenvError:
             raise
         except Exception as error:  # the exceptions of FMPy differ between its versions
-            raise InputError(f"{self.path}: cannot be initialized: {self._said() or error}") from None
+            raise InputError(f"{self.label}: cannot be initialized: {self._said() or error}") from None
 
     def _set_parameters(self, parameters: Mapping[str, float]) -> None:
         scalar = {v.name: v for v in self.variables.values() if v.causality == "parameter" and len(v.elements) == 1}
         for name, value in parameters.items():
             variable = scalar.get(name) or scalar.get(f"parameters.{name}")
             if variable is None:
-                allowed = [known.removeprefix("parameters.") for known in scalar]
-                raise InputError(f"{self.path}: no scalar parameter {name!r}{nearest(name, allowed)}")
+                known = [parameter.removeprefix("parameters.") for parameter in scalar]
+                # a plant has hundreds of elements: an array is named once
+                allowed = dict.fromkeys(re.sub(r"\[.*", "[...]", parameter) for parameter in known)
+                raise InputError(
+                    f"{self.label}: no scalar parameter {name!r}{nearest(name.removeprefix('parameters.'), allowed)}"
+                )
             group = [variable]
             values = np.full((1, 1), value).astype(self._dtype(group))
             call, address, _, _ = self._calls("Set", group, values)
             if (status := call(address)) > 1:
-                raise InputError(f"{self.path}: parameter {name} = {value:g} refused: {self._said() or _LABELS[status]}")
+                raise InputError(f"{self.label}: parameter {name} = {value:g} refused: {self._said() or _LABELS[status]}")
 
-    def _ends(self, status: int) -> bool:
+    def ends(self, status: int) -> bool:
         """Whether the FMU has ended the simulation in the last step."""
         if self.version == 3:
-            return bool(self._terminate.value)
+            return bool(self._flags[1].value)
         if status != _LABELS.index("discard"):
             return False
         ended = ctypes.c_int()
@@ -236,10 +252,10 @@ class Instance:
     def _said(self) -> str:
         return "; ".join(dict.fromkeys(self.messages))
 
-    def _failure(self, doing: str, k: int, time: float, status: int) -> InsenvError:
+    def failure(self, doing: str, k: int, time: float, status: int) -> InsenvError:
         label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
         return InsenvError(
-            f"{self.path}: {doing} failed at step {k}, t = {time:g} s ({label}): {self._said() or 'no reason given'}"
+            f"{self.label}: {doing} failed at step {k}, t = {time:g} s ({label}): {self._said() or 'no reason given'}"
         )
 
     def _groups(self, variables: Sequence[Variable], given: Mapping[str, Array] | None = None) -> list[list[Variable]]:
@@ -266,7 +282,7 @@ class Instance:
         function = self._slave.dll[f"fmi{self.version}{verb}{self._kinds[group[0].kind][1]}"]
         size, pointer = ctypes.c_size_t, ctypes.c_void_p
         function.argtypes = [pointer, pointer, size, pointer] + ([size] if self.version == 3 else [])
-        references = (ctypes.c_uint32 * len(group))(*(v.reference for v in group))
+        references = self._references(group)
         component = pointer(self._component)
         count, elements = size(len(group)), size(values.shape[1])
 
@@ -285,6 +301,10 @@ class Instance:
             changes = [True, *np.any(values[1:] != values[:-1], axis=1).tolist()]
         return call, values.ctypes.data, values.strides[0], changes
 
+    @staticmethod
+    def _references(group: Sequence[Variable]) -> Any:
+        return (ctypes.c_uint32 * len(group))(*(v.reference for v in group))
+
     def _do_step(self) -> Callable[[float, float], int]:
         function = self._slave.dll[f"fmi{self.version}DoStep"]
         component = ctypes.c_void_p(self._component)
@@ -292,11 +312,9 @@ class Instance:
             function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int]
             return lambda time, step: int(function(component, time, step, 1))
         function.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_bool] + [ctypes.c_void_p] * 4
-        event, early, last = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
-        terminate = self._terminate
-        places = tuple(ctypes.c_void_p(ctypes.addressof(place)) for place in (event, terminate, early, last))
+        places = tuple(ctypes.c_void_p(ctypes.addressof(place)) for place in self._flags)
 
-        def do_step(time: float, step: float, kept: Any = (event, terminate, early, last)) -> int:
+        def do_step(time: float, step: float, kept: Any = self._flags) -> int:
             return int(function(component, time, step, True, *places))
 
         return do_step
@@ -336,6 +354,10 @@ def _shared_callbacks() -> Any:
     addLoggerProxy(ctypes.byref(callbacks))
     callbacks.kept = logger  # the helper has replaced it in the structure
     return callbacks
+
+
+def _address(function: Any) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 def _names(group: Sequence[Variable]) -> list[str]:

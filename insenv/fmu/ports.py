@@ -1,67 +1,100 @@
-"""Inputs and outputs of an instance, one step at a time, for a master."""
+"""The connected inputs and all outputs of an instance, as the tables that a master steps through."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError, InsenvError
-from insenv.fmu.reading import Array
+from insenv.errors import InputError
 
-Place = tuple[NDArray[Any], int]
-"""A row (1, elements) of a group of variables, and a place in it."""
+Row = NDArray[Any]
 
 
-class Ports:
-    """The connected inputs and all outputs of an instance.
+@dataclass(frozen=True)
+class Group:
+    """The variables of an instance that one function sets or gets.
 
-    setters, getters: calls with the rows that they read and fill.  inputs, outputs: `Place` by element name.
+    call: the call, which gives a status.  function: its address.  references: of the variables.  values: (elements,), which the
+    call reads or fills.
     """
 
-    def __init__(
-        self,
-        name: str,
-        setters: list[tuple[Callable[[], int], NDArray[Any]]],
-        getters: list[tuple[Callable[[], int], NDArray[Any]]],
-        places: tuple[Mapping[str, Place], Mapping[str, Place]],
-        do_step: Callable[[float, float], int],
-        failure: Callable[[str, int, float, int], InsenvError],
-    ) -> None:
-        self.name = name
-        self._setters, self._getters = setters, getters
-        self._inputs, self._outputs = places
-        self._do_step, self._failure = do_step, failure
-        self._wires: dict[tuple[int, int], tuple[NDArray[Any], NDArray[Any], list[int], list[int]]] = {}
-        self._copies: list[tuple[NDArray[Any], NDArray[Any], NDArray[np.intp], NDArray[np.intp]]] = []
+    call: Callable[[], int]
+    function: int
+    references: Any
+    values: Row
+
+
+@dataclass(frozen=True)
+class Step:
+    """The function that advances an instance by a step from a time, and its address; flags: those that FMI 3 returns."""
+
+    call: Callable[[float, float], int]
+    function: int
+    flags: Sequence[Any]
+
+
+@dataclass(frozen=True)
+class Move:
+    """Copy `count` values from a place of one row to a place of another."""
+
+    to: Row
+    at: int
+    source: Row
+    place: int
+    count: int = 1
+
+
+Place = tuple[Row, int]
+"""A row of values, and a place in it."""
+
+
+@dataclass
+class Ports:
+    """An instance in a system.
+
+    name: of its component.  setters: groups of its connected inputs.  getters: groups of its outputs.  inputs, outputs: the
+    `Place` of each element by its name.  moves: those of its connections, made before it steps.
+    """
+
+    name: str
+    version: int
+    instance: int
+    setters: Sequence[Group]
+    getters: Sequence[Group]
+    inputs: Mapping[str, Place]
+    outputs: Mapping[str, Place]
+    do_step: Step
+    moves: list[Move] = field(default_factory=list)
 
     def connect(self, target: str, source: Ports, variable: str) -> None:
-        """Take input `target` from the output `variable` of another instance.  Raises `InputError` for an unknown name."""
-        if target not in self._inputs:
+        """Take input `target` from the output `variable` of another instance.
+
+        Raises `InputError` for an unknown name and for types between which values would be lost.
+        """
+        if target not in self.inputs:
             raise InputError(f"{self.name}: no input {target!r}")
-        if variable not in source._outputs:
+        if variable not in source.outputs:
             raise InputError(f"{source.name}: no output {variable!r}")
-        (to, at), (given, place) = self._inputs[target], source._outputs[variable]
-        wire = self._wires.setdefault((id(to), id(given)), (to, given, [], []))
-        wire[2].append(at)
-        wire[3].append(place)
-        self._copies = [(a[0], b[0], np.array(i), np.array(j)) for a, b, i, j in self._wires.values()]
+        (to, at), (given, place) = self.inputs[target], source.outputs[variable]
+        if not np.can_cast(given.dtype, to.dtype, "safe"):
+            what = f"{source.name}.{variable} ({given.dtype}) to {self.name}.{target} ({to.dtype})"
+            raise InputError(f"a connection from {what} would lose values: allowed are types that hold them all")
+        append(self.moves, Move(to, at, given, place))
 
-    def step(self, k: int, time: float, step: float) -> None:
-        """Step number k: set the inputs, advance, read the outputs."""
-        for to, given, at, places in self._copies:
-            to[at] = given[places]
-        for call, _ in self._setters:
-            if (status := call()) > 1:
-                raise self._failure("setting the inputs", k, time, status)
-        if (status := self._do_step(time, step)) > 1:
-            raise self._failure("the step", k, time, status)
-        for call, _ in self._getters:
-            if (status := call()) > 1:
-                raise self._failure("reading the outputs", k, time, status)
 
-    def values(self) -> Array:
-        """The outputs, in the order of the variables."""
-        return np.array([row[0, place] for row, place in self._outputs.values()], dtype=np.float64)
+def append(moves: list[Move], move: Move) -> None:
+    """Append a move, as part of the last one if it continues it."""
+    last = moves[-1] if moves else None
+    if (
+        last is not None
+        and last.to is move.to
+        and last.source is move.source
+        and (move.at, move.place) == (last.at + last.count, last.place + last.count)
+    ):
+        moves[-1] = Move(last.to, last.at, last.source, last.place, last.count + move.count)
+    else:
+        moves.append(move)

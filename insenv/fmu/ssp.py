@@ -1,8 +1,8 @@
 """Export a scenario's plant and an estimator, connected, as one SSP file (System Structure and Parameterization 1.0).
 
-The archive holds two FMUs (FMI 2, Co-Simulation) and SystemStructure.ssd, which connects each input of the estimator to the
-plant's output of the same name.  The estimator starts from the scenario's initial conditions and tuning, as in
-`insenv.runs.simulated`.
+The archive holds two FMUs for Co-Simulation, a parameter set (SSV) of each with the start values of its parameters, and
+SystemStructure.ssd, which connects each input of the estimator to the plant's output of the same name.  The estimator starts
+from the scenario's initial conditions and tuning, as in `insenv.runs.simulated`.
 
 A master steps both components from t to t + h and then passes the plant's outputs on.  Each step of the estimator therefore
 uses the samples of the step before: its estimate at t + h is the attitude at t.
@@ -10,8 +10,9 @@ uses the samples of the step before: its estimate at t + h is the attitude at t.
 
 from __future__ import annotations
 
+import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -25,11 +26,14 @@ from insenv.scenario import ScenarioLike, build, load
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+COMPONENTS = "Components.ssd"
+"""The same system without connectors of its own: libcosim takes connections between components only."""
 PLANT, ESTIMATOR = "plant", "estimator"
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-_LIKE = {"Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeration": "Integer"}
+_LIKE = {"Float64": "Real", "Real": "Real", "Integer": "Integer", "Boolean": "Boolean", "Enumeration": "Integer"}
 
 
 def export_ssp(
@@ -38,13 +42,15 @@ def export_ssp(
     output: str | Path,
     *,
     seed: int | None = None,
+    fmi: int = 2,
     platforms: Sequence[str] = ("host",),
 ) -> dict[str, Any]:
     """Write the SSP file of a scenario's plant and an estimator; return step_s, stop_time_s and the number of connections.
 
     scenario: a name, a path, a Scenario or its values.  estimator: an id or an Estimator.  seed: replaces the scenario's.
-    platforms: as in `insenv.export_fmu`.  Raises `InputError` for an unknown name, for an estimator that the scenario does
-    not suit and for a file that cannot be written.
+    fmi: version of the two FMUs, 2 or 3; those of FMI 3 have scalars, because SSP 1.0 has no arrays.  platforms: as in
+    `insenv.export_fmu`.  Raises `InputError` for an unknown name, for an estimator that the scenario does not suit and for a
+    file that cannot be written.
     """
     from fmpy import read_model_description
 
@@ -58,21 +64,27 @@ def export_ssp(
     started["sample_interval"] = plant.sample_interval
     with tempfile.TemporaryDirectory(prefix="insenv-ssp-") as name:
         parts = {PLANT: Path(name) / "plant.fmu", ESTIMATOR: Path(name) / "estimator.fmu"}
-        export_fmu(loaded, parts[PLANT], fmi=2, platforms=platforms, settings={"seed": float(plant.seed)})
-        export_fmu(estimator, parts[ESTIMATOR], fmi=2, platforms=platforms, settings=started)
+        settings: dict[str, Mapping[str, object]] = {PLANT: {"seed": float(plant.seed)}, ESTIMATOR: started}
+        for role, subject in ((PLANT, loaded), (ESTIMATOR, estimator)):
+            export_fmu(subject, parts[role], fmi=fmi, arrays=False, platforms=platforms, settings=settings[role])
         read = {role: read_model_description(str(part)) for role, part in parts.items()}
-        ssd = structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s)
-        files = {"SystemStructure.ssd": ssd}
+        shown = [v for v in read[ESTIMATOR].modelVariables if v.causality == "output"]
+        ssd, inner = (
+            structure(loaded.name, read[PLANT], read[ESTIMATOR], plant.duration_s, outputs) for outputs in (shown, ())
+        )
+        files = {"SystemStructure.ssd": ssd, COMPONENTS: inner}
+        files |= {f"resources/{role}.ssv": parameter_set(role, description) for role, description in read.items()}
         files |= {f"resources/{part.name}": part.read_bytes() for part in parts.values()}
     write_archive(output, files)
     ends = [connection.get("endElement") for connection in ElementTree.fromstring(ssd).iter(f"{{{SSD}}}Connection")]
     return {"step_s": plant.sample_interval, "stop_time_s": plant.duration_s, "connections": ends.count(ESTIMATOR)}
 
 
-def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes:
+def structure(title: str, plant: Any, estimator: Any, stop_time: float, shown: Sequence[Any]) -> bytes:
     """SystemStructure.ssd of two components; plant, estimator: their model descriptions as FMPy reads them.
 
-    Raises `InputError` if no output of the plant has the name of an input of the estimator, or if their units differ.
+    stop_time: s.  shown: the outputs of the estimator that are outputs of the system.  Raises `InputError` if no output of the
+    plant has the name of an input of the estimator, or if their units differ.
     """
     ElementTree.register_namespace("ssd", SSD)
     ElementTree.register_namespace("ssc", SSC)
@@ -95,7 +107,10 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
         root, f"{{{SSD}}}System", name="loop", description=f"{plant.modelName}; {estimator.modelName}"
     )
     own = [v for v in estimator.modelVariables if v.causality == "output"]
-    _connectors(system, own)
+    defined = _defined(plant, estimator)
+    exported = {v.name: _system_name(v.name) for v in shown}
+    if shown:
+        _connectors(system, shown, defined, exported)
     elements = ElementTree.SubElement(system, f"{{{SSD}}}Elements")
     # an unconnected input gets no connector, because masters set every input that has one
     _component(elements, PLANT, plant, list(outputs.values()), left=0.0)
@@ -110,25 +125,39 @@ def structure(title: str, plant: Any, estimator: Any, stop_time: float) -> bytes
             endElement=ESTIMATOR,
             endConnector=variable.name,
         )
-    for variable in own:  # the outputs of the system are those of the estimator
+    for variable in shown:
         ElementTree.SubElement(
             connections,
             f"{{{SSD}}}Connection",
             startElement=ESTIMATOR,
             startConnector=variable.name,
-            endConnector=variable.name,
+            endConnector=exported[variable.name],
         )
     step = repr(float(plant.defaultExperiment.stepSize))
     openmodelica = _annotation(system, "org.openmodelica", f"{{{OMS}}}Annotations")
     information = ElementTree.SubElement(openmodelica, f"{{{OMS}}}SimulationInformation")
     tolerances = {"absoluteTolerance": "0.0001", "relativeTolerance": "0.0001"}
     ElementTree.SubElement(information, f"{{{OMS}}}FixedStepMaster", {"description": "oms-ma", "stepSize": step, **tolerances})
-    _units(root, [*outputs.values(), *own], [*plant.unitDefinitions, *estimator.unitDefinitions])
+    _units(root, SSD, [*outputs.values(), *own], defined)
     experiment = ElementTree.SubElement(root, f"{{{SSD}}}DefaultExperiment", startTime="0", stopTime=repr(float(stop_time)))
     algorithm = _annotation(experiment, "com.opensimulationplatform", f"{{{OSP}}}Algorithm")
     ElementTree.SubElement(algorithm, f"{{{OSP}}}FixedStepAlgorithm", baseStepSize=step)
-    ElementTree.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+    return _text(root)
+
+
+def parameter_set(name: str, description: Any) -> bytes:
+    """The SSV file of a component: its parameters with the start values of its FMU, as FMPy reads its description."""
+    ElementTree.register_namespace("ssv", SSV)
+    ElementTree.register_namespace("ssc", SSC)
+    defined = _defined(description)
+    root = ElementTree.Element(f"{{{SSV}}}ParameterSet", version="1.0", name=name, generationTool="insenv")
+    listed = ElementTree.SubElement(root, f"{{{SSV}}}Parameters")
+    parameters = [v for v in description.modelVariables if v.causality == "parameter"]
+    for variable in parameters:
+        parameter = ElementTree.SubElement(listed, f"{{{SSV}}}Parameter", name=variable.name)
+        _typed(parameter, SSV, variable, defined, value=variable.start)
+    _units(root, SSV, parameters, defined)
+    return _text(root)
 
 
 def _component(elements: ElementTree.Element, name: str, description: Any, variables: Sequence[Any], left: float) -> None:
@@ -141,18 +170,33 @@ def _component(elements: ElementTree.Element, name: str, description: Any, varia
         source=f"resources/{name}.fmu",
         implementation="CoSimulation",
     )
-    _connectors(component, variables)
+    _connectors(component, variables, _defined(description))
     box = {"x1": repr(left), "y1": "0.0", "x2": repr(left + 200.0), "y2": "200.0"}
     ElementTree.SubElement(component, f"{{{SSD}}}ElementGeometry", box)
+    bindings = ElementTree.SubElement(component, f"{{{SSD}}}ParameterBindings")
+    binding = {"type": "application/x-ssp-parameter-set", "source": f"resources/{name}.ssv"}
+    ElementTree.SubElement(bindings, f"{{{SSD}}}ParameterBinding", binding)
 
 
-def _connectors(element: ElementTree.Element, variables: Sequence[Any]) -> None:
+def _system_name(variable: str) -> str:
+    """Name of the system's connector: OMSimulator takes identifiers only, and refuses `q_nb[1]` there."""
+    return re.sub(r"\W+", "_", variable).strip("_")
+
+
+def _connectors(
+    element: ElementTree.Element, variables: Sequence[Any], defined: Mapping[str, Any], names: Mapping[str, str] | None = None
+) -> None:
+    """Connectors of the variables, by their own names or by `names`."""
     connectors = ElementTree.SubElement(element, f"{{{SSD}}}Connectors")
     for variable in variables:
-        connector = ElementTree.SubElement(connectors, f"{{{SSD}}}Connector", name=variable.name, kind=variable.causality)
-        kind = _LIKE[variable.type]
-        unit = _unit(variable)
-        ElementTree.SubElement(connector, f"{{{SSC}}}{kind}", {"unit": unit} if kind == "Real" and unit else {})
+        name = variable.name if names is None else names[variable.name]
+        connector = ElementTree.SubElement(connectors, f"{{{SSD}}}Connector", name=name, kind=variable.causality)
+        _typed(connector, SSC, variable, defined)
+
+
+def _text(root: ElementTree.Element) -> bytes:
+    ElementTree.indent(root)
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
 
 
 def _annotation(element: ElementTree.Element, kind: str, tag: str) -> ElementTree.Element:
@@ -161,18 +205,29 @@ def _annotation(element: ElementTree.Element, kind: str, tag: str) -> ElementTre
     return ElementTree.SubElement(ElementTree.SubElement(listed, f"{{{SSC}}}Annotation", type=kind), tag)
 
 
-def _units(root: ElementTree.Element, variables: Sequence[Any], definitions: Sequence[Any]) -> None:
-    """The units in use, as the components define them."""
-    defined = {unit.name: unit for unit in definitions}
-    used = [name for name in dict.fromkeys(map(_unit, variables)) if name]
+def _units(root: ElementTree.Element, space: str, variables: Sequence[Any], defined: Mapping[str, Mapping[str, str]]) -> None:
+    """The units in use; space: namespace of the list.  defined: see `_defined`."""
+    used = [name for name in dict.fromkeys(map(_unit, variables)) if name in defined]
     if not used:
         return
-    units = ElementTree.SubElement(root, f"{{{SSD}}}Units")
+    units = ElementTree.SubElement(root, f"{{{space}}}Units")
     for name in used:
         unit = ElementTree.SubElement(units, f"{{{SSC}}}Unit", name=name)
-        base = defined[name].baseUnit if name in defined else None
-        exponents = {} if base is None else {si: str(getattr(base, si)) for si in _BASE if getattr(base, si)}
-        ElementTree.SubElement(unit, f"{{{SSC}}}BaseUnit", exponents)
+        ElementTree.SubElement(unit, f"{{{SSC}}}BaseUnit", dict(defined[name]))
+
+
+def _defined(*descriptions: Any) -> dict[str, dict[str, str]]:
+    """The exponents of the units that SSP can express: whole powers, which leaves out `rad/s^0.5`."""
+    definitions = [unit for description in descriptions for unit in description.unitDefinitions if unit.baseUnit is not None]
+    return {u.name: {si: str(getattr(u.baseUnit, si)) for si in _BASE if getattr(u.baseUnit, si)} for u in definitions}
+
+
+def _typed(element: ElementTree.Element, space: str, variable: Any, defined: Mapping[str, Any], **values: str) -> None:
+    """The type of a variable, with its unit, as a child of `element`."""
+    kind, unit = _LIKE[variable.type], _unit(variable)
+    if kind == "Real" and unit in defined:
+        values["unit"] = unit
+    ElementTree.SubElement(element, f"{{{space}}}{kind}", values)
 
 
 def _unit(variable: Any) -> str:

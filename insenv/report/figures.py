@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track
+from insenv.evaluation.health import APART, course
 from insenv.report.run_data import RunData
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
@@ -125,12 +126,20 @@ def _attitude_page(figure: Figure, report: RunData, shown: list[str]) -> dict[st
 
 
 def _navigation_page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, Any]:
-    """Navigation: one row of panels each for attitude, position and velocity, and the track from above."""
+    """Navigation: one row of panels each for attitude, position and velocity, the track from above, and the test ratios."""
     groups = [[name for name in group if name in shown] for group in (ATTITUDE, POSITION, VELOCITY)]
     groups = [group for group in groups if group]
     wide = report.truth.latitude is not None
-    figure.set_size_inches(13.0 if wide else 9.5, 1.4 + 2.2 * len(groups))
-    mosaic = [[*(group + ["."] * (3 - len(group))), *(["track"] if wide else [])] for group in groups]
+    fixes = any(r.health is not None for r in report.results)
+    figure.set_size_inches(
+        13.0 if wide or fixes else 9.5, 1.4 + 2.2 * len(groups) + 1.6 * (len(groups) == 1 and wide and fixes)
+    )
+    mosaic = [group + ["."] * (3 - len(group)) for group in groups]
+    if wide and fixes:  # on the right the track, and below it the test ratios, one row high
+        rows = mosaic if len(mosaic) > 1 else 2 * mosaic
+        mosaic = [[*row, "track"] for row in rows[:-1]] + [[*rows[-1], "health"]]
+    elif wide or fixes:
+        mosaic = [[*row, "track" if wide else "health"] for row in mosaic]
     axes = figure.subplot_mosaic(mosaic, width_ratios=[1, 1, 1, 1.35][: len(mosaic[0])])  # type: ignore[arg-type]
     handles: dict[str, Any] = {}
     first: Axes | None = None
@@ -151,15 +160,22 @@ def _navigation_page(figure: Figure, report: RunData, shown: list[str]) -> dict[
             else:
                 axis.tick_params(labelbottom=False)
             axis.set_xlim(begin, end)
+    if fixes:
+        handles |= _health(axes["health"], report)
+        axes["health"].set_xlim(begin, end)
     if wide:
         handles |= _plan(axes["track"], report)
     return handles
 
 
 def _track_page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, Any]:
-    """A log without a reference: only the tracks."""
-    figure.set_size_inches(8.0, 7.0)
-    return _plan(figure.subplots(), report)
+    """A log without a reference: the tracks, and the test ratios."""
+    if all(r.health is None for r in report.results):
+        figure.set_size_inches(8.0, 7.0)
+        return _plan(figure.subplots(), report)
+    figure.set_size_inches(8.0, 9.0)
+    above, below = figure.subplots(2, 1, height_ratios=(3, 1))
+    return {**_plan(above, report), **_health(below, report)}
 
 
 # --- panels ------------------------------------------------------------------------------------------
@@ -200,6 +216,37 @@ def _channel(axis: Axes, report: RunData, channel: str, from_s: float, bands: bo
         line.set_label("theoretical limit, ±1 sigma")
         handles[str(line.get_label())] = line
     return handles | set_scale(axis, drawn, reach)
+
+
+def _health(axis: Axes, report: RunData) -> dict[str, Any]:
+    """Draw the RMS of the test ratios of the fixes between records; return the handles of refused fixes by their text."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    handles: dict[str, Any] = {}
+    largest, smallest = APART, 0.5
+    for index, result in enumerate(report.results):
+        if result.health is None:
+            continue
+        colour = COLOURS[index % len(COLOURS)]
+        ratio, refused = course(result.outputs)
+        some = np.isfinite(ratio) & (ratio > 0)
+        if not some.any():
+            continue
+        largest, smallest = max(largest, float(ratio[some].max())), min(smallest, float(np.quantile(ratio[some], 0.02)))
+        axis.plot(result.time[some], ratio[some], ".", markersize=2.5, color=colour, zorder=3)
+        gone = some & (refused > 0)
+        if gone.any():
+            name = f"{result.estimator}: fix refused"
+            (handles[name],) = axis.plot(result.time[gone], ratio[gone], "x", markersize=5, color=colour, label=name, zorder=4)
+    axis.axhline(1.0, color=LIMIT, linewidth=0.8, zorder=2)
+    axis.set_yscale("log")
+    axis.set_ylim(0.7 * smallest, 1.5 * largest)
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if largest < 100 * smallest else (1.0,)))
+    axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.yaxis.set_minor_locator(NullLocator())
+    axis.set_title("Innovations of fixes over their stated sigmas, rms", loc="left")
+    axis.set_xlabel("time [s]")
+    return handles
 
 
 def _envelope(time: Array, value: Array, points: int = 600) -> tuple[Array, Array]:

@@ -38,6 +38,8 @@ class RunData:
                     "estimator": r.estimator,
                     **r.statistics(),
                     "limit": r.limit,
+                    "stated": r.stated(),
+                    "health": None if r.health is None else r.health.as_json(),
                     "us_per_sample": r.us_per_sample,
                     "statistics_from_s": r.from_s,
                     "notes": list(r.notes),

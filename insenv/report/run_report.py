@@ -10,7 +10,7 @@ from insenv.report.figures import draw, drawable
 from insenv.report.files import NOTHING_TO_DRAW, FilesWritten, OutputFolder, write_files
 from insenv.report.notebook import HtmlTable, data_frame, html_document, require_matplotlib
 from insenv.report.run_data import RunData
-from insenv.report.tables import ERROR_COLUMNS, ESTIMATE_COLUMNS, error_rows, estimate_rows, facts, number
+from insenv.report.tables import ESTIMATE_COLUMNS, error_columns, error_rows, estimate_rows, facts, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,9 +67,11 @@ class Report(RunData):
         for result in self.results:
             if result.errors:
                 rows = [(name, *map(number, values)) for name, values in error_rows(result)]
-                tables.append((result.estimator, ERROR_COLUMNS, rows))
+                tables.append((result.estimator, error_columns(result), rows))
             else:
                 tables.append((result.estimator, ESTIMATE_COLUMNS, estimate_rows(result)))
+        health = [f"{r.estimator}, health: {r.health.summary}" for r in self.results if r.health is not None]
+        told = [*health, *(f"{r.estimator}: {note}" for r in self.results for note in r.notes), *self.notes]
         return html_document(
-            f"{self.scenario}: {self.title}", ", ".join(facts(self)), tables, self.notes, self.plot if drawable(self) else None
+            f"{self.scenario}: {self.title}", ", ".join(facts(self)), tables, told, self.plot if drawable(self) else None
         )

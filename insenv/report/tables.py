@@ -57,7 +57,10 @@ def comparison(report: RunData) -> Iterator[RenderableType]:
         yield from _of_result(result, report)
     yield Text()
     if any(result.errors for result in report.results):
-        yield Text("final: at the end; rms, max: over the statistics' time; limit: theory's 1 sigma", "dim")
+        kinds = [error_columns(result)[4:5] for result in report.results if result.errors]
+        meanings = {"limit": "limit: theory's 1 sigma", "stated": "stated: its own 1 sigma"}
+        told = "".join(f"; {meaning}" for kind, meaning in meanings.items() if (kind,) in kinds)
+        yield Text(f"final: at the end; rms, max: over the statistics' time{told}", "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
 
@@ -68,17 +71,24 @@ def facts(report: RunData) -> list[str]:
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
 
 
-ERROR_COLUMNS = ("error", "final", "rms", "max", "limit", "rms/limit")
 ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
 
 
+def error_columns(result: Result) -> tuple[str, ...]:
+    """Names of the columns: errors, and the limit, or else the estimator's own sigma, with the ratio to it."""
+    kind = "limit" if result.limit else "stated" if result.stated() else ""
+    return ("error", "final", "rms", "max", *((kind, f"rms/{kind}") if kind else ()))
+
+
 def error_rows(result: Result) -> list[tuple[str, list[float | None]]]:
-    """By error, its label and the values of `ERROR_COLUMNS`."""
+    """By error, its label and the values of `error_columns`; no ratio for a run that is too short for the estimator."""
     statistics, rows = result.statistics(), []
+    yardstick = result.limit or result.stated()
     for name in (name for name in CHANNELS if name in result.errors):
         final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
-        limit = result.limit.get(name)
-        rows.append((label(name), [final, rms, largest, limit, rms / limit if limit else None]))
+        own = yardstick.get(name)
+        ratio = rms / own if own and result.settled else None
+        rows.append((label(name), [final, rms, largest, *([own, ratio] if yardstick else [])]))
     return rows
 
 
@@ -93,16 +103,16 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
     yield line
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     if shown:
-        table = _table(*ERROR_COLUMNS, *["published"][: len(published)])
+        columns = error_columns(result)
+        table = _table(*columns, *["published"][: len(published)])
         for channel, (text, values) in zip(shown, error_rows(result), strict=True):
-            final, rms, largest, limit, ratio = values
+            cells = [Text(number(value)) for value in values]
+            cells[1].stylize("bold")
+            if len(values) > 3 and (ratio := values[-1]) is not None and ratio > 3:
+                cells[-1].stylize("yellow")
             table.add_row(
                 text,
-                number(final),
-                Text(number(rms), "bold"),
-                number(largest),
-                number(limit),
-                Text(number(ratio), "yellow" if ratio is not None and ratio > 3 else ""),
+                *cells,
                 *(number(figures.get(channel)) for _, figures in published[:1]),
             )
     else:
@@ -113,6 +123,9 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
     for place, (name, figures) in enumerate(published):  # only one further column fits
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
         yield Text(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
+    if result.health is not None:
+        healthy = result.health.verdict == "consistent"
+        yield Text(f"health: {result.health.summary}", "" if healthy else "yellow")
     for note in result.notes:
         yield Text(f"note: {note}")
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from insenv.core.runner import Runner, make_runner
 from insenv.errors import InsenvError
 from insenv.estimators import Estimator
+from insenv.evaluation.health import Health, health
 from insenv.plant.feeding import input_rows
 
 Array = NDArray[np.float64]
@@ -54,6 +55,24 @@ class Follower:
         """All outputs so far by row name, time along the first axis."""
         return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
 
-    def notes(self, duration_s: float) -> tuple[str, ...]:
-        """Remarks on the estimate after `duration_s` of data."""
-        return self.estimator.notes(self.estimator.model.parameters.unpack(self.runner.p), duration_s)
+    @property
+    def _parameters(self) -> dict[str, Any]:
+        return self.estimator.model.parameters.unpack(self.runner.p)
+
+    def health(self, outputs: Mapping[str, Array]) -> Health | None:
+        """Its health, from what `named` returned; None if it does not report it, or if no fix came."""
+        return health(outputs) if self.estimator.reports_health else None
+
+    def too_short(self, duration_s: float) -> str:
+        """The sentence that `duration_s` of data are too few for the estimator; empty if they suffice."""
+        return self.estimator.too_short(self._parameters, duration_s)
+
+    def notes(self, duration_s: float, found: Health | None = None) -> tuple[str, ...]:
+        """Remarks on the estimate after `duration_s` of data, and on its health."""
+        parameters, short = self._parameters, self.too_short(duration_s)
+        told = (*((short,) if short else ()), *self.estimator.notes(parameters, duration_s))
+        if not self.estimator.reports_health:
+            return told
+        if found is None:
+            return (*told, "no fix came: the estimate is that of the inertial unit alone")
+        return (*told, *found.notes(bool(np.any(parameters.get("fix_wander_sigma", 0.0)))))

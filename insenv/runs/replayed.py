@@ -13,7 +13,7 @@ from insenv import attitude
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
-from insenv.evaluation.errors import Result, Track, errors, rms, stated_sigma, track_of
+from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, load
 from insenv.plant.feeding import RECORDS, chunks, recording_interval
@@ -92,8 +92,7 @@ def replay(
     to_s = evaluation.to_s if evaluation.to_s is not None else float(times[-1])
     duration = float(log.dt[first : first + total].sum())
     results = tuple(
-        _result(f, reference, times, from_s, to_s, (*begun.notes, *f.notes(duration)))
-        for f, begun in zip(followers, starts, strict=True)
+        _result(f, reference, times, (from_s, to_s), begun.notes, duration) for f, begun in zip(followers, starts, strict=True)
     )
     notes = list(log.notes)
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
@@ -199,8 +198,17 @@ def _reference_track(reference: Reference | None, times: Array) -> Track:
     )
 
 
-def _result(follower: Follower, reference: Track, times: Array, from_s: float, to_s: float, notes: tuple[str, ...]) -> Result:
+def _result(
+    follower: Follower,
+    reference: Track,
+    times: Array,
+    evaluated_s: tuple[float, float],
+    of_start: tuple[str, ...],
+    duration_s: float,
+) -> Result:
+    from_s, to_s = evaluated_s
     outputs = follower.named()
+    health = follower.health(outputs)
     found = errors(track_of(times, outputs), reference)
     # only where the reference exists, and up to the end of the evaluation
     inside = (times <= to_s) & np.all([np.isfinite(e) for e in found.values()] or [np.ones(len(times), bool)], axis=0)
@@ -217,8 +225,10 @@ def _result(follower: Follower, reference: Track, times: Array, from_s: float, t
         outputs={name: value[inside] for name, value in outputs.items()},
         errors={name: value[inside] for name, value in found.items()},
         sigma={name: value[inside] for name, value in sigma.items()},
-        limit=rms(sigma, late) if late.any() else {},
+        limit={},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
-        notes=notes,
+        notes=(*of_start, *follower.notes(duration_s, health)),
+        health=health,
+        settled=not follower.too_short(duration_s),
     )

@@ -107,7 +107,7 @@ def sensor_error_sum_n(columns: Mapping[str, Array]) -> Array:
 def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Array, predictor: Follower | None) -> Result:
     outputs = follower.named()
     estimator = follower.estimator
-    sigma = stated_sigma(outputs)
+    sigma, health = stated_sigma(outputs), follower.health(outputs)
     from_s = 0.0
     if not estimator.navigates:
         from_s = 0.75 * float(track.time[-1])
@@ -125,7 +125,9 @@ def _result(follower: Follower, plant: Plant, track: Track, sensor_error_n: Arra
         limit=limit,
         from_s=from_s,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=follower.notes(plant.duration_s),
+        notes=follower.notes(plant.duration_s, health),
+        health=health,
+        settled=not follower.too_short(plant.duration_s),
     )
 
 

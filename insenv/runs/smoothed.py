@@ -25,6 +25,10 @@ from insenv.runs.smoother_record import Record
 
 Array = NDArray[np.float64]
 
+_HEALTH = np.concatenate(
+    [np.arange(smoother.MODEL.outputs.size)[smoother.MODEL.outputs.slice(n)] for n in rows.FIX_HEALTH.names]
+)
+"""Columns of the rows of health in the outputs of the forward pass."""
 BLOCK = 2000  # samples filtered at a time: 7 MB
 
 
@@ -40,6 +44,7 @@ class Smoother:
         shared = {name: self.forward.p[table.slice(name)][0] for name in smoother.BACKWARD.parameters.names}
         self._backward = make_runner(smoother.BACKWARD, shared, backend)
         self.record = Record()
+        self._health: list[Array] = []
 
     def take(self, columns: Mapping[str, Array], wanted: Array) -> None:
         """Filter samples. Raises `InsenvError` when the filter's estimate is no longer finite.
@@ -53,11 +58,16 @@ class Smoother:
             if not np.isfinite(outputs[-1]).all():
                 raise InsenvError("the filter under the smoother diverged: its outputs are no longer finite numbers")
             self.record.add(outputs, wanted[part])
+            self._health.append(outputs[wanted[part]][:, _HEALTH])
 
     def smoothed(self) -> dict[str, Array]:
         """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
         corrections, covariances, nominal = self.error_states()
         return smoother_outputs(nominal, corrections, covariances)
+
+    def health_rows(self) -> dict[str, Array]:
+        """Rows of `rows.FIX_HEALTH` of the filter at the wanted samples, time along the first axis."""
+        return rows.FIX_HEALTH.unpack(np.concatenate(self._health))
 
     def error_states(self) -> tuple[Array, Array, Array]:
         """Smoothed error states (n, 15), their covariances (n, 15, 15), and the filter's states (n, NOMINAL.size)."""
@@ -93,9 +103,9 @@ class SmoothingFollower(Follower):
         self.seconds += time.process_time() - begin
 
     def named(self) -> dict[str, Array]:
-        """All outputs so far by row name, time along the first axis, smoothed."""
+        """All outputs so far by row name, time along the first axis, smoothed; the rows of health are the filter's."""
         begin = time.process_time()
-        outputs = self.smoother.smoothed()
+        outputs = {**self.smoother.smoothed(), **self.smoother.health_rows()}
         self.seconds += time.process_time() - begin
         return outputs
 

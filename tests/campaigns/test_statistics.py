@@ -1,5 +1,6 @@
 """Campaigns: varied keys, statistics, files and the command."""
 
+import io
 import json
 from dataclasses import replace
 
@@ -9,11 +10,13 @@ import pytest
 from campaigns import slow_ship, small_plan
 from command_line import call
 from navigation import FUNCTIONS, error_state, random_state, with_error
+from rich.console import Console
 
-from insenv import geodesy
+from insenv import geodesy, run
 from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import block as block_module
 from insenv.campaigns.block import run_block
+from insenv.campaigns.presentation import campaign_arrays, campaign_rows, campaign_tables
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.errors import InputError, InsenvError
@@ -24,6 +27,7 @@ from insenv.estimators.parts.quaternion_error import Y
 from insenv.evaluation import limits
 from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
+from insenv.scenario import load
 
 
 @pytest.fixture(autouse=True)
@@ -229,6 +233,41 @@ def test_nees_of_the_alignment_filter_lies_within_its_bounds():
 
 
 # --- output -------------------------------------------------------------------------------------------
+
+
+def printed(found):
+    console = Console(width=80, file=io.StringIO(), markup=False, highlight=False)
+    for part in campaign_tables(found):
+        console.print(part)
+    return " ".join(console.file.getvalue().split())
+
+
+def test_health_of_every_run_and_its_shares():
+    """A run's health is that of `insenv run` with its seed; a gate of half a sigma refuses fixes until it opens."""
+    scenario = load("ship-underway").model_copy(update={"rate_hz": 10.0})
+    plan = make_plan(scenario, "loosely-coupled", 3, first_seed=4, duration_s=60.0)
+    found = run_campaign(plan)
+    alone = run(scenario, "loosely-coupled", seed=5, duration_s=60.0).results[0].health
+    assert found.health[1].fixes == alone.fixes == 59
+    assert found.health[1].nis.mean == pytest.approx(alone.nis.mean, rel=1e-9)
+    shares = found.as_json()["health"]
+    assert shares["runs"] == 3 and shares["consistent"] == 1.0 and shares["overconfident"] == shares["diverged"] == 0.0
+    assert shares["nis"] == pytest.approx(np.mean([one.nis.mean for one in found.health]))
+    assert campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
+    assert printed(found).count("health of 3 runs: 100 % consistent, 0 % overconfident, 0 % diverged") == 1
+
+    wrong = {"loosely-coupled": {"innovation_gate": 0.5}}
+    lost = run_campaign(make_plan(load({**scenario.model_dump(exclude_unset=True), "estimator": wrong}), "loosely-coupled", 2,
+                                  first_seed=4, duration_s=60.0))  # fmt: skip
+    assert lost.verdicts()["consistent"] == 0.0 and lost.verdicts()["refused"] > 0.1
+    assert run_campaign(small_plan(2)).verdicts() is None and run_campaign(small_plan(2)).as_json()["health"] is None
+
+
+def test_runs_that_are_too_short_have_no_ratio():
+    plan = make_plan(slow_ship(), "q-method", 2, first_seed=3, duration_s=2.0)
+    found = run_campaign(plan)
+    assert any(note.startswith("too short: 2 s of data, q-method needs 100 s") for note in found.as_json()["notes"])
+    assert all(values[3] is None and values[2] is not None for _, values in campaign_rows(found))
 
 
 def test_files_hold_every_run_and_the_figure(tmp_path):

@@ -3,6 +3,7 @@
 import functools
 import json
 import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -88,6 +89,44 @@ def test_another_tool_finds_it_compliant(uncompiled, tmp_path, fmi):
     said = done.stdout + done.stderr
     assert f"seems to be compliant with FMI-{fmi}.0" in said and "No semantic error" in said
     assert "ERROR" not in said and "WARNING" not in said
+
+
+def icons(path):
+    """The icons of an FMU."""
+    with ZipFile(path) as archive:
+        return [archive.read(name) for name in archive.namelist() if name in ("model.png", "terminalsAndIcons/icon.png")]
+
+
+@pytest.mark.parametrize(
+    ("what", "estimator", "icon"),
+    [
+        ("q-method", None, "estimator"),
+        ("ship-swaying", None, "ship"),
+        ("ship-swaying", "q-method", "ship"),
+        ("large-misalignment", None, "ship"),
+        ("car-parked", None, "car"),
+        ("aircraft-parked", None, "aircraft"),
+        ("turntable-quaternion", None, "turntable"),
+    ],
+)
+def test_the_icon_shows_the_kind_of_vehicle(uncompiled, tmp_path, what, estimator, icon):
+    from insenv.files.resources import fmu_folder
+
+    drawn = {path.stem: path.read_bytes() for path in (fmu_folder() / "icons").glob("*.png")}
+    assert len(set(drawn.values())) == 6
+    assert icons(export_fmu(what, tmp_path / "x.fmu", estimator=estimator)) == [drawn[icon]] * 2
+    assert icons(export_fmu(what, tmp_path / "y.fmu", estimator=estimator, fmi=3)) == [drawn[icon]]
+
+
+def test_a_vehicle_from_outside_has_the_icon_of_a_plant(uncompiled, tmp_path, monkeypatch):
+    from insenv.files.resources import fmu_folder
+    from insenv.fmu import exporter
+
+    shutil.copytree(fmu_folder(), tmp_path / "fmu", ignore=shutil.ignore_patterns("car.png"))
+    monkeypatch.setattr(exporter, "fmu_folder", lambda: tmp_path / "fmu")
+    assert icons(export_fmu("car-parked", tmp_path / "x.fmu", fmi=3)) == [
+        (tmp_path / "fmu" / "icons" / "plant.png").read_bytes()
+    ]
 
 
 @pytest.mark.parametrize(("fmi", "arrays"), ((2, False), (3, True), (3, False)))

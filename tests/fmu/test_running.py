@@ -199,7 +199,7 @@ def test_a_dimension_of_a_structural_parameter_has_its_start_value():
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_fmu_that_ends_the_simulation_gives_the_rows_until_then(monkeypatch, fmi):
     made = []
-    monkeypatch.setattr(Instance, "_ends", lambda self, status: made.append(status) or len(made) == 40)
+    monkeypatch.setattr(Instance, "ends", lambda self, status: made.append(status) or len(made) == 40)
     found = run(exported("ship-swaying", fmi), stop_time=1.0, every=4)
     assert found.ended
     assert (found.steps, len(found.time), found.values.shape[0]) == (40, 10, 10)

@@ -61,8 +61,37 @@ def test_the_structure_validates_and_connects_by_name(loop):
     joined = {(a.parent.name, a.name, b.parent.name, b.name) for a, b in get_connections(ssd.system)}
     names = [f"{name}[{k}]" for name in ("delta_angle", "delta_velocity") for k in (1, 2, 3)]
     outputs = [v for row in estimators.get(ID).model.outputs for v in element_names(row.name, row.shape)]
-    shown = {("estimator", name, "loop", name) for name in outputs}
+    # a name of the system is an identifier: OMSimulator refuses q_nb[1] there
+    shown = {("estimator", name, "loop", name.replace("[", "_").replace("]", "")) for name in outputs}
     assert joined == {("plant", name, "estimator", name) for name in names} | shown
+
+
+@pytest.mark.parametrize("part", ["plant", "estimator"])
+def test_the_parameter_sets_hold_the_start_values(loop, part):
+    from fmpy import read_model_description
+    from fmpy.ssp.ssd import read_ssd, read_ssv
+
+    with zipfile.ZipFile(loop) as archive:
+        archive.extract(f"resources/{part}.fmu", scratch())
+    variables = read_model_description(str(scratch() / "resources" / f"{part}.fmu")).modelVariables
+    found = {p.name: (p.type, p.value) for p in read_ssv(str(loop), f"resources/{part}.ssv", validate=True).parameters}
+    assert found == {v.name: (v.type, v.start) for v in variables if v.causality == "parameter"}
+    assert "parameters.seed" in found or "parameters.latitude" in found
+    (component,) = [c for c in read_ssd(str(loop)).system.elements if c.name == part]
+    assert [binding.source for binding in component.parameterBindings] == [f"resources/{part}.ssv"]
+
+
+def test_a_second_description_has_only_connections_between_components(loop):
+    from lxml import etree
+
+    with zipfile.ZipFile(loop) as archive:
+        whole, inner = (etree.fromstring(archive.read(name)) for name in ("SystemStructure.ssd", "Components.ssd"))
+    ends = [(wire.get("startElement"), wire.get("endElement")) for wire in inner.iter("{*}Connection")]
+    assert ends == [("plant", "estimator")] * 6
+    assert inner.find("{*}System/{*}Connectors") is None
+    assert whole.find("{*}System/{*}Connectors") is not None
+    for path in ("{*}System/{*}Elements", "{*}DefaultExperiment"):  # Elements: with the parameter sets
+        assert etree.tostring(inner.find(path), method="c14n") == etree.tostring(whole.find(path), method="c14n")
 
 
 def test_the_step_stands_in_the_annotations_of_other_masters(loop):
@@ -199,4 +228,4 @@ def test_components_without_a_common_name_are_refused(loop):
         archive.extract("resources/plant.fmu", scratch())
     plant = read_model_description(str(scratch() / "resources" / "plant.fmu"))
     with pytest.raises(InputError, match="none of its inputs is an output"):
-        structure("x", plant, plant, 1.0)
+        structure("x", plant, plant, 1.0, ())

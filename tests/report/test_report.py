@@ -4,6 +4,7 @@ import json
 import math
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from rich.console import Console
 
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, Result, Track
+from insenv.evaluation.health import course, health
 from insenv.installing import install_extra
 from insenv.report import OutputFolder, Report, comparison, document, to_json, write_files
 from insenv.report.figures import draw, save
@@ -104,10 +106,83 @@ def test_table_says_what_was_run():
 
 
 def test_table_without_limits_or_errors():
-    assert re.search(r"^roll \[deg\] .* - +-$", printed(report(result(limit={}))).replace("  \n", "\n"), re.MULTILINE)
+    text = printed(report(result(limit={}, sigma={})))
+    assert "limit" not in text and "stated" not in text and "rms" in text
     text = printed(report(result(errors={}, sigma={"heading_deg": np.full(200, 0.1), "north_m": np.full(200, 3.0)})))
     assert re.search(r"^heading \[deg\] +0.0000 +0.100$", text.replace(" \n", "\n"), re.MULTILINE) and "rms" not in text
     assert re.search(r"^latitude \[deg\] +28.6536\d+ +3.00 m$", text.replace(" \n", "\n"), re.MULTILINE)
+
+
+def test_without_a_limit_the_table_shows_what_the_filter_states():
+    text = printed(report(result(limit={})))
+    rms = result().statistics()["rms"]["roll_deg"]
+    row = next(line for line in text.splitlines() if line.startswith("roll"))
+    assert "stated   rms/stated" in text and "limit" not in text
+    assert [float(cell) for cell in row.split()[-2:]] == pytest.approx([0.02, rms / 0.02], rel=5e-3)
+
+
+def test_no_ratio_in_a_run_that_is_too_short():
+    text = printed(report(result(settled=False)))
+    assert "limit" in text and re.search(r"^roll \[deg\] .* 0.0100 +-$", text.replace(" \n", "\n"), re.MULTILINE)
+
+
+# --- health ------------------------------------------------------------------------------------------
+
+
+def sums(ratio=1.0, refused_share=0.0):
+    """Outputs of a filter with a fix every record, of which every n-th is refused."""
+    count = np.arange(1.0, 201.0)
+    refused = np.floor(count * refused_share)
+    squares = np.random.default_rng(1).chisquare(3, (200, 2)) * ratio**2
+    gone = np.diff(refused, prepend=0.0)[:, None]
+    return {
+        "fix_count": count,
+        "fix_refused_count": refused,
+        "nis_used": np.cumsum(squares * (1 - gone), axis=0),
+        "nis_used_count": np.cumsum(3.0 * (1 - gone) + [[0.0, 0.0]], axis=0),
+        "nis_refused": np.cumsum(squares * 100 * gone, axis=0),
+        "nis_refused_count": np.cumsum(3.0 * gone + [[0.0, 0.0]], axis=0),
+    }
+
+
+def of_health(**how):
+    rows = sums(**how)
+    return result(outputs={**result().outputs, **rows}, health=health(rows), notes=health(rows).notes())
+
+
+def test_health_is_in_the_table_and_in_the_document():
+    made = report(of_health(ratio=3.0, refused_share=0.05))
+    text = " ".join(printed(made).split())
+    assert "health: overconfident, factor" in text and "5 % of 200 fixes refused" in text and "lever arm" in text
+    found = document(made)["results"][0]["health"]
+    assert found["verdict"] == "overconfident" and found["fixes"] == 200 and found["refused"] == 10
+    assert found["nis"] == pytest.approx(9.0, rel=0.1) and found["nis"] > found["nis_bounds"][1] > 1 > found["nis_bounds"][0]
+    assert document(report(result()))["results"][0]["health"] is None
+    assert "overconfident" in made._repr_html_()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        report(of_health(refused_share=0.1), result("wander-sins")),
+        report(of_health(ratio=300.0)),
+        report(replace(of_health(), errors={}, sigma={}, limit={}), truth=Track(TIME), seed=None),
+        report(replace(of_health(), time=TIME[:2], outputs={n: v[:2] for n, v in of_health().outputs.items()},
+                       errors={n: v[:2] for n, v in result().errors.items()}, sigma={}), truth=Track(TIME[:2])),
+    ],
+    ids=["refused", "far", "no reference", "two records"],
+)  # fmt: skip
+def test_the_figure_has_a_panel_of_test_ratios(made):
+    figure = draw(made)
+    panel = next(axis for axis in figure.axes if "Innovations of fixes" in axis.get_title(loc="left"))
+    (ratios,) = (line.get_ydata() for line in panel.lines if line.get_marker() == ".")
+    expected = course(made.results[0].outputs)[0][1:]
+    assert panel.get_yscale() == "log"
+    assert np.array_equal(ratios, expected)
+    assert panel.get_ylim()[0] < np.quantile(expected, 0.03) and panel.get_ylim()[1] > expected.max()
+    crosses = [line for line in panel.lines if line.get_marker() == "x"]
+    assert sum(len(line.get_xdata()) for line in crosses) == int(made.results[0].outputs["fix_refused_count"][-1])
+    assert not any("Innovations" in axis.get_title(loc="left") for axis in draw(report(result())).axes)
 
 
 # --- JSON --------------------------------------------------------------------------------------------

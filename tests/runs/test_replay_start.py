@@ -95,10 +95,12 @@ def test_any_heading_within_60_deg_ends_at_the_same_answer(calm):
 
 def test_a_heading_that_the_course_contradicts_is_said():
     log = simulated_log(car("tactical"), seed=5, duration_s=80.0, grade="tactical", initial={"static_until_s": 30.0})
-    right = replay(started(log, heading_deg=HEADING), ["loosely-coupled"]).results[0].notes
-    note, linear = replay(started(log, heading_deg=HEADING + 60.0), ["loosely-coupled"]).results[0].notes
-    assert "use aqe-sukf" in linear
-    assert right == () and "course of the first motion" in note and "not 5 deg" in note
+    right, wrong = (
+        " ".join(replay(started(log, heading_deg=HEADING + error), ["loosely-coupled"]).results[0].notes)
+        for error in (0.0, 60.0)
+    )
+    assert "course of the first motion" in wrong and "not 5 deg" in wrong and "use aqe-sukf" in wrong
+    assert "course" not in right and "aqe-sukf" not in right
 
 
 def test_gyros_that_sense_the_earth_need_neither_heading_nor_motion():
@@ -107,8 +109,8 @@ def test_gyros_that_sense_the_earth_need_neither_heading_nor_motion():
     )
     result = replay(log, ["loosely-coupled"]).results[0]
     assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1] < 1.5
-    (note,) = replay(started(log, heading_deg=HEADING + 20.0), ["loosely-coupled"]).results[0].notes
-    assert "differs by 20.2 deg from that of the gyros at rest" in note
+    notes = replay(started(log, heading_deg=HEADING + 20.0), ["loosely-coupled"]).results[0].notes
+    assert [note for note in notes if "differs by 20.2 deg from that of the gyros at rest" in note]
 
 
 def rest(heading, bias, roll=0.02, pitch=-0.05, rate_sigma=1e-9):
@@ -207,4 +209,5 @@ def test_an_unknown_heading_starts_the_filters_of_large_misalignment():
     unscented, linear = replay(log, ["aqe-sukf", "loosely-coupled"]).results
     assert unscented.sigma["heading_deg"][0] > 60.0
     assert abs(unscented.errors["heading_deg"][-1]) < 3 * unscented.sigma["heading_deg"][-1] < 3.0
-    assert unscented.notes == () and "linearised filter states too small sigmas" in linear.notes[0]
+    assert "linearised filter states too small sigmas" in " ".join(linear.notes)
+    assert "linearised" not in " ".join(unscented.notes)

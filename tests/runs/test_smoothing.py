@@ -16,7 +16,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import get, smoother
 from insenv.estimators.parts import error_model
-from insenv.evaluation.errors import POSITION, VELOCITY, errors
+from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
@@ -267,4 +267,5 @@ def test_the_real_log_smoothed():
     rms = smoothed.statistics()["rms"]
     for channel, bound in {"north_m": 0.35, "east_m": 0.31, "down_m": 0.35, "vn_mps": 0.051, "ve_mps": 0.048}.items():
         assert rms[channel] < bound, channel
-    assert all(smoothed.limit[channel] < aided.limit[channel] for channel in aided.limit)
+    assert set(smoothed.stated()) == set(CHANNELS) and smoothed.limit == aided.limit == {}
+    assert all(smoothed.stated()[channel] < aided.stated()[channel] for channel in CHANNELS)

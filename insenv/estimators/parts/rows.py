@@ -108,6 +108,16 @@ FIX_RESIDUALS = Table((
     Row("test_ratio", "Innovation over its standard deviation, in the same order", "1", (6,), "n"),
 ))  # fmt: skip
 
+FIX_HEALTH = Table((
+    Row("fix_count", "Fixes so far", "1"),
+    Row("fix_refused_count", "Fixes so far of which the gate refused a component", "1"),
+    Row("nis_used", "Sum of the squared test ratios of the components used: of position, of velocity", "1", (2,)),
+    Row("nis_used_count", "Number of these components", "1", (2,)),
+    Row("nis_refused", "Sum of the squared test ratios of the components refused: of position, of velocity", "1", (2,)),
+    Row("nis_refused_count", "Number of these components", "1", (2,)),
+))  # fmt: skip
+"""Outputs, and state, of a filter that reports its health (`insenv.evaluation.health`): sums over all fixes so far."""
+
 # GNSS/INS filters: `loosely-coupled`, `smoother`, `aqe-ekf`, `aqe-sukf`
 
 AIDED_PARAMETERS = (
@@ -122,7 +132,7 @@ AIDED_OUTPUTS = NAVIGATION + BIASES + Table((
     Row("position_sigma", "Standard deviation of the position", "m", (3,), "n"),
     Row("velocity_sigma", "Standard deviation of the velocity", "m/s", (3,), "n"),
     ALIGNMENT["attitude_sigma"],
-)) + FIX_RESIDUALS  # fmt: skip
+)) + FIX_RESIDUALS + FIX_HEALTH  # fmt: skip
 STANDING_SIGMA = Table((
     Row("standing_sigma", "Standard deviation of the velocity of a vehicle at rest", "m/s", start=0.02, lower=1e-9, upper=1e3),
 ))  # fmt: skip
