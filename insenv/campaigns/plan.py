@@ -131,9 +131,13 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the estimator in the scenario of the first run (`Estimator.notes`)."""
+        """Notes on the scenario, and on the estimator in that of the first run (`Estimator.notes`)."""
         short = self.too_short
-        found = (*((short,) if short else ()), *self.chosen.notes(self._parameters, self.duration_s))
+        found = (
+            *self.plant.scenario.notes,
+            *((short,) if short else ()),
+            *self.chosen.notes(self._parameters, self.duration_s),
+        )
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
             found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)
         return found

@@ -28,6 +28,14 @@ Duration = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option(metavar="S", help="Simulated seconds of a run; replaces the scenario's duration."),
 ]
+Settings = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option(
+        "--set",
+        metavar="ID.KEY=VALUE",
+        help="Set a parameter of an estimator, with a key of [estimator.ID]; may be given more than once.",
+    ),
+]
 Out = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option("--out", "-o", metavar="DIR", help="Write the results (.npz, .json) and the figure (.png, .svg) there."),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from insenv.cli.options import Duration, Estimators, Json, NoFigure, Out, Scenario, Seed, Strict, deferred
+from insenv.cli.options import Duration, Estimators, Json, NoFigure, Out, Scenario, Seed, Settings, Strict, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def run(
     estimators: Estimators = None,
     seed: Seed = None,
     duration: Duration = None,
+    settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
     strict: Strict = False,
@@ -39,12 +40,13 @@ def run(
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
+    from insenv.scenario.tuning import parsed_settings
 
-    chosen = _known(estimators or [])
+    chosen, given = _known(estimators or []), parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     with working(loaded.name) as progress:
-        report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, progress=progress)
+        report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()
     return _status(report, strict)
@@ -57,6 +59,7 @@ def replay(
     start: Annotated[
         Start, typer.Option(help="Start from the log alone, or from the state of the log's reference.")
     ] = Start.coarse,
+    settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
     strict: Strict = False,
@@ -66,13 +69,14 @@ def replay(
     from insenv.cli.output import working
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
+    from insenv.scenario.tuning import parsed_settings
 
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
-    chosen = _known(estimators)
+    chosen, given = _known(estimators), parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     with working(log.name) as progress:
-        report = follow(log, chosen, start=start.value, progress=progress)
+        report = follow(log, chosen, start=start.value, settings=given, progress=progress)
         finish = _written(report, folder, not no_figure, as_json)
     finish()
     return _status(report, strict)

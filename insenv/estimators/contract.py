@@ -46,6 +46,9 @@ class Knowledge:
 
     latitude, longitude (rad), height (m); velocity_n (3, m/s); roll, pitch, heading (rad): with their errors.
     *_sigma: their standard deviations.  gyro_bias (rad/s, b), accel_bias (m/s^2, b): as far as known.
+    gyro_bias_error (rad/s): standard deviation of gyro_bias, each axis, if the attitude were right; 0: that of the data sheet.
+    rest_share: the part of gyro_bias that is the rate at rest less the Earth's rate in the attitude above, 0 to 1; through it
+    an error of the attitude is one of the bias too.
     rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
     fix_wander_sigma (3, m, n), fix_wander_time (s): the part of a fix's position error that changes slowly; 0: not stated.
     antenna_lever_arm: IMU to antenna, b, m.
@@ -65,6 +68,8 @@ class Knowledge:
     heading_sigma: float = 0.1
     gyro_bias: Vector = field(default_factory=lambda: _ZERO)
     accel_bias: Vector = field(default_factory=lambda: _ZERO)
+    gyro_bias_error: float = 0.0
+    rest_share: float = 0.0
     rotation_error: float = 0.0
     thrust_error: float = 0.0
     fix_wander_sigma: Vector = field(default_factory=lambda: _ZERO)

@@ -26,6 +26,7 @@ from insenv.estimators.parts import applicability, gnss_fix, lever_arm, motion_e
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
 from insenv.estimators.parts.gauss_markov import decays, driven_variance
 from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
+from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
 
@@ -79,14 +80,18 @@ def start(p: Any) -> dict[str, Any]:
         p.tilt_sigma,
         p.tilt_sigma,
         p.heading_sigma,
-        ca.repmat(p.gyro_bias_sigma, 3, 1),
+        ca.repmat(bias_sigma(p), 3, 1),
         ca.repmat(p.accel_bias_sigma, 3, 1),
     )
+    P = ca.diag(sigma * sigma)
+    shared = bias_of_tilt(p) @ P[TILT, TILT]
+    P[GYRO, TILT], P[TILT, GYRO] = shared, shared.T
+    P[GYRO, GYRO] = P[GYRO, GYRO] + shared @ bias_of_tilt(p).T
     return {
         **strapdown.start_state(p),
         "gyro_bias": p.start_gyro_bias,
         "accel_bias": p.start_accel_bias,
-        "covariance": symmetric.triangle(ca.diag(sigma * sigma)),
+        "covariance": symmetric.triangle(P),
     }
 
 

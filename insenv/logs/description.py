@@ -282,6 +282,12 @@ class InitialSection(Section):
     roll_deg: Number | None = key(None, "initial roll", "deg", ge=-180, le=180)
     pitch_deg: Number | None = key(None, "initial pitch", "deg", ge=-90, le=90)
     heading_deg: Number | None = key(None, "initial heading, clockwise from north", "deg", ge=-360, le=360)
+    position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the initial position", "m")
+    velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of the initial velocity", "m/s")
+    tilt_sigma_deg: Number | None = key(None, "standard deviation of initial roll and pitch", "deg", gt=0, le=180)
+    heading_sigma_deg: Number | None = key(
+        None, "standard deviation of the initial heading; 180: the heading is unknown", "deg", gt=0, le=180
+    )
 
 
 class PublishedSection(Section):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ import numpy as np
 from insenv.errors import InputError
 from insenv.estimators import SensorNotes
 from insenv.estimators.parts.rows import FIX_INPUTS
+from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.units import Array
-from insenv.scenario.sensor_notes import sensor_notes
+from insenv.scenario.sensor_notes import motion_error, sensor_notes
 from insenv.sensors import imu_grade
 
 
@@ -112,9 +114,31 @@ class RecordedLog(InertialSamples):
         """Time covered by the IMU samples [s]."""
         return float(self.imu_time[-1] - self.imu_time[0] + self.dt[0])
 
+    @cached_property
+    def assumed(self) -> AssumedUnit | None:
+        """What is assumed of the inertial unit; None if the description gives its grade, or the log its parameters."""
+        if self.description.imu.grade or self.unit is not None:
+            return None
+        initial, rest = self.description.initial, None
+        if initial.static_until_s is not None:
+            begin = self.imu_time[0] if initial.static_from_s is None else initial.static_from_s
+            rest = (float(begin), initial.static_until_s)
+        return assumed_unit(self, rest)
+
     def sensors(self, in_place: bool) -> SensorNotes:
-        """What the log says of its IMU: the grade of [imu], the unit's own rows, or the assumption for an unknown unit."""
-        grade = self.description.imu.grade
-        if not grade and self.unit is not None:
-            return sensor_notes(dict(self.unit), in_place)
-        return sensor_notes(imu_grade(grade).parameters(), in_place) if grade else SensorNotes()
+        """What estimators are tuned by: the grade of the description, the unit's own rows, or what is assumed of it."""
+        return sensor_notes(self._unit_rows, in_place)
+
+    def motion_errors(self) -> dict[str, Any]:
+        """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""
+        rows = self._unit_rows
+        return {"rotation_error": motion_error(rows, "gyro"), "thrust_error": motion_error(rows, "accel")}
+
+    @property
+    def _unit_rows(self) -> dict[str, Any]:
+        """Parameter rows (SI) of the inertial unit."""
+        if self.assumed is not None:
+            return self.assumed.grade.parameters()
+        if self.unit is not None:
+            return dict(self.unit)
+        return imu_grade(self.description.imu.grade).parameters()

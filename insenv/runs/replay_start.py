@@ -1,11 +1,16 @@
 """Initial knowledge of the estimators of a recorded log: from the log itself, or from its reference solution.
 
-From the log: roll and pitch from the mean specific force while the vehicle stands, heading from its first motion.
-The gyro rates minus their mean at rest are integrated from a heading of 0 at rest; the heading at rest is the course
-over ground minus the integrated heading.  This needs neither gyros that sense the Earth's rotation nor a reference.
+From the log: roll and pitch from the mean specific force while the vehicle stands, heading from gyros that sense the
+Earth's rotation (`insenv.runs.rest`) or from its first motion.  For the latter the gyro rates minus their mean at rest are
+integrated from a heading of 0 at rest; the heading at rest is the course over ground minus the integrated heading.
+
+The standard deviations are those of the log's [initial], or else those stated here.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +20,9 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.logs import GnssFixes, RecordedLog
+from insenv.logs.description import InitialSection
 from insenv.plant.feeding import input_rows
+from insenv.runs.rest import RestStart, gyrocompass_sigma, rest_of, start_at_rest
 
 Array = NDArray[np.float64]
 
@@ -23,8 +30,18 @@ STARTS = ("coarse", "reference")
 """Sources of the initial state of navigation: the log alone, or the reference solution."""
 COURSE_SPEED = 5.0  # m/s: above it the course over ground gives the heading to a few degrees
 COURSE_FIXES = 5  # number of fixes to average
-COURSE_SIGMA = np.radians(5.0)  # side slip and course noise
-LEVEL_SIGMA = np.radians(0.5)  # of levelling with accelerometers of a few milli-g
+COURSE_SIGMA = float(np.radians(5.0))  # side slip and course noise; of a given heading too
+COURSE_CONFLICT = 2.0  # standard deviations by which course and given heading may differ
+LARGEST_SIGMA = float(np.radians(60.0))  # of a heading: beyond it a linear filter does not converge
+LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
+REST_VELOCITY_SIGMA = 0.05  # m/s
+REFERENCE_SIGMAS = {
+    "position_sigma": np.full(3, 3.0),
+    "velocity_sigma": np.full(3, 0.5),
+    "tilt_sigma": float(np.radians(1.0)),
+    "heading_sigma": float(np.radians(5.0)),
+}
+"""Of a reference solution that says nothing of its errors (m, m/s, rad): a vehicle's own estimate is wrong by degrees."""
 
 
 def start_time(log: RecordedLog, start: str) -> float:
@@ -36,14 +53,34 @@ def start_time(log: RecordedLog, start: str) -> float:
     return max(first, float(log.reference.time[0]))
 
 
-def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Knowledge:
+@dataclass(frozen=True)
+class Start:
+    """What is known where a replay starts, and sentences about it."""
+
+    knowledge: Knowledge
+    notes: tuple[str, ...] = ()
+
+
+def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Start:
     """Knowledge of the estimator where sample `first` begins; `start` is one of `STARTS`.
 
     Raises `InputError` if the log lacks what it needs; `InsenvError` if the vehicle is too slow to find the heading.
     """
     if start == "reference":
-        return _from_reference(log, first)
-    return _from_log(log, first) if estimator.navigates else _place(log)
+        return Start(_from_reference(log, first))
+    return _from_log(log, first) if estimator.navigates else Start(_place(log))
+
+
+def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
+    """The standard deviations of [initial] as fields of `Knowledge`, or else those given by name (m, m/s, rad)."""
+    given: dict[str, Any] = {
+        "position_sigma": initial.position_sigma_m,
+        "velocity_sigma": initial.velocity_sigma_mps,
+        "tilt_sigma": None if initial.tilt_sigma_deg is None else float(np.radians(initial.tilt_sigma_deg)),
+        "heading_sigma": None if initial.heading_sigma_deg is None else float(np.radians(initial.heading_sigma_deg)),
+    }
+    chosen = {name: value if given[name] is None else given[name] for name, value in otherwise.items()}
+    return {name: np.array(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 
 def _place(log: RecordedLog) -> Knowledge:
@@ -61,8 +98,7 @@ def _place(log: RecordedLog) -> Knowledge:
         *place,
         sample_interval=float(np.median(log.dt)),
         heading=0.0 if heading is None else float(np.radians(heading)),
-        heading_sigma=np.pi if heading is None else COURSE_SIGMA,
-        tilt_sigma=np.pi,
+        **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
         sensors=log.sensors(in_place=True),
     )
 
@@ -89,52 +125,97 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         roll=float(reference.roll[row]),
         pitch=float(reference.pitch[row]),
         heading=float(reference.heading[row]),
-        position_sigma=np.full(3, 1.0),
-        velocity_sigma=np.full(3, 0.1),
-        tilt_sigma=float(np.radians(0.1)),
-        heading_sigma=float(np.radians(0.5)),
+        **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
+        **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
         sensors=log.sensors(in_place=False),
     )
 
 
-def _from_log(log: RecordedLog, first: int) -> Knowledge:
-    """Attitude from the log alone, for a start at rest where sample `first` begins."""
-    rest = _rest(log, first)
-    force = (log.delta_velocity[rest] / log.dt[rest, None]).mean(axis=0)
-    rate = (log.delta_angle[rest] / log.dt[rest, None]).mean(axis=0)
-    roll = float(np.arctan2(-force[1], -force[2]))
-    pitch = float(np.arctan2(force[0], np.hypot(force[1], force[2])))
-    latitude, longitude, height, sigma = _rest_position(log, rest)
-
-    initial = log.description.initial
+def _from_log(log: RecordedLog, first: int) -> Start:
+    """Attitude and gyro bias from the log alone, for a start at rest where sample `first` begins."""
+    initial, rows = log.description.initial, _rest(log, first)
+    rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
+    latitude, longitude, height, position_sigma = _rest_position(log, rows)
     roll, pitch = (
         found if given is None else float(np.radians(given))
-        for found, given in ((roll, initial.roll_deg), (pitch, initial.pitch_deg))
+        for found, given in zip(rest.level, (initial.roll_deg, initial.pitch_deg), strict=True)
     )
-    if initial.heading_deg is None:
-        heading = _heading_from_motion(log, first, roll, pitch, rate)
-    else:
+    levelled = initial.roll_deg is None and initial.pitch_deg is None
+    sigmas = _sigmas(
+        initial,
+        position_sigma=position_sigma,
+        velocity_sigma=np.full(3, REST_VELOCITY_SIGMA),
+        tilt_sigma=rest.tilt_sigma(sensors) if levelled else LEVEL_SIGMA,
+        heading_sigma=COURSE_SIGMA,
+    )
+    tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
+    notes: list[str] = []
+    if initial.heading_deg is not None:
         heading = float(np.radians(initial.heading_deg))
-    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, heading))
-    antenna = C_nb @ log.lever_arm_b
-    place = geodesy.numeric.geodetic_from_ned_offset(-antenna, latitude, longitude, height)
-    earth_rate_b = C_nb.T @ geodesy.numeric.earth_rate_n(latitude)
-    return Knowledge(
+        sigmas["heading_sigma"] = _checked_by_course(
+            log, first, (roll, pitch, heading), rest.rate, sigmas["heading_sigma"], notes
+        )
+    elif gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < COURSE_SIGMA:
+        sigmas["heading_sigma"] = np.pi
+    elif sigmas["heading_sigma"] < np.pi:
+        heading = _heading_from_motion(log, first, roll, pitch, rest.rate)
+    found = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
+
+    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, found.heading))
+    place = geodesy.numeric.geodetic_from_ned_offset(-(C_nb @ log.lever_arm_b), latitude, longitude, height)
+    known = Knowledge(
         latitude=float(place[0]),
         longitude=float(place[1]),
         height=float(place[2]),
         sample_interval=float(np.median(log.dt)),
+        velocity_n=np.zeros(3) if initial.velocity_mps is None else np.array(initial.velocity_mps),
         roll=roll,
         pitch=pitch,
-        heading=heading,
-        position_sigma=sigma,
-        velocity_sigma=np.full(3, 0.05),
-        tilt_sigma=LEVEL_SIGMA,
-        heading_sigma=COURSE_SIGMA,
-        gyro_bias=rate - earth_rate_b,
+        heading=found.heading,
+        **{**sigmas, "heading_sigma": found.heading_sigma},
+        gyro_bias=found.gyro_bias,
+        gyro_bias_error=found.gyro_bias_error,
+        rest_share=found.rest_share,
+        **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
         sensors=log.sensors(in_place=False),
+    )
+    return Start(known, (*notes, *_conflict_note(found, heading)))
+
+
+def _checked_by_course(
+    log: RecordedLog, first: int, angles: tuple[float, float, float], rest_rate: Array, sigma: float, notes: list[str]
+) -> float:
+    """Standard deviation (rad) of the given heading: `sigma`, or more where the course of the first motion contradicts it.
+
+    A vehicle may move sideways, so its course is no better than the given heading: it only says how wrong that may be.
+    """
+    roll, pitch, heading = angles
+    try:
+        by_course = _heading_from_motion(log, first, roll, pitch, rest_rate)
+    except InsenvError:
+        return sigma
+    apart = abs(float(np.angle(np.exp(1j * (heading - by_course)))))
+    if apart <= COURSE_CONFLICT * np.hypot(sigma, COURSE_SIGMA):
+        return sigma
+    widened = max(sigma, min(apart, LARGEST_SIGMA))
+    notes.append(
+        f"the given heading, {np.degrees(heading):.4g} deg, and the course of the first motion, which means "
+        f"{np.degrees(by_course):.4g} deg, are {np.degrees(apart):.3g} deg apart: its standard deviation is taken as "
+        f"{np.degrees(widened):.3g} deg, not {np.degrees(sigma):.2g} deg"
+    )
+    return widened
+
+
+def _conflict_note(found: RestStart, heading: float) -> tuple[str, ...]:
+    if not found.conflict:
+        return ()
+    given, apart = np.degrees(heading), np.degrees(abs(found.conflict))
+    return (
+        f"the heading {given:.4g} deg differs by {apart:.3g} deg from that of the gyros at rest, more than both allow: "
+        f"navigation starts with {np.degrees(found.heading):.4g} deg, 1 sigma {np.degrees(found.heading_sigma):.2g} deg; the "
+        "heading is wrong, or the vehicle does not stand still, or the unit is worse than its grade",
     )
 
 
@@ -180,7 +261,8 @@ def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float
     if len(moving) < COURSE_FIXES:
         raise InsenvError(
             f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s; "
-            "give [initial] heading_deg, or use --start reference"
+            "give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
+            "--start reference"
         )
     last = int(np.searchsorted(log.imu_time, time[moving[-1]]))
     window = slice(first, last + 1)

@@ -24,7 +24,7 @@ from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of
 from insenv.scenario import tuning
-from insenv.sensors import units
+from insenv.scenario.tuning import Settings, setting_rows
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ def replay(
     estimators: EstimatorsLike,
     *,
     start: str = "coarse",
+    settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Run estimators on a recorded log.
@@ -44,6 +45,8 @@ def replay(
         `RecordedLog`.
     estimators: one or several, by id or as `Estimator` objects.
     start: initial state of navigation: "coarse", from the log alone; "reference", from the log's reference solution.
+    settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the log's description:
+        ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
     progress: called with the numbers of samples done and in all.
 
     Raises `InputError` for a wrong log or a wrong argument; `InsenvError` if an estimator diverges.
@@ -69,7 +72,14 @@ def replay(
     # more records than in a simulated run, for the comparison with the reference, but not every sample of a long log
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
-    followers = [follower_of(e, e.parameters(initial_knowledge(log, e, start, first), tunings), every) for e in chosen]
+    chosen_settings = setting_rows(settings, chosen)
+    starts = [initial_knowledge(log, e, start, first) for e in chosen]
+    given = {
+        e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
+    }
+    followers = [
+        follower_of(e, e.parameters(s.knowledge, rows=given[e.id]), every) for e, s in zip(chosen, starts, strict=True)
+    ]
     for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
         for follower in followers:
@@ -89,12 +99,14 @@ def replay(
             reference,
             times,
             (from_s, to_s),
-            (*_assumed(log, f.estimator), *_unseen(log, f.estimator, begin_s)),
+            (*begun.notes, *_unseen(log, f.estimator, begin_s)),
             duration,
         )
-        for f in followers
+        for f, begun in zip(followers, starts, strict=True)
     )
     notes = list(log.notes)
+    if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
+        notes.append(log.assumed.sentence)
     if log.gaps.count:
         notes.append(f"gaps bridged by interpolation: {log.gaps.count} ({log.gaps.samples} samples in all)")
     if dropped:
@@ -171,17 +183,19 @@ def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Arra
     return columns, int(len(inside) - len(fix))
 
 
-def _assumed(log: RecordedLog, estimator: Estimator) -> tuple[str, ...]:
-    """The remark on the sensor accuracy that an alignment assumes if the log gives none."""
-    given = log.description.estimator.get(estimator.id, {})
-    if estimator.navigates or log.description.imu.grade or log.unit is not None or any("bias" in key for key in given):
-        return ()
-    sensors = log.sensors(in_place=True)
-    gyro, accel = units.rad_s_to_deg_h(sensors.gyro_bias_sigma), units.m_s2_to_ug(sensors.accel_bias_sigma)
-    return (
-        f"the stated accuracy assumes gyros good to {gyro:.2g} deg/h and accelerometers to {accel:.3g} ug: set it by "
-        f'[imu] grade, or [estimator."{estimator.id}"] gyro_bias_deg_h, accel_bias_ug, arw_deg_sqrt_h, vrw_ug_sqrt_hz',
-    )
+_UNIT = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
+
+
+def _takes_sensors(estimator: Estimator, given: Mapping[str, Any]) -> bool:
+    """Whether noise or bias of the unit is not `given` (by row name), but as its data sheet says."""
+    return any(name in estimator.model.parameters and name not in given for name in _UNIT)
+
+
+def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
+    """Parameters that give noise and biases describe the whole unit: scale factors are then 0, unless given."""
+    if _takes_sensors(estimator, given):
+        return given
+    return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
 
 
 def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float) -> tuple[str, ...]:
@@ -228,7 +242,7 @@ def _result(
     reference: Track,
     times: Array,
     evaluated_s: tuple[float, float],
-    assumed: tuple[str, ...],
+    of_start: tuple[str, ...],
     duration_s: float,
 ) -> Result:
     from_s, to_s = evaluated_s
@@ -253,7 +267,7 @@ def _result(
         limit={},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
-        notes=(*assumed, *follower.notes(duration_s, health), *contradiction_notes(times, outputs)),
+        notes=(*of_start, *follower.notes(duration_s, health), *contradiction_notes(times, outputs)),
         health=health,
         settled=not follower.too_short(duration_s),
     )

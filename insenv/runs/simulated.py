@@ -18,6 +18,7 @@ from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
+from insenv.scenario.tuning import Settings, setting_rows
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,7 @@ def run(
     *,
     seed: int | None = None,
     duration_s: float | None = None,
+    settings: Settings | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Simulate a scenario and run estimators on the measurements of its sensors.
@@ -44,6 +46,8 @@ def run(
     file.
     estimators: one or several, by id or as `Estimator` objects; None: those that the scenario names.
     seed, duration_s: seed, and duration in s; None: the scenario's.
+    settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the scenario:
+        ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
     progress: called with the numbers of samples done and in all; for the limit, once more from the first sample.
 
     Raises `InputError` for an unknown name, a wrong value, or an estimator that cannot run on this scenario;
@@ -54,7 +58,8 @@ def run(
     chosen = get_all(scenario.estimators if estimators is None else estimators)
     plant = build(scenario, seed=seed, duration_s=duration_s)
     every = recording_interval(plant.samples)
-    started = [plant.parameters_of(estimator) for estimator in chosen]
+    rows = setting_rows(settings, chosen)
+    started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
     runner = make_runner(plant.model, plant.parameters)
     followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]
 
@@ -78,7 +83,8 @@ def run(
     refusal = no_limit(plant)
     limit = limit_of(plant, progress) if followers and not refusal else None
     results = tuple(_result(f, plant, track, limit) for f in followers)
-    notes = [f"{bridged} lost inertial samples bridged by interpolation"] if bridged else []
+    notes = list(scenario.notes)
+    notes += [f"{bridged} lost inertial samples bridged by interpolation"] if bridged else []
     notes += [refusal] if refusal else []
     return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, tuple(notes))
 

@@ -15,6 +15,7 @@ from insenv.scenario.gravity_section import GravitySection
 from insenv.scenario.tuning import tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
+from insenv.sensors.imu_section import FIGURES
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
 
@@ -69,6 +70,13 @@ class Scenario(Section):
     def name(self) -> str:
         """Name of the file without ``.toml``; empty if the scenario is not from a file."""
         return self._name
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the scenario leaves open and a reader of its results must know."""
+        if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
+            return ()
+        return ("the inertial unit is perfect, because [imu] is missing or states no errors",)
 
     @property
     def sensors(self) -> dict[str, SensorSection]:

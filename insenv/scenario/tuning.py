@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,49 @@ _SHORT = {
 FILE = "file"
 """Key of a file with parameter rows, for estimators that read one; a relative path starts at the current folder."""
 _KNOWN = ("latitude", "longitude", "height", "antenna_lever_arm", "sample_interval", "seed")
+
+Settings = Mapping[str, Mapping[str, Any]]
+"""Parameters by estimator id, with the keys of [estimator.ID]."""
+
+
+def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Settings from texts ``ESTIMATOR.KEY=VALUE``; a value is a number, a list of numbers, or the path of a file.
+
+    Raises `InputError` for a text of another form, or a key that is given twice.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        id, dot, setting = name.strip().partition(".")
+        if not (id and dot and setting and equals and value.strip()):
+            raise InputError(f"--set {text!r}: allowed is ESTIMATOR.KEY=VALUE, such as loosely-coupled.arw_deg_sqrt_h=0.3")
+        table = found.setdefault(id, {})
+        if setting in table:
+            raise InputError(f"--set {text!r}: {id}.{setting} is given twice")
+        try:
+            table[setting] = json.loads(value)
+        except ValueError:
+            table[setting] = value.strip()
+    return found
+
+
+def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict[str, dict[str, Any]]:
+    """Parameter rows (SI) that `settings` give each of the estimators `chosen`, by id.
+
+    Settings for the filter under a smoother are the smoother's too. Raises `InputError` for an estimator that is not among
+    those, and as `tuning` does.
+    """
+    if not isinstance(settings, (Mapping, type(None))):
+        raise InputError(f"settings = {shown(settings)}: allowed is a dict of parameters by estimator id")
+    given: dict[str, dict[str, Any]] = {}
+    for id, table in (settings or {}).items():
+        allowed = dict.fromkeys(name for e in chosen for name in (e.id, e.smooths) if name)
+        if id not in allowed:
+            raise InputError(f"settings: {shown(id)} is none of the estimators of this run{nearest(str(id), allowed)}")
+        if not isinstance(table, Mapping):
+            raise InputError(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
+        given[id] = tuning(next((e for e in chosen if e.id == id), id), table)
+    return {e.id: {**given.get(e.smooths, {}), **given.get(e.id, {})} for e in chosen}
 
 
 def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, Any]:

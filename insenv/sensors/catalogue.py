@@ -53,6 +53,33 @@ _CONSUMER = ImuGrade(
     accel_scale_factor_sigma_ppm=45000.0,
     accel_misalignment_sigma_urad=11000.0,
 )
+_AUTOPILOT = ImuGrade(
+    "autopilot",
+    "MEMS unit of autopilots, typical of the ICM-42688-P, BMI088 and ICM-20689, without the autopilot's calibration",
+    {
+        "": "Bosch BMI088 data sheet, typical values",
+        "gyro_arw_deg_sqrt_h": "ICM-20689 data sheet, 0.006 deg/s/sqrt(Hz); the ICM-42688-P states 0.0028, the BMI088 0.014",
+        "gyro_bias_sigma_deg_h": "BMI088 data sheet, zero-rate offset 1 deg/s; the ICM-42688-P states 0.5, the ICM-20689 5",
+        "gyro_temperature_slope_deg_h_k": "BMI088 data sheet, 0.015 deg/s/K; the ICM-42688-P states 0.005",
+        "gyro_g_sensitivity_deg_h_g": "BMI088 data sheet, 0.1 deg/s/g",
+        "accel_bias_sigma_ug": "BMI088 and ICM-42688-P data sheets, zero-g offset 20 mg",
+        "accel_vrw_ug_sqrt_hz": "ICM-20689 data sheet; the ICM-42688-P states 70, the BMI088 175",
+        "accel_range_g": "ICM-42688-P and ICM-20689 data sheets, largest range",
+    },
+    gyro_bias_sigma_deg_h=3600.0,
+    gyro_arw_deg_sqrt_h=0.36,
+    gyro_scale_factor_sigma_ppm=10000.0,
+    gyro_misalignment_sigma_urad=10000.0,
+    gyro_g_sensitivity_deg_h_g=360.0,
+    gyro_temperature_slope_deg_h_k=54.0,
+    gyro_range_deg_s=2000.0,
+    accel_bias_sigma_ug=20000.0,
+    accel_vrw_ug_sqrt_hz=150.0,
+    accel_scale_factor_sigma_ppm=5000.0,
+    accel_misalignment_sigma_urad=5000.0,
+    accel_temperature_slope_ug_k=200.0,
+    accel_range_g=16.0,
+)
 _INDUSTRIAL = ImuGrade(
     "industrial",
     "Factory-calibrated industrial MEMS, typical of the Analog Devices ADIS16488",
@@ -198,12 +225,14 @@ IMU_GRADES: dict[str, ImuGrade] = {
     grade.name: grade
     for grade in (
         ImuGrade("perfect", "No errors"),
-        *(_CONSUMER, _INDUSTRIAL, _TACTICAL, _NAVIGATION, _MARINE),
+        *(_CONSUMER, _AUTOPILOT, _INDUSTRIAL, _TACTICAL, _NAVIGATION, _MARINE),
         *(_ECEF, _AIRBORNE, _SWAYING, *map(_quaternion, (50.0, 0.0, 100.0, 200.0)), _LSSVM),
         *(_LEADOR, _N380),
     )
 }
 """IMU grades by name."""
+CLASSES = (_CONSUMER, _AUTOPILOT, _INDUSTRIAL, _TACTICAL, _NAVIGATION)
+"""The classes that the noise of an unknown unit can suggest, the coarsest first. `marine` has the noise of `navigation`."""
 
 
 def _single_point(name: str, title: str, cep: float) -> GnssGrade:

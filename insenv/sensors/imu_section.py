@@ -58,7 +58,7 @@ class _ImuSection(SensorSection):
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI).  White noise per sample, if given here, is that of samples at `rate_hz`."""
         grade = imu_grade(self.grade)
-        own = {name: getattr(self, name) for name in _FIGURES if getattr(self, name) is not None}
+        own = {name: getattr(self, name) for name in FIGURES if getattr(self, name) is not None}
         for group in _WAYS:
             given = [name for name in group if name in own]
             if len(given) > 1:
@@ -95,11 +95,12 @@ def _figure(figure: str) -> tuple[Any, Any]:
     return Number | None, key(None, meaning, unit_of(figure), **limits)
 
 
-_FIGURES = tuple(f.name for f in fields(ImuGrade) if f.name not in ("name", "title", "sources", "white_rate_hz"))
+FIGURES = tuple(f.name for f in fields(ImuGrade) if f.name not in ("name", "title", "sources", "white_rate_hz"))
+"""Keys that give an error of the unit, in place of its grade's."""
 
 if TYPE_CHECKING:
     ImuSection = _ImuSection
 else:
     ImuSection = create_model(
-        "ImuSection", __base__=_ImuSection, __doc__=_ImuSection.__doc__, **{name: _figure(name) for name in _FIGURES}
+        "ImuSection", __base__=_ImuSection, __doc__=_ImuSection.__doc__, **{name: _figure(name) for name in FIGURES}
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from insenv import attitude, geodesy, replay, run
+from insenv import attitude, campaign, geodesy, replay, run
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, Track, errors
 from insenv.scenario import load
@@ -60,6 +60,20 @@ def test_lost_samples_are_bridged_and_counted():
     assert any("bridged" in note for note in report.notes)
     assert 120 < int(report.notes[0].split()[0]) < 280
     assert np.abs(report.results[0].errors["roll_deg"][-1]) < 0.1
+
+
+@pytest.mark.parametrize(("imu", "perfect"), [({}, True), (None, True), ({"gyro_bias_deg_h": 0.1}, False)])
+def test_a_perfect_unit_for_want_of_a_section_is_said(imu, perfect):
+    values = load("ship-swaying").model_dump(exclude_unset=True)
+    del values["imu"]
+    if imu is not None:
+        values["imu"] = {"lever_arm_m": [1.0, 0.0, 0.0], **imu}
+    said = ["the inertial unit is perfect, because [imu] is missing or states no errors"] if perfect else []
+    assert run(values, "q-method", duration_s=5.0).as_json()["notes"] == said
+    assert [
+        note for note in campaign(values, "q-method", runs=2, duration_s=5.0).as_json()["notes"] if "perfect" in note
+    ] == said
+    assert run("ship-swaying", duration_s=5.0).notes == ()
 
 
 def test_free_inertial_errors_agree_with_the_predicted_covariance():

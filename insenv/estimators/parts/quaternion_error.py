@@ -40,6 +40,7 @@ import casadi as ca
 from insenv.attitude import skew
 from insenv.core.elementary import exp
 from insenv.estimators.parts.gauss_markov import decays, driven_variance
+from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
 from insenv.geodesy import MEAN_RADIUS, NOMINAL_GRAVITY
 
 N = 16
@@ -93,10 +94,14 @@ Spread = Callable[[Any, Any, Any, Any], Nonlinear]
 def start_covariance(p: Any, q: Any) -> Any:
     """Covariance (16x16) of a start with attitude q: of dQ the second moments of sin(phi/2), phi about n and normal."""
     tilt, heading = (0.5 * (1 - exp(-0.5 * s * s)) for s in (p.tilt_sigma, p.heading_sigma))
-    rest = ca.vertcat(
-        ca.repmat(p.gyro_bias_sigma, 3, 1), ca.repmat(p.accel_bias_sigma, 3, 1), p.velocity_sigma, p.position_sigma
-    )
-    return ca.diagcat(Y(q) @ ca.diag(ca.vertcat(tilt, tilt, heading)) @ Y(q).T, ca.diag(rest * rest))
+    sigma = ca.vertcat(ca.repmat(bias_sigma(p), 3, 1), ca.repmat(p.accel_bias_sigma, 3, 1), p.velocity_sigma, p.position_sigma)
+    P = ca.diagcat(Y(q) @ ca.diag(ca.vertcat(tilt, tilt, heading)) @ Y(q).T, ca.diag(sigma * sigma))
+    # phi = 2 Y^T dQ turns the true n to the computed one
+    by_attitude = -2 * bias_of_tilt(p) @ Y(q).T
+    shared = by_attitude @ P[DQ, DQ]
+    P[GYRO, DQ], P[DQ, GYRO] = shared, shared.T
+    P[GYRO, GYRO] = P[GYRO, GYRO] + shared @ by_attitude.T
+    return P
 
 
 def transition(x: Any, part: Nonlinear) -> Any:

@@ -45,6 +45,10 @@ START_SIGMAS = Table((
 START_BIASES = Table((
     Row("start_gyro_bias", "Gyro bias at the start", "rad/s", (3,), "b", lower=-1, upper=1),
     Row("start_accel_bias", "Accelerometer bias at the start", "m/s^2", (3,), "b", lower=-100, upper=100),
+    Row("start_gyro_bias_error", "Standard deviation of the start gyro bias if the start attitude is right; 0: gyro_bias_sigma",
+        "rad/s", lower=0, upper=1),
+    Row("start_rest_share", "Part of the start gyro bias that is the rate at rest minus the Earth's rate in the start attitude",
+        "1", lower=0, upper=1),
 ))  # fmt: skip
 
 SENSORS = Table((

@@ -9,7 +9,8 @@ detection - an algorithm evaluation", IEEE Trans. Biomed. Eng. 57 (2010))
 
 An inertial unit alone cannot distinguish rest from a smooth straight ride. So two more conditions must hold: over the
 window the estimated velocity has changed by at most `GATE` standard deviations of what tilt and bias errors cause, and
-zero lies within `GATE` of the filter's own standard deviations of its velocity.
+zero lies within `GATE` of the filter's own standard deviations of its velocity, which must be below `UNCERTAIN`: a filter
+that does not know its speed takes a smooth ride for rest.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from insenv.geodesy import NOMINAL_GRAVITY
 
 THRESHOLD = 1.5
 GATE = 3.0
+UNCERTAIN = 0.7  # m/s: with GATE, a ride at more than 2.1 m/s is never taken for rest because of it
 
 PARAMETERS = rows.STANDING_SIGMA + Table((
     Row("standing_window", "Window over which rest is detected; 0: no detection", "s", start=1.0, lower=0, upper=60.0),
@@ -77,6 +79,7 @@ def found(p: Any, x: Any, u: Any) -> dict[str, Any]:
     for i in range(VELOCITY.start, VELOCITY.stop):
         variance = x.covariance[symmetric.place(i, i)] + p.standing_sigma**2
         quiet = ca.logic_and(quiet, x.velocity_w[i - VELOCITY.start] ** 2 < GATE**2 * variance)
+        quiet = ca.logic_and(quiet, variance < UNCERTAIN**2)
     return {"standing_now": select(quiet, 1.0, x.standing_now)}
 
 

@@ -1,0 +1,87 @@
+"""The unit of a log without a grade: noise from the log itself, biases by class."""
+
+import numpy as np
+import pytest
+from simulated_log import simulated_log
+
+from insenv.logs.unit_noise import noise_at_rest, noise_in_motion
+from insenv.scenario import load
+from insenv.sensors import imu_grade
+
+DENSITY = 2e-4
+
+
+def white(rate_hz: float, seconds: float = 60.0, seed: int = 1) -> np.ndarray:
+    """Increments (n, 3) of white noise of DENSITY."""
+    n = round(rate_hz * seconds)
+    return np.random.default_rng(seed).normal(0.0, DENSITY * rate_hz**-0.5, (n, 3))
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0, 1000.0])
+@pytest.mark.parametrize("estimate", [noise_at_rest, noise_in_motion])
+def test_white_noise_is_found_at_any_rate(estimate, rate_hz):
+    assert 0.8 * DENSITY < estimate(white(rate_hz), 1 / rate_hz) < 1.25 * DENSITY
+
+
+@pytest.mark.parametrize("estimate", [noise_at_rest, noise_in_motion])
+def test_a_low_pass_filter_does_not_hide_the_noise(estimate):
+    """A filter of 20 Hz, as ArduPilot's: at 400 Hz it leaves a tenth of the scatter from sample to sample."""
+    rates, filtered, part = white(400.0) * 400.0, [np.zeros(3)], 1 - np.exp(-2 * np.pi * 20.0 / 400.0)
+    for rate in rates:
+        filtered.append(filtered[-1] + part * (rate - filtered[-1]))
+    assert estimate(np.array(filtered[1:]) / 400.0, 1 / 400.0) > 0.6 * DENSITY
+
+
+def test_an_engine_rocking_and_a_knock_are_no_noise_at_rest():
+    n, dt = 6000, 0.005
+    time = np.arange(n) * dt
+    rate = white(200.0, 30.0) / dt
+    rate[:, 0] += 5e-3 * np.sin(2 * np.pi * 30.0 * time) + 5e-3 * np.sin(2 * np.pi * 0.5 * time)  # 25 and 25 times the noise
+    rate[2000:2020] += 0.5
+    assert noise_at_rest(rate * dt, dt) < 2.0 * DENSITY
+
+
+def test_the_motion_of_a_ship_is_no_noise():
+    """Rates of 10 deg/s and a gyro of 0.002 deg/sqrt(h)."""
+    time = np.arange(0.0, 120.0, 0.005)
+    sway = np.radians(10.0) * np.stack([np.sin(time), np.sin(0.8 * time), np.cos(0.6 * time)], axis=1)
+    quiet = np.radians(0.002) / 60
+    increments = sway * 0.005 + white(200.0, 120.0) * (quiet / DENSITY)
+    assert 0.9 * quiet < noise_in_motion(increments, 0.005) < 1.5 * quiet
+
+
+def test_a_constant_signal_has_no_noise():
+    assert noise_at_rest(np.ones((1000, 3)), 0.01) == 0.0 and noise_in_motion(np.ones((1000, 3)), 0.01) == 0.0
+
+
+def still_car(grade: str) -> object:
+    scenario = load("car-city-drive")
+    calm = {"engine": (), "wind_roll_sigma_deg": 0.0, "wind_pitch_sigma_deg": 0.0}
+    imu = scenario.imu.model_copy(update={"grade": grade})
+    return scenario.model_copy(update={"imu": imu, "vehicle": scenario.vehicle.model_copy(update=calm)})
+
+
+@pytest.mark.parametrize(
+    ("grade", "assumed"),
+    [
+        ("marine", "tactical"), ("navigation", "tactical"), ("tactical", "industrial"), ("industrial", "autopilot"),
+        ("autopilot", "consumer"), ("consumer", "consumer"), ("perfect", "consumer"),
+    ],
+)  # fmt: skip
+def test_the_class_is_one_coarser_than_the_noise_suggests(grade, assumed):
+    log = simulated_log(still_car(grade), duration_s=25.0, initial={"static_until_s": 25.0})
+    assert log.assumed is not None and f"class {assumed!r}" in log.assumed.sentence
+    own, taken = imu_grade(grade).parameters(), log.sensors(in_place=True)
+    for name in ("gyro_bias_sigma", "accel_bias_sigma"):
+        assert getattr(taken, name) >= np.max(own[name]), name
+    for triad, error in (("gyro", "rotation_error"), ("accel", "thrust_error")):
+        assert log.motion_errors()[error] >= max(own[f"{triad}_scale_factor_sigma"], own[f"{triad}_misalignment_sigma"])
+    if grade != "perfect":
+        assert taken.angle_random_walk == pytest.approx(float(np.max(own["angle_random_walk"])), rel=0.3)
+        assert taken.velocity_random_walk == pytest.approx(float(np.max(own["velocity_random_walk"])), rel=0.3)
+
+
+def test_a_grade_of_the_log_is_used_as_it_is():
+    log = simulated_log(still_car("tactical"), duration_s=5.0, grade="tactical")
+    assert log.assumed is None
+    assert log.sensors(in_place=True).gyro_bias_sigma < 2 * np.radians(4.5) / 3600
