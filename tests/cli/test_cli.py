@@ -106,12 +106,21 @@ def test_an_unknown_paper_is_named():
     assert status == 2 and "did you mean 'quaternion'" in err
 
 
+def standing(fixes):
+    """The fixes of a CSV file, all at the place of the first."""
+    header, *rows = fixes.splitlines()
+    place = rows[0].split(",")[1:]
+    return "\n".join([header, *(",".join([row.split(",")[0], *place]) for row in rows)]) + "\n"
+
+
 def test_replay(tmp_path):
-    status, out, err = call("replay", log_file(tmp_path), "-e", "q-method", "--out", tmp_path / "out")
+    log = log_file(tmp_path, gnss=standing)
+    status, out, err = call("replay", log, "-e", "q-method", "--out", tmp_path / "out")
     assert (status, err) == (0, "insenv: no figure: there is neither a reference to compare with nor a track\n")
     assert "heading" in out and (tmp_path / "out" / "plain.npz").exists()
-    found = strict(call("replay", log_file(tmp_path), "-e", "q-method", "--json")[1])
+    found = strict(call("replay", log, "-e", "q-method", "--json")[1])
     assert found["seed"] is None and found["results"][0]["rms"] == {}
+    refused(call("replay", log_file(tmp_path), "-e", "q-method"), "aligns a vehicle in place", "9.86 m/s", "moves")
 
 
 def test_unwritable_folder_is_reported_before_the_work(tmp_path, monkeypatch):

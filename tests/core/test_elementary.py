@@ -130,7 +130,7 @@ SIZES = {
     "velocity_w": 3,
     "axis_w": 3,
 }
-SIZES |= {"r_e": 3, "offset": 3, "C": (3, 3)}
+SIZES |= {"axis": 3, "r_e": 3, "offset": 3, "C": (3, 3)}
 FUNCTIONS = [
     getattr(module, name)
     for module, names in (

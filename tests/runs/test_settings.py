@@ -50,7 +50,7 @@ def test_set_at_the_command_line():
     assert status == 0
     status, text, _ = call(*arguments, "--set", "loosely-coupled.tilt_sigma_deg=5")
     assert status == 0
-    last = [json.loads(each)["results"][0]["limit"]["roll_deg"] for each in (plain, text)]
+    last = [json.loads(each)["results"][0]["stated"]["roll_deg"] for each in (plain, text)]
     assert last[1] > 2 * last[0]
     texts = ["a.b=1.5", "a.list=[1, 2, 3]", "c.file=x/y=z.json"]
     assert parsed_settings(texts) == {"a": {"b": 1.5, "list": [1, 2, 3]}, "c": {"file": "x/y=z.json"}}
