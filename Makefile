@@ -55,8 +55,9 @@ format: $(TEST) ## format the source and fix what ruff can fix
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-consistency: $(TEST) ## NEES of each filter over 56 seeds, a few minutes (docs/consistency.md)
+consistency: $(TEST) ## NEES of each filter, then all estimators on all scenarios (docs/consistency.md)
 	$(BIN)/python tools/consistency.py
+	$(BIN)/python tools/matrix.py
 
 mutants: $(TEST) ## inject faults into the physics: the share that the tests find, 10 to 30 minutes
 	$(BIN)/python tools/mutants.py $(MUTANTS_ARGS)
