@@ -447,8 +447,8 @@ def prepare(known: Knowledge) -> dict[str, Any]:
 
 
 def needs(parameters: Mapping[str, Any]) -> float:
-    """Time (s) of data: that of the coarse alignment, whose result the filter takes."""
-    return float(parameters["coarse_time"])
+    """Time (s) of data: that of the coarse alignment, whose result the filter takes in place."""
+    return float(parameters["coarse_time"]) * (1.0 - float(parameters["moving"]))
 
 
 ESTIMATOR = Estimator(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import call
-from simulated_logs import simulated_log
+from written_logs import written_log
 
 from insenv import estimators, run
 from insenv import replay as replayed
@@ -205,7 +205,7 @@ def test_a_run_without_a_fix_says_so():
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "aqe-sukf"])
 def test_a_log_that_is_described_truly_is_consistent(tmp_path, id):
-    result = replayed(simulated_log(tmp_path), id).results[0]
+    result = replayed(written_log(tmp_path), id).results[0]
     assert result.health.verdict == "consistent" and result.health.fixes == 239
     assert not any("fix" in note for note in result.notes)
 
@@ -225,7 +225,7 @@ def test_a_log_that_is_described_truly_is_consistent(tmp_path, id):
 )
 def test_a_log_that_is_described_falsely_is_not_passed_over(tmp_path, told, verdict):
     """As on two recorded logs, of whose fixes 82 to 97 % were refused without a word."""
-    result = replayed(simulated_log(tmp_path, **told), "loosely-coupled").results[0]
+    result = replayed(written_log(tmp_path, **told), "loosely-coupled").results[0]
     assert result.health.verdict == verdict and result.health.factor > 2
     (said,) = (note for note in result.notes if "innovations" in note)
     for word in ("grade", "lever arm", "time offset", f"refused {result.health.refused} of 239 fixes"):
@@ -234,7 +234,7 @@ def test_a_log_that_is_described_falsely_is_not_passed_over(tmp_path, told, verd
 
 def test_strict_fails_after_the_report_is_written(tmp_path):
     (tmp_path / "log").mkdir()
-    path, out = simulated_log(tmp_path / "log", time_offset_s=0.3), tmp_path / "out"
+    path, out = written_log(tmp_path / "log", time_offset_s=0.3), tmp_path / "out"
     arguments = ("replay", str(path), "-e", "loosely-coupled", "--out", str(out), "--no-figure")
     status, text, said = call(*arguments)
     assert status == 0 and "health: diverged" in text and not said

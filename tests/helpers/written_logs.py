@@ -13,7 +13,7 @@ LEVER_ARM_M = (-1.2, 0.3, -1.0)
 AGE_S = 0.05
 
 
-def simulated_log(
+def written_log(
     folder: Path,
     *,
     unit: str = "tactical",
