@@ -29,7 +29,9 @@ class SensorNotes:
     """Data sheet of the inertial unit, SI: the numbers that estimators are tuned by.
 
     angle_random_walk rad/s^0.5, velocity_random_walk m/s^1.5; gyro_bias_sigma rad/s, accel_bias_sigma m/s^2; correlation
-    times s.
+    times s.  These biases contain what gravity makes of the g-sensitivity, and of the scale factor and the misalignment of the
+    accelerometers.  bare_*: the same without, for a filter that estimates those; 0: not stated.
+    *_scale_sigma, *_misalignment_sigma: 1; gyro_g_sensitivity_sigma rad s/m; 0: none, or not stated.
     """
 
     angle_random_walk: float = 1e-6
@@ -38,6 +40,15 @@ class SensorNotes:
     accel_bias_sigma: float = 1e-3
     gyro_correlation_time: float = 3600.0
     accel_correlation_time: float = 3600.0
+    bare_gyro_bias_sigma: float = 0.0
+    bare_accel_bias_sigma: float = 0.0
+    bare_gyro_correlation_time: float = 3600.0
+    bare_accel_correlation_time: float = 3600.0
+    gyro_scale_sigma: float = 0.0
+    accel_scale_sigma: float = 0.0
+    gyro_misalignment_sigma: float = 0.0
+    accel_misalignment_sigma: float = 0.0
+    gyro_g_sensitivity_sigma: float = 0.0
 
 
 @dataclass(frozen=True)

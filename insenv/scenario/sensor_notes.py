@@ -46,10 +46,15 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
                 fast += 2 * part * time
             else:
                 variance, drive = variance + part, drive + 2 * part / time
-        sigma = max(variance**0.5, floor)
         notes[white] = max(hypot(float(np.max(np.abs(rows.get(white, 0.0)))), fast**0.5), floor)
-        notes[f"{triad}_bias_sigma"] = sigma
-        notes[f"{triad}_correlation_time"] = 2 * sigma**2 / max(drive, 2 * sigma**2 / CONSTANT)
+        bare_drive = drive - 2 * motion**2 / units.HOUR
+        for prefix, own, driving in (("", variance, drive), ("bare_", variance - motion**2, bare_drive)):
+            sigma = max(max(own, 0.0) ** 0.5, floor)
+            notes[f"{prefix}{triad}_bias_sigma"] = sigma
+            notes[f"{prefix}{triad}_correlation_time"] = 2 * sigma**2 / max(driving, 2 * sigma**2 / CONSTANT)
+        notes[f"{triad}_scale_sigma"] = largest["scale_factor_sigma"]
+        notes[f"{triad}_misalignment_sigma"] = largest["misalignment_sigma"]
+    notes["gyro_g_sensitivity_sigma"] = float(np.max(np.abs(rows.get("gyro_g_sensitivity", 0.0))))
     return SensorNotes(**notes)
 
 

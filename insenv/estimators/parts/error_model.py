@@ -45,16 +45,23 @@ class Interval:
     omega_ew_w: Any
 
 
-def transition(interval: Interval, gravity: Any, gyro_time: Any, accel_time: Any) -> Any:
-    """A (15x15) = integral of F over the interval; gravity in m/s^2, correlation times of the biases in s."""
-    A, dt = ca.SX(N, N), interval.duration
+def navigation_transition(interval: Interval, gravity: Any) -> Any:
+    """A (9x9) of position, velocity and attitude: integral of F over the interval; gravity in m/s^2."""
+    A, dt = ca.SX(9, 9), interval.duration
     A[POSITION, POSITION] = -skew(interval.omega_ew_w) * dt
     A[POSITION, VELOCITY] = ca.SX.eye(3) * dt
     A[VELOCITY, POSITION] = ca.diag(ca.vertcat(-1, -1, 2)) * (gravity / MEAN_RADIUS * dt)
     A[VELOCITY, VELOCITY] = -skew(2 * interval.omega_ie_w + interval.omega_ew_w) * dt
     A[VELOCITY, TILT] = skew(interval.delta_velocity_w)
-    A[VELOCITY, ACCEL] = interval.C_integral
     A[TILT, TILT] = -skew(interval.omega_ie_w + interval.omega_ew_w) * dt
+    return A
+
+
+def transition(interval: Interval, gravity: Any, gyro_time: Any, accel_time: Any) -> Any:
+    """A (15x15) = integral of F over the interval; gravity in m/s^2, correlation times of the biases in s."""
+    A, dt = ca.SX(N, N), interval.duration
+    A[:9, :9] = navigation_transition(interval, gravity)
+    A[VELOCITY, ACCEL] = interval.C_integral
     A[TILT, GYRO] = -interval.C_integral
     # an interval may be longer than a correlation time
     A[GYRO, GYRO] = ca.SX.eye(3) * (decay(dt, gyro_time) - 1)

@@ -1,0 +1,318 @@
+"""A fusion filter from its error states and its aids: the tables and the steps of one model.
+
+The mechanization is that of `insenv.estimators.parts.strapdown` and runs at every sample, with the estimated errors taken
+out of the increments.  The covariance is propagated once `covariance_interval` has passed or a measurement comes.  The
+errors of position, velocity and attitude are those of `insenv.estimators.parts.error_model`; each state that corrects an
+increment enters them through the derivative of that correction, summed up in w over the interval, so no motion is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from insenv import geodesy
+from insenv.core import symmetric
+from insenv.core.elementary import select
+from insenv.core.model import Model, Step, Values
+from insenv.core.tables import Row, Table
+from insenv.errors import InputError
+from insenv.estimators.fusion.contract import Aid, ErrorState, repeated
+from insenv.estimators.fusion.measurement import Update, update
+from insenv.estimators.fusion.navigation import corrected_increments
+from insenv.estimators.fusion.retraction import corrected, linear
+from insenv.estimators.parts import lever_arm, motion_errors, rows, strapdown
+from insenv.estimators.parts.error_model import GYRO, POSITION, TILT, VELOCITY, Interval, navigation_transition
+from insenv.estimators.parts.gauss_markov import decay, driven_variance
+from insenv.estimators.parts.kalman import propagate
+from insenv.estimators.parts.rest_bias import bias_of_tilt
+
+NAVIGATION = 9
+"""Number of errors of position, velocity and attitude, which come first."""
+OWN = Table((
+    Row("covariance_interval", "Longest interval between covariance propagations", "s", start=0.05, lower=0, upper=1),
+))  # fmt: skip
+STRETCH = Table((
+    Row("stretch", "Time since the covariance was propagated", "s"),
+    Row("stretch_velocity_w", "Integral of the specific force over that time", "m/s", (3,), "w"),
+    Row("stretch_angle", "Rotation over that time", "rad", (3,), "b"),
+    Row("stretch_change_w", "Change of velocity over that time", "m/s", (3,), "w"),
+    Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
+    Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
+    Row("covariance_due", "1 when the covariance is to be propagated"),
+    Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
+))  # fmt: skip
+ESTIMATES = rows.chosen(rows.AIDED_OUTPUTS, "position_sigma", "velocity_sigma", "attitude_sigma")
+
+
+@dataclass(frozen=True, eq=False)
+class Composition:
+    """A filter of `states` and `aids`.
+
+    id, title: of its model.  states: gyro_bias and accel_bias first, which every filter has.  aids: in the order in which they are used in a sample.
+    Raises `InputError` for a state or an aid that is given twice.
+    """
+
+    id: str
+    title: str
+    states: tuple[ErrorState, ...]
+    aids: tuple[Aid, ...]
+
+    def __post_init__(self) -> None:
+        for kind, names in (("state", [s.name for s in self.states]), ("aid", [a.id for a in self.aids])):
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise InputError(f"fusion {self.id!r}: {kind} {twice[0]!r} is given twice")
+
+    # --- layout -------------------------------------------------------------------------------------
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """The slice of each error state in the error (n), by name."""
+        found, begin = {}, NAVIGATION
+        for state in self.states:
+            found[state.name] = slice(begin, begin + state.size)
+            begin += state.size
+        return found
+
+    @cached_property
+    def n(self) -> int:
+        """Number of errors."""
+        return NAVIGATION + sum(state.size for state in self.states)
+
+    @cached_property
+    def entering(self) -> dict[str, tuple[bool, bool]]:
+        """By name of the states that correct increments: whether they change the angle, and the velocity."""
+        found = {}
+        for state in self.states:
+            if state.increments is not None:
+                u = Values(delta_angle=ca.SX.sym("a", 3), delta_velocity=ca.SX.sym("v", 3), dt=ca.SX.sym("t"))
+                parts = self._columns(state, u, ca.SX.sym("x", state.size))
+                found[state.name] = (parts[0].nnz() > 0, parts[1].nnz() > 0)
+        return found
+
+    @staticmethod
+    def _columns(state: ErrorState, u: Any, value: Any) -> tuple[Any, Any]:
+        """Derivatives (3 x k each) of the corrected increments, angle and velocity, with respect to the state's error."""
+        assert state.increments is not None
+
+        def both(error: Any) -> Any:
+            return ca.vertcat(*state.increments(value + error, u.delta_angle, u.delta_velocity, u.dt))  # type: ignore[misc]
+
+        _, by_error = linear(both, state.size)
+        return by_error[:3, :], by_error[3:, :]
+
+    def _sums(self) -> Table:
+        """State rows: the sums of those derivatives in w since the covariance was propagated."""
+        found = []
+        for state in self.states:
+            for used, what in zip(self.entering.get(state.name, (False, False)), ("angle", "velocity"), strict=True):
+                if used:
+                    meaning = f"Effect of {state.name} on the {what} over that time"
+                    found.append(Row(f"stretch_{what}_{state.name}", meaning, "SI", (3, state.size), "w"))
+        return Table(tuple(found))
+
+    @cached_property
+    def parameters(self) -> Table:
+        """The start and its standard deviations, the unit, then the rows of states and aids."""
+        own = rows.START + rows.START_SIGMAS + rows.START_BIASES
+        own += rows.chosen(rows.SENSORS, "angle_random_walk", "velocity_random_walk") + rows.MOTION_ERRORS + OWN
+        return _united(own, *(state.rows for state in self.states), *(aid.parameters for aid in self.aids))
+
+    @cached_property
+    def state(self) -> Table:
+        """Navigation, errors, covariance, the interval since it was propagated, and the rows of the aids."""
+        own = strapdown.STATE + Table(tuple(state.value for state in self.states))
+        own += Table((
+            Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(self.n),)),
+        ))  # fmt: skip
+        return _united(own + STRETCH, self._sums(), lever_arm.MEMORY, *(aid.kept for aid in self.aids))
+
+    @cached_property
+    def inputs(self) -> Table:
+        """The inertial sample, and the rows of the aids."""
+        return _united(rows.SAMPLE_INPUTS, *(aid.inputs for aid in self.aids))
+
+    @cached_property
+    def outputs(self) -> Table:
+        """Navigation, the estimated errors with their standard deviations, and what the aids report."""
+        sigmas = tuple(
+            Row(f"{s.name}_estimate_sigma", f"Standard deviation of {s.name}", s.value.unit, s.value.shape, s.value.frame)
+            for s in self.states
+        )
+        found = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
+        return _united(found, *(aid.outputs for aid in self.aids))
+
+    # --- equations ----------------------------------------------------------------------------------
+
+    def start(self, p: Any) -> dict[str, Any]:
+        """The given start; frame w is NED there, so the covariance needs no rotation."""
+        own = (repeated(state.start_sigma(p), state.size) for state in self.states)
+        sigma = ca.vertcat(p.position_sigma, p.velocity_sigma, p.tilt_sigma, p.tilt_sigma, p.heading_sigma, *own)
+        P = ca.diag(sigma * sigma)
+        shared = bias_of_tilt(p) @ P[TILT, TILT]
+        P[GYRO, TILT], P[TILT, GYRO] = shared, shared.T
+        P[GYRO, GYRO] = P[GYRO, GYRO] + shared @ bias_of_tilt(p).T
+        return {
+            **strapdown.start_state(p),
+            **{state.name: state.started(p) for state in self.states if state.started is not None},
+            "covariance": symmetric.triangle(P),
+        }
+
+    def sample(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
+        """One inertial sample: mechanization with the estimated errors taken out of the increments."""
+        values = {state.name: getattr(x, state.name) for state in self.states}
+        delta_angle, delta_velocity = corrected_increments(self.states, values, u)
+        moved = strapdown.move(x, delta_angle, delta_velocity, u.dt)
+        stretch, change = x.stretch + u.dt, moved.velocity_w - x.velocity_w
+        found = {
+            **strapdown.moved_rows(moved, x, delta_angle, delta_velocity),
+            "stretch": stretch,
+            "stretch_velocity_w": x.stretch_velocity_w + moved.delta_velocity_w,
+            "stretch_angle": x.stretch_angle + delta_angle,
+            "stretch_change_w": x.stretch_change_w + change,
+            "omega_ie_w": moved.omega_ie_w,
+            "omega_ew_w": moved.omega_ew_w,
+            "acceleration_w": change * (1 / u.dt),
+            **lever_arm.followed(x, delta_angle * (1 / u.dt), u.dt, x.samples == 0),
+        }
+        for state in self.states:
+            for used, what, column in zip(
+                self.entering.get(state.name, ()), ("angle", "velocity"), self._entered(state, values, u), strict=False
+            ):
+                if used:
+                    name = f"stretch_{what}_{state.name}"
+                    found[name] = getattr(x, name) + ca.densify(moved.C_wb @ column)
+        event = ca.SX(stretch + u.dt / 2 > p.covariance_interval)
+        for aid in self.aids:
+            due = aid.due(p, x, u)
+            found |= {aid.due_row: due, aid.row("since"): getattr(x, aid.row("since")) + u.dt}
+            if aid.watch is not None:
+                found |= aid.watch(p, x, u, delta_angle, delta_velocity, change)
+            event = ca.logic_or(event, due if not aid.wakes else ca.logic_or(due, found[aid.wakes]))
+        return {**found, "covariance_due": select(event, 1.0, 0.0)}
+
+    def _entered(self, state: ErrorState, values: dict[str, Any], u: Any) -> tuple[Any, ...]:
+        """Derivatives (3 x k each) of the increments that enter the mechanization with respect to the error of a state."""
+        if state.increments is None:
+            return ()
+
+        def both(error: Any) -> Any:
+            changed = {**values, state.name: values[state.name] + error}
+            return ca.vertcat(*corrected_increments(self.states, changed, u))
+
+        _, by_error = linear(both, state.size)
+        return by_error[:3, :], by_error[3:, :]
+
+    def covariance(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
+        """Propagate the covariance and the estimated errors over the samples since the last time."""
+        A = ca.SX(self.n, self.n)
+        interval = Interval(x.stretch, x.stretch_velocity_w, None, x.omega_ie_w, x.omega_ew_w)
+        A[:NAVIGATION, :NAVIGATION] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
+        by_rotation, by_thrust = motion_errors.variances(p, x.stretch_angle, x.stretch_change_w)
+        noise = [
+            ca.SX.zeros(3),
+            ca.repmat(p.velocity_random_walk**2 * x.stretch + by_thrust, 3, 1),
+            ca.repmat(p.angle_random_walk**2 * x.stretch + by_rotation, 3, 1),
+        ]
+        found: dict[str, Any] = {}
+        for state in self.states:
+            place = self.places[state.name]
+            for used, part, what, sign in zip(
+                self.entering.get(state.name, ()), (TILT, VELOCITY), ("angle", "velocity"), (1, -1), strict=False
+            ):
+                if used:
+                    A[part, place] = sign * getattr(x, f"stretch_{what}_{state.name}")
+            if state.time:
+                kept = repeated(decay(x.stretch, getattr(p, state.time)), state.size)
+                A[place, place] = ca.diag(kept - 1)  # an interval may be longer than a correlation time
+                noise.append(driven_variance(repeated(getattr(p, state.sigma), state.size), kept))
+                found[state.name] = kept * getattr(x, state.name)
+            else:
+                noise.append(ca.SX.zeros(state.size))
+        return {
+            **found,
+            "covariance": propagate(x.covariance, A, ca.vertcat(*noise)),
+            "stretch": 0,
+            **{row.name: ca.SX.zeros(*(row.shape + (1,))[:2]) for row in self.state if row.name in _EMPTIED},
+            **{row.name: ca.SX.zeros(*row.shape) for row in self._sums()},
+        }
+
+    def used(self, aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
+        """The step of an aid: one measurement, with feedback."""
+
+        def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
+            done, reported = self.update(aid, p, x, u)
+            changed = corrected(x, done.correction, self.states, self.places)
+            return {**changed, "covariance": done.stored, **reported}
+
+        return step
+
+    def update(self, aid: Aid, p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
+        """One measurement of an aid, and its state rows."""
+        return update(aid, self.states, self.places, self.n, p, x, u)
+
+    def output(self, p: Any, x: Any) -> dict[str, Any]:
+        """Navigation in n, and standard deviations; psi stands for the misalignment (they differ by position error / R)."""
+        C_nw = strapdown.C_nw(x.q_ew)
+        P = symmetric.full(x.covariance, self.n)
+
+        def sigma(part: slice) -> Any:
+            return ca.sqrt(ca.diag(C_nw @ P[part, part] @ C_nw.T))
+
+        found = {
+            **strapdown.navigation_outputs(x),
+            "position_sigma": sigma(POSITION),
+            "velocity_sigma": sigma(VELOCITY),
+            "attitude_sigma": sigma(TILT),
+        }
+        for state in self.states:
+            place = self.places[state.name]
+            found[state.name] = getattr(x, state.name)
+            found[f"{state.name}_estimate_sigma"] = ca.sqrt(ca.diag(P[place, place]))
+        for aid in self.aids:
+            found |= aid.shown(x)
+        return found
+
+    def consistency_error(self, x: Values, outputs: Values, truth: Values) -> tuple[Any, Any]:
+        """Errors of position, velocity and psi, and their covariance (9x9)."""
+        offset, velocity, turn, _ = strapdown.navigation_error_w(x, truth)
+        P = symmetric.full(x.covariance, self.n)[:NAVIGATION, :NAVIGATION]
+        return ca.vertcat(offset, velocity, -turn), P
+
+    @cached_property
+    def model(self) -> Model:
+        """The filter as a model."""
+        between = {name: step for aid in self.aids for name, step in aid.steps.items()}
+        return Model(
+            id=self.id,
+            title=self.title,
+            parameters=self.parameters,
+            state=self.state,
+            inputs=self.inputs,
+            outputs=self.outputs,
+            steps={
+                "sample": Step(self.sample),
+                **between,
+                "covariance": Step(self.covariance, when="covariance_due"),
+                **{aid.id: Step(self.used(aid), when=aid.due_row) for aid in self.aids},
+            },
+            output=self.output,
+            start=self.start,
+        )
+
+
+_EMPTIED = ("stretch_angle", "stretch_change_w", "stretch_velocity_w")
+
+
+def _united(*tables: Table) -> Table:
+    """The rows of all tables in order; a row that comes again must be the same one."""
+    found: dict[str, Row] = {}
+    for row in (row for table in tables for row in table):
+        if found.setdefault(row.name, row) != row:
+            raise InputError(f"two different rows are named {row.name!r}: an error state or aid must name its rows after itself")
+    return Table(tuple(found.values()))

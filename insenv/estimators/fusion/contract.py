@@ -1,0 +1,190 @@
+"""What a fusion filter is made of: states of errors, and aids.
+
+An `ErrorState` is estimated beside the errors of position, velocity and attitude.  An `Aid` is a measurement: one function
+of the navigation state, "what this instrument should show minus what it shows".  Whoever adds one writes its equation; its
+derivatives come from differentiation (`insenv.estimators.fusion.retraction`), and gating, counting and smoothing are shared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from insenv.core.elementary import exp
+from insenv.core.model import Step
+from insenv.core.tables import Row, Table
+
+if TYPE_CHECKING:
+    from insenv.estimators.fusion.navigation import Navigation
+
+LARGEST = 1e12
+
+
+@dataclass(frozen=True)
+class ErrorState:
+    """Errors of one kind, k numbers.
+
+    value: the state row of the estimate: name, meaning, unit, shape (k,), frame.
+    sigma: name of the parameter row of the standard deviation at the start, () or (k,).
+    time: name of the parameter row of the correlation time (s) of a stationary first-order Gauss-Markov process; empty: the
+        errors are constant.
+    rows: the parameter rows that it needs, those two among them.
+    started: ``p -> (k)``, the estimate at the start.  None: 0.
+    started_sigma: ``p -> () or (k)``, its standard deviation, if it is not the row `sigma`.
+    increments: ``(value, delta_angle, delta_velocity, dt) -> (delta_angle, delta_velocity)``: takes the error out of measured
+        increments (rad, m/s, b).  None: it is none of the inertial unit.
+    """
+
+    value: Row
+    sigma: str
+    rows: Table
+    time: str = ""
+    started: Callable[[Any], Any] | None = None
+    started_sigma: Callable[[Any], Any] | None = None
+    increments: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of its state row."""
+        return self.value.name
+
+    @property
+    def size(self) -> int:
+        """k."""
+        return self.value.size
+
+    def start_sigma(self, p: Any) -> Any:
+        """Standard deviation at the start, () or (k)."""
+        return getattr(p, self.sigma) if self.started_sigma is None else self.started_sigma(p)
+
+
+@dataclass(frozen=True)
+class Aid:
+    """A measurement of m scalars.
+
+    id: short name, before the names of its rows.  title: what it is, for listings.
+    size: m.  what: the components, for the meaning of rows ("position, then velocity").
+    residual: ``(p, seen, u) -> (m)``: predicted minus measured, of the navigation state `seen` (`navigation.Navigation`).
+    variance: ``(p, x, u) -> (m)``: of the measurement noise.
+    due: ``(p, x, u) -> 0 or 1`` in a sample: whether it measures now.  x is the state before the sample.
+    sensors: ids of sensors that it needs; none for a constraint.
+    inputs, parameters, state: its rows.
+    present: ``u -> (m)``, 1 for the components that are there.  None: all are.
+    age: ``u -> s`` from its validity to the end of the sample.  None: 0.
+    gate: name of the parameter row of its innovation gate, in standard deviations.
+    correlated: ``(p, since) -> (m)``: variance to add because a part of the error is that of the measurement `since` seconds
+        before.  None: white.
+    patience: measurements refused in a row before the gate opens: a filter that refuses one after the other is itself wrong.
+    watch: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected increments
+        (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
+    after: ``(p, u) -> rows`` of its `state` after a measurement.
+    steps: further steps between the sample and the propagation of the covariance.
+    wakes: name of a row that `watch` gives: where it is 1 the covariance is propagated at this sample.
+    flag: state row by which its step runs, if a step of its own sets it; empty: one is made.
+    groups: the components that are counted apart; empty: all together.
+    renamed: names of rows of `reported` as outputs, if they are not ID_NAME, by NAME.
+    """
+
+    id: str
+    title: str
+    size: int
+    what: str
+    residual: Callable[[Any, Navigation, Any], Any]
+    variance: Callable[[Any, Any, Any], Any]
+    due: Callable[[Any, Any, Any], Any]
+    unit: str = "SI"
+    sensors: tuple[str, ...] = ()
+    inputs: Table = field(default_factory=Table)
+    parameters: Table = field(default_factory=Table)
+    state: Table = field(default_factory=Table)
+    present: Callable[[Any], Any] | None = None
+    age: Callable[[Any], Any] | None = None
+    gate: str = ""
+    correlated: Callable[[Any, Any], Any] | None = None
+    patience: int = 10
+    watch: Callable[..., Mapping[str, Any]] | None = None
+    after: Callable[[Any, Any], Mapping[str, Any]] | None = None
+    steps: Mapping[str, Step] = field(default_factory=dict)
+    wakes: str = ""
+    flag: str = ""
+    groups: tuple[slice, ...] = ()
+    renamed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def due_row(self) -> str:
+        """The state row by which its step runs."""
+        return self.flag or f"{self.id}_due"
+
+    @property
+    def parts(self) -> tuple[slice, ...]:
+        """The components that are counted apart."""
+        return self.groups or (slice(0, self.size),)
+
+    def row(self, name: str) -> str:
+        """The name of one of the rows that every aid has, such as ``"since"``."""
+        return f"{self.id}_{name}"
+
+    @property
+    def reported(self) -> Table:
+        """Output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
+        parts = (len(self.parts),)
+        return Table((
+            Row(self.row("innovation"), f"Innovation of the last measurement of {self.title}: {self.what}", self.unit, (self.size,)),
+            Row(self.row("test_ratio"), "Innovation over its standard deviation, in the same order", "1", (self.size,)),
+            Row(self.row("count"), f"Measurements of {self.title} so far", "1"),
+            Row(self.row("refused_count"), "Those of which the gate refused a component", "1"),
+            Row(self.row("nis_used"), "Sum of the squared test ratios of the components used", "1", parts),
+            Row(self.row("nis_used_count"), "Number of these components", "1", parts),
+            Row(self.row("nis_refused"), "Sum of the squared test ratios of the components refused", "1", parts),
+            Row(self.row("nis_refused_count"), "Number of these components", "1", parts),
+        ))  # fmt: skip
+
+    @property
+    def outputs(self) -> Table:
+        """Those of `reported` as outputs of the filter."""
+        return Table(tuple(replace(row, name=self._shown_name(row)) for row in self.reported))
+
+    def shown(self, x: Any) -> dict[str, Any]:
+        """The output rows, from the state."""
+        return {self._shown_name(row): getattr(x, row.name) for row in self.reported}
+
+    def _shown_name(self, row: Row) -> str:
+        return self.renamed.get(row.name.removeprefix(f"{self.id}_"), row.name)
+
+    @property
+    def kept(self) -> Table:
+        """State rows: those of `reported`, the ages and counts of the gate, and its own."""
+        flag = () if self.flag else (Row(self.due_row, f"1 when {self.title} measures at this sample"),)
+        return (
+            self.reported
+            + Table((
+                *flag,
+                Row(self.row("since"), "Time since its last measurement", "s", start=1e9),
+                Row(self.row("refusals"), "Measurements in a row with an innovation beyond the gate", "1"),
+            ))
+            + self.state
+        )  # fmt: skip
+
+
+def correlated_again(variance: Any, since: Any, time: Any) -> Any:
+    """Variance to add to a measurement whose error is a first-order Gauss-Markov process, `since` seconds after the last one.
+
+    Of a constant, such an error of variance s^2 leaves the information 1 / s^2 at the first measurement and
+    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
+    """
+    r = exp(-since / time)
+    return variance * (2 * r / (1 - r + 1e-12))
+
+
+def sigma_row(name: str, meaning: str, unit: str, size: int = 0, frame: str = "", start: float = 0.0) -> Row:
+    """A parameter row of standard deviations."""
+    return Row(name, meaning, unit, (size,) if size else (), frame, start, 0.0, LARGEST)
+
+
+def repeated(value: Any, size: int) -> Any:
+    """A number as `size` equal ones; a vector as it is."""
+    value = ca.SX(value)
+    return ca.repmat(value, size, 1) if value.numel() == 1 and size != 1 else value

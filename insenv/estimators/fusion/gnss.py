@@ -1,0 +1,97 @@
+"""GNSS: position and velocity of the antenna at the fix's own time; its lever arm, delay and slow error as states.
+
+The fix comes with its age (`insenv.estimators.parts.gnss_fix`): `Navigation.point` gives position and velocity of the
+antenna at that time.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.elementary import maximum
+from insenv.core.tables import Row, Table
+from insenv.estimators.fusion.contract import Aid, ErrorState, sigma_row
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.parts import gnss_fix, lever_arm, rows
+
+LEVER_ARM = ErrorState(
+    Row("gnss_lever_arm", "Estimated lever arm of the antenna", "m", (3,), "b"),
+    sigma="gnss_lever_arm_sigma",
+    rows=rows.LEVER_ARM
+    + Table((sigma_row("gnss_lever_arm_sigma", "Standard deviation of the antenna's lever arm", "m", 3, "b", 0.1),)),
+    started=lambda p: p.antenna_lever_arm,
+)
+DELAY = ErrorState(
+    Row("gnss_delay", "Estimated time by which fixes are older than they say", "s", (1,)),
+    sigma="gnss_delay_sigma",
+    rows=Table((sigma_row("gnss_delay_sigma", "Standard deviation of the delay of fixes", "s", start=0.02),)),
+)
+WANDER = ErrorState(
+    Row("gnss_wander", "Estimated slowly varying error of the fixes: measured minus true", "m", (3,), "n"),
+    sigma="fix_wander_sigma",
+    time="fix_wander_time",
+    rows=rows.FIX_WANDER,
+)
+STATES = (LEVER_ARM, DELAY, WANDER)
+
+
+def _residual(p: Any, seen: Navigation, u: Any) -> Any:
+    arm = seen.value(LEVER_ARM.name, p.antenna_lever_arm)
+    offset_w, velocity_w = seen.point(arm, u.gnss_age + seen.value(DELAY.name, 0.0))
+    shown = seen.C_nw @ offset_w + seen.value(WANDER.name, ca.SX.zeros(3))
+    return ca.vertcat(shown - seen.offset_n(u.gnss_latitude, u.gnss_longitude, u.gnss_height), seen.C_nw @ velocity_w - u.gnss_velocity_n)
+
+
+def _variance(p: Any, x: Any, u: Any) -> Any:
+    return ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
+
+
+def _white(p: Any, x: Any, u: Any) -> Any:
+    """Without the slow part, which the receiver's sigma contains; a tenth of the variance at least is white."""
+    position = u.gnss_position_sigma**2
+    return ca.vertcat(maximum(position - p.fix_wander_sigma**2, 0.1 * position), u.gnss_velocity_sigma**2)
+
+
+def _after(p: Any, u: Any) -> dict[str, Any]:
+    return lever_arm.lagged(u.gnss_age)
+
+
+def gnss(wander_estimated: bool) -> Aid:
+    """The aid; wander_estimated: whether the slow error of the fixes is a state, so that it is not noise too."""
+
+    def correlated(p: Any, since: Any) -> Any:
+        return ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
+
+    return Aid(
+        id="gnss",
+        title="GNSS",
+        size=6,
+        what="position, then velocity",
+        unit="m, m/s",
+        residual=_residual,
+        variance=_white if wander_estimated else _variance,
+        due=lambda p, x, u: u.gnss_valid,
+        sensors=("gnss",),
+        inputs=rows.FIX_INPUTS,
+        parameters=rows.LEVER_ARM
+        + rows.FIX_WANDER
+        + Table((
+            Row("innovation_gate", "Innovations of fixes beyond this many standard deviations are rejected; 0: none is",
+                start=5.0, lower=0, upper=1e12),
+        )),
+        present=gnss_fix.present,
+        age=lambda u: u.gnss_age,
+        gate="innovation_gate",
+        correlated=None if wander_estimated else correlated,
+        after=_after,
+        groups=(slice(0, 3), slice(3, 6)),
+        renamed={
+            "innovation": "innovation",
+            "test_ratio": "test_ratio",
+            "count": "fix_count",
+            "refused_count": "fix_refused_count",
+            **{name: name for name in ("nis_used", "nis_used_count", "nis_refused", "nis_refused_count")},
+        },
+    )  # fmt: skip

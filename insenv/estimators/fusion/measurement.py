@@ -1,0 +1,100 @@
+"""One measurement of an aid: component by component, gated, counted, with feedback left to the caller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.elementary import maximum, select
+from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.fusion.retraction import linear
+from insenv.estimators.parts.kalman import innovation_variance, measure
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """One scalar measurement as it was used.
+
+    stored: covariance triangle before it. H: row (1 x n). left: innovation minus what the scalars before it explained.
+    variance: of its noise. accept: 1 if it was used, 0 if not.
+    """
+
+    stored: Any
+    H: Any
+    left: Any
+    variance: Any
+    accept: Any
+
+
+@dataclass(frozen=True)
+class Update:
+    """Scalars in the order used, the estimated error (n), and the covariance triangle after them."""
+
+    scalars: tuple[Scalar, ...]
+    correction: Any
+    stored: Any
+
+
+def update(
+    aid: Aid, states: Sequence[ErrorState], places: Mapping[str, slice], n: int, p: Any, x: Any, u: Any
+) -> tuple[Update, dict[str, Any]]:
+    """One measurement of an aid and the state rows after it; p, x, u: parameters, state, inputs by name."""
+    innovation, by_error = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error), u), n)
+    H = -by_error
+    variance = aid.variance(p, x, u)
+    age = aid.age(u) if aid.age is not None else 0.0
+    since = maximum(getattr(x, aid.row("since")) - age, 0.0)  # between the epochs of the two measurements
+    inflated = variance if aid.correlated is None else variance + aid.correlated(p, since)
+    present = aid.present(u) if aid.present is not None else ca.SX.ones(aid.size)
+    gate = getattr(p, aid.gate) if aid.gate else 0.0
+
+    stored, correction = x.covariance, ca.SX.zeros(n)
+    refusals = getattr(x, aid.row("refusals"))
+    # a filter that rejects one measurement after the other is itself wrong: the gate stays open until they agree again
+    gated = select(refusals < aid.patience, 1.0, 0.0)
+    scalars, ratios, outside = [], [], ca.SX(0)
+    for i in range(aid.size):
+        left = innovation[i] - H[i, :] @ correction
+        ratio = present[i] * left / ca.sqrt(innovation_variance(stored, H[i, :], variance[i]))
+        beyond = select(ca.logic_and(gate > 0, ca.fabs(ratio) > gate), 1.0, 0.0)
+        accept = present[i] * (1 - gated * beyond)
+        scalars.append(Scalar(stored, H[i, :], left, inflated[i], accept))
+        stored, correction = measure(stored, correction, H[i, :], innovation[i], inflated[i], accept)
+        ratios.append(ratio)
+        outside = outside + beyond
+    accepted, test_ratio = ca.vertcat(*[scalar.accept for scalar in scalars]), ca.vertcat(*ratios)
+    reported = {
+        aid.row("innovation"): innovation * present,
+        aid.row("test_ratio"): test_ratio,
+        **_counted(aid, x, present, accepted, test_ratio),
+        aid.row("refusals"): select(outside > 0, refusals + 1, 0),
+        aid.row("since"): age,
+        **(aid.after(p, u) if aid.after is not None else {}),
+    }
+    return Update(tuple(scalars), correction, stored), reported
+
+
+def _counted(aid: Aid, x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:
+    """The rows of an aid that count, after a measurement.
+
+    present, accept (m each): 1 for a component that is there, and for one that was used.  ratio (m): innovations over their
+    standard deviations, 0 for a component that is not there.
+    """
+    square, refused = ratio * ratio, present - accept
+
+    def sums(name: str, values: Any) -> dict[str, Any]:
+        parts = ca.vertcat(*[ca.sum1(values[part]) for part in aid.parts])
+        return {aid.row(name): getattr(x, aid.row(name)) + parts}
+
+    return {
+        aid.row("count"): getattr(x, aid.row("count")) + 1,
+        aid.row("refused_count"): getattr(x, aid.row("refused_count")) + select(ca.sum1(refused) > 0, 1.0, 0.0),
+        **sums("nis_used", accept * square),
+        **sums("nis_used_count", accept),
+        **sums("nis_refused", refused * square),
+        **sums("nis_refused_count", refused),
+    }

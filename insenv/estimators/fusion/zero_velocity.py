@@ -1,0 +1,36 @@
+"""Zero velocity: the vehicle is known, or seen (`insenv.estimators.parts.standing`), to be at rest."""
+
+from __future__ import annotations
+
+
+import casadi as ca
+
+from insenv.core.elementary import select
+from insenv.core.model import Step
+from insenv.core.tables import Row, Table
+from insenv.estimators.fusion.contract import Aid
+from insenv.estimators.parts import rows, standing
+
+AID = Aid(
+    id="zero_velocity",
+    title="zero velocity",
+    size=3,
+    what="velocity",
+    unit="m/s",
+    residual=lambda p, seen, u: seen.velocity_w,
+    variance=lambda p, x, u: ca.repmat(p.standing_sigma**2, 3, 1),
+    due=lambda p, x, u: select(u.standing * (x.zero_velocity_since + u.dt * 1.5 > p.standing_interval), 1.0, 0.0),
+    inputs=rows.STANDING_INPUT,
+    parameters=standing.PARAMETERS
+    + Table((
+        Row("standing_interval", "Time between zero velocities of a vehicle known to be at rest", "s", start=0.2,
+            lower=0.0, upper=3600.0),
+    )),
+    state=standing.STATE,
+    watch=lambda p, x, u, delta_angle, delta_velocity, change_w: standing.watched(
+        p, x, delta_angle, delta_velocity, change_w, u.dt
+    ),
+    steps={"still": Step(standing.found, when="still_due")},
+    wakes="still_due",
+    flag="standing_now",
+)  # fmt: skip
