@@ -18,6 +18,7 @@ from pydantic_core import PydanticUndefined
 import insenv
 from insenv.core.tables import Row, Table
 from insenv.files.toml import sections_in
+from insenv.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
 from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
@@ -172,6 +173,13 @@ def rows_table(table: Table) -> str:
     return markdown(head, ([f"`{r.name}`", _shape(r), r.unit, r.frame, _start(r), r.meaning] for r in table))
 
 
+def instrument_tables(part: Literal["measurement", "told"]) -> str:
+    """The measurement rows of every instrument, or what an estimator is told of each."""
+    tables = [(f"{each.title} (`{id}`)", getattr(each, part)) for id, each in INSTRUMENTS.items()]
+    tables += [("GNSS receiver (`gnss`)", GNSS_TOLD)] if part == "told" else []
+    return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
+
+
 def imu_grades() -> str:
     """The IMU catalogue: each grade, its figures and the source of each."""
     return "\n".join(_imu_grade(grade) for grade in IMU_GRADES.values()).rstrip()
@@ -256,6 +264,10 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "gnss-state": lambda: rows_table(GNSS_STATE),
         "imu-grades": imu_grades,
         "gnss-grades": gnss_grades,
+    },
+    "docs/instruments.md": {
+        "measurements": lambda: instrument_tables("measurement"),
+        "told": lambda: instrument_tables("told"),
     },
 }
 """By page, its generated parts by name."""
