@@ -86,7 +86,7 @@ class Plan:
     def chosen(self) -> Estimator:
         """The estimator.  Raises `InputError` if this process does not know it."""
         try:
-            return estimators.get(self.estimator)
+            return self.plant.adapted(self.estimator, whole=False)
         except InputError as error:
             raise InputError(
                 f"{error}; a worker process knows installed estimators (entry-point group 'insenv.estimators'), but not those "
@@ -200,7 +200,7 @@ def make_plan(
         duration_s=seed_and_duration(scenario, first_seed, duration_s)[1],
         variations=tuple(sorted(variations, key=lambda v: v.key)),
     )
-    vars(plan)["chosen"] = estimator  # an object that need not be registered
+    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
     check_variations(plan.variations)
     plants = [plan.plant]
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too

@@ -28,6 +28,7 @@ from insenv.envs.setup import Setup
 from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.plant.feeding import bridge_lost
+from insenv.scenario import build
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,7 @@ def make(
     if navigates and not chosen.navigates:
         raise InputError(f"estimator {chosen.id!r} gives no velocity and position: this environment asks for them")
     scenario = setup.scenario
+    chosen = build(scenario).adapted(chosen, whole=False)
     chosen.check(scenario.drive(whole=False), {**scenario.tunings.get(chosen.id, {}), **(tuning or {})})
     kind = VectorAgent if isinstance(env.unwrapped, VectorEnv) else SingleAgent
     rows = env.unwrapped.num_envs if kind is VectorAgent else 1

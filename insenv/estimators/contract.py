@@ -115,14 +115,18 @@ class Drive:
 
     where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
     the vehicle stays where it is; None: unknown.  whole: whether the run can be gone through again from its end.
+    vehicle: its kind ("car", "ship", ...); empty: unknown.
     """
 
     where: str
     sensors: frozenset[str]
     in_place: bool | None = None
     whole: bool = True
+    vehicle: str = ""
 
 
+Choices = Mapping[str, tuple[str, ...]]
+"""Names by key, such as the states and the aids of a fusion filter."""
 Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]
 """Of parameters by row name and a duration (s): sentences about where an estimate may not be trusted."""
 Kind = Literal["alignment", "navigation"]
@@ -152,6 +156,10 @@ class Estimator:
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
         with its own tuning on top.
     read_file: parameter rows from the file that its tuning key `file` names.  None: it takes no file.
+    choices: keys of its section that take lists of names, and the names that are allowed.
+    settable: the parameter rows that its section may set.  None: those of the model.
+    adapt: ``(known, drive, names by those keys) -> Estimator`` of the same id: the one that runs there (`adapted`).  None: it
+        is the same everywhere.
     """
 
     model: Model
@@ -165,6 +173,9 @@ class Estimator:
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
     read_file: Callable[[str], Mapping[str, Any]] | None = None
+    choices: Choices = field(default_factory=dict, hash=False)
+    settable: Table | None = None
+    adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):
@@ -219,6 +230,13 @@ class Estimator:
         """Whether its outputs tell how well it fits its fixes: all rows of `insenv.estimators.parts.rows.FIX_HEALTH`."""
         return all(name in self.model.outputs for name in FIX_HEALTH.names)
 
+    def adapted(self, known: Knowledge, drive: Drive, choices: Choices | None = None) -> Estimator:
+        """The estimator that runs on `drive`: itself, or, of a family, the member with the names in `choices`.
+
+        Raises `InputError` if there is none.
+        """
+        return self if self.adapt is None else self.adapt(known, drive, choices or {})
+
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
         this = f"estimator {self.id!r}"
@@ -245,7 +263,11 @@ class Estimator:
     ) -> dict[str, Any]:
         """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
         tunings = tunings or {}
-        return {**self._from(known), **tunings.get(self.smooths, {}), **tunings.get(self.id, {}), **(rows or {})}
+        given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {}), **(rows or {})}
+        for name in given:
+            if name not in self.model.parameters:
+                raise InputError(f"estimator {self.id!r}: {name} is set, and this filter has none: it is of {self.title}")
+        return {**self._from(known), **given}
 
     def _from(self, known: Knowledge) -> Mapping[str, Any]:
         if self.prepare is not None:

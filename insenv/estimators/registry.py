@@ -23,6 +23,7 @@ MODULES = (
     "aqe",
     "lssvm",
     "smoother",
+    "fusion",
 )
 """The modules of this package that define an `ESTIMATOR` (or several, `ESTIMATORS`), in the order of listings."""
 

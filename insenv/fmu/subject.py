@@ -101,6 +101,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
     if interval != 1.0 / scenario.rate_hz:
         scenario = _at_rate(scenario, 1.0 / interval)
     plant = build(scenario)
+    estimator = plant.adapted(estimator)
     known = replace(plant.knowledge, sample_interval=interval)
     parameters = estimator.model.parameters.pack(estimator.parameters(known, plant.tunings, _set(estimator, left)))
     return Subject(
@@ -173,6 +174,7 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
             f"scenario {scenario.name!r} loses inertial samples: `insenv run` interpolates over the gap, which needs the next "
             "sample; an FMU does not have it"
         )
+    estimator = alone.plant.adapted(estimator, whole=False)
     rows = _set(estimator, {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant})
     started = alone.plant.parameters_of(estimator, rows, whole=False)
     model = loop_model(alone.model, estimator.model)

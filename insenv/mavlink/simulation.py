@@ -264,4 +264,4 @@ def _chosen(id: str | Estimator | None, plant: Plant) -> Estimator:
     scenario = plant.scenario
     if id is None and not scenario.estimators:
         raise InputError(f"scenario {scenario.name!r} names no estimator: choose one with -e ID (`insenv list` shows them)")
-    return estimators.get(id or scenario.estimators[0])
+    return plant.adapted(id or scenario.estimators[0], whole=False)

@@ -64,6 +64,7 @@ def ensemble(
     check_progress(progress)
     scenario, chosen = load(scenario), get_all(estimators)
     plants = tuple(build(scenario, seed=seed, duration_s=duration_s) for seed in seeds)
+    chosen = [plants[0].adapted(estimator, whole=False) for estimator in chosen]
     model, samples, interval = plants[0].model, plants[0].samples, plants[0].sample_interval
     every = recording_interval(samples, records)
     total = samples // every * every

@@ -24,7 +24,7 @@ from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of
 from insenv.scenario import tuning
-from insenv.scenario.tuning import Settings, setting_rows
+from insenv.scenario.tuning import choices_in, Settings, setting_rows
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,9 @@ def replay(
     tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
     for id, table in description.estimator.items():
         tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
-    _check(log, chosen, begin_s, tunings)
+    drive = _drive(log, begin_s)
+    for estimator in chosen:
+        estimator.check(drive, tunings.get(estimator.id))
 
     columns, dropped = sample_columns(log, slice(first, None))
     count = len(log.imu_time) - first
@@ -74,6 +76,10 @@ def replay(
     total = count // every * every
     chosen_settings = setting_rows(settings, chosen)
     starts = [initial_knowledge(log, e, start, first) for e in chosen]
+    chosen = [
+        e.adapted(s.knowledge, drive, {**choices_in(e, description.estimator.get(e.id, {})), **choices_in(e, _own(settings, e))})
+        for e, s in zip(chosen, starts, strict=True)
+    ]
     given = {
         e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
     }
@@ -124,8 +130,12 @@ def replay(
     )
 
 
-def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tunings: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise `InputError` for an estimator that cannot run on the log, or not on the way that the log shows."""
+def _own(settings: Settings | None, estimator: Estimator) -> Mapping[str, Any]:
+    return (settings or {}).get(estimator.id, {})
+
+
+def _drive(log: RecordedLog, begin_s: float) -> Drive:
+    """What estimators check of a log, on the way that it shows from `begin_s` on."""
     end_s = float(log.imu_time[-1])
     found = travel(log, begin_s, end_s)
     where = "the log"
@@ -133,9 +143,7 @@ def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tuning
         where = (
             f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
         )
-    drive = Drive(where, frozenset() if log.gnss is None else frozenset({"gnss"}), None if found is None else False)
-    for estimator in chosen:
-        estimator.check(drive, tunings.get(estimator.id))
+    return Drive(where, frozenset() if log.gnss is None else frozenset({"gnss"}), None if found is None else False)
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:

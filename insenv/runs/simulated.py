@@ -59,6 +59,7 @@ def run(
     plant = build(scenario, seed=seed, duration_s=duration_s)
     every = recording_interval(plant.samples)
     rows = setting_rows(settings, chosen)
+    chosen = [plant.adapted(estimator, settings) for estimator in chosen]
     started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
     runner = make_runner(plant.model, plant.parameters)
     followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]

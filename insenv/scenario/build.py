@@ -17,10 +17,11 @@ from insenv.core.model import Model
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
-from insenv.estimators import Estimator, Knowledge
+from insenv.estimators import Estimator, Knowledge, get
 from insenv.plant import plant_model
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.sensor_notes import motion_error, sensor_notes
+from insenv.scenario.tuning import Settings, choices_in
 from insenv.sensors import IMU, Sensor
 from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
@@ -64,6 +65,15 @@ class Plant:
     def tunings(self) -> dict[str, dict[str, Any]]:
         """Parameter rows (SI) that the scenario sets, by estimator id."""
         return self.scenario.tunings
+
+    def adapted(self, estimator: str | Estimator, settings: Settings | None = None, *, whole: bool = True) -> Estimator:
+        """The estimator that runs on this plant (`Estimator.adapted`), with the names that the scenario or `settings` give.
+
+        whole: as in `parameters_of`.  Raises `InputError` if there is none.
+        """
+        chosen = get(estimator)
+        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, (settings or {}).get(chosen.id, {}))}
+        return chosen.adapted(self.knowledge, self.scenario.drive(whole), choices)
 
     def parameters_of(
         self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, whole: bool = True

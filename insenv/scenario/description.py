@@ -8,11 +8,11 @@ from typing import Annotated, Any, Union
 
 from pydantic import Field, PrivateAttr, Strict, create_model, model_validator
 
-from insenv.estimators import Drive
+from insenv.estimators import Drive, Estimator, get
 from insenv.files.toml import Number, Parameter, Section, Vector3, key, summary
 from insenv.files.values import Sigmas, within
 from insenv.scenario.gravity_section import GravitySection
-from insenv.scenario.tuning import tuning
+from insenv.scenario.tuning import choices_in, tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.imu_section import FIGURES
@@ -89,10 +89,14 @@ class Scenario(Section):
         """Parameter rows (SI) by estimator id."""
         return {id: tuning(id, table) for id, table in self.estimator.items()}
 
+    def choices_of(self, estimator: str | Estimator) -> dict[str, tuple[str, ...]]:
+        """The lists of names in an estimator's section, by key."""
+        return choices_in(estimator, self.estimator.get(get(estimator).id, {}))
+
     def drive(self, whole: bool = True) -> Drive:
         """The conditions that estimators check.  whole: whether a smoother can run backward over the whole run."""
         where = f"scenario {self.name!r}" if self.name else "the scenario"
-        return Drive(where, frozenset(self.sensors), self.vehicle.in_place, whole)
+        return Drive(where, frozenset(self.sensors), self.vehicle.in_place, whole, self.vehicle.kind)
 
     @model_validator(mode="before")
     @classmethod

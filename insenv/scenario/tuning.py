@@ -90,16 +90,19 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     a file that cannot be read.
     """
     estimator = get(estimator)
-    parameters = estimator.model.parameters
+    parameters = estimator.model.parameters if estimator.settable is None else estimator.settable
     known = _keys(parameters)
     rows: dict[str, Any] = {}
+    choices_in(estimator, table)
     for key, value in table.items():
+        if key in estimator.choices:
+            continue
         where = f"estimator.{estimator.id!r}.{key}"
         if key == FILE and estimator.read_file is not None:
             rows |= _from_file(where, estimator.read_file, value)
             continue
         if key not in known:
-            allowed = [*known, *([FILE] if estimator.read_file is not None else [])]
+            allowed = [*known, *estimator.choices, *([FILE] if estimator.read_file is not None else [])]
             raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed))}")
         for row, convert in known[key]:
             if row.name in rows:
@@ -115,6 +118,25 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
                 ) from None
             rows[row.name] = number
     return rows
+
+
+def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """The lists of names in `table` by the keys `Estimator.choices`.  Raises `InputError` for another value or name."""
+    estimator = get(estimator)
+    found: dict[str, tuple[str, ...]] = {}
+    for key, allowed in estimator.choices.items():
+        if key not in table:
+            continue
+        where, names = f"estimator.{estimator.id!r}.{key}", table[key]
+        if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+            raise InputError(f"{where} = {shown(names)}: allowed is a list of names from {', '.join(allowed)}")
+        for name in names:
+            if name not in allowed:
+                raise InputError(f"{where}: unknown name {name!r}{nearest(name, allowed)}")
+            if list(names).count(name) > 1:
+                raise InputError(f"{where}: {name!r} is given twice")
+        found[key] = tuple(names)
+    return found
 
 
 def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any) -> Mapping[str, Any]:

@@ -72,10 +72,10 @@ class Aid:
     due: ``(p, x, u) -> 0 or 1`` in a sample: whether it measures now.  x is the state before the sample.
     sensors: ids of sensors that it needs; none for a constraint.
     inputs, parameters, state: its rows.
-    present: ``u -> (m)``, 1 for the components that are there.  None: all are.
+    present: ``(p, x, u) -> (m)``, 1 for the components that are there.  None: all are.
     age: ``u -> s`` from its validity to the end of the sample.  None: 0.
     gate: name of the parameter row of its innovation gate, in standard deviations.
-    correlated: ``(p, since) -> (m)``: variance to add because a part of the error is that of the measurement `since` seconds
+    correlated: ``(p, x, since) -> (m)``: variance to add because a part of the error is that of the measurement `since` seconds
         before.  None: white.
     patience: measurements refused in a row before the gate opens: a filter that refuses one after the other is itself wrong.
     watch: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected increments
@@ -100,10 +100,10 @@ class Aid:
     inputs: Table = field(default_factory=Table)
     parameters: Table = field(default_factory=Table)
     state: Table = field(default_factory=Table)
-    present: Callable[[Any], Any] | None = None
+    present: Callable[[Any, Any, Any], Any] | None = None
     age: Callable[[Any], Any] | None = None
     gate: str = ""
-    correlated: Callable[[Any, Any], Any] | None = None
+    correlated: Callable[[Any, Any, Any], Any] | None = None
     patience: int = 10
     watch: Callable[..., Mapping[str, Any]] | None = None
     after: Callable[[Any, Any], Mapping[str, Any]] | None = None
@@ -182,6 +182,31 @@ def correlated_again(variance: Any, since: Any, time: Any) -> Any:
 def sigma_row(name: str, meaning: str, unit: str, size: int = 0, frame: str = "", start: float = 0.0) -> Row:
     """A parameter row of standard deviations."""
     return Row(name, meaning, unit, (size,) if size else (), frame, start, 0.0, LARGEST)
+
+
+def constant(
+    name: str, meaning: str, unit: str, size: int, sigma: Row, frame: str = "", rows: Table | None = None, **more: Any
+) -> ErrorState:
+    """A constant error with the parameter row `sigma` of its standard deviation at the start."""
+    return ErrorState(
+        Row(name, f"Estimated {meaning}", unit, (size,), frame), sigma=sigma.name, rows=_with(sigma, rows), **more
+    )
+
+
+def drifting(name: str, meaning: str, unit: str, size: int, sigma: Row, time: Row, frame: str = "") -> ErrorState:
+    """A stationary first-order Gauss-Markov error with the parameter rows of its standard deviation and correlation time."""
+    value = Row(name, f"Estimated {meaning}", unit, (size,), frame)
+    return ErrorState(value, sigma=sigma.name, time=time.name, rows=Table((sigma, time)))
+
+
+def _with(row: Row, rows: Table | None) -> Table:
+    return Table((row,)) if rows is None else rows + Table((row,))
+
+
+def gate_row(id: str) -> Row:
+    """The parameter row of an aid's innovation gate."""
+    meaning = "Innovations beyond this many standard deviations are rejected; 0: none is"
+    return Row(f"{id}_gate", meaning, start=5.0, lower=0.0, upper=LARGEST)
 
 
 def repeated(value: Any, size: int) -> Any:

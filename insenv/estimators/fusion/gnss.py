@@ -6,27 +6,28 @@ antenna at that time.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 
 from insenv.core.elementary import maximum
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, ErrorState, sigma_row
+from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import gnss_fix, lever_arm, rows
+from insenv.instruments import TOLD
 
 LEVER_ARM = ErrorState(
     Row("gnss_lever_arm", "Estimated lever arm of the antenna", "m", (3,), "b"),
-    sigma="gnss_lever_arm_sigma",
-    rows=rows.LEVER_ARM
-    + Table((sigma_row("gnss_lever_arm_sigma", "Standard deviation of the antenna's lever arm", "m", 3, "b", 0.1),)),
+    sigma="antenna_lever_arm_sigma",
+    rows=rows.LEVER_ARM + Table((replace(TOLD["antenna_lever_arm_sigma"], start=0.1),)),
     started=lambda p: p.antenna_lever_arm,
 )
 DELAY = ErrorState(
     Row("gnss_delay", "Estimated time by which fixes are older than they say", "s", (1,)),
     sigma="gnss_delay_sigma",
-    rows=Table((sigma_row("gnss_delay_sigma", "Standard deviation of the delay of fixes", "s", start=0.02),)),
+    rows=Table((replace(TOLD["gnss_delay_sigma"], start=0.02),)),
 )
 WANDER = ErrorState(
     Row("gnss_wander", "Estimated slowly varying error of the fixes: measured minus true", "m", (3,), "n"),
@@ -54,44 +55,41 @@ def _white(p: Any, x: Any, u: Any) -> Any:
     return ca.vertcat(maximum(position - p.fix_wander_sigma**2, 0.1 * position), u.gnss_velocity_sigma**2)
 
 
-def _after(p: Any, u: Any) -> dict[str, Any]:
-    return lever_arm.lagged(u.gnss_age)
+def _correlated(p: Any, x: Any, since: Any) -> Any:
+    return ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
 
 
-def gnss(wander_estimated: bool) -> Aid:
-    """The aid; wander_estimated: whether the slow error of the fixes is a state, so that it is not noise too."""
-
-    def correlated(p: Any, since: Any) -> Any:
-        return ca.vertcat(gnss_fix.correlated_variance(p, since), ca.SX.zeros(3))
-
-    return Aid(
-        id="gnss",
-        title="GNSS",
-        size=6,
-        what="position, then velocity",
-        unit="m, m/s",
-        residual=_residual,
-        variance=_white if wander_estimated else _variance,
-        due=lambda p, x, u: u.gnss_valid,
-        sensors=("gnss",),
-        inputs=rows.FIX_INPUTS,
-        parameters=rows.LEVER_ARM
-        + rows.FIX_WANDER
-        + Table((
-            Row("innovation_gate", "Innovations of fixes beyond this many standard deviations are rejected; 0: none is",
-                start=5.0, lower=0, upper=1e12),
-        )),
-        present=gnss_fix.present,
-        age=lambda u: u.gnss_age,
-        gate="innovation_gate",
-        correlated=None if wander_estimated else correlated,
-        after=_after,
-        groups=(slice(0, 3), slice(3, 6)),
-        renamed={
-            "innovation": "innovation",
-            "test_ratio": "test_ratio",
-            "count": "fix_count",
-            "refused_count": "fix_refused_count",
-            **{name: name for name in ("nis_used", "nis_used_count", "nis_refused", "nis_refused_count")},
-        },
-    )  # fmt: skip
+WHITE = Aid(
+    id="gnss",
+    title="GNSS",
+    size=6,
+    what="position, then velocity",
+    unit="m, m/s",
+    residual=_residual,
+    variance=_variance,
+    due=lambda p, x, u: u.gnss_valid,
+    sensors=("gnss",),
+    inputs=rows.FIX_INPUTS,
+    parameters=rows.LEVER_ARM
+    + rows.FIX_WANDER
+    + Table((
+        Row("innovation_gate", "Innovations of fixes beyond this many standard deviations are rejected; 0: none is",
+            start=5.0, lower=0, upper=1e12),
+    )),
+    present=lambda p, x, u: gnss_fix.present(u),
+    age=lambda u: u.gnss_age,
+    gate="innovation_gate",
+    correlated=_correlated,
+    after=lambda p, u: lever_arm.lagged(u.gnss_age),
+    groups=(slice(0, 3), slice(3, 6)),
+    renamed={
+        "innovation": "innovation",
+        "test_ratio": "test_ratio",
+        "count": "fix_count",
+        "refused_count": "fix_refused_count",
+        **{name: name for name in ("nis_used", "nis_used_count", "nis_refused", "nis_refused_count")},
+    },
+)  # fmt: skip
+"""The aid of a filter that does not estimate the slow error of fixes: repeated fixes count less."""
+WANDER_ESTIMATED = replace(WHITE, variance=_white, correlated=None)
+"""The aid of a filter that does."""

@@ -14,8 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import ErrorState, sigma_row
+from insenv.estimators.fusion.contract import ErrorState, constant, sigma_row
 from insenv.estimators.parts import rows
 from insenv.estimators.parts.rest_bias import bias_sigma
 
@@ -23,7 +22,7 @@ COUPLINGS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Row and column of the couplings xy, xz, yx, yz, zx, zy."""
 
 
-def _coupled(matrix: Any, vector: Any) -> Any:
+def coupled(matrix: Any, vector: Any) -> Any:
     """M times a vector; matrix: the six couplings."""
     sums = [ca.SX(0)] * 3
     for value, (row, column) in zip(ca.vertsplit(matrix), COUPLINGS, strict=True):
@@ -50,27 +49,21 @@ ACCEL_BIAS = ErrorState(
 )
 
 
-def _fixed(name: str, meaning: str, unit: str, size: int, increments: Any, frame: str = "b") -> ErrorState:
-    """A constant error of the unit, of standard deviation NAME_sigma at the start."""
-    sigma = sigma_row(f"{name}_sigma", f"Standard deviation of the {meaning[0].lower()}{meaning[1:]}", unit)
-    return ErrorState(
-        Row(name, f"Estimated {meaning[0].lower()}{meaning[1:]}", unit, (size,), frame),
-        sigma=sigma.name,
-        rows=Table((sigma,)),
-        increments=increments,
-    )
+def _fixed(name: str, meaning: str, unit: str, size: int, increments: Any) -> ErrorState:
+    sigma = sigma_row(f"{name}_sigma", f"Standard deviation of the {meaning}", unit)
+    return constant(name, meaning, unit, size, sigma, "b", increments=increments)
 
 
 STATES = (
     GYRO_BIAS,
     ACCEL_BIAS,
-    _fixed("gyro_g_sensitivity", "Gyro g-sensitivity, each gyro along its own axis", "rad s/m", 3,
+    _fixed("gyro_g_sensitivity", "gyro g-sensitivity, each gyro along its own axis", "rad s/m", 3,
            lambda value, angle, velocity, dt: (angle - value * velocity, velocity)),
-    _fixed("gyro_scale", "Gyro scale factor", "1", 3, lambda value, angle, velocity, dt: (angle - value * angle, velocity)),
-    _fixed("gyro_misalignment", "Gyro misalignment: couplings xy, xz, yx, yz, zx, zy", "1", 6,
-           lambda value, angle, velocity, dt: (angle - _coupled(value, angle), velocity)),
-    _fixed("accel_scale", "Accelerometer scale factor", "1", 3,
+    _fixed("gyro_scale", "gyro scale factor", "1", 3, lambda value, angle, velocity, dt: (angle - value * angle, velocity)),
+    _fixed("gyro_misalignment", "gyro misalignment: couplings xy, xz, yx, yz, zx, zy", "1", 6,
+           lambda value, angle, velocity, dt: (angle - coupled(value, angle), velocity)),
+    _fixed("accel_scale", "accelerometer scale factor", "1", 3,
            lambda value, angle, velocity, dt: (angle, velocity - value * velocity)),
-    _fixed("accel_misalignment", "Accelerometer misalignment: couplings xy, xz, yx, yz, zx, zy", "1", 6,
-           lambda value, angle, velocity, dt: (angle, velocity - _coupled(value, velocity))),
+    _fixed("accel_misalignment", "accelerometer misalignment: couplings xy, xz, yx, yz, zx, zy", "1", 6,
+           lambda value, angle, velocity, dt: (angle, velocity - coupled(value, velocity))),
 )  # fmt: skip

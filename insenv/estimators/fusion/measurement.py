@@ -48,8 +48,8 @@ def update(
     variance = aid.variance(p, x, u)
     age = aid.age(u) if aid.age is not None else 0.0
     since = maximum(getattr(x, aid.row("since")) - age, 0.0)  # between the epochs of the two measurements
-    inflated = variance if aid.correlated is None else variance + aid.correlated(p, since)
-    present = aid.present(u) if aid.present is not None else ca.SX.ones(aid.size)
+    inflated = variance if aid.correlated is None else variance + aid.correlated(p, x, since)
+    present = aid.present(p, x, u) if aid.present is not None else ca.SX.ones(aid.size)
     gate = getattr(p, aid.gate) if aid.gate else 0.0
 
     stored, correction = x.covariance, ca.SX.zeros(n)

@@ -53,10 +53,12 @@ class Navigation:
         self.velocity_w = x.velocity_w - error[VELOCITY]
         self.offset_w = -error[POSITION]
         """Position relative to the estimated one, m."""
-        self.height = x.height + error[POSITION][2]
+        self.estimated_height = x.height
         delta_angle, delta_velocity = corrected_increments(states, self._values, u)
         estimates = {state.name: getattr(x, state.name) for state in states}
         used_angle, used_velocity = corrected_increments(states, estimates, u)
+        self.specific_force_b = delta_velocity / u.dt
+        """Specific force of the last sample, m/s^2."""
         # the acceleration of the last sample holds the estimated specific force: exchange it
         self.acceleration_w = x.acceleration_w + (self.C_wb @ delta_velocity - estimated @ used_velocity) / u.dt
         """Acceleration over the Earth in the last sample, m/s^2."""
@@ -80,7 +82,7 @@ class Navigation:
         own_latitude, own_longitude, _ = geodesy.geodetic_from_q_ew(self._x.q_ew)
         return geodesy.ned_offset(latitude, longitude, height, own_latitude, own_longitude, self._x.height)
 
-    def point(self, arm_b: Any, age: Any = 0.0) -> tuple[Any, Any]:
+    def point(self, arm_b: Any, age: Any) -> tuple[Any, Any]:
         """A point of the body `age` seconds ago: position relative to the estimated one (3, m, w) and velocity (3, m/s, w).
 
         arm_b: from the inertial unit to the point (3, m, b).
@@ -88,6 +90,11 @@ class Navigation:
         arm, swing = lever_arm.then(self.rate_b, self.angular_acceleration_b, arm_b, age)
         offset = self.offset_w - self.velocity_w * age + self.acceleration_w * (age**2 / 2) + self.C_wb @ arm
         return offset, self.velocity_w - self.acceleration_w * age + self.C_wb @ swing
+
+    def body_velocity(self, arm_b: Any, age: Any) -> Any:
+        """Velocity over the Earth of a point of the body `age` seconds ago (3, m/s, b then)."""
+        _, velocity_w = self.point(arm_b, age)
+        return self.axes(age).T @ velocity_w
 
     def axes(self, age: Any) -> Any:
         """C_wb (3x3) `age` seconds ago, to second order in the rotation since."""

@@ -1,0 +1,9 @@
+"""Fusion filters: navigation with any instruments, composed from error states and aids.
+
+`fusion` makes one from names or own parts; the estimator `fusion` chooses them by the unit, the instruments and the vehicle.
+"""
+
+from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.family import ESTIMATOR, fusion
+
+__all__ = ["ESTIMATOR", "Aid", "ErrorState", "fusion"]

@@ -1,0 +1,48 @@
+"""Doppler velocity log: velocity of the ship over the ground, or through water that flows, in the log's axes.
+
+    (1 + k) C(e)^T C_bw (v - current + omega x l)     k scale factor (speed of sound), e misalignment
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv.attitude import skew
+from insenv.core.tables import Table
+from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.instruments import DVL
+
+_TOLD = DVL.told
+SCALE = constant("dvl_scale", "scale factor of the Doppler velocity log", "1", 1, _TOLD["dvl_scale_factor_sigma"])
+MISALIGNMENT = constant("dvl_misalignment", "rotation of the log's axes", "rad", 3, _TOLD["dvl_misalignment_sigma"], "b")
+CURRENT = drifting("current", "current of the water: north, east", "m/s", 2, _TOLD["dvl_current_sigma"], _TOLD["dvl_current_time"], "n")
+STATES = (SCALE, MISALIGNMENT, CURRENT)
+
+
+def _residual(p: Any, seen: Navigation, u: Any) -> Any:
+    velocity = seen.body_velocity(p.dvl_lever_arm_b, u.dvl_age)
+    if seen.estimates(CURRENT.name):
+        current_n = ca.vertcat(seen.value(CURRENT.name), 0)
+        velocity = velocity - seen.axes(u.dvl_age).T @ (seen.C_nw.T @ current_n)
+    turned = velocity - skew(seen.value(MISALIGNMENT.name, ca.SX.zeros(3))) @ velocity
+    return (1 + seen.value(SCALE.name, 0.0)) * turned - u.dvl_velocity_b
+
+
+AID = Aid(
+    id="dvl",
+    title="the Doppler velocity log",
+    size=3,
+    what="velocity in b",
+    unit="m/s",
+    residual=_residual,
+    variance=lambda p, x, u: ca.repmat(p.dvl_noise**2, 3, 1),
+    due=lambda p, x, u: u.dvl_new,
+    sensors=("dvl",),
+    inputs=DVL.measurement,
+    parameters=Table((_TOLD["dvl_lever_arm_b"], _TOLD["dvl_noise"], gate_row("dvl"))),
+    age=lambda u: u.dvl_age,
+    gate="dvl_gate",
+)

@@ -1,0 +1,62 @@
+"""Magnetometer: the Earth's field in the body, with the vehicle's own iron as states.
+
+    (I + S) C_bn (m + G d + a) + h + drift
+
+m is the field at the reported start and G its gradient, as told; d the way from there; a the error of that field (crust,
+model, declination); h and S the hard and the soft iron of the vehicle, S diagonal (`magnetometer_soft_iron`) plus couplings.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.tables import Table
+from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row
+from insenv.estimators.fusion.inertial import coupled
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.instruments import MAGNETOMETER
+
+_TOLD = MAGNETOMETER.told
+HARD_IRON = constant("hard_iron", "hard iron: constant field of the vehicle", "T", 3, _TOLD["magnetometer_hard_iron_sigma"], "b")
+DRIFT = drifting(
+    "magnetometer_drift", "slowly varying field of the vehicle", "T", 3,
+    _TOLD["magnetometer_drift_sigma"], _TOLD["magnetometer_drift_time"], "b",
+)  # fmt: skip
+SOFT_IRON = constant("soft_iron", "diagonal of the soft-iron matrix", "1", 3, _TOLD["magnetometer_soft_iron_sigma"], "b")
+COUPLING = constant(
+    "soft_iron_coupling", "other elements of the soft-iron matrix: xy, xz, yx, yz, zx, zy", "1", 6,
+    _TOLD["magnetometer_coupling_sigma"], "b",
+)  # fmt: skip
+FIELD = constant("magnetic_field_error", "error of the reported field of the Earth", "T", 3, _TOLD["magnetic_field_sigma"], "n")
+STATES = (HARD_IRON, DRIFT, SOFT_IRON, COUPLING, FIELD)
+
+
+def _residual(p: Any, seen: Navigation, u: Any) -> Any:
+    way = -seen.offset_n(p.start_latitude, p.start_longitude, p.start_height)
+    field_n = p.magnetic_field_n + p.magnetic_field_gradient @ way + seen.value(FIELD.name, ca.SX.zeros(3))
+    field_b = seen.axes(u.magnetometer_age).T @ (seen.C_nw.T @ field_n)
+    shown = field_b + seen.value(SOFT_IRON.name, ca.SX.zeros(3)) * field_b
+    if seen.estimates(COUPLING.name):
+        shown = shown + coupled(seen.value(COUPLING.name), field_b)
+    return shown + seen.value(HARD_IRON.name, ca.SX.zeros(3)) + seen.value(DRIFT.name, ca.SX.zeros(3)) - u.magnetometer_field_b
+
+
+AID = Aid(
+    id="magnetometer",
+    title="the magnetometer",
+    size=3,
+    what="field in b",
+    unit="T",
+    residual=_residual,
+    variance=lambda p, x, u: ca.repmat(p.magnetometer_noise**2, 3, 1),
+    due=lambda p, x, u: u.magnetometer_new,
+    sensors=("magnetometer",),
+    inputs=MAGNETOMETER.measurement,
+    parameters=Table((
+        _TOLD["magnetic_field_n"], _TOLD["magnetic_field_gradient"], _TOLD["magnetometer_noise"], gate_row("magnetometer"),
+    )),
+    age=lambda u: u.magnetometer_age,
+    gate="magnetometer_gate",
+)  # fmt: skip

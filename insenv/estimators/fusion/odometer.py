@@ -1,0 +1,107 @@
+"""Odometer: forward speed of a wheel; and the non-holonomic constraint: wheels move neither sideways nor off the road.
+
+With the axes v of the wheels (forward, right, down), v_v = C(mounting)^T C_bw (v + omega x l),
+
+    odometer   (1 + k + s f_x) v_v,x     k scale factor, s slip per forward specific force
+    wheels     v_v,y = v_v,z = 0
+
+Tyres slip sideways in a turn by an angle that grows with the lateral acceleration, and the body pitches and heaves on its
+suspension: the constraint's sigma grows with speed.  Its errors last for seconds, so it is used twice a second, and less for
+each repetition.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude
+from insenv.attitude import skew
+from insenv.core.elementary import select
+from insenv.core.tables import Row, Table
+from insenv.estimators.fusion.contract import Aid, constant, correlated_again, gate_row, sigma_row
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.instruments import ODOMETER
+
+_TOLD = ODOMETER.told
+_AXES = Table((_TOLD["odometer_lever_arm_b"], _TOLD["odometer_mounting"]))
+
+SCALE = constant("odometer_scale", "scale factor of the odometer", "1", 1, _TOLD["odometer_scale_factor_sigma"])
+SLIP = constant("odometer_slip", "slip of the odometer per forward specific force", "s^2/m", 1, _TOLD["odometer_slip_sigma"])
+MOUNTING = constant(
+    "odometer_mounting_error", "rotation from the reported to the true axes of the wheels: pitch, yaw", "rad", 2,
+    _TOLD["odometer_mounting_sigma"], "b",
+)  # fmt: skip
+STATES = (SCALE, SLIP, MOUNTING)
+
+
+def _wheels(p: Any, seen: Navigation, age: Any) -> Any:
+    """Velocity of the wheels' point in the wheels' axes (3, m/s)."""
+    reported = attitude.to_dcm(attitude.from_rotation_vector(p.odometer_mounting))
+    velocity = reported.T @ seen.body_velocity(p.odometer_lever_arm_b, age)
+    error = seen.value(MOUNTING.name, ca.SX.zeros(2))
+    return velocity - skew(ca.vertcat(0, error)) @ velocity
+
+
+def _odometer(p: Any, seen: Navigation, u: Any) -> Any:
+    k, s = seen.value(SCALE.name, 0.0), seen.value(SLIP.name, 0.0)
+    forward = _wheels(p, seen, u.odometer_age)[0]
+    return (1 + k + s * seen.specific_force_b[0]) * forward - u.odometer_speed
+
+
+AID = Aid(
+    id="odometer",
+    title="the odometer",
+    size=1,
+    what="forward speed",
+    unit="m/s",
+    residual=_odometer,
+    variance=lambda p, x, u: p.odometer_noise**2,
+    due=lambda p, x, u: u.odometer_new,
+    sensors=("odometer",),
+    inputs=ODOMETER.measurement,
+    parameters=_AXES + Table((_TOLD["odometer_noise"], gate_row("odometer"))),
+    age=lambda u: u.odometer_age,
+    gate="odometer_gate",
+)
+
+STANDSTILL = 1.0
+"""m/s: below, wheels that slip are not told from wheels that stand."""
+
+
+def _due(p: Any, x: Any, u: Any) -> Any:
+    waited = x.non_holonomic_since + u.dt * 1.5 > p.non_holonomic_interval
+    return select(ca.logic_and(waited, ca.sumsqr(x.velocity_w) > STANDSTILL**2), 1.0, 0.0)
+
+
+def _variance(p: Any, x: Any, u: Any) -> Any:
+    """Sideways: own motion, and the slip angle of the lateral acceleration; up and down: the body's pitch and heave."""
+    speed2, lateral = ca.sumsqr(x.velocity_w), u.delta_velocity[1] / u.dt
+    return ca.vertcat(
+        p.non_holonomic_sigma**2 + speed2 * (p.non_holonomic_slip * lateral) ** 2,
+        p.non_holonomic_sigma**2 + speed2 * p.non_holonomic_pitch**2,
+    )
+
+
+NON_HOLONOMIC = Aid(
+    id="non_holonomic",
+    title="the wheels' constraint",
+    size=2,
+    what="sideways, downward",
+    unit="m/s",
+    residual=lambda p, seen, u: _wheels(p, seen, 0.0)[1:],
+    variance=_variance,
+    due=_due,
+    parameters=_AXES
+    + Table((
+        sigma_row("non_holonomic_sigma", "Motion of the body against the road, sideways and downward", "m/s", start=0.05),
+        sigma_row("non_holonomic_slip", "Slip angle of the wheels per lateral acceleration", "rad s^2/m", start=0.003),
+        sigma_row("non_holonomic_pitch", "Pitch of the body against the road", "rad", start=0.01),
+        Row("non_holonomic_interval", "Time between uses of the constraint", "s", start=0.5, lower=0.0, upper=3600.0),
+        Row("non_holonomic_time", "Correlation time of its error", "s", start=2.0, lower=1e-3, upper=1e9),
+        gate_row("non_holonomic"),
+    )),
+    gate="non_holonomic_gate",
+    correlated=lambda p, x, since: ca.repmat(correlated_again(p.non_holonomic_sigma**2, since, p.non_holonomic_time), 2, 1),
+)  # fmt: skip

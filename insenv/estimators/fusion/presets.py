@@ -1,0 +1,51 @@
+"""Which states and aids a filter has where nobody says: by the unit, the instruments and the vehicle.
+
+A state is worth its place if what it does exceeds a share of what the unit's white noise does in a minute: a scale factor or
+a misalignment in a manoeuvre (`insenv.estimators.parts.motion_errors`), an error of an instrument if it is told at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from insenv.estimators.contract import Drive, Knowledge
+from insenv.estimators.fusion.available import AIDS, OF_AID, STATES
+from insenv.estimators.parts.motion_errors import COHERENT_ANGLE, COHERENT_SPEED
+
+WORTH = 0.1
+MINUTE = 60.0
+FLOATING = ("ship", "multirotor")
+"""Kinds of vehicle that never stand still."""
+
+
+def aids_of(drive: Drive) -> tuple[str, ...]:
+    """The aids of a drive: those of its instruments, and what the vehicle itself tells."""
+    own = {"zero_velocity": drive.vehicle not in FLOATING, "non_holonomic": drive.vehicle == "car"}
+    return tuple(id for id, aid in AIDS.items() if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
+
+
+def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
+    """The states, beside the biases, of a filter with these aids."""
+    sheet, rows = known.sensors, known.rows
+    manoeuvre = {
+        "gyro": COHERENT_ANGLE / max(sheet.angle_random_walk * sqrt(MINUTE), 1e-12),
+        "accel": COHERENT_SPEED / max(sheet.velocity_random_walk * sqrt(MINUTE), 1e-12),
+    }
+    found = []
+    for triad, effect in manoeuvre.items():
+        if drive.in_place:
+            continue
+        found += [
+            f"{triad}_{error}" for error in ("scale", "misalignment") if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
+        ]
+    for aid in aids:
+        found += [state.name for state in OF_AID.get(aid, ()) if _told(rows, STATES[state.name].sigma)]
+    return tuple(dict.fromkeys(found))
+
+
+def _told(rows: dict[str, Any], sigma: str) -> bool:
+    return bool(np.any(np.asarray(rows.get(sigma, 0.0)) > 0.0))
