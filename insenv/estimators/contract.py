@@ -18,6 +18,7 @@ from insenv.core.model import Model, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
+from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.instruments import TOLD
 from insenv.plugins import check_id
@@ -155,6 +156,7 @@ class Estimator:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
         with its own tuning on top.
+    smoothing: the two passes of such an estimator.
     read_file: parameter rows from the file that its tuning key `file` names.  None: it takes no file.
     choices: keys of its section that take lists of names, and the names that are allowed.
     settable: the parameter rows that its section may set.  None: those of the model.
@@ -172,6 +174,7 @@ class Estimator:
     applicability: Notes | None = None
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
+    smoothing: Smoothing | None = None
     read_file: Callable[[str], Mapping[str, Any]] | None = None
     choices: Choices = field(default_factory=dict, hash=False)
     settable: Table | None = None

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from insenv import attitude, estimators, geodesy
+from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.errors import InputError

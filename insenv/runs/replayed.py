@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of
 from insenv.scenario import tuning
-from insenv.scenario.tuning import choices_in, Settings, setting_rows
+from insenv.scenario.tuning import Settings, choices_in, own_settings, setting_rows
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def replay(
     chosen_settings = setting_rows(settings, chosen)
     starts = [initial_knowledge(log, e, start, first) for e in chosen]
     chosen = [
-        e.adapted(s.knowledge, drive, {**choices_in(e, description.estimator.get(e.id, {})), **choices_in(e, _own(settings, e))})
+        e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
         for e, s in zip(chosen, starts, strict=True)
     ]
     given = {
@@ -128,10 +128,6 @@ def replay(
         notes=tuple(notes),
         published=tuple((p.name, dict(p.rms)) for p in evaluation.published),
     )
-
-
-def _own(settings: Settings | None, estimator: Estimator) -> Mapping[str, Any]:
-    return (settings or {}).get(estimator.id, {})
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:

@@ -1,9 +1,10 @@
-"""Fixed-interval smoothing of a `loosely-coupled` run: one forward pass with a record, one backward pass."""
+"""Fixed-interval smoothing of a filter's run: one forward pass with a record, one backward pass."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,70 +15,74 @@ from numpy.typing import NDArray
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
-from insenv.core.tables import Vector
+from insenv.core.tables import Table, Vector
 from insenv.errors import InsenvError
-from insenv.estimators import Estimator, loosely_coupled, smoother
+from insenv.estimators import Estimator, smoother
 from insenv.estimators.parts import rows, strapdown
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY, N
+from insenv.estimators.parts.adjoint import Smoothing
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.plant.feeding import input_rows
 from insenv.runs.follower import Follower
 from insenv.runs.smoother_record import Record
 
 Array = NDArray[np.float64]
 
-_HEALTH = np.concatenate(
-    [np.arange(smoother.MODEL.outputs.size)[smoother.MODEL.outputs.slice(n)] for n in rows.FIX_HEALTH.names]
-)
-"""Columns of the rows of health in the outputs of the forward pass."""
 BLOCK = 2000  # samples filtered at a time: 7 MB
 
 
 class Smoother:
-    """A run of the filter that can be smoothed: `take` samples, then `smoothed`.
+    """A run of a filter that can be smoothed: `take` samples, then `smoothed`.
 
-    parameters: of `loosely-coupled`, by row name. backend: as for `make_runner`.
+    parameters: of the filter, by row name.  smoothing: its two passes.  backend: as for `make_runner`.
     """
 
-    def __init__(self, parameters: Mapping[str, Any] | Vector | None = None, backend: str | None = None) -> None:
-        self.forward = make_runner(smoother.MODEL, parameters, backend)
-        table = smoother.MODEL.parameters
-        shared = {name: self.forward.p[table.slice(name)][0] for name in smoother.BACKWARD.parameters.names}
-        self._backward = make_runner(smoother.BACKWARD, shared, backend)
-        self.record = Record()
+    def __init__(
+        self,
+        parameters: Mapping[str, Any] | Vector | None = None,
+        smoothing: Smoothing = smoother.SMOOTHING,
+        backend: str | None = None,
+    ) -> None:
+        self.smoothing = smoothing
+        self.forward = make_runner(smoothing.forward, parameters, backend)
+        table, going_back = smoothing.forward.parameters, smoothing.backward.parameters
+        shared = {row.name: self.forward.p[table.slice(row.name)].reshape(row.shape) for row in going_back}
+        self._backward = make_runner(smoothing.backward, shared, backend)
+        self.record = Record(smoothing)
+        self._health_columns = _columns(smoothing.forward.outputs, [row.name for row in smoothing.reported])
         self._health: list[Array] = []
 
     def take(self, columns: Mapping[str, Array], wanted: Array) -> None:
         """Filter samples. Raises `InsenvError` when the filter's estimate is no longer finite.
 
-        columns: inputs of `loosely-coupled`, (samples, ...) by name. wanted (samples, bool): which samples to smooth.
+        columns: inputs of the filter, (samples, ...) by name. wanted (samples, bool): which samples to smooth.
         """
-        inputs = input_rows(smoother.MODEL, {**columns, "smoothed": wanted.astype(np.float64)}, len(wanted))
+        inputs = input_rows(self.forward.model, {**columns, "smoothed": wanted.astype(np.float64)}, len(wanted))
         for begin in range(0, len(wanted), BLOCK):
             part = slice(begin, begin + BLOCK)
             outputs = self.forward.run(len(inputs[part]), inputs[part])
             if not np.isfinite(outputs[-1]).all():
                 raise InsenvError("the filter under the smoother diverged: its outputs are no longer finite numbers")
             self.record.add(outputs, wanted[part])
-            self._health.append(outputs[wanted[part]][:, _HEALTH])
+            self._health.append(outputs[wanted[part]][:, self._health_columns])
 
     def smoothed(self) -> dict[str, Array]:
         """The smoothed run so far at the wanted samples: rows of `smoother_outputs`, time along the first axis."""
         corrections, covariances, nominal = self.error_states()
-        return smoother_outputs(nominal, corrections, covariances)
+        return smoother_outputs(self.smoothing, nominal, corrections, covariances)
 
     def health_rows(self) -> dict[str, Array]:
-        """Rows of `rows.FIX_HEALTH` of the filter at the wanted samples, time along the first axis."""
-        return rows.FIX_HEALTH.unpack(np.concatenate(self._health))
+        """The filter's rows of health at the wanted samples, time along the first axis."""
+        return self.smoothing.reported.unpack(np.concatenate(self._health))
 
     def error_states(self) -> tuple[Array, Array, Array]:
-        """Smoothed error states (n, 15), their covariances (n, 15, 15), and the filter's states (n, NOMINAL.size)."""
+        """Smoothed error states (m, n), their covariances (m, n, n), and the filter's states (m, nominal.size)."""
         found: list[tuple[Array, Array, Array]] = []
         self._backward.start()
         for inputs, instants, nominal in self.record.backward():
             # the state before the pass goes back into an instant holds the measurements after it
             states = np.concatenate([self._backward.output()[None], self._backward.run(len(inputs), inputs[::-1])])[-2::-1]
-            later = smoother.BACKWARD_STATE.unpack(states[instants])
-            found.append((*_smoothed_errors(nominal, later["adjoint"], later["information"]), nominal))
+            later = self.smoothing.backward.state.unpack(states[instants])
+            found.append((*_smoothed_errors(self.smoothing, nominal, later["adjoint"], later["information"]), nominal))
         found.reverse()
         corrections, covariances, nominals = (np.concatenate(part) for part in zip(*found, strict=True))
         return corrections, covariances, nominals
@@ -91,7 +96,8 @@ class SmoothingFollower(Follower):
     @classmethod
     def started(cls, estimator: Estimator, parameters: Mapping[str, Any], every: int) -> SmoothingFollower:
         """The smoother started with `parameters` (SI, by row name); outputs every `every` samples."""
-        smoother = Smoother(parameters)
+        assert estimator.smoothing is not None
+        smoother = Smoother(parameters, estimator.smoothing)
         follower = cls(estimator, smoother.forward, every)
         follower.smoother = smoother
         return follower
@@ -117,42 +123,54 @@ def smooth(
 
     Rows by name as `smoother_outputs` gives them, time along the first axis.
     """
-    run = Smoother(parameters, backend)
+    run = Smoother(parameters, backend=backend)
     run.take(columns, (np.arange(len(columns["dt"])) + 1) % every == 0)
     return run.smoothed()
 
 
-def smoother_outputs(nominal: Array, corrections: Array, covariances: Array) -> dict[str, Array]:
-    """Navigation and its standard deviations from the filter's states (n, NOMINAL.size) and smoothed error states.
+def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, covariances: Array) -> dict[str, Array]:
+    """Navigation and its standard deviations from the filter's states (m, nominal.size) and smoothed error states.
 
-    Rows by name: q_nb, velocity_n, latitude, longitude, height, gyro_bias, accel_bias, position_sigma, velocity_sigma
+    Rows by name: q_nb, velocity_n, latitude, longitude, height, the estimated errors, position_sigma, velocity_sigma
     (n), attitude_sigma (rad about n).
     """
-    values = smoother.NOMINAL.unpack(nominal)
-    states = [values[name] for name in _NAVIGATION]
-    *shown, C_nw = _corrected_outputs(*states, corrections)
-    named = dict(zip((*rows.NAVIGATION.names, "gyro_bias", "accel_bias"), shown, strict=True))
+    values = smoothing.nominal.unpack(nominal)
+    states = [values[name] for name in _state_names(smoothing)]
+    *shown, C_nw = _corrected_outputs(smoothing)(*states, corrections)
+    named = dict(zip((*rows.NAVIGATION.names, *smoothing.estimates), shown, strict=True))
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
         named[name] = np.sqrt(np.einsum("nij,njk,nik->ni", C_nw, covariances[:, part, part], C_nw))
     return named
 
 
-def _smoothed_errors(nominal: Array, adjoint: Array, information: Array) -> tuple[Array, Array]:
-    P = symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], N)
-    L = symmetric.full_array(information, N)
+def _smoothed_errors(smoothing: Smoothing, nominal: Array, adjoint: Array, information: Array) -> tuple[Array, Array]:
+    P = symmetric.full_array(smoothing.nominal.unpack(nominal)["covariance"], smoothing.n)
+    L = symmetric.full_array(information, smoothing.n)
     return np.einsum("nij,nj->ni", P, adjoint), P - P @ L @ P
 
 
-_NAVIGATION = tuple(name for name in smoother.NOMINAL.names if name != "covariance")
+def _state_names(smoothing: Smoothing) -> tuple[str, ...]:
+    return tuple(name for name in smoothing.nominal.names if name != "covariance")
 
 
-def _corrected(*arguments: Any) -> tuple[Any, ...]:
-    *states, correction = arguments
-    x = SimpleNamespace(**dict(zip(_NAVIGATION, states, strict=True)))
-    changed = SimpleNamespace(**loosely_coupled.corrected(x, correction))
-    outputs = strapdown.navigation_outputs(changed)
-    shown = [outputs[name] for name in rows.NAVIGATION.names]
-    return (*shown, changed.gyro_bias, changed.accel_bias, ca.SX(strapdown.C_nw(changed.q_ew)))
+@lru_cache(maxsize=8)
+def _corrected_outputs(smoothing: Smoothing) -> Callable[..., tuple[Array, ...]]:
+    """Outputs by the names of `smoother_outputs`, and C_nw, of many states and error states at once."""
+    names = _state_names(smoothing)
+
+    def outputs_of(*arguments: Any) -> tuple[Any, ...]:
+        *states, correction = arguments
+        x = SimpleNamespace(**dict(zip(names, states, strict=True)))
+        changed = SimpleNamespace(**smoothing.corrected(x, correction))
+        outputs = strapdown.navigation_outputs(changed)
+        shown = [outputs[name] for name in rows.NAVIGATION.names]
+        estimates = [getattr(changed, name) for name in smoothing.estimates]
+        return (*shown, *estimates, ca.SX(strapdown.C_nw(changed.q_ew)))
+
+    return vectorized(outputs_of, *[smoothing.nominal[name].shape for name in names], smoothing.n)
 
 
-_corrected_outputs = vectorized(_corrected, *[smoother.NOMINAL[name].shape for name in _NAVIGATION], N)
+def _columns(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
+    """Places of rows in the flat vector of a table."""
+    places = np.arange(table.size)
+    return np.concatenate([places[table.slice(name)] for name in names] or [np.zeros(0, dtype=np.int64)])

@@ -8,36 +8,36 @@ from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.tables import Table
-from insenv.estimators import smoother
+from insenv.estimators.parts.adjoint import Smoothing, used_row
 
 Array = NDArray[np.float64]
 
 MEMORY = 64 * 2**20  # bytes before the file is used
-_OUTPUTS = smoother.MODEL.outputs
 
 
 class Record:
-    """Blocks of recorded instants, written forward and read backward."""
+    """Blocks of recorded instants of a smoother's forward pass, written forward and read backward."""
 
-    def __init__(self) -> None:
+    def __init__(self, smoothing: Smoothing) -> None:
+        self._smoothing = smoothing
         self._file = tempfile.SpooledTemporaryFile(max_size=MEMORY)  # noqa: SIM115 (it lives as long as the record)
         weakref.finalize(self, self._file.close)
         self._blocks: list[list[tuple[int, int]]] = []
 
     def add(self, outputs: Array, wanted: Array) -> None:
         """Add outputs of the forward pass (one row per sample); `wanted` (bool): the samples to be smoothed."""
-        due, fix, rest = (outputs[:, _OUTPUTS.slice(name)][:, 0] != 0 for name in smoother.EVENTS.names)
+        own = self._smoothing
+        due, *used = (self._rows(outputs, Table((row,)))[:, 0] != 0 for row in own.events)
         parts = (
-            np.column_stack([_rows(outputs[due], smoother.EVENTS + smoother.INTERVAL), wanted[due]]),
-            _rows(outputs[fix], smoother.FIX),
-            _rows(outputs[rest], smoother.REST),
-            _rows(outputs[wanted], smoother.NOMINAL),
+            np.column_stack([self._rows(outputs[due], own.events + own.interval), wanted[due]]),
+            *(self._rows(outputs[flag], group.rows) for flag, group in zip(used, own.groups, strict=True)),
+            self._rows(outputs[wanted], own.nominal),
         )
         self._blocks.append([(len(part), part.shape[1]) for part in parts])
         for part in parts:
@@ -53,52 +53,55 @@ class Record:
 
         Yields the input rows of the backward pass (rows, its inputs.size), the index of the row with which the pass
         goes back into each instant that is to be smoothed, and the filter's states at those instants (instants,
-        NOMINAL.size).
+        nominal.size).
         """
         end = self.size
         for shapes in reversed(self._blocks):
             begin = end - 8 * sum(rows * columns for rows, columns in shapes)
             self._file.seek(begin)
             parts = [np.frombuffer(self._file.read(8 * rows * columns)).reshape(rows, columns) for rows, columns in shapes]
-            rows, last = _instants(*parts[:3])
-            yield rows, last[parts[0][:, -1] != 0], parts[3]
+            events, *groups, nominal = parts
+            rows, last = self._instants(events, groups)
+            yield rows, last[events[:, -1] != 0], nominal
             end = begin
         self._file.seek(self.size)
 
+    def _instants(self, events: Array, groups: Sequence[Array]) -> tuple[Array, NDArray[np.intp]]:
+        """Input rows of the backward pass in order of time, and the last row of each instant.
 
-def _instants(events: Array, fixes: Array, rests: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Input rows of the backward pass in order of time, and the last row of each instant.
+        An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first
+        row.
+        """
+        own = self._smoothing
+        flags = [events[:, 1 + k] != 0 for k in range(len(own.groups))]
+        scalars = [_scalars(group.rows, rows) for group, rows in zip(own.groups, groups, strict=True)]
+        count = np.zeros(len(events), dtype=np.int64)
+        before = []
+        for flag, group in zip(flags, own.groups, strict=True):
+            before.append(count.copy())
+            count += flag * group.count
+        length = np.maximum(count, 1)
+        first = np.cumsum(length) - length
 
-    An instant has one row for each scalar measurement, or one if it has none; the transition to it belongs to the first
-    row.
-    """
-    with_fix, with_rest = (events[:, smoother.EVENTS.slice(name).start] != 0 for name in ("fix_used", "standing_now"))
-    of_fix, of_rest = _scalars(smoother.FIX, fixes), _scalars(smoother.REST, rests)
-    count = with_fix * of_fix.shape[1] + with_rest * of_rest.shape[1]
-    length = np.maximum(count, 1)
-    first = np.cumsum(length) - length
+        inputs = own.backward.inputs
+        rows = np.zeros((length.sum(), inputs.size))
+        rows[first, inputs.slice("carried").start] = 1
+        interval = events[:, own.events.size : own.events.size + own.interval.size]
+        rows[:, inputs.slice("carried").stop :] = np.repeat(interval, length, axis=0)
+        scalar = slice(inputs.slice("H").start, inputs.slice("left").stop)
+        for k, (flag, earlier, values) in enumerate(zip(flags, before, scalars, strict=True)):
+            places = (first + earlier)[flag][:, None] + np.arange(values.shape[1])
+            rows[places, scalar] = values
+            rows[places, inputs.slice(used_row(k)).start] = 1
+        return rows, first + length - 1
 
-    inputs = smoother.BACKWARD_INPUTS
-    rows = np.zeros((length.sum(), inputs.size))
-    rows[:, inputs.slice("scalar_used").start] = np.repeat(count > 0, length)
-    rows[first, inputs.slice("carried").start] = 1
-    interval = events[:, smoother.EVENTS.size : smoother.EVENTS.size + smoother.INTERVAL.size]
-    rows[:, inputs.slice("carried").stop :] = np.repeat(interval, length, axis=0)
-    scalar = slice(inputs.slice("H").start, inputs.slice("left").stop)
-    for begin, scalars in (
-        (first[with_fix], of_fix),
-        ((first + with_fix * of_fix.shape[1])[with_rest], of_rest),
-    ):
-        rows[begin[:, None] + np.arange(scalars.shape[1]), scalar] = scalars
-    return rows, first + length - 1
+    def _rows(self, outputs: Array, table: Table) -> Array:
+        """The columns of the outputs of the forward pass that `table` names, in its order."""
+        shown = self._smoothing.forward.outputs
+        return np.concatenate([outputs[:, shown.slice(name)] for name in table.names], axis=1)
 
 
 def _scalars(table: Table, rows: Array) -> Array:
-    """Rows of `FIX` or `REST` as (instants, scalars, 32): H, gain, weight and left of each scalar measurement."""
+    """Rows of a group as (instants, scalars, 2 n + 2): H, gain, weight and left of each scalar measurement."""
     H, gain, weight, left = table.unpack(rows).values()
     return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1)
-
-
-def _rows(outputs: Array, table: Table) -> Array:
-    """The columns of the outputs of the forward pass that `table` names, in its order."""
-    return np.concatenate([outputs[:, _OUTPUTS.slice(name)] for name in table.names], axis=1)

@@ -21,7 +21,7 @@ from insenv.estimators import Estimator, Knowledge, get
 from insenv.plant import plant_model
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.sensor_notes import motion_error, sensor_notes
-from insenv.scenario.tuning import Settings, choices_in
+from insenv.scenario.tuning import Settings, choices_in, own_settings
 from insenv.sensors import IMU, Sensor
 from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
@@ -72,7 +72,7 @@ class Plant:
         whole: as in `parameters_of`.  Raises `InputError` if there is none.
         """
         chosen = get(estimator)
-        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, (settings or {}).get(chosen.id, {}))}
+        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, own_settings(chosen, settings))}
         return chosen.adapted(self.knowledge, self.scenario.drive(whole), choices)
 
     def parameters_of(

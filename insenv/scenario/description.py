@@ -91,7 +91,9 @@ class Scenario(Section):
 
     def choices_of(self, estimator: str | Estimator) -> dict[str, tuple[str, ...]]:
         """The lists of names in an estimator's section, by key."""
-        return choices_in(estimator, self.estimator.get(get(estimator).id, {}))
+        chosen = get(estimator)
+        tables = [self.estimator.get(id, {}) for id in (chosen.smooths, chosen.id)]
+        return {key: names for table in tables for key, names in choices_in(chosen, table).items()}
 
     def drive(self, whole: bool = True) -> Drive:
         """The conditions that estimators check.  whole: whether a smoother can run backward over the whole run."""

@@ -120,6 +120,12 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     return rows
 
 
+def own_settings(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:
+    """The settings of an estimator, over those of the filter under it."""
+    given = settings or {}
+    return {**given.get(estimator.smooths, {}), **given.get(estimator.id, {})}
+
+
 def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     """The lists of names in `table` by the keys `Estimator.choices`.  Raises `InputError` for another value or name."""
     estimator = get(estimator)

@@ -143,10 +143,10 @@ def kept_pass(kept, p):
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
         covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
-        first = np.flatnonzero(block[:, smoother.BACKWARD_INPUTS.slice("carried").start])
+        first = np.flatnonzero(block[:, smoother.BACKWARD.inputs.slice("carried").start])
         assert len(instants) == len(first)
         for begin, last in zip(first, instants, strict=True):
-            rows = smoother.BACKWARD_INPUTS.unpack(block[begin : last + 1])
+            rows = smoother.BACKWARD.inputs.unpack(block[begin : last + 1])
             given = function(block[begin, -smoother.INTERVAL.size :]).full()
             Phi = np.eye(15)
             for i in range(15):  # row after row, as kalman.propagate applies them
@@ -157,7 +157,7 @@ def kept_pass(kept, p):
             transition.append(Phi)
             duration = rows["last_stretch"][0]
             noise.append(np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)]))
-            used = rows["scalar_used"] == 1
+            used = (rows["scalar_0_used"] == 1) | (rows["scalar_1_used"] == 1)
             scalars.append(Scalars(*(rows[name][used] for name in ("H", "gain", "weight", "left"))))
     return Pass(np.array(transition), np.array(noise), np.array(covariance), scalars)
 

@@ -4,6 +4,6 @@
 """
 
 from insenv.estimators.fusion.contract import Aid, ErrorState
-from insenv.estimators.fusion.family import ESTIMATOR, fusion
+from insenv.estimators.fusion.family import ESTIMATORS, fusion
 
-__all__ = ["ESTIMATOR", "Aid", "ErrorState", "fusion"]
+__all__ = ["ESTIMATORS", "Aid", "ErrorState", "fusion"]

@@ -17,7 +17,8 @@ STATES: Mapping[str, ErrorState] = {
 AIDS: Mapping[str, Aid] = {
     aid.id: aid
     for aid in (
-        gnss.WHITE, odometer.AID, odometer.NON_HOLONOMIC, barometer.AID, magnetometer.AID, dvl.AID, heading.AID, zero_velocity.AID,
+        gnss.WHITE, odometer.AID, odometer.NON_HOLONOMIC, barometer.AID, magnetometer.AID, dvl.AID, heading.AID,
+        zero_velocity.AID,
     )
 }  # fmt: skip
 """In the order in which a filter uses those that measure at the same sample: zero velocity, the surest, last."""
@@ -52,7 +53,9 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     every = (*biases, *chosen)
     own = tuple(state for state in every if state not in STATES.values())
     every = (*(state for state in STATES.values() if state in every), *own)
-    return Composition(id, title or f"{9 + sum(s.size for s in every)} states, aided by {', '.join(a.id for a in used)}", every, used)
+    return Composition(
+        id, title or f"{9 + sum(s.size for s in every)} states, aided by {', '.join(a.id for a in used)}", every, used
+    )
 
 
 def _chosen(kind: str, id: str, given: Iterable[object], known: Mapping[str, object], wanted: type) -> tuple:

@@ -21,7 +21,8 @@ from insenv.instruments import BAROMETER
 _TOLD = BAROMETER.told
 BIAS = constant("barometer_bias", "constant error of the barometer", "m", 1, _TOLD["barometer_bias_sigma"])
 DRIFT = drifting(
-    "barometer_drift", "slowly varying error of the barometer", "m", 1, _TOLD["barometer_drift_sigma"], _TOLD["barometer_drift_time"]
+    "barometer_drift", "slowly varying error of the barometer", "m", 1, _TOLD["barometer_drift_sigma"],
+    _TOLD["barometer_drift_time"],
 )  # fmt: skip
 SCALE = constant(
     "barometer_scale", "error of the barometer per height above the start", "1", 1, _TOLD["barometer_scale_factor_sigma"]

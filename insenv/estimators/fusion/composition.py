@@ -53,7 +53,8 @@ ESTIMATES = rows.chosen(rows.AIDED_OUTPUTS, "position_sigma", "velocity_sigma", 
 class Composition:
     """A filter of `states` and `aids`.
 
-    id, title: of its model.  states: gyro_bias and accel_bias first, which every filter has.  aids: in the order in which they are used in a sample.
+    id, title: of its model.  states: gyro_bias and accel_bias first, which every filter has.  aids: in the order in which they
+    are used at a sample.
     Raises `InputError` for a state or an aid that is given twice.
     """
 
@@ -110,10 +111,9 @@ class Composition:
         """State rows: the sums of those derivatives in w since the covariance was propagated."""
         found = []
         for state in self.states:
-            for used, what in zip(self.entering.get(state.name, (False, False)), ("angle", "velocity"), strict=True):
-                if used:
-                    meaning = f"Effect of {state.name} on the {what} over that time"
-                    found.append(Row(f"stretch_{what}_{state.name}", meaning, "SI", (3, state.size), "w"))
+            for what, _, _ in self._parts(state):
+                meaning = f"Effect of {state.name} on the {what} over that time"
+                found.append(Row(f"stretch_{what}_{state.name}", meaning, "SI", (3, state.size), "w"))
         return Table(tuple(found))
 
     @cached_property
@@ -181,12 +181,10 @@ class Composition:
             **lever_arm.followed(x, delta_angle * (1 / u.dt), u.dt, x.samples == 0),
         }
         for state in self.states:
-            for used, what, column in zip(
-                self.entering.get(state.name, ()), ("angle", "velocity"), self._entered(state, values, u), strict=False
-            ):
-                if used:
-                    name = f"stretch_{what}_{state.name}"
-                    found[name] = getattr(x, name) + ca.densify(moved.C_wb @ column)
+            columns = self._entered(state, values, u)
+            for what, _, _ in self._parts(state):
+                name = f"stretch_{what}_{state.name}"
+                found[name] = getattr(x, name) + ca.densify(moved.C_wb @ columns[what])
         event = ca.SX(stretch + u.dt / 2 > p.covariance_interval)
         for aid in self.aids:
             due = aid.due(p, x, u)
@@ -196,23 +194,49 @@ class Composition:
             event = ca.logic_or(event, due if not aid.wakes else ca.logic_or(due, found[aid.wakes]))
         return {**found, "covariance_due": select(event, 1.0, 0.0)}
 
-    def _entered(self, state: ErrorState, values: dict[str, Any], u: Any) -> tuple[Any, ...]:
+    def _entered(self, state: ErrorState, values: dict[str, Any], u: Any) -> dict[str, Any]:
         """Derivatives (3 x k each) of the increments that enter the mechanization with respect to the error of a state."""
         if state.increments is None:
-            return ()
+            return {}
 
         def both(error: Any) -> Any:
             changed = {**values, state.name: values[state.name] + error}
             return ca.vertcat(*corrected_increments(self.states, changed, u))
 
         _, by_error = linear(both, state.size)
-        return by_error[:3, :], by_error[3:, :]
+        return {"angle": by_error[:3, :], "velocity": by_error[3:, :]}
 
-    def covariance(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
-        """Propagate the covariance and the estimated errors over the samples since the last time."""
+    @cached_property
+    def interval(self) -> Table:
+        """State rows that `transition` takes: what the samples summed up since the covariance was propagated."""
+        names = ("stretch", "stretch_velocity_w", "omega_ie_w", "omega_ew_w")
+        return rows.chosen(STRETCH, *names) + self._sums()
+
+    def transition(self, p: Any, x: Any) -> Any:
+        """A (n x n), integral of the error dynamics over an interval; x: the rows `interval`."""
         A = ca.SX(self.n, self.n)
         interval = Interval(x.stretch, x.stretch_velocity_w, None, x.omega_ie_w, x.omega_ew_w)
         A[:NAVIGATION, :NAVIGATION] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
+        for state in self.states:
+            place = self.places[state.name]
+            for what, part, sign in self._parts(state):
+                A[part, place] = sign * getattr(x, f"stretch_{what}_{state.name}")
+            if state.time:
+                A[place, place] = ca.diag(self._kept(p, state, x.stretch) - 1)  # may be longer than a correlation time
+        return A
+
+    def _parts(self, state: ErrorState) -> list[tuple[str, slice, int]]:
+        """What a state changes, the errors in which that shows, and the sign with which."""
+        used = zip(self.entering.get(state.name, (False, False)), _ENTERS, strict=True)
+        return [enters for is_used, enters in used if is_used]
+
+    @staticmethod
+    def _kept(p: Any, state: ErrorState, duration: Any) -> Any:
+        """The factors (k) by which a Gauss-Markov error decays."""
+        return repeated(decay(duration, getattr(p, state.time)), state.size)
+
+    def covariance(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
+        """Propagate the covariance and the estimated errors over the samples since the last time."""
         by_rotation, by_thrust = motion_errors.variances(p, x.stretch_angle, x.stretch_change_w)
         noise = [
             ca.SX.zeros(3),
@@ -221,22 +245,15 @@ class Composition:
         ]
         found: dict[str, Any] = {}
         for state in self.states:
-            place = self.places[state.name]
-            for used, part, what, sign in zip(
-                self.entering.get(state.name, ()), (TILT, VELOCITY), ("angle", "velocity"), (1, -1), strict=False
-            ):
-                if used:
-                    A[part, place] = sign * getattr(x, f"stretch_{what}_{state.name}")
             if state.time:
-                kept = repeated(decay(x.stretch, getattr(p, state.time)), state.size)
-                A[place, place] = ca.diag(kept - 1)  # an interval may be longer than a correlation time
+                kept = self._kept(p, state, x.stretch)
                 noise.append(driven_variance(repeated(getattr(p, state.sigma), state.size), kept))
                 found[state.name] = kept * getattr(x, state.name)
             else:
                 noise.append(ca.SX.zeros(state.size))
         return {
             **found,
-            "covariance": propagate(x.covariance, A, ca.vertcat(*noise)),
+            "covariance": propagate(x.covariance, self.transition(p, x), ca.vertcat(*noise)),
             "stretch": 0,
             **{row.name: ca.SX.zeros(*(row.shape + (1,))[:2]) for row in self.state if row.name in _EMPTIED},
             **{row.name: ca.SX.zeros(*row.shape) for row in self._sums()},
@@ -306,6 +323,7 @@ class Composition:
         )
 
 
+_ENTERS = (("angle", TILT, 1), ("velocity", VELOCITY, -1))
 _EMPTIED = ("stretch_angle", "stretch_change_w", "stretch_velocity_w")
 
 
@@ -314,5 +332,7 @@ def _united(*tables: Table) -> Table:
     found: dict[str, Row] = {}
     for row in (row for table in tables for row in table):
         if found.setdefault(row.name, row) != row:
-            raise InputError(f"two different rows are named {row.name!r}: an error state or aid must name its rows after itself")
+            raise InputError(
+                f"two different rows are named {row.name!r}: an error state or aid must name its rows after itself"
+            )
     return Table(tuple(found.values()))

@@ -132,7 +132,7 @@ class Aid:
         """Output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
         parts = (len(self.parts),)
         return Table((
-            Row(self.row("innovation"), f"Innovation of the last measurement of {self.title}: {self.what}", self.unit, (self.size,)),
+            Row(self.row("innovation"), f"Last innovation of {self.title}: {self.what}", self.unit, (self.size,)),
             Row(self.row("test_ratio"), "Innovation over its standard deviation, in the same order", "1", (self.size,)),
             Row(self.row("count"), f"Measurements of {self.title} so far", "1"),
             Row(self.row("refused_count"), "Those of which the gate refused a component", "1"),

@@ -1,6 +1,6 @@
 """Doppler velocity log: velocity of the ship over the ground, or through water that flows, in the log's axes.
 
-    (1 + k) C(e)^T C_bw (v - current + omega x l)     k scale factor (speed of sound), e misalignment
+(1 + k) C(e)^T C_bw (v - current + omega x l)     k scale factor (speed of sound), e misalignment
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from insenv.instruments import DVL
 _TOLD = DVL.told
 SCALE = constant("dvl_scale", "scale factor of the Doppler velocity log", "1", 1, _TOLD["dvl_scale_factor_sigma"])
 MISALIGNMENT = constant("dvl_misalignment", "rotation of the log's axes", "rad", 3, _TOLD["dvl_misalignment_sigma"], "b")
-CURRENT = drifting("current", "current of the water: north, east", "m/s", 2, _TOLD["dvl_current_sigma"], _TOLD["dvl_current_time"], "n")
+CURRENT = drifting(
+    "current", "current of the water: north, east", "m/s", 2, _TOLD["dvl_current_sigma"], _TOLD["dvl_current_time"], "n"
+)
 STATES = (SCALE, MISALIGNMENT, CURRENT)
 
 

@@ -5,7 +5,8 @@ Where nobody names states and aids, `presets` chooses them by the unit, the inst
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,13 @@ from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.prepared import prepared
 from insenv.estimators.fusion.presets import aids_of, states_of
+from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 
 ID = "fusion"
 
 
-def fusion(states: Iterable[str | ErrorState], aids: Iterable[str | Aid], id: str = ID) -> Estimator:
+def fusion(states: Iterable[str | ErrorState], aids: Iterable[str | Aid], id: str = ID, *, smoother: bool = False) -> Estimator:
     """A GNSS/INS-like navigation filter of one's own, as an estimator like any other.
 
     Parameters
@@ -30,10 +32,12 @@ def fusion(states: Iterable[str | ErrorState], aids: Iterable[str | Aid], id: st
         ``insenv list states`` shows, or own `ErrorState` objects.
     aids: names that ``insenv list aids`` shows, or own `Aid` objects.
     id: of the estimator.
+    smoother: whether to smooth over the whole run; the id of the smoother is ``ID-smoother``.
 
     Raises `InputError` for an unknown name, a name that is given twice, no aid, or a state that none of the aids shows.
     """
-    return _estimator(composition(id, states, aids))
+    made = composition(id, states, aids)
+    return _smoother(made) if smoother else _estimator(made)
 
 
 def _estimator(filter: Composition) -> Estimator:
@@ -69,28 +73,30 @@ def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[
     )
 
 
-def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
+def _smoother(filter: Composition) -> Estimator:
+    smoothing = smoothing_of(filter, f"{filter.id}-smoother")
+    return replace(_estimator(filter), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
+
+
+def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
     """The filter for a drive: the states and aids in `choices`, those of the presets where it has none."""
     aids = choices["aids"] if "aids" in choices else aids_of(drive)
     states = choices["states"] if "states" in choices else states_of(known, drive, aids)
-    return _estimator(composition(ID, states, aids))
+    return composition(ID, states, aids)
 
 
-_GENERAL = composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle, or by name")
-
-
-def _family() -> Estimator:
-    general = _estimator(_GENERAL)
-    names = tuple(name for name in STATES if name not in ALWAYS)
-    return Estimator(
-        general.model,
-        kind="navigation",
-        prepare=general.prepare,
-        error=general.error,
-        choices={"states": names, "aids": tuple(AIDS)},
+def _family(make: Callable[[Composition], Estimator]) -> Estimator:
+    """The estimator whose members `make` makes; its own model is that of the smallest."""
+    general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
+    return replace(
+        general,
+        sensors=(),
+        choices={"states": tuple(name for name in STATES if name not in ALWAYS), "aids": tuple(AIDS)},
         settable=composition(ID, STATES, AIDS).parameters,
-        adapt=_adapted,
+        adapt=lambda known, drive, choices: make(_composed(known, drive, choices)),
     )
 
 
-ESTIMATOR = _family()
+FUSION = _family(_estimator)
+SMOOTHER = _family(_smoother)
+ESTIMATORS = (FUSION, SMOOTHER)

@@ -42,7 +42,9 @@ def _residual(p: Any, seen: Navigation, u: Any) -> Any:
     arm = seen.value(LEVER_ARM.name, p.antenna_lever_arm)
     offset_w, velocity_w = seen.point(arm, u.gnss_age + seen.value(DELAY.name, 0.0))
     shown = seen.C_nw @ offset_w + seen.value(WANDER.name, ca.SX.zeros(3))
-    return ca.vertcat(shown - seen.offset_n(u.gnss_latitude, u.gnss_longitude, u.gnss_height), seen.C_nw @ velocity_w - u.gnss_velocity_n)
+    return ca.vertcat(
+        shown - seen.offset_n(u.gnss_latitude, u.gnss_longitude, u.gnss_height), seen.C_nw @ velocity_w - u.gnss_velocity_n
+    )
 
 
 def _variance(p: Any, x: Any, u: Any) -> Any:

@@ -19,7 +19,9 @@ from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import MAGNETOMETER
 
 _TOLD = MAGNETOMETER.told
-HARD_IRON = constant("hard_iron", "hard iron: constant field of the vehicle", "T", 3, _TOLD["magnetometer_hard_iron_sigma"], "b")
+HARD_IRON = constant(
+    "hard_iron", "hard iron: constant field of the vehicle", "T", 3, _TOLD["magnetometer_hard_iron_sigma"], "b"
+)
 DRIFT = drifting(
     "magnetometer_drift", "slowly varying field of the vehicle", "T", 3,
     _TOLD["magnetometer_drift_sigma"], _TOLD["magnetometer_drift_time"], "b",

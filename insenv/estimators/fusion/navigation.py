@@ -41,9 +41,7 @@ class Navigation:
     x, u: state and inputs by name.  places: the slice of each error state in `error`, by name.
     """
 
-    def __init__(
-        self, x: Any, u: Any, states: Sequence[ErrorState], places: Mapping[str, slice], error: Any
-    ) -> None:
+    def __init__(self, x: Any, u: Any, states: Sequence[ErrorState], places: Mapping[str, slice], error: Any) -> None:
         self._x = x
         self._values = {state.name: getattr(x, state.name) + error[places[state.name]] for state in states}
         psi = error[TILT]

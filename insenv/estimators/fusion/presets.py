@@ -24,7 +24,8 @@ FLOATING = ("ship", "multirotor")
 
 def aids_of(drive: Drive) -> tuple[str, ...]:
     """The aids of a drive: those of its instruments, and what the vehicle itself tells."""
-    own = {"zero_velocity": drive.vehicle not in FLOATING, "non_holonomic": drive.vehicle == "car"}
+    wheels = drive.vehicle == "car" and "odometer" in drive.sensors
+    own = {"zero_velocity": drive.vehicle not in FLOATING, "non_holonomic": wheels}
     return tuple(id for id, aid in AIDS.items() if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
 
 
@@ -40,7 +41,9 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
         if drive.in_place:
             continue
         found += [
-            f"{triad}_{error}" for error in ("scale", "misalignment") if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
+            f"{triad}_{error}"
+            for error in ("scale", "misalignment")
+            if getattr(sheet, f"{triad}_{error}_sigma") * effect > WORTH
         ]
     for aid in aids:
         found += [state.name for state in OF_AID.get(aid, ()) if _told(rows, STATES[state.name].sigma)]

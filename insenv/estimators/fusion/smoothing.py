@@ -1,0 +1,106 @@
+"""The smoother of a composition: the filter with a record, and the way back (`insenv.estimators.parts.adjoint`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.elementary import select
+from insenv.core.model import Model, Values
+from insenv.core.tables import Row, Table
+from insenv.estimators.fusion.composition import Composition
+from insenv.estimators.fusion.contract import Aid
+from insenv.estimators.fusion.retraction import corrected
+from insenv.estimators.parts import adjoint, rows, strapdown
+
+WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)
+
+
+def smoothing_of(filter: Composition, id: str) -> adjoint.Smoothing:
+    """Both passes of the smoother `id` of a filter."""
+    interval = Table(tuple(replace(row, name=_last(row.name)) for row in filter.interval))
+    groups = tuple(
+        adjoint.Group(
+            filter.state[aid.due_row],
+            adjoint.scalar_rows(aid.id, aid.size, filter.n, f"Components of {aid.title}"),
+            _support(filter, aid),
+        )
+        for aid in filter.aids
+    )
+    estimates = tuple(state.name for state in filter.states)
+    return adjoint.Smoothing(
+        forward=_forward(filter, id, interval, groups),
+        backward=_backward(filter, id, interval, groups),
+        due="covariance_due",
+        groups=groups,
+        interval=interval,
+        nominal=_nominal(filter),
+        n=filter.n,
+        corrected=lambda x, error: corrected(x, error, filter.states, filter.places),
+        estimates=estimates,
+        reported=sum((aid.outputs for aid in filter.aids), Table()),
+    )
+
+
+def _last(name: str) -> str:
+    return f"last_{name}"
+
+
+def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...]) -> Model:
+    """The filter, which also records; an interval ends at a sample that is to be smoothed."""
+    kept = sum((group.rows for group in groups), interval)
+    shown = [filter.state["covariance_due"], *(group.flag for group in groups), *kept, *_nominal(filter)]
+    more = Table(tuple(row for row in shown if row.name not in filter.outputs))
+
+    def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        changed = filter.sample(p, x, u)
+        return {**changed, "covariance_due": select(ca.logic_or(changed["covariance_due"], u.smoothed), 1.0, 0.0)}
+
+    def covariance(p: Any, x: Any, u: Any) -> dict[str, Any]:
+        return {**filter.covariance(p, x, u), **{_last(row.name): getattr(x, row.name) for row in filter.interval}}
+
+    def used(aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
+        def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
+            done, reported = filter.update(aid, p, x, u)
+            changed = corrected(x, done.correction, filter.states, filter.places)
+            return {**changed, "covariance": done.stored, **reported, **adjoint.recorded(aid.id, done.scalars)}
+
+        return step
+
+    changed = {"sample": sample, "covariance": covariance, **{aid.id: used(aid) for aid in filter.aids}}
+    model = filter.model
+    return replace(
+        model,
+        id=id,
+        title=f"{filter.id} smoothed over the whole run: {filter.title}",
+        state=model.state + kept,
+        inputs=model.inputs + Table((WANTED,)),
+        outputs=model.outputs + more,
+        steps={name: replace(step, function=changed.get(name, step.function)) for name, step in model.steps.items()},
+        output=lambda p, x: {**filter.output(p, x), **{row.name: getattr(x, row.name) for row in more}},
+    )
+
+
+def _nominal(filter: Composition) -> Table:
+    return rows.chosen(filter.state, *strapdown.NAVIGATION_STATE.names, *(s.name for s in filter.states), "covariance")
+
+
+def _support(filter: Composition, aid: Aid) -> tuple[int, ...]:
+    """The states that the aid's components can depend on."""
+    tables = (filter.parameters, filter.state, filter.inputs)
+    p, x, u = (table.symbols(ca.SX.sym(name, table.size)) for name, table in zip("pxu", tables, strict=True))
+    used = {k for scalar in filter.update(aid, p, x, u)[0].scalars for k in scalar.H.sparsity().get_triplet()[1]}
+    return tuple(sorted(used))
+
+
+def _backward(filter: Composition, id: str, interval: Table, groups: tuple[adjoint.Group, ...]) -> Model:
+    def transition(p: Any, u: Any) -> Any:
+        return filter.transition(p, Values(**{row.name: getattr(u, _last(row.name)) for row in filter.interval}))
+
+    times = tuple(dict.fromkeys(state.time for state in filter.states if state.time))
+    return adjoint.backward_model(
+        f"{id}-backward", filter.n, rows.chosen(filter.parameters, *times), groups, interval, transition
+    )
