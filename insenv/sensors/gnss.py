@@ -159,7 +159,7 @@ def gnss_part(instant: Instant) -> Part:
     Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``, ``longitude`` (rad),
     ``height`` (m), ``velocity_n`` (m/s) and ``q_nb``; from these, `instant` computes the true angular rate omega_eb^b
     (3, rad/s), its time derivative (3, rad/s^2) and that of velocity_n (3, m/s^2). Steps: "sample", "gnss" (when
-    ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 4 uniforms.
+    ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 8 uniforms.
     """
 
     def measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
