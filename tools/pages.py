@@ -34,6 +34,7 @@ from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 from insenv.sensors.registry import registered
 from insenv.vehicles import aircraft_section as aircraft
 from insenv.vehicles import car_section as car
+from insenv.vehicles import multirotor_section as multirotor
 from insenv.vehicles import section as legs
 from insenv.vehicles import ship_section as ship
 
@@ -65,6 +66,8 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of a car", car.CarLeg),
     ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
     ("a leg of an aircraft", aircraft.AircraftLeg),
+    ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
+    ("a leg of a multirotor", multirotor.MultirotorLeg),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
     *((f"[{id}]", section) for id, section in registered().items() if id in INSTRUMENTS),

@@ -131,7 +131,7 @@ FIGURES: dict[str, Figure] = {
     "drift_time_s": Figure("barometer_drift_time", "s"),
     "scale_factor_percent": Figure("barometer_scale_factor", "%", units.percent_to_one),
     "scale_factor_sigma_percent": Figure("barometer_scale_factor_sigma", "%", units.percent_to_one),
-    "speed_error": Figure("barometer_speed_error"),
+    "speed_error_percent": Figure("barometer_speed_error", "%", units.percent_to_one),
     "lag_s": Figure("barometer_lag", "s"),
     "quantum_m": Figure("barometer_quantum", "m"),
 }

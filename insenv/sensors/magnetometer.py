@@ -186,7 +186,7 @@ class MagnetometerSection(MagnetometerFigures, TimedSection):
     sensor: ClassVar[Sensor] = EQUATIONS.sensor()
 
     interval_s: Number = key(0.05, "interval between measurements, a whole number of samples", "s", gt=0, le=3600)
-    year: Number = key(2026.0, "decimal year at which the World Magnetic Model is evaluated", "")
+    year: Number = key(2026.0, "decimal year at which the World Magnetic Model is evaluated", "year")
     field_nt: Annotated[Vector3, within(-1e5, 1e5)] | None = key(
         None, "field of the Earth north, east, down, the same everywhere; that of the World Magnetic Model if absent", "nT"
     )
