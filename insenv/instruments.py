@@ -49,7 +49,13 @@ class Instrument:
 def _instrument(id: str, title: str, values: tuple[Row, ...], told: tuple[Row, ...]) -> Instrument:
     arrival = (
         Row(f"{id}_new", "1 on the one sample with which a measurement arrives", lower=0.0, upper=1.0, flag=True),
-        Row(f"{id}_age", "Time from the epoch of the latest measurement to the end of that sample", "s", lower=-1.0, upper=1e3),
+        Row(
+            f"{id}_age",
+            "Time from the epoch of the latest measurement to the end of that sample",
+            "s",
+            lower=-1.0,
+            upper=3600.0,
+        ),
     )
     return Instrument(id, title, Table((*arrival, *values)), Table(told))
 
@@ -132,7 +138,7 @@ HEADING = _instrument(
         Row("heading_azimuth", "Azimuth of the baseline from the first to the second antenna, clockwise from north", "rad",
             lower=-7.0, upper=7.0),
         Row("heading_azimuth_sigma", "Standard deviation of the azimuth that the receiver reports", "rad", start=1.0,
-            lower=1e-9, upper=1e3),
+            lower=0.0, upper=1e3),
         Row("heading_baseline_n", "The baseline; zero where only the azimuth is known", "m", (3,), "n", lower=-1e4, upper=1e4),
     ),
     (

@@ -31,8 +31,10 @@ from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.sensors.registry import registered
 from insenv.vehicles import aircraft_section as aircraft
 from insenv.vehicles import car_section as car
+from insenv.vehicles import multirotor_section as multirotor
 from insenv.vehicles import section as legs
 from insenv.vehicles import ship_section as ship
 
@@ -64,8 +66,11 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of a car", car.CarLeg),
     ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
     ("a leg of an aircraft", aircraft.AircraftLeg),
+    ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
+    ("a leg of a multirotor", multirotor.MultirotorLeg),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
+    *((f"[{id}]", section) for id, section in registered().items() if id in INSTRUMENTS),
     ("[gravity]", GravitySection),
     ("[knowledge]", description.KnowledgeSection),
 )
@@ -81,7 +86,16 @@ LOG_SECTIONS: Sections = (
 FLIGHT_SECTIONS: Sections = (("top level", FlightDescription),)
 
 _PER_AXIS = "number or 3"
+_VECTORS = (
+    name
+    for id, section in registered().items()
+    if id in INSTRUMENTS
+    for name, figure in section.figures.items()  # type: ignore[attr-defined]
+    if figure.vector
+)
 SCENARIO_TYPES = {
+    **dict.fromkeys(_VECTORS, _PER_AXIS),
+    "lever_arm_sigma_m": _PER_AXIS,
     "outages_s": "list of pairs",
     **dict.fromkeys(("gyro_bias_deg_h", "accel_bias_ug", "gust_velocity_sigma_mps", "wander_sigma_m"), _PER_AXIS),
     **dict.fromkeys(("position_noise_m", "velocity_noise_mps", "position_sigma_m", "velocity_sigma_mps"), _PER_AXIS),
@@ -180,6 +194,27 @@ def instrument_tables(part: Literal["measurement", "told"]) -> str:
     return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
 
 
+def instrument_grades() -> str:
+    """The catalogue of each instrument: its grades, their figures and the source of each."""
+    parts = []
+    for id, each in INSTRUMENTS.items():
+        parts.append(f"### {each.title} (`[{id}]`)\n")
+        for grade in registered()[id].grades.values():  # type: ignore[attr-defined]
+            rows = ([f"`{name}`", _figure(value), grade.source(name)] for name, value in grade.figures.items())
+            table = f"\n\n{markdown(['figure', 'value', 'source'], rows)}" if grade.figures else ""
+            parts.append(f"`{grade.name}`: {grade.title}{table}\n")
+    return "\n".join(parts).rstrip()
+
+
+def instrument_parameters() -> str:
+    """The parameter rows of each instrument."""
+    from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
+
+    modules = (barometer, magnetometer, odometer, dvl, heading)
+    tables = ((each.EQUATIONS.instrument.title, each.EQUATIONS.all_parameters) for each in modules)
+    return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
+
+
 def imu_grades() -> str:
     """The IMU catalogue: each grade, its figures and the source of each."""
     return "\n".join(_imu_grade(grade) for grade in IMU_GRADES.values()).rstrip()
@@ -268,6 +303,8 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/instruments.md": {
         "measurements": lambda: instrument_tables("measurement"),
         "told": lambda: instrument_tables("told"),
+        "parameters": instrument_parameters,
+        "grades": instrument_grades,
     },
 }
 """By page, its generated parts by name."""
