@@ -27,7 +27,7 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     bare = {"gyro": {"gyro_g_sensitivity"}, "accel": {"accel_scale", "accel_misalignment"}}
     for triad, needed in bare.items():
         sigma = getattr(sheet, f"bare_{triad}_bias_sigma")
-        if sigma > 0 and needed <= set(states):
+        if sigma > 0 and all(name in states or getattr(sheet, f"{name}_sigma") == 0 for name in needed):
             rows[f"{triad}_bias_sigma"] = sigma
             rows[f"{triad}_correlation_time"] = getattr(sheet, f"bare_{triad}_correlation_time")
     for triad, row in (("gyro", "rotation_error"), ("accel", "thrust_error")):
