@@ -38,7 +38,7 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
     }
     found = []
     for triad, effect in manoeuvre.items():
-        if drive.in_place:
+        if drive.in_place or drive.vehicle in FLOATING:  # no manoeuvre shows them
             continue
         found += [
             f"{triad}_{error}"
