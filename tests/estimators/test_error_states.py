@@ -15,6 +15,9 @@ from scipy.spatial.transform import Rotation
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
+from insenv.estimators.fusion import fusion
+from insenv.estimators.fusion.available import STATES
+from insenv.estimators.fusion.inertial import COUPLINGS
 from insenv.plant.feeding import input_rows
 
 FLIGHT, DURATION, DT = Motion(), 200.0, 0.05
@@ -204,3 +207,63 @@ def test_mechanization_in_e():
     latitude, longitude, height = earth_fixed.geodetic(r)
     assert np.abs(state["place"] - [latitude, longitude, height])[:2].max() * 6.4e6 < 5.0
     assert abs(state["place"][2] - height) < 3.0
+
+
+UNIT = ("gyro_g_sensitivity", "gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment")
+SIZES = {
+    "gyro_g_sensitivity": 1e-7,
+    "gyro_scale": 1e-5,
+    "gyro_misalignment": 1e-5,
+    "accel_scale": 1e-5,
+    "accel_misalignment": 1e-5,
+}
+
+
+def unit_errors():
+    """by_rate, by_force, rate_by_force (21, 3, 3) of one error after the other, in the order of `UNIT`."""
+    found = np.zeros((3, 21, 3, 3))
+    kinds = {"gyro_scale": 0, "gyro_misalignment": 0, "accel_scale": 1, "accel_misalignment": 1, "gyro_g_sensitivity": 2}
+    k = 0
+    for name in UNIT:
+        places = COUPLINGS if name.endswith("misalignment") else [(i, i) for i in range(3)]
+        for place in places:
+            found[(kinds[name], k, *place)] = SIZES[name]
+            k += 1
+    return found
+
+
+@cache
+def expected_columns():
+    """Errors of position, velocity and psi (9, w) after the flight, by one error of the unit after the other, of size SIZES."""
+    errors, ends = unit_errors(), []
+    for sign in (1, -1):
+        ends.append(earth_fixed.moved(FLIGHT, np.zeros((21, 15)), DURATION, 0.05, False, *(sign * errors)))
+    (r, v, C), (r_, v_, C_) = ends
+    turn = Rotation.from_matrix(C @ np.swapaxes(C_, 1, 2)).as_rotvec()
+    found = np.concatenate([r - r_, v - v_, -turn], axis=1).T / 2
+    C_we = truth(FLIGHT, DURATION)[2].T
+    return np.kron(np.eye(3), C_we) @ found
+
+
+def test_errors_of_the_unit_enter_as_in_an_independent_mechanization():
+    """200 s at 250 m/s in wide curves: what scale factors, misalignments and g-sensitivity do to position, velocity, psi."""
+    estimator = fusion(UNIT, ["gnss"], "unit")
+    n = 15 + 21
+    scale = np.concatenate([earth_fixed.SCALE, *(np.full(STATES[name].size, SIZES[name]) for name in UNIT)])
+    own = np.zeros((n, 21))
+    order = [name for name in STATES if name in UNIT]
+    begin = {}
+    for name in order:
+        begin[name] = 15 + sum(STATES[other].size for other in order[: order.index(name)])
+    k = 0
+    for name in UNIT:
+        for i in range(STATES[name].size):
+            own[begin[name] + i, k] = SIZES[name]
+            k += 1
+    found = carried(estimator, FLIGHT, DURATION, own, scale, covariance_interval=0.05)
+    expected = expected_columns()
+    for k in range(21):
+        column = found[:9, k] * np.sign(found[:9, k] @ (expected[:, k] / earth_fixed.SCALE[:9] ** 2))
+        for part in (POSITION, VELOCITY, PHI):
+            size = np.abs(expected[part]).max()
+            assert np.abs(column[part] - expected[part, k]).max() < 2e-3 * size, (k, part)

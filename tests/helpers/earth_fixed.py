@@ -200,11 +200,13 @@ class Motion:
         return C
 
 
-def moved(motion, errors, duration, step=0.05, known_place=False):
+def moved(motion, errors, duration, step=0.05, known_place=False, by_rate=0.0, by_force=0.0, rate_by_force=0.0):
     """r, v (k, 3) and C (k, 3, 3) after `duration` (s) of k estimates that start with `errors` (k, 15) against the motion.
 
-    known_place: gravity is that of the true place, as where fixes tell it.
+    known_place: gravity is that of the true place, as where fixes tell it.  by_rate, by_force, rate_by_force (k, 3, 3): errors
+    of the measured rate and specific force proportional to the true ones, and of the rate proportional to the force.
     """
+    by_rate, by_force, rate_by_force = (np.broadcast_to(m, (len(errors), 3, 3)) for m in (by_rate, by_force, rate_by_force))
     errors = np.asarray(errors, float)
     r = motion.position(0.0) + errors[:, POSITION]
     v = motion.velocity(0.0) + errors[:, VELOCITY]
@@ -215,9 +217,10 @@ def moved(motion, errors, duration, step=0.05, known_place=False):
     told = gravity(motion.position(grid)) if known_place else None
 
     def slope(r, v, C, k):
-        felt = np.einsum("kij,kj->ki", C, forces[k] + errors[:, ACCEL])
+        felt = np.einsum("kij,kj->ki", C, forces[k] + errors[:, ACCEL] + by_force @ forces[k])
         down = gravity(r) if told is None else told[k]
-        return v, felt + down - 2 * v @ earth.T, C @ skew(rates[k] + errors[:, GYRO]) - earth @ C
+        turning = rates[k] + errors[:, GYRO] + by_rate @ rates[k] + rate_by_force @ forces[k]
+        return v, felt + down - 2 * v @ earth.T, C @ skew(turning) - earth @ C
 
     for n in range(count):
         now = (r, v, C)

@@ -1,0 +1,104 @@
+"""Fusion filters: the sensitivities of all aids against differences through the feedback."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from insenv import geodesy
+from insenv.core.model import Values
+from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
+from insenv.estimators.fusion.measurement import update
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.fusion.retraction import corrected
+
+UNIT = ("gyro_g_sensitivity", "gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment")
+
+
+def numbers(table, generator, **given):
+    """Values by name of a table: plausible ones where they matter, small random ones elsewhere."""
+    found = {}
+    for row in table:
+        value = row.flat_start() + 1e-3 * generator.standard_normal(row.size)
+        found[row.name] = given.get(row.name, np.clip(value, row.lower, row.upper).reshape(row.shape))
+    return found
+
+
+STATE = {
+    "q_wb": Rotation.from_euler("ZYX", [0.7, 0.2, -0.3]).as_quat(scalar_first=True),
+    "velocity_w": np.array([12.0, -7.0, 1.5]),
+    "height": 120.0,
+    "acceleration_w": np.array([0.6, -1.1, 0.3]),
+    "samples": 100.0,
+    "covariance": None,
+}
+INPUTS = {
+    "delta_angle": np.array([2e-3, -1e-3, 4e-3]),
+    "delta_velocity": np.array([3e-3, -5e-3, -0.049]),
+    "dt": 0.005,
+    "gnss_valid": 1.0,
+    "gnss_velocity_valid": 1.0,
+    "gnss_age": 0.08,
+    "gnss_latitude": 0.8,
+    "gnss_longitude": 0.3,
+    "gnss_height": 121.0,
+    **{f"{id}_new": 1.0 for id in ("barometer", "magnetometer", "odometer", "dvl", "heading")},
+    **{f"{id}_age": 0.05 for id in ("barometer", "magnetometer", "odometer", "dvl", "heading")},
+    "heading_azimuth_sigma": 0.01,
+}
+PARAMETERS = {
+    "antenna_lever_arm": np.array([1.2, -0.4, -0.9]),
+    "odometer_lever_arm_b": np.array([-1.0, 0.6, 0.8]),
+    "odometer_mounting": np.array([0.01, 0.03, -0.05]),
+    "dvl_lever_arm_b": np.array([4.0, 0.0, 3.0]),
+    "heading_baseline_b": np.array([0.4, 1.3, 0.1]),
+    "magnetic_field_n": np.array([2.1e-5, 1e-6, 4.2e-5]),
+    "start_latitude": 0.8,
+    "start_longitude": 0.3,
+    "start_height": 100.0,
+}
+
+
+@pytest.mark.parametrize("id", AIDS)
+def test_sensitivities_equal_differences_through_the_feedback(id):
+    """H of every aid with all its states and those of the unit: the residual with an error fed back, by differences."""
+    generator = np.random.default_rng(5)
+    filter = composition("all", [*UNIT, *(state.name for state in OF_AID.get(id, ()))], [id])
+    aid = filter.aids[0]
+    q_ew = np.array(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.4)).ravel()
+    state = {key: value for key, value in {**STATE, "q_ew": q_ew}.items() if value is not None}
+    values = (
+        numbers(filter.parameters, generator, **PARAMETERS),
+        numbers(filter.state, generator, **state),
+        numbers(filter.inputs, generator, **INPUTS),
+    )
+    tables = (filter.parameters, filter.state, filter.inputs)
+    flat = [np.concatenate([np.ravel(each[row.name]) for row in table]) for each, table in zip(values, tables, strict=True)]
+    p, x, u = (ca.SX.sym(name, table.size) for name, table in zip("pxu", tables, strict=True))
+    P, X, U = (table.symbols(each) for table, each in zip(tables, (p, x, u), strict=True))
+
+    done, _ = update(aid, filter.states, filter.places, filter.n, P, X, U)
+    H = np.array(ca.Function("H", [p, x, u], [ca.vertcat(*[ca.densify(s.H) for s in done.scalars])])(*flat))
+
+    error = ca.SX.sym("error", filter.n)
+    fed_back = Values(**{**vars(X), **corrected(X, error, filter.states, filter.places)})
+    # the stored acceleration holds the estimated specific force: with the error taken out it is another
+    without = Navigation(X, U, filter.states, filter.places, error).acceleration_w
+    fed_back = Values(**{**vars(fed_back), "acceleration_w": without})
+    residual = aid.residual(P, Navigation(fed_back, U, filter.states, filter.places, ca.SX.zeros(filter.n)), U)
+    after = ca.Function("after", [p, x, u, error], [residual])
+    step = np.full(filter.n, 1e-6)
+    step[:3] = 0.05
+    for k in range(filter.n):
+        direction = np.eye(filter.n)[k] * step[k]
+        change = np.array(after(*flat, direction) - after(*flat, -direction)).ravel() / (2 * step[k])
+        # the turn of the computed frame by a position error is left out of the sensitivities: 1.6e-7 rad per metre
+        allowed = 2e-5 * max(1.0, np.abs(H).max()) if k < 3 else 2e-6 * max(1.0, np.abs(H).max()) + 2e-4 * np.abs(change)
+        assert np.all(np.abs(-change - H[:, k]) < allowed), (id, k, -change, H[:, k])
+    assert np.abs(H).max() > 0
+
+
+@pytest.mark.parametrize("id", [id for id in AIDS if id not in ("gnss", "zero_velocity", "non_holonomic")])
+def test_every_told_error_of_an_instrument_has_a_state(id):
+    names = {state.name for state in OF_AID[id]}
+    assert names and all(STATES[name].rows.names for name in names)
