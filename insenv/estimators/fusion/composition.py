@@ -21,11 +21,12 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
+from insenv.estimators.fusion import history
 from insenv.estimators.fusion.contract import Aid, ErrorState, repeated
 from insenv.estimators.fusion.measurement import Update, update
 from insenv.estimators.fusion.navigation import corrected_increments
 from insenv.estimators.fusion.retraction import corrected, linear
-from insenv.estimators.parts import lever_arm, motion_errors, rows, strapdown
+from insenv.estimators.parts import motion_errors, rows, strapdown
 from insenv.estimators.parts.error_model import GYRO, POSITION, TILT, VELOCITY, Interval, navigation_transition
 from insenv.estimators.parts.gauss_markov import decay, driven_variance
 from insenv.estimators.parts.kalman import propagate
@@ -44,7 +45,6 @@ STRETCH = Table((
     Row("omega_ie_w", "Earth rate at the last sample", "rad/s", (3,), "w"),
     Row("omega_ew_w", "Transport rate at the last sample", "rad/s", (3,), "w"),
     Row("covariance_due", "1 when the covariance is to be propagated"),
-    Row("acceleration_w", "Acceleration over the Earth in the last sample", "m/s^2", (3,), "w"),
 ))  # fmt: skip
 ESTIMATES = rows.chosen(rows.AIDED_OUTPUTS, "position_sigma", "velocity_sigma", "attitude_sigma")
 
@@ -130,7 +130,7 @@ class Composition:
         own += Table((
             Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(self.n),)),
         ))  # fmt: skip
-        return _united(own + STRETCH, self._sums(), lever_arm.MEMORY, *(aid.kept for aid in self.aids))
+        return _united(own + STRETCH, self._sums(), history.STATE, *(aid.kept for aid in self.aids))
 
     @cached_property
     def inputs(self) -> Table:
@@ -177,8 +177,7 @@ class Composition:
             "stretch_change_w": x.stretch_change_w + change,
             "omega_ie_w": moved.omega_ie_w,
             "omega_ew_w": moved.omega_ew_w,
-            "acceleration_w": change * (1 / u.dt),
-            **lever_arm.followed(x, delta_angle * (1 / u.dt), u.dt, x.samples == 0),
+            **history.followed(x, x.velocity_w, moved.velocity_w, u.dt),
         }
         for state in self.states:
             columns = self._entered(state, values, u)
@@ -314,6 +313,7 @@ class Composition:
             outputs=self.outputs,
             steps={
                 "sample": Step(self.sample),
+                "past": history.STEP,
                 **between,
                 "covariance": Step(self.covariance, when="covariance_due"),
                 **{aid.id: Step(self.used(aid), when=aid.due_row) for aid in self.aids},

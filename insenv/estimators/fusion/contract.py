@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from insenv.estimators.fusion.navigation import Navigation
 
 LARGEST = 1e12
+Spread = Callable[[str], Any]
+"""Variances (k) of the error of a state, by its name or "attitude"; 0 for a state that the filter does not have."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ class Aid:
     id: short name, before the names of its rows.  title: what it is, for listings.
     size: m.  what: the components, for the meaning of rows ("position, then velocity").
     residual: ``(p, seen, u) -> (m)``: predicted minus measured, of the navigation state `seen` (`navigation.Navigation`).
-    variance: ``(p, x, u) -> (m)``: of the measurement noise.
+    variance: ``(p, x, u, spread) -> (m)``: of the measurement noise, and of what linearisation leaves out; spread: the
+        variances of an error state by name (`Spread`).
     due: ``(p, x, u) -> 0 or 1`` in a sample: whether it measures now.  x is the state before the sample.
     sensors: ids of sensors that it needs; none for a constraint.
     inputs, parameters, state: its rows.
@@ -80,7 +83,6 @@ class Aid:
     patience: measurements refused in a row before the gate opens: a filter that refuses one after the other is itself wrong.
     watch: ``(p, x, u, delta_angle, delta_velocity, change_w) -> rows`` of its `state` after a sample of corrected increments
         (rad, m/s, b) that changed the velocity by `change_w` (m/s, w).
-    after: ``(p, u) -> rows`` of its `state` after a measurement.
     steps: further steps between the sample and the propagation of the covariance.
     wakes: name of a row that `watch` gives: where it is 1 the covariance is propagated at this sample.
     flag: state row by which its step runs, if a step of its own sets it; empty: one is made.
@@ -93,7 +95,7 @@ class Aid:
     size: int
     what: str
     residual: Callable[[Any, Navigation, Any], Any]
-    variance: Callable[[Any, Any, Any], Any]
+    variance: Callable[[Any, Any, Any, Spread], Any]
     due: Callable[[Any, Any, Any], Any]
     unit: str = "SI"
     sensors: tuple[str, ...] = ()
@@ -106,7 +108,6 @@ class Aid:
     correlated: Callable[[Any, Any, Any], Any] | None = None
     patience: int = 10
     watch: Callable[..., Mapping[str, Any]] | None = None
-    after: Callable[[Any, Any], Mapping[str, Any]] | None = None
     steps: Mapping[str, Step] = field(default_factory=dict)
     wakes: str = ""
     flag: str = ""

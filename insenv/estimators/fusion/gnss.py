@@ -11,11 +11,13 @@ from typing import Any
 
 import casadi as ca
 
+from insenv import attitude
 from insenv.core.elementary import maximum
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.contract import Aid, ErrorState, Spread
 from insenv.estimators.fusion.navigation import Navigation
-from insenv.estimators.parts import gnss_fix, lever_arm, rows
+from insenv.estimators.parts import gnss_fix, rows
+from insenv.geodesy import NOMINAL_GRAVITY
 from insenv.instruments import TOLD
 
 LEVER_ARM = ErrorState(
@@ -47,14 +49,33 @@ def _residual(p: Any, seen: Navigation, u: Any) -> Any:
     )
 
 
-def _variance(p: Any, x: Any, u: Any) -> Any:
-    return ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2
+def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
+    return ca.vertcat(u.gnss_position_sigma, u.gnss_velocity_sigma) ** 2 + _second_order(x, u, spread)
 
 
-def _white(p: Any, x: Any, u: Any) -> Any:
+def _white(p: Any, x: Any, u: Any, spread: Spread) -> Any:
     """Without the slow part, which the receiver's sigma contains; a tenth of the variance at least is white."""
     position = u.gnss_position_sigma**2
-    return ca.vertcat(maximum(position - p.fix_wander_sigma**2, 0.1 * position), u.gnss_velocity_sigma**2)
+    white = ca.vertcat(maximum(position - p.fix_wander_sigma**2, 0.1 * position), u.gnss_velocity_sigma**2)
+    return white + _second_order(x, u, spread)
+
+
+JERK = 3.0
+"""m/s^3: of a vehicle that brakes or turns, for what linearisation in the delay leaves out of the velocity."""
+
+
+def _second_order(x: Any, u: Any, spread: Spread) -> Any:
+    """Variance (6) of what linearisation leaves out while the delay t and the lever arm l are unknown.
+
+    Second moments of a t^2 / 2 and jerk t^2 / 2 with t normal, and of the products psi x l, w t x l.
+    """
+    delay, arm = spread(DELAY.name), spread(LEVER_ARM.name)
+    delay, arm = ca.sum1(delay), ca.sum1(arm)
+    rate2 = ca.sumsqr(u.delta_angle / u.dt)
+    force_w = attitude.to_dcm(x.q_wb) @ (u.delta_velocity / u.dt) + ca.vertcat(0, 0, NOMINAL_GRAVITY)
+    bent = 0.75 * ca.sumsqr(force_w) * delay**2
+    turned = arm * (ca.sum1(spread("attitude")) + rate2 * delay)
+    return ca.vertcat(ca.repmat(bent + turned, 3, 1), ca.repmat(0.75 * JERK**2 * delay**2 + rate2 * turned, 3, 1))
 
 
 def _correlated(p: Any, x: Any, since: Any) -> Any:
@@ -82,7 +103,6 @@ WHITE = Aid(
     age=lambda u: u.gnss_age,
     gate="innovation_gate",
     correlated=_correlated,
-    after=lambda p, u: lever_arm.lagged(u.gnss_age),
     groups=(slice(0, 3), slice(3, 6)),
     renamed={
         "innovation": "innovation",

@@ -8,10 +8,12 @@ from typing import Any
 
 import casadi as ca
 
+from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
-from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.contract import Aid, ErrorState, Spread
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.fusion.retraction import linear
+from insenv.estimators.parts.error_model import TILT
 from insenv.estimators.parts.kalman import innovation_variance, measure
 
 
@@ -45,7 +47,7 @@ def update(
     """One measurement of an aid and the state rows after it; p, x, u: parameters, state, inputs by name."""
     innovation, by_error = linear(lambda error: aid.residual(p, Navigation(x, u, states, places, error), u), n)
     H = -by_error
-    variance = aid.variance(p, x, u)
+    variance = aid.variance(p, x, u, spread_of(x, states, places))
     age = aid.age(u) if aid.age is not None else 0.0
     since = maximum(getattr(x, aid.row("since")) - age, 0.0)  # between the epochs of the two measurements
     inflated = variance if aid.correlated is None else variance + aid.correlated(p, x, since)
@@ -73,9 +75,22 @@ def update(
         **_counted(aid, x, present, accepted, test_ratio),
         aid.row("refusals"): select(outside > 0, refusals + 1, 0),
         aid.row("since"): age,
-        **(aid.after(p, u) if aid.after is not None else {}),
     }
     return Update(tuple(scalars), correction, stored), reported
+
+
+def spread_of(x: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> Spread:
+    """Variances (k) of the errors of the state after the interval, by name."""
+    sizes = {"attitude": 3, **{state.name: state.size for state in states}}
+    parts = {"attitude": TILT, **places}
+
+    def variances(name: str) -> Any:
+        if name not in parts:
+            return ca.SX(0)
+        first = parts[name].start
+        return ca.vertcat(*[x.covariance[symmetric.place(i, i)] for i in range(first, first + sizes[name])])
+
+    return variances
 
 
 def _counted(aid: Aid, x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:

@@ -12,15 +12,19 @@ to first order.  An aid's sensitivity is then H = -d residual / d e at e = 0 (`i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 from insenv import attitude, geodesy
 from insenv.attitude import skew
+from insenv.core.model import Values
+from insenv.estimators.fusion import history
 from insenv.estimators.fusion.contract import ErrorState
-from insenv.estimators.parts import lever_arm, strapdown
+from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
+from insenv.geodesy import NOMINAL_GRAVITY
 
 
 def corrected_increments(states: Sequence[ErrorState], values: Mapping[str, Any], u: Any) -> tuple[Any, Any]:
@@ -42,30 +46,21 @@ class Navigation:
     """
 
     def __init__(self, x: Any, u: Any, states: Sequence[ErrorState], places: Mapping[str, slice], error: Any) -> None:
-        self._x = x
+        self._x, self._u, self._states = x, u, states
         self._values = {state.name: getattr(x, state.name) + error[places[state.name]] for state in states}
-        psi = error[TILT]
+        self._psi, self._dv = error[TILT], error[VELOCITY]
         estimated = attitude.to_dcm(x.q_wb)
-        self.C_wb = estimated + skew(psi) @ estimated
+        self.C_wb = estimated + skew(self._psi) @ estimated
         self.C_nw = strapdown.C_nw(x.q_ew)
-        self.velocity_w = x.velocity_w - error[VELOCITY]
+        self.velocity_w = x.velocity_w - self._dv
         self.offset_w = -error[POSITION]
         """Position relative to the estimated one, m."""
         self.estimated_height = x.height
-        delta_angle, delta_velocity = corrected_increments(states, self._values, u)
-        estimates = {state.name: getattr(x, state.name) for state in states}
-        used_angle, used_velocity = corrected_increments(states, estimates, u)
+        _, delta_velocity = corrected_increments(states, self._values, u)
+        _, used_velocity = corrected_increments(states, {s.name: getattr(x, s.name) for s in states}, u)
+        self._force_error_w = estimated @ ((delta_velocity - used_velocity) / u.dt)
         self.specific_force_b = delta_velocity / u.dt
         """Specific force of the last sample, m/s^2."""
-        # the acceleration of the last sample holds the estimated specific force: exchange it
-        self.acceleration_w = x.acceleration_w + (self.C_wb @ delta_velocity - estimated @ used_velocity) / u.dt
-        """Acceleration over the Earth in the last sample, m/s^2."""
-        # the mean rate, with which it is compared, has the same error
-        self.angular_acceleration_b = lever_arm.angular_acceleration(x, used_angle / u.dt, u.dt)
-        """rad/s^2."""
-        now = delta_angle / u.dt + self.angular_acceleration_b * (u.dt / 2)
-        self.rate_b = now - self.C_wb.T @ geodesy.earth_rate_w(x.q_ew)
-        """Angular rate relative to the Earth at the end of the sample, rad/s."""
 
     def value(self, name: str, otherwise: Any = None) -> Any:
         """The value of an error state; `otherwise`, if the filter does not estimate it."""
@@ -85,9 +80,9 @@ class Navigation:
 
         arm_b: from the inertial unit to the point (3, m, b).
         """
-        arm, swing = lever_arm.then(self.rate_b, self.angular_acceleration_b, arm_b, age)
-        offset = self.offset_w - self.velocity_w * age + self.acceleration_w * (age**2 / 2) + self.C_wb @ arm
-        return offset, self.velocity_w - self.acceleration_w * age + self.C_wb @ swing
+        then = self._then(age)
+        arm_w = then.C_wb @ arm_b
+        return then.offset_w + arm_w, then.velocity_w + then.C_wb @ ca.cross(then.rate_b, arm_b)
 
     def body_velocity(self, arm_b: Any, age: Any) -> Any:
         """Velocity over the Earth of a point of the body `age` seconds ago (3, m/s, b then)."""
@@ -95,6 +90,32 @@ class Navigation:
         return self.axes(age).T @ velocity_w
 
     def axes(self, age: Any) -> Any:
-        """C_wb (3x3) `age` seconds ago, to second order in the rotation since."""
-        turn = skew(self.rate_b) * age
-        return self.C_wb @ (ca.SX.eye(3) - turn + 0.5 * turn @ turn)
+        """C_wb (3x3) `age` seconds ago."""
+        return self._then(age).C_wb
+
+    def _then(self, age: Any) -> _Then:
+        """The motion of the inertial unit `age` seconds ago, less the error, which is nearly that of now."""
+        past = history.past(self._x, self._u, age)
+        turned = skew(self._psi)
+        # of the specific force since then the error is that of the attitude and that of the accelerometers
+        gained = self._x.velocity_w - past.velocity_w + ca.vertcat(0, 0, -NOMINAL_GRAVITY) * age
+        lost = turned @ gained + self._force_error_w * age
+        way = past.way_w - self._dv * age - lost * (age / 2)
+        C_wb = past.C_wb + turned @ past.C_wb
+        sample = Values(delta_angle=past.rate_b * self._u.dt, delta_velocity=self._u.delta_velocity, dt=self._u.dt)
+        rate_b = corrected_increments(self._states, self._values, sample)[0] / self._u.dt
+        earth_rate = geodesy.earth_rate_w(self._x.q_ew)
+        return _Then(
+            offset_w=self.offset_w - way,
+            velocity_w=past.velocity_w - self._dv - lost,
+            C_wb=C_wb,
+            rate_b=rate_b - C_wb.T @ earth_rate,
+        )
+
+
+@dataclass(frozen=True)
+class _Then:
+    offset_w: Any
+    velocity_w: Any
+    C_wb: Any
+    rate_b: Any

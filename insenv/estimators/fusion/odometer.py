@@ -20,7 +20,7 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, constant, correlated_again, gate_row, sigma_row
+from insenv.estimators.fusion.contract import Aid, Spread, constant, correlated_again, gate_row, sigma_row
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import ODOMETER
 
@@ -57,7 +57,7 @@ AID = Aid(
     what="forward speed",
     unit="m/s",
     residual=_odometer,
-    variance=lambda p, x, u: p.odometer_noise**2,
+    variance=lambda p, x, u, spread: p.odometer_noise**2,
     due=lambda p, x, u: u.odometer_new,
     sensors=("odometer",),
     inputs=ODOMETER.measurement,
@@ -75,7 +75,7 @@ def _due(p: Any, x: Any, u: Any) -> Any:
     return select(ca.logic_and(waited, ca.sumsqr(x.velocity_w) > STANDSTILL**2), 1.0, 0.0)
 
 
-def _variance(p: Any, x: Any, u: Any) -> Any:
+def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
     """Sideways: own motion, and the slip angle of the lateral acceleration; up and down: the body's pitch and heave."""
     speed2, lateral = ca.sumsqr(x.velocity_w), u.delta_velocity[1] / u.dt
     return ca.vertcat(

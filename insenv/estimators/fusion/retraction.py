@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
+from insenv.estimators.fusion import history
 from insenv.estimators.fusion.contract import ErrorState
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 
@@ -32,4 +33,5 @@ def corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Map
         "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
         "height": x.height + dr[2],
         **{state.name: getattr(x, state.name) + correction[places[state.name]] for state in states},
+        **history.corrected(x, dv, psi),
     }
