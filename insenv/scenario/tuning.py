@@ -126,6 +126,15 @@ def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any)
         raise InputError(f"{where}: {error}") from None
 
 
+def keys_by_row(parameters: Table) -> dict[str, list[str]]:
+    """By parameter row, the keys that set it; rows that cannot be set are left out."""
+    found: dict[str, list[str]] = {}
+    for key, rows in _keys(parameters).items():
+        for row, _ in rows:
+            found.setdefault(row.name, []).append(key)
+    return found
+
+
 def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
     """Allowed keys: the rows that each sets, and the conversions to SI.  Rows that `Knowledge` gives cannot be set."""
     keys: dict[str, list[tuple[Row, Callable[[Any], Any]]]] = {}
