@@ -86,17 +86,17 @@ def main():
     for name, values in found.items():
         print(f"{name:10} {values.mean():7.2f} +- {values.std() / np.sqrt(SEEDS):.2f}")
     if arguments.out is not None:
-        from matplotlib.figure import Figure
+        from insenv import style
 
-        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        axes.plot(curve[:, 0], curve[:, 2], "o-", ms=3, label="PPO")
-        for name, style in (("analytic", ":"), ("q-method", "--")):
-            axes.axhline(found[name].mean(), ls=style, color="0.3", label=name)
-        axes.set(xlabel="minutes of training", ylabel=f"score, {SEEDS} held-out seeds")
-        axes.legend()
         arguments.out.mkdir(parents=True, exist_ok=True)
-        figure.savefig(arguments.out / "aligner.png", dpi=120)
+        with style.page(7.5, 4.2) as figure:
+            axes = figure.subplots()
+            axes.plot(curve[:, 0], curve[:, 2], "o-", markersize=3, color=style.COLOURS[0], label="PPO")
+            for name, colour in (("analytic", style.COLOURS[1]), ("q-method", style.COLOURS[2])):
+                axes.axhline(found[name].mean(), linestyle="--", color=colour, label=f"{name}, whole time")
+            axes.set(xlabel="training [min]", title=f"Score, mean of {SEEDS} held-out seeds")
+            style.legend(figure, axes)
+            style.save(figure, {"png": arguments.out / "aligner.png"})
 
 
 if __name__ == "__main__":

@@ -170,16 +170,16 @@ def main():
             gain = found["PPO"][0] - found[name][0]
             print(f"PPO minus the pattern {what}, seed by seed: {gain.mean():+.3f} +- {gain.std() / np.sqrt(len(gain)):.3f}")
     if given.out is not None and len(curve):
-        from matplotlib.figure import Figure
+        from insenv import style
 
-        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        axes.plot(curve[:, 0], curve[:, 2], "o-", ms=3, label="PPO")
-        axes.axhline(tried[best], ls="--", color="0.3", label=best)
-        axes.set(xlabel="minutes of training", ylabel="return, 64 seeds of the choice")
-        axes.legend()
         given.out.mkdir(parents=True, exist_ok=True)
-        figure.savefig(given.out / "manoeuvre-curve.png", dpi=120)
+        with style.page(7.5, 4.2) as figure:
+            axes = figure.subplots()
+            axes.plot(curve[:, 0], curve[:, 2], "o-", markersize=3, color=style.COLOURS[0], label="PPO")
+            axes.axhline(tried[best], linestyle="--", color=style.COLOURS[1], label=best)
+            axes.set(xlabel="training [min]", title="Return, mean of the 64 seeds on which the pattern is chosen")
+            style.legend(figure, axes)
+            style.save(figure, {"png": given.out / "manoeuvre-curve.png"})
 
 
 if __name__ == "__main__":
