@@ -54,7 +54,7 @@ def export_fmu(
     set_: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
-            "--set", metavar="NAME=VALUE", help="Start value of a parameter; a list as 1,2,3. SI units, or as in a scenario."
+            "--set", metavar="NAME=VALUE", help="Start value of a parameter, a list as 1,2,3; SI units, or a key of a scenario."
         ),
     ] = None,
     as_json: Json = False,
@@ -85,7 +85,7 @@ def ssp(
     estimator: Estimator,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="X.ssp", help="File to write.")],
     seed: Seed = None,
-    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs; those of 3.0 have scalars.")] = Version.two,
+    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = Version.two,
     platform: Platforms = None,
     as_json: Json = False,
 ) -> None:
@@ -140,7 +140,7 @@ def run(
         check_output_file(output)
     is_system = fmu.suffix == ".ssp"
     if is_system and input_ is not None:
-        raise InputError(f"--input with {fmu}: a system has no inputs here: allowed is --input with an .fmu file")
+        raise InputError(f"--input with {fmu}: an SSP file takes no inputs; --input is allowed with an .fmu file")
     inputs = None if input_ is None else read_csv(input_)
     with working(fmu.name) as progress:
         if is_system:

@@ -198,7 +198,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     print_line(f"{who}: {simulated:.1f} s simulated in {wall:.1f} s; {summary['state']}")
     sent = f"{total} messages to {summary['address']}, {link['dropped_frames']} dropped"
     if not link["sent_frames"]:
-        sent = f"{total} messages made, none sent: no receiver at {summary['address']}"
+        sent = f"{total} messages generated, none sent: no receiver at {summary['address']}"
     print_line(f"{sent}; {received} received")
     print_line(f"lateness p50 {late['p50']:.2f} ms, p99 {late['p99']:.2f} ms; {summary['cpu_share']:.1%} of a core")
     for what, key in (("values out of range", "saturated"), ("messages not sent because of an unknown value", "refused")):

@@ -35,7 +35,7 @@ def train(
     from insenv.learning.training import train as learn
 
     if estimator not in LEARNERS:
-        raise InputError(f"estimator {estimator!r} does not learn{nearest(estimator, LEARNERS)}")
+        raise InputError(f"estimator {estimator!r} cannot be trained{nearest(estimator, LEARNERS)}")
     chosen = seed_range(seeds)
     check_output_file(out)
     need_packages()
