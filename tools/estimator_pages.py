@@ -80,11 +80,9 @@ def parameters(id: str, markdown: Markdown) -> str:
         shape = f" ({row.size})" if row.shape else ""
         named = ", ".join(f"`{key}`" for key in keys[row.name])
         rows.append([f"`{row.name}`{shape}", row.unit, default, _bounds(row), named, row.meaning])
-    table = (
-        markdown(("row", "SI unit", "default", "allowed, SI", "keys", "meaning"), rows)
-        if rows
-        else "No parameter is set by hand."
-    )
+    how = f"Set by a key in `[estimator.{id}]` of a scenario or log, or by `--set {id}.KEY=VALUE`."
+    head = ("row", "SI unit", "default", "allowed, SI", "keys", "meaning")
+    table = f"{how}\n\n{markdown(head, rows)}" if rows else "No parameter is set by hand."
     return table + (f"\n\nKnown from the run, not set here: {', '.join(given)}." if given else "")
 
 
