@@ -27,7 +27,7 @@ resolved in.
 Position and velocity
 ---------------------
 Latitude and longitude are geodetic, in radians; height is above the ellipsoid, in metres, positive up.
-`velocity_n` is the velocity relative to the Earth, resolved in n.  A name's last part tells the frame of
+`velocity_n` is the velocity relative to the Earth, resolved in n.  The last part of a name is the frame of
 the components: `velocity_n`, `position_e`, `lever_arm_b`.  An angular rate carries three letters:
 `omega_ie_n` is the rate of e relative to i, resolved in n.
 

@@ -73,7 +73,7 @@ class AlignmentEnv(InertialEnv):
     The reference of positions is the reported start (`known_latitude`, `known_longitude`, `known_height`).
 
     With `observation="compact"` twelve numbers of order one replace all that: the share of the time used; ln(1 + time / 5
-    s) / 4; the mean direction of gravity in the frame that the gyros keep frozen, turned by the held attitude, less the
+    s) / 4; the mean direction of gravity in the frame that the gyros keep frozen, turned by the held attitude, minus the
     expected one, north and east, on a logarithmic scale and in rad; the same for the slope of that direction, logarithmic
     and in 6.3e-5 rad/s; the reported standard deviations. With `action="correction"` the action has four components: a
     rotation vector in n by which the held attitude is turned, on a logarithmic scale (1 is 0.8, 0.8 and pi rad; the scale

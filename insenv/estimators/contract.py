@@ -111,7 +111,7 @@ Motion = Literal["in place", "moving", "any"]
 
 @dataclass(frozen=True, repr=False)
 class Estimator:
-    """An estimator: its equations, and what everybody who runs it must know of it.
+    """An estimator: its equations, and all that is needed to run it.
 
     Parameters
     ----------

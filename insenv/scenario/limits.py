@@ -66,7 +66,7 @@ def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
 
 
 def prior_of(known: KnowledgeSection) -> Prior:
-    """What a scenario tells of the start."""
+    """The initial uncertainty that a scenario states."""
     return Prior(
         attitude=np.radians([known.tilt_sigma_deg, known.tilt_sigma_deg, known.heading_sigma_deg]),
         velocity=np.array(known.velocity_sigma_mps, dtype=float),

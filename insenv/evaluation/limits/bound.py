@@ -26,7 +26,7 @@ FLOOR = {
     **dict.fromkeys(POSITION, 1e-3),
 }
 """By channel: below it, the limit is that of the numbers that keep the recursion regular (a unit without noise, a velocity
-of 0 at rest), and a ratio to it tells nothing."""
+of 0 at rest), and a ratio to it has no meaning."""
 _ORDER = (*ATTITUDE, *VELOCITY, *POSITION)
 
 
@@ -62,7 +62,7 @@ def ratio(rms: float, limit: float | None, channel: str) -> float | None:
 
 
 def ratio_bounds(runs: int, probability: float = 0.95) -> tuple[float, float]:
-    """Between which rms/limit lies for an optimal estimator, by the chance of so many runs: sqrt(chi2_n / n).
+    """95 % bounds of rms/limit of an optimal estimator over so many runs: sqrt(chi2_n / n).
 
     The errors of a run are taken as one draw, because the biases of its unit are.
     """
@@ -83,9 +83,9 @@ def bound(
 ) -> Limit:
     """The limit along the trajectory of a plant.
 
-    model, rows: the plant and its parameters (SI, by row name), with the seed of the trajectory.  prior: what is told of the
-    start.  samples: inertial samples.  in_place: whether the vehicle stays where it is.  progress: called with the numbers
-    of samples done and in all.
+    model, rows: the plant and its parameters (SI, by row name), with the seed of the trajectory.  prior: the initial
+    uncertainty.  samples: inertial samples.  in_place: whether the vehicle stays where it is.  progress: called with the
+    numbers of samples done and in all.
     """
     interval = float(rows["sample_interval"])
     fixes = fixes_of(rows, interval)

@@ -33,7 +33,7 @@ UNIFORM = np.pi / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Prior:
-    """What is told of the start: standard deviations of roll, pitch and heading (3, rad), velocity (3, m/s) and position
+    """The initial uncertainty: standard deviations of roll, pitch and heading (3, rad), velocity (3, m/s) and position
     (3, m), in n."""
 
     attitude: Array
@@ -82,7 +82,7 @@ def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable
 
 
 class _Filter:
-    """The covariance, and what of it does not change from block to block."""
+    """The covariance, and the part of it that does not change from block to block."""
 
     def __init__(self, layout: Layout, prior: Prior, first: Steps) -> None:
         self.layout = layout

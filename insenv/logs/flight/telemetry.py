@@ -201,7 +201,7 @@ class _Tables:
         """Accuracies of position, horizontal and vertical (m), and of velocity (m/s) by the nearest GPS_RAW_INT; None if
         it states none.
 
-        Unlike the eph and epv of HIL_GPS they have a unit that everybody agrees on.
+        Unlike the eph and epv of HIL_GPS their unit is not in dispute.
         """
         if "GPS_RAW_INT" not in self:
             return None

@@ -20,7 +20,7 @@ from insenv.mavlink.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class Mode:
-    """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether nobody steers it."""
+    """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether it follows the script."""
 
     number: int
     name: str
