@@ -18,7 +18,7 @@ from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
 from insenv.report.scales import set_scale
 from insenv.report.tables import _table, label, number, within
-from insenv.style import COLOURS, DASHED, LIMIT, PALE, legend, page, save, title
+from insenv.style import COLOURS, DASHED, LIMIT, PALE, legend, page, save, title, unwrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -221,7 +221,8 @@ def _course(axis: Axes, found: Statistics, name: str, from_s: float) -> dict[str
     for below, above, alpha, share in ((low, high, 0.16, "95 %"), (lower, upper, 0.32, "68 %")):
         text = f"{share} of the runs"
         handles[text] = axis.fill_between(time, below, above, color=COLOURS[0], alpha=alpha, linewidth=0, zorder=2, label=text)
-    (handles["median"],) = axis.plot(time, median, color=COLOURS[0], zorder=3, label="median")
+    shown = unwrapped(median) if name in ATTITUDE else median
+    (handles["median"],) = axis.plot(time, shown, color=COLOURS[0], zorder=3, label="median")
     reach = 0.0
     if course.limit is not None:
         for sign in (-1, 1):
