@@ -265,8 +265,8 @@ class Estimator:
         if duration_s > needed * (1 - 1e-9):
             return ""
         return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled, and "
-            "no limit is a measure of them"
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled and "
+            "are not compared with a limit"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

@@ -225,8 +225,8 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     until = initial.static_until_s
     if until is None:
         raise InputError(
-            "start 'coarse' of a navigation estimator: the log does not begin at rest; where it has a time at rest, [initial] "
-            "static_from_s and static_until_s give it"
+            "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
+            "give its limits by [initial] static_from_s and static_until_s"
         )
     begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
     rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))

@@ -56,7 +56,9 @@ def no_limit(plant: Plant) -> str:
     further = sorted(plant.sensors - KNOWN)
     if not further:
         return ""
-    return f"no limit: it knows the errors of inertial units and GNSS receivers, not those of {', '.join(map(repr, further))}"
+    return (
+        f"no limit: limits cover the errors of inertial units and GNSS receivers, not those of {', '.join(map(repr, further))}"
+    )
 
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:

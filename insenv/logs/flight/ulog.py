@@ -115,10 +115,12 @@ def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
             at += 3 + size
     if at < end:
         notes.append(
-            f"the file is cut off: of its last message only {end - at} bytes are there, and what was logged later is missing"
+            f"the file is cut off within its last message, of which {end - at} bytes are there; later data are missing"
         )
     if lost:
-        notes.append(f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are no messages: skipped")
+        notes.append(
+            f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are not messages and are skipped"
+        )
     if not lost or any(data[_APPENDED]):  # the places of appended data are offsets into the file
         return data, notes
     return b"".join([*pieces, data[begin:at]]), notes
