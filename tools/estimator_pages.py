@@ -14,6 +14,7 @@ import numpy as np
 
 from insenv import estimators
 from insenv.core.tables import Row
+from insenv.estimators import lssvm
 from insenv.estimators.contract import Estimator, Knowledge, SensorNotes
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
@@ -38,6 +39,8 @@ ON_PAGE = {
 """By page, the estimators with a table of accuracy."""
 PARAMETERS_OF = {page: (ids or (page,))[0] for page, ids in ON_PAGE.items()}
 """By page, the estimator whose parameters it lists."""
+FROM_FILE = {"lssvm": lssvm.MACHINE.names}
+"""By estimator, parameter rows that come from a file."""
 SHOWN_ELEMENTS = 16
 """A row of more elements is not a parameter that a user sets by hand."""
 
@@ -69,7 +72,10 @@ def parameters(id: str, markdown: Markdown) -> str:
     usual, other = estimator.parameters(_KNOWN), estimator.parameters(_OTHERWISE)
     keys = keys_by_row(estimator.model.parameters)
     rows, given = [], []
+    from_file = FROM_FILE.get(id, ())
     for row in estimator.model.parameters:
+        if row.name in from_file:
+            continue
         if row.name not in keys:
             given += [f"`{row.name}`"] if row.size <= SHOWN_ELEMENTS else []
             continue
