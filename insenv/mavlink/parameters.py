@@ -3,7 +3,7 @@
 All are REAL32, because clients disagree on how PARAM_VALUE encodes integers.  Units are degrees, deg/h, deg/sqrt(h), ug
 and ug/sqrt(Hz) where the tables have SI units (docs/mavlink.md).
 
-When a new value takes effect follows from the equations.  A parameter on which a step of the model depends acts from
+The equations determine when a new value takes effect.  A parameter on which a step of the model depends acts from
 the next sample on.  One on which only the start depends acts at the next alignment if it is the estimator's, and cannot
 be set if it is the plant's, whose run has begun.
 """

@@ -176,7 +176,7 @@ class Simulation:
         self._aligning_since = self.samples
 
     def notes(self) -> tuple[str, ...]:
-        """What the estimator says against its estimate, with its parameters and the data since the alignment began."""
+        """The estimator's notes on its estimate, with its parameters and the data since the alignment began."""
         rows = self.estimator.model.parameters.unpack(self._filter.p)
         return self.estimator.notes(rows, max(self.samples - self._aligning_since, 1) * self.interval)
 
