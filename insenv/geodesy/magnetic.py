@@ -73,6 +73,11 @@ def world_magnetic_model(latitude: float, longitude: float, height: float, year:
     return _field(model, latitude, longitude, height, year), np.stack(columns, axis=1)
 
 
+def world_magnetic_years() -> tuple[float, float]:
+    """The decimal years of the newest coefficients."""
+    return _model()[1:]
+
+
 def _field(model: Any, latitude: float, longitude: float, height: float, year: float) -> Array:
     if abs(latitude) > np.pi / 2:  # beyond the pole: there north and east point back
         found = _field(model, np.copysign(np.pi, latitude) - latitude, longitude + np.pi, height, year)
