@@ -24,6 +24,7 @@ from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight.description import FlightDescription
+from insenv.logs.instrument_sections import SECTIONS as LOG_INSTRUMENTS
 from insenv.scenario import description, json_schema
 from insenv.scenario.gravity_section import GravitySection
 from insenv.sensors import GnssSection, ImuSection
@@ -78,6 +79,7 @@ LOG_SECTIONS: Sections = (
     ("top level", LogDescription),
     ("[imu]", LogImuSection),
     ("[gnss]", LogGnssSection),
+    *((f"[{id}]", section) for id, section in LOG_INSTRUMENTS.items()),
     ("[reference]", LogReferenceSection),
     ("[initial]", InitialSection),
     ("[evaluation]", EvaluationSection),
@@ -101,7 +103,12 @@ SCENARIO_TYPES = {
     **dict.fromkeys(("position_noise_m", "velocity_noise_mps", "position_sigma_m", "velocity_sigma_mps"), _PER_AXIS),
 }
 """Types by key, for keys whose annotation does not show the type that a user writes."""
-LOG_TYPES = {"axes": "text or 3x3", "accel_axes": "text or 3x3", "file": "text or list"}
+LOG_TYPES = {
+    **{name: kind for name, kind in SCENARIO_TYPES.items() if kind == _PER_AXIS},
+    "axes": "text or 3x3",
+    "accel_axes": "text or 3x3",
+    "file": "text or list",
+}
 
 
 def key_tables(sections: Sections, types: dict[str, str] | None = None) -> str:
