@@ -34,11 +34,11 @@ def list_all(as_json: Json = False) -> None:
         "imu_grades": [{"name": name, "title": grade.title} for name, grade in IMU_GRADES.items()],
         "gnss_grades": [{"name": name, "title": grade.title} for name, grade in GNSS_GRADES.items()],
     }
-    of_instruments = {id: section.grades for id, section in sensors.registered().items() if issubclass(section, FiguresSection)}
     instrument_grades = [
-        {"sensor": id, "name": name, "title": grade.title}
-        for id, found in of_instruments.items()
-        for name, grade in found.items()
+        {"sensor": id, "name": grade.name, "title": grade.title}
+        for id, section in sensors.registered().items()
+        if issubclass(section, FiguresSection)
+        for grade in section.grades.values()
     ]
     if as_json:
         environments = [{"id": id, "title": title} for id, title in titles().items()]
