@@ -20,6 +20,7 @@ def list_all(as_json: Json = False) -> None:
     from insenv.scenario import summaries
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
     from insenv.sensors import registry as sensors
+    from insenv.sensors.figures import FiguresSection
     from insenv.vehicles import registry as vehicles
 
     scenarios = summaries()
@@ -33,10 +34,17 @@ def list_all(as_json: Json = False) -> None:
         "imu_grades": [{"name": name, "title": grade.title} for name, grade in IMU_GRADES.items()],
         "gnss_grades": [{"name": name, "title": grade.title} for name, grade in GNSS_GRADES.items()],
     }
+    instrument_grades = [
+        {"sensor": id, "name": grade.name, "title": grade.title}
+        for id, section in sensors.registered().items()
+        if issubclass(section, FiguresSection)
+        for grade in section.grades.values()
+    ]
     if as_json:
         environments = [{"id": id, "title": title} for id, title in titles().items()]
         own = {"vehicles": kinds, "sensors": sensed}
-        print_json({"scenarios": scenarios, "estimators": known, **own, **grades, "environments": environments})
+        found = {**grades, "instrument_grades": instrument_grades}
+        print_json({"scenarios": scenarios, "estimators": known, **own, **found, "environments": environments})
         return
     print_table(("scenario", "duration", "title"), [(s["name"], f"{s['duration_s']:g} s", s["title"]) for s in scenarios])
     print_line()
@@ -49,6 +57,8 @@ def list_all(as_json: Json = False) -> None:
     for key, name in (("imu_grades", "IMU grade"), ("gnss_grades", "GNSS grade")):
         print_line()
         print_table((name, "title"), [(g["name"], g["title"]) for g in grades[key]])
+    print_line()
+    print_table(("sensor", "grade", "title"), [(g["sensor"], g["name"], g["title"]) for g in instrument_grades])
     print_line()
     print_table(("environment", "title"), list(titles().items()))
 

@@ -66,7 +66,7 @@ class Setup:
 def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
     """Return the scenario of a name, path, mapping or object.
 
-    vehicle: required kind of vehicle ("ship", "car", "aircraft"; empty: any).  Raises `InputError`.
+    vehicle: required kind of vehicle ("ship", "car", "aircraft", "multirotor"; empty: any).  Raises `InputError`.
     """
     check_type("vehicle", vehicle, str, "a kind of vehicle or ''")
     found = load(scenario)

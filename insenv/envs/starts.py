@@ -19,7 +19,7 @@ from insenv.envs.task import Task
 from insenv.errors import InputError, nearest
 from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of
-from insenv.scenario.build import check_speed_of_sinusoids
+from insenv.scenario.build import check_speed_of_sinusoids, told_of
 from insenv.scenario.description import MAX_SEED
 from insenv.scenario.sensor_notes import sensor_notes
 from insenv.sensors import imu_grade
@@ -218,7 +218,7 @@ class InnerStarts(Starts):
     ) -> None:  # fmt: skip
         super().__init__(scenario, task, ranges, constants, duration)
         self.mistuning, self._estimator = mistuning, inner.estimator
-        self._tunings = scenario.tunings
+        self._tunings, self._told = scenario.tunings, told_of(scenario)
         first, last = (task.model.parameters.slice(PREFIX + inner.estimator.model.parameters.names[k]) for k in (0, -1))
         self._place = slice(first.start, last.stop)
 
@@ -235,7 +235,9 @@ class InnerStarts(Starts):
         parameters, estimator = self.task.model.parameters, self._estimator
         for row in p:
             known = {name: row[parameters.slice(name)].reshape(parameters[name].shape) for name in KNOWN.names}
-            row[self._place] = estimator.model.parameters.pack(estimator.parameters(knowledge_of(known), self._tunings))
+            row[self._place] = estimator.model.parameters.pack(
+                estimator.parameters(knowledge_of(known, self._told), self._tunings)
+            )
         return p
 
 

@@ -18,6 +18,7 @@ from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.mavlink.interference import Interference
+from insenv.mavlink.surroundings import defaults
 from insenv.scenario import Plant, Scenario, build
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
@@ -45,17 +46,25 @@ class Simulation:
     """A scenario's plant and one estimator of its measurements.
 
     estimator: registered id; None: the first that the scenario names.  seed: instead of the scenario's.
-    Raises `InputError` for an estimator that cannot run live on this scenario.
+    year: decimal year at the start, for the magnetic field of a scenario without a magnetometer.  Raises `InputError` for an
+    estimator that cannot run live on this scenario.
 
     truth, estimate: outputs of the plant and of the estimator after the latest sample, by row name (views, overwritten
     by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
-    fixes: their number.  gnss_on: whether the receiver is on.  interference: what disturbs it, or None.  increments
-    (6): sums of the delta angles (rad) and delta velocities (m/s) that the estimator received.  bridged: number of lost
-    samples; lost_in_a_row: consecutive ones up to the latest.
+    fixes: their number.  readings: number of measurements of magnetometer and barometer, by id.  gnss_on: whether the
+    receiver is on.  interference: what disturbs it, or None.  increments (6): sums of the delta angles (rad) and delta
+    velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up to
+    the latest.
     """
 
-    def __init__(self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None) -> None:
-        self.plant = build(scenario, seed=seed)
+    def __init__(
+        self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None, year: float = 2026.0
+    ) -> None:
+        plant = build(scenario, seed=seed)
+        added = defaults(scenario, year)
+        with_added = build(scenario.model_copy(update=added), seed=seed) if added else plant
+        # the estimator knows the scenario alone: its run is that of `insenv run`
+        self.plant = replace(plant, model=with_added.model, parameters=with_added.parameters)
         self.estimator = _chosen(estimator, self.plant)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)
@@ -71,6 +80,7 @@ class Simulation:
         self.bridged = self.lost_in_a_row = 0
         self.fixes = 0
         self.fix: Fix | None = None
+        self.readings = {"magnetometer": 0, "barometer": 0}
         self.gnss_on = True
         self.interference: Interference | None = None
         self._delivered = 0
@@ -79,11 +89,11 @@ class Simulation:
         self.increments = np.zeros(6)
 
         self._increment = np.zeros(6)
-        inputs, outputs = self.estimator.model.inputs, self.plant.model.outputs
+        inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
         self._u = inputs.start_vector()
         self._u[inputs.slice("dt")] = self.interval
         self._given = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
-        fed = [n for n in inputs.names if n in outputs and n not in ("delta_angle", "delta_velocity", "dt")]
+        fed = [n for n in inputs.names if n in known and n not in ("delta_angle", "delta_velocity", "dt")]
         self._to = np.concatenate([np.zeros(0, int), *(np.r_[inputs.slice(n)] for n in fed)]).astype(int)
         self._from = np.concatenate([np.zeros(0, int), *(np.r_[outputs.slice(n)] for n in fed)]).astype(int)
         self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
@@ -120,6 +130,8 @@ class Simulation:
         self.samples += 1
         self._y[:] = self._plant.output()
         truth, u = self.truth, self._u
+        for id in self.readings:
+            self.readings[id] += int(truth[f"{id}_new"] != 0.0)
         self.lost_in_a_row += 1
         if truth["imu_valid"]:
             self.lost_in_a_row = 0

@@ -56,8 +56,8 @@ class Vehicle:
         show_errors: bool = False,
     ) -> None:
         start_unix = time.time() if start_unix is None else start_unix
-        self.simulation = Simulation(scenario, estimator, seed)
-        surroundings = Surroundings(self.simulation.plant.seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
+        self.simulation = Simulation(scenario, estimator, seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
+        surroundings = Surroundings(self.simulation.plant.seed)
         self.view = View(self.simulation, surroundings, start_unix)
         for name, value in (("system", system), ("component", component)):
             if not 1 <= value <= 255:

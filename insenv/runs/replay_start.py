@@ -100,6 +100,7 @@ def _place(log: RecordedLog) -> Knowledge:
         heading=0.0 if heading is None else float(np.radians(heading)),
         **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
         sensors=log.sensors(in_place=True),
+        instruments=log.told,
     )
 
 
@@ -128,6 +129,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
         **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
+        instruments=log.told,
         sensors=log.sensors(in_place=False),
     )
 
@@ -179,6 +181,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         rest_share=found.rest_share,
         **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
+        instruments=log.told,
         sensors=log.sensors(in_place=False),
     )
     return Start(known, (*notes, *_conflict_note(found, heading)))

@@ -19,13 +19,14 @@ from insenv.errors import InputError
 from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior
 from insenv.files.output import atomic
+from insenv.instruments import INSTRUMENTS
 from insenv.scenario.build import Plant, build
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
 
 TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
-KNOWN = frozenset({"gnss"})
+KNOWN = frozenset({"gnss", *INSTRUMENTS})
 """Sensors, beside the inertial unit, whose errors the limit knows."""
 WORTH_KEEPING_S = 0.5
 """A limit that takes longer to compute is kept on disk, beside the compiled models."""
@@ -57,7 +58,7 @@ def no_limit(plant: Plant) -> str:
     if not further:
         return ""
     return (
-        f"no limit: limits cover the errors of inertial units and GNSS receivers, not those of {', '.join(map(repr, further))}"
+        f"no limit: limits cover the errors of the sensors that insenv ships, not those of {', '.join(map(repr, further))}"
     )
 
 

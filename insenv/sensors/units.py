@@ -111,6 +111,16 @@ def ppm_to_one(value: Any) -> Any:
     return np.multiply(value, 1e-6)
 
 
+def percent_to_one(value: Any) -> Any:
+    """Per cent to a pure number."""
+    return np.multiply(value, 0.01)
+
+
+def nt_to_t(value: Any) -> Any:
+    """nT to T."""
+    return np.multiply(value, 1e-9)
+
+
 def deg_c_to_k(value: Any) -> Any:
     """Degrees Celsius to kelvin."""
     return np.add(value, ZERO_CELSIUS)

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from insenv.core.model import Model
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
+from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mooring import mooring_of
 from insenv.evaluation.limits.recursion import Layout, Prior, recursion
-from insenv.evaluation.limits.states import unit_of, wander_of
+from insenv.evaluation.limits.states import receiver_of, unit_of, wander_of
 from insenv.evaluation.limits.steps import step_ends, steps_along
 
 Array = NDArray[np.float64]
@@ -90,7 +91,9 @@ def bound(
     interval = float(rows["sample_interval"])
     fixes = fixes_of(rows, interval)
     mooring = mooring_of(rows) if in_place else None
-    layout = Layout(unit_of(rows), wander_of(rows) if fixes is not None else None, fixes, mooring)
+    of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
+    own = tuple(source for source in of_fixes if source is not None)
+    layout = Layout(unit_of(rows), own, fixes, mooring, aids_of(rows, interval))
     ends = step_ends(samples, interval, fixes)
     steps = steps_along(model, model.parameters.pack(rows), interval, ends, layout.unit.C_bs)
     times, sigmas = [], []

@@ -15,7 +15,7 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
 from insenv.mavlink.simulation import Fix, Simulation
-from insenv.mavlink.surroundings import Surroundings
+from insenv.mavlink.surroundings import AirData, Surroundings
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ class View:
         self._derived = Derived()
         self._derived.inputs["home"][:] = self.home
         self._derived_at = -1
-        self._air_at = -1
+        self._air: AirData | None = None
+        self._air_at = (-1, 0.0)
         self._rate_sigma = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
 
     def forget(self) -> None:
@@ -158,13 +159,12 @@ class View:
         u["rate_sigma"][...] = self._rate_sigma
 
     @property
-    def air(self) -> Surroundings:
-        """Magnetometer and barometer at the present sample."""
-        if self._air_at != self.simulation.samples:
-            self._air_at = self.simulation.samples
-            height_msl = float(self.truth["height"]) - self.undulation
-            self.surroundings.update(self.simulation.time, self.truth, height_msl)
-        return self.surroundings
+    def air(self) -> AirData:
+        """Magnetometer, barometer and air at the present sample."""
+        if self._air is None or self._air_at != (self.simulation.samples, self.undulation):
+            self._air_at = self.simulation.samples, self.undulation
+            self._air = self.surroundings.data(self.truth, self.undulation, self.simulation.readings["barometer"])
+        return self._air
 
     def place(self, latitude: float, longitude: float, height: float) -> tuple[float, float, float]:
         """Latitude and longitude (1e-7 deg) and height above mean sea level (mm), the units of MAVLink."""
