@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from insenv.core.compile import cache_folder
+from insenv.core.cache import cache_folder
 from insenv.core.model import Model
 from insenv.core.progress import Progress, check_progress
 from insenv.core.tables import Vector
