@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+import benchmarks
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
@@ -257,6 +258,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "imu-grades": imu_grades,
         "gnss-grades": gnss_grades,
     },
+    **benchmarks.pages(markdown),
 }
 """By page, its generated parts by name."""
 SCHEMA = "scenarios/schema.json"

@@ -57,6 +57,15 @@ def test_contents(wheel):
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
 
 
+def test_the_page_of_the_index_is_the_readme(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        metadata = archive.read(name).decode("utf-8")
+    assert "Description-Content-Type: text/markdown" in metadata
+    title = (ROOT / "README.md").read_text("utf-8").splitlines()[0]
+    assert title in metadata.splitlines()
+
+
 def test_list(installed, tmp_path):
     assert "ship-swaying" in run("insenv", "list", cwd=tmp_path, env=installed)
 
