@@ -13,6 +13,7 @@ from command_line import SHORT
 from places import ROOT
 
 from insenv import starting
+from insenv.cli.interruptions import Interruptions, ignore_from_now_on
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and pipes of POSIX")
 
@@ -138,3 +139,31 @@ def test_documented_statuses():
     page = (Path(ROOT) / "docs" / "cli.md").read_text("utf-8")
     for status in (0, 1, 2, *(status for _, status, _ in ENDS), 141):
         assert f"| {status} |" in page or f"{status} " in page, status
+
+
+def test_signals_that_are_ignored_stay_ignored(monkeypatch):
+    """As SIGHUP below nohup, and SIGINT in the background jobs of a script."""
+    monkeypatch.setattr(starting, "is_command", lambda *_: True)
+    before = {number: signal.getsignal(number) for number in starting.SIGNALS}
+    try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        starting.prepare()
+        with Interruptions():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            os.kill(os.getpid(), signal.SIGHUP)  # nothing happens
+        assert signal.getsignal(signal.SIGINT) is signal.getsignal(signal.SIGTERM) is starting.end
+        ignore_from_now_on()
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def test_a_campaign_in_processes_is_ended_by_sigterm(tmp_path):
+    """Its workers, which no terminal tells, end too."""
+    folder = tmp_path / "campaign"
+    arguments = ["campaign", "ship-swaying", "-e", "q-method", "-n", "100000", "--workers", "2", "--out", folder]
+    status, out, err = ended(["-m", "insenv", *arguments], "SIGTERM", folder, env=environment())
+    assert (status, out) == (143, "") and err.splitlines()[-1].startswith("insenv: ") and "Traceback" not in err
