@@ -83,13 +83,37 @@ def runnable(command: str) -> str | None:
     return command if PYTHON in command else None
 
 
-def run(command: str | list[str], folder: Path) -> str:
-    """Run in `folder`; fail with all that it said, or give what it printed."""
+NOT_INSTALLED = (
+    "dask distributed hypothesis onavdata pandas pyins pythonfmu pywt serial sklearn stable_baselines3 torch ziglang"
+)
+"""Packages that `pip install '.[plot]'` does not install, by the names that they are imported by."""
+HIDING = f"""
+import sys
+
+class Hiding:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {NOT_INSTALLED.split()!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Hiding())
+"""
+
+
+def as_installed(folder: Path) -> str:
+    """PYTHONPATH of a Python that finds insenv and what README.md installs with it, and no further package."""
+    place = folder / ".hiding"
+    place.mkdir()
+    (place / "sitecustomize.py").write_text(HIDING)
+    return f"{place}{os.pathsep}{ROOT}"
+
+
+def run(command: str | list[str], folder: Path, path: str = str(ROOT)) -> str:
+    """Run in `folder` with this PYTHONPATH; fail with all that it said, or give what it printed."""
     done = subprocess.run(
         command,
         shell=isinstance(command, str),
         cwd=folder,
-        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": path},
         capture_output=True,
         encoding="utf-8",
         timeout=300,
@@ -116,10 +140,11 @@ ALL = [b for page in PAGES for b in blocks_of(page.relative_to(ROOT).as_posix(),
 def test_block(block, folder):
     if block.reason is not None:
         pytest.skip(f"{block.place}: {block.reason}")
+    path = as_installed(folder) if block.place.startswith(("README.md", "docs/cli.md")) else str(ROOT)
     if block.language == "python":
         (folder / "block.txt").write_text(block.text, encoding="utf-8")
         doctest = ["-m", "doctest"] if block.text.startswith(">>>") else []
-        run([sys.executable, *doctest, "block.txt"], folder)
+        run([sys.executable, *doctest, "block.txt"], folder, path)
         return
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     for command, shown in shown_below(block.text):
@@ -127,7 +152,7 @@ def test_block(block, folder):
             named = {word for word in shlex.split(command, comments=True)[1:] if "=" not in word}
             assert named <= targets, f"{block.place}: no such target in the Makefile: {named - targets}"
         elif ready := runnable(command):
-            printed = run(ready, folder)
+            printed = run(ready, folder, path)
             gone = missing(shown, printed)
             assert not gone, f"{block.place}: {command} does not print, or not in this order: {gone[0]}\n{printed}"
 
@@ -141,6 +166,14 @@ def test_the_blocks_are_found():
     assert commands_of("$ insenv run \\\n  ship\nout\n$ make demo\n") == ["insenv run    ship", "make demo"]
     assert runnable("A=1 insenv list | insenv run") == f"A=1 {PYTHON} -m insenv list | {PYTHON} -m insenv run"
     assert runnable("pip install insenv") is None
+
+
+def test_packages_that_the_page_does_not_install_are_hidden(tmp_path):
+    path = as_installed(tmp_path)
+    tried = "import importlib\ntry: importlib.import_module('{}')\nexcept ModuleNotFoundError: print('hidden')"
+    for name in NOT_INSTALLED.split():
+        assert run([sys.executable, "-c", tried.format(name)], tmp_path, path) == "hidden\n"
+    assert run([sys.executable, "-c", tried.format("matplotlib")], tmp_path, path) == ""
 
 
 def test_lines_below_a_command_must_be_printed_in_order():
