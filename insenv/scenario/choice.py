@@ -18,7 +18,8 @@ def named_estimators(scenario: Scenario) -> tuple[str, ...]:
         return tuple(scenario.estimators)
     where = f"scenario {scenario.name!r}" if scenario.name else "the scenario"
     allowed = accepted(scenario)
-    example = f' or write estimators = ["{allowed[0]}"] into the file;' if allowed else ""
+    example = allowed[0] if allowed else "ID"
     raise InputError(
-        f"{where} names no estimator: choose one with -e ID,{example} allowed here: {', '.join(allowed) or 'none'}"
+        f"{where} names no estimator: name one with -e ID (in Python: estimators={example!r}), or write estimators = "
+        f'["{example}"] into the file; allowed here: {", ".join(allowed) or "none"}'
     )
