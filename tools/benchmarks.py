@@ -85,7 +85,7 @@ def shown(value: float | None) -> str:
         return "-"
     if value >= 1e6:
         return f"{shown(value / 1e6)} M"
-    return f"{value:.{DIGITS}g}"
+    return f"{_rounded(value):.0f}" if value >= 1e3 else f"{value:.{DIGITS}g}"
 
 
 # --- tables ------------------------------------------------------------------------------------------
