@@ -69,9 +69,13 @@ adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from insenv import starting as _starting
 
-from insenv.registration import register as _register_environments
+_starting.prepare()  # before anything that takes long to import
+
+from typing import TYPE_CHECKING  # noqa: E402
+
+from insenv.registration import register as _register_environments  # noqa: E402
 
 __version__ = "0.1.0"
 

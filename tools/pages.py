@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+import benchmarks
 import estimator_pages
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
@@ -315,6 +316,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "parameters": instrument_parameters,
         "grades": instrument_grades,
     },
+    **benchmarks.pages(markdown),
 }
 """By page, its generated parts by name."""
 SCHEMA = "scenarios/schema.json"

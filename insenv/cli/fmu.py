@@ -10,7 +10,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred
+from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path
 from insenv.errors import InputError
 
 app = typer.Typer(help="Export estimators and plants as FMUs for co-simulation, and run FMUs.", context_settings=HELP)
@@ -38,7 +38,7 @@ def export_fmu(
     subject: Annotated[
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="File to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.fmu", help="File to write.")],
     estimator: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(
@@ -83,7 +83,7 @@ def export_fmu(
 def ssp(
     scenario: Scenario,
     estimator: Estimator,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.ssp", help="File to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.ssp", help="File to write.")],
     seed: Seed = None,
     fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = Version.two,
     platform: Platforms = None,
@@ -106,13 +106,24 @@ def ssp(
 @deferred
 def run(
     fmu: Annotated[
-        Path, typer.Argument(metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs.")
+        Path,
+        typer.Argument(
+            parser=given_path, metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs."
+        ),
     ],
     input_: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--input", metavar="CSV", help="Inputs: a column `time`, s, and one for each element of an input."),
+        typer.Option(
+            "--input",
+            parser=given_path,
+            metavar="CSV",
+            help="Inputs: a column `time`, s, and one for each element of an input.",
+        ),
     ] = None,
-    output: Annotated[Optional[Path], typer.Option("--output", "-o", metavar="CSV", help="Write the outputs there.")] = None,  # noqa: UP045
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--output", "-o", parser=given_path, metavar="CSV", help="Write the outputs there."),
+    ] = None,
     step: Annotated[
         Optional[float],  # noqa: UP045
         typer.Option(metavar="S", help="Communication step in seconds; replaces the FMU's own."),

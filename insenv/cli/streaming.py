@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Scenario, Seed, deferred
+from insenv.cli.options import Json, Scenario, Seed, deferred, given_path
 from insenv.errors import InputError
 
 
@@ -45,14 +45,21 @@ def stream(
         Optional[float],  # noqa: UP045
         typer.Option(metavar="S", help="Simulated seconds; without it until Ctrl-C, with --speed 0 the scenario's duration."),
     ] = None,
-    tlog: Annotated[Optional[Path], typer.Option(metavar="FILE", help="Write a telemetry log.")] = None,  # noqa: UP045
+    tlog: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(parser=given_path, metavar="FILE", help="Write a telemetry log."),
+    ] = None,
     rate: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(metavar="MESSAGE=HZ", help="Rate of a message, 0 to send none; may be given more than once."),
     ] = None,
     signing_key_file: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(metavar="FILE", help="Sign messages with the key in this file, and accept only messages signed with it."),
+        typer.Option(
+            parser=given_path,
+            metavar="FILE",
+            help="Sign messages with the key in this file, and accept only messages signed with it.",
+        ),
     ] = None,
     system: Annotated[
         int, typer.Option(metavar="N", help="MAVLink system of the vehicle, 1 to 255: several vehicles beside one another.")

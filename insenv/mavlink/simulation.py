@@ -20,6 +20,7 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.mavlink.interference import Interference
 from insenv.mavlink.surroundings import defaults
 from insenv.scenario import Plant, Scenario, build
+from insenv.scenario.choice import named_estimators
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 
@@ -273,7 +274,4 @@ class Simulation:
 
 def _chosen(id: str | Estimator | None, plant: Plant) -> Estimator:
     """The estimator to run.  Raises `InputError` if none is named."""
-    scenario = plant.scenario
-    if id is None and not scenario.estimators:
-        raise InputError(f"scenario {scenario.name!r} names no estimator: choose one with -e ID (`insenv list` shows them)")
-    return estimators.get(id or scenario.estimators[0])
+    return estimators.get(id or named_estimators(plant.scenario)[0])

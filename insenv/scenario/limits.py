@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from insenv.core.compile import cache_folder
+from insenv.core.cache import cache_folder
 from insenv.core.model import Model
 from insenv.core.progress import Progress, check_progress
 from insenv.core.tables import Vector
@@ -57,9 +57,7 @@ def no_limit(plant: Plant) -> str:
     further = sorted(plant.sensors - KNOWN)
     if not further:
         return ""
-    return (
-        f"no limit: limits cover the errors of the sensors that insenv ships, not those of {', '.join(map(repr, further))}"
-    )
+    return f"no limit: limits cover the errors of the sensors that insenv ships, not those of {', '.join(map(repr, further))}"
 
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:

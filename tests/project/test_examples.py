@@ -5,10 +5,12 @@ import subprocess
 import sys
 from importlib.util import find_spec
 
+import plain_log
 import pytest
 from places import ROOT
 
-from insenv import run
+from insenv import replay, run
+from insenv.evaluation.errors import CHANNELS
 from insenv.files.toml import read_toml
 from insenv.scenario import load
 
@@ -62,6 +64,22 @@ def test_script(name, tmp_path):
 def test_own_scenario():
     report = run(load(EXAMPLES / "own_scenario.toml"), duration_s=5.0)
     assert [result.estimator for result in report.results] == ["q-method"]
+
+
+def test_the_files_of_the_plain_log_are_those_that_its_tool_writes():
+    for name, text in plain_log.files().items():
+        assert (EXAMPLES / "logs" / name).read_text("utf-8") == text, f"{name}: run python tools/plain_log.py"
+
+
+@pytest.mark.parametrize("start", ["coarse", "reference"])
+def test_the_plain_log_navigates_within_its_sigmas(start):
+    (result,) = replay(EXAMPLES / "logs" / "plain.toml", "loosely-coupled", start=start).results
+    assert result.health.verdict == "consistent"
+    stated = result.stated()
+    rms = result.statistics()["rms"]
+    assert set(rms) == set(CHANNELS) & set(stated)
+    # one run, in which errors that change slowly (heading, biases behind tilt) are one draw
+    assert all(rms[name] < 3 * stated[name] for name in rms)
 
 
 def test_the_two_descriptions_of_the_car_log_differ_in_the_velocities_alone():
