@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from insenv.core.model import Model
-from insenv.core.tables import Vector
+from insenv.core.tables import Table, Vector
 from insenv.errors import InputError, nearest
 from insenv.estimators import Estimator, get, registered
 from insenv.plant.loop import PREFIX, loop_model
@@ -96,7 +96,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
     interval = _sample_interval(left.pop("sample_interval", 1.0 / scenario.rate_hz))
     one_increment = left.pop("step_is_one_increment", False)
     if one_increment not in (0, 1) or "dt" not in estimator.model.inputs:
-        reason = "allowed is 0 or 1" if "dt" in estimator.model.inputs else f"{estimator.id!r} has no input dt"
+        reason = "allowed is true or false" if "dt" in estimator.model.inputs else f"{estimator.id!r} has no input dt"
         raise InputError(f"step_is_one_increment = {one_increment!r}: {reason}")
     if interval != 1.0 / scenario.rate_hz:
         scenario = _at_rate(scenario, 1.0 / interval)
@@ -122,6 +122,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
 def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:
     """Rows, in SI units, from settings by row name or by name and data-sheet unit.  Raises `InputError`."""
     table = estimator.model.parameters
+    _check_booleans(table, settings)
     rows = {name: value for name, value in settings.items() if name in table}
     for name, value in settings.items():
         if name in table:
@@ -140,6 +141,13 @@ def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]
     return rows
 
 
+def _check_booleans(table: Table, settings: Mapping[str, object]) -> None:
+    """Raise `InputError` for true or false as the value of a row that is no flag."""
+    for name, value in settings.items():
+        if isinstance(value, bool) and not (name in table and table[name].flag):
+            raise InputError(f"{name} = {str(value).lower()}: allowed is a number")
+
+
 def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
     plant = build(scenario)
     table = plant.model.parameters
@@ -148,9 +156,7 @@ def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
         if name not in allowed:
             reason = "; the scenario's rate_hz sets it" if name == "sample_interval" else nearest(name, allowed)
             raise InputError(f"no parameter {name!r} of plant {scenario.name!r} can be set{reason}")
-    seed = settings.get("seed", plant.seed)
-    if isinstance(seed, (int, float)) and seed != int(seed):
-        raise InputError(f"seed = {seed!r}: allowed is a whole number from 0 to 2^53")
+    _check_booleans(table, settings)
     return Subject(
         id=scenario.name,
         kind="plant",
