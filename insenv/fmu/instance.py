@@ -214,9 +214,8 @@ class Instance:
                 known = [parameter.removeprefix("parameters.") for parameter in scalar]
                 # a plant has hundreds of elements: an array is named once
                 allowed = dict.fromkeys(re.sub(r"\[.*", "[...]", parameter) for parameter in known)
-                raise InputError(
-                    f"{self.label}: no scalar parameter {name!r}{nearest(name.removeprefix('parameters.'), allowed)}"
-                )
+                near = nearest(name.removeprefix("parameters."), allowed, "modelDescription.xml in the FMU")
+                raise InputError(f"{self.label}: no scalar parameter {name!r}{near}")
             if variable.name in taken:
                 raise InputError(
                     f"{self.label}: parameter {variable.name} is set twice: as {taken[variable.name]} and as {name}"

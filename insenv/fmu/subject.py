@@ -15,13 +15,15 @@ import numpy as np
 
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector
-from insenv.errors import InputError, nearest
+from insenv.errors import LISTED, InputError, nearest
 from insenv.estimators import Estimator, get, registered
 from insenv.plant.loop import PREFIX, loop_model
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names, tuning
 
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
 """Scenario from which the start values of an estimator come, by its kind."""
+DOCUMENTED = "documentation/index.html in the FMU"
+"""Where the variables of an FMU are listed."""
 _FASTEST, _SLOWEST = 1e4, 0.1
 _ESTIMATOR = "estimator."  # prefix of the settings of a loop's estimator
 
@@ -86,7 +88,7 @@ def subject(
     if isinstance(what, str) and what in registered():
         return _estimator(registered()[what], settings)
     if isinstance(what, str) and not what.endswith(".toml") and what not in names():
-        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registered(), *names()])}")
+        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registered(), *names()], LISTED)}")
     return _plant(load(what), settings)
 
 
@@ -133,7 +135,7 @@ def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]
             if "unknown key" not in str(error):
                 raise
             allowed = ["sample_interval", "step_is_one_increment", *table.names]
-            raise InputError(f"no parameter {name!r} in {estimator.id!r}{nearest(name, allowed)}") from None
+            raise InputError(f"no parameter {name!r} in {estimator.id!r}{nearest(name, allowed, DOCUMENTED)}") from None
         for row, number in converted.items():
             if row in rows:
                 raise InputError(f"{row} is set twice, the second time by {name}")
@@ -154,7 +156,7 @@ def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
     allowed = [name for name in table.names if name != "sample_interval"]
     for name in settings:
         if name not in allowed:
-            reason = "; the scenario's rate_hz sets it" if name == "sample_interval" else nearest(name, allowed)
+            reason = "; the scenario's rate_hz sets it" if name == "sample_interval" else nearest(name, allowed, DOCUMENTED)
             raise InputError(f"no parameter {name!r} of plant {scenario.name!r} can be set{reason}")
     _check_booleans(table, settings)
     return Subject(

@@ -109,7 +109,7 @@ class Schedule:
 def check_rate(name: str, hz: float, most: float = MAX_HZ) -> None:
     """Raise `InputError` unless `name` is a streamed message and `hz` a rate from 0 to `most`."""
     if name not in DEFAULT_HZ:
-        raise InputError(f"no streamed message {name!r}{nearest(name, DEFAULT_HZ)}")
+        raise InputError(f"no streamed message {name!r}{nearest(name, DEFAULT_HZ, 'docs/mavlink.md')}")
     if not 0.0 <= hz <= most:
         raise InputError(f"rate of {name} = {hz:g} Hz: allowed is 0 (never) to {most:g} Hz")
 
