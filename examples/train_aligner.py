@@ -1,11 +1,11 @@
 """Train PPO to align a swaying ship from twelve moments of gravity, and compare it with estimators on held-out seeds.
 
+pip install -e '.[rl,plot]'
 python examples/train_aligner.py --minutes 5 --out aligner
-
-Needs stable-baselines3, and matplotlib for the figure of the learning curve.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 
 from insenv.envs import agents
+from insenv.errors import InputError
 
 ID = "insenv/ShipAlignment-v0"
 EPISODE = {"samples_per_step": 1000, "initial_error": (20.0, 180.0)}  # 60 steps of 5 s
@@ -77,6 +78,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=None, help="folder of the figure")
     arguments = parser.parse_args()
+    from insenv.envs import sb3  # noqa: F401
+
     policy, curve = train(arguments.minutes, arguments.seed)
     found = {
         "analytic": scores(lambda venv: agents.make("analytic", venv).act),
@@ -100,4 +103,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"train_aligner.py: {error}")

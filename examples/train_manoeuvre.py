@@ -8,6 +8,7 @@ known without error, and the largest change of velocity that the commands allow.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import gymnasium
 import numpy as np
 
 import insenv
+from insenv.errors import InputError
 
 ID = "insenv/Manoeuvre-v0"
 HELD_OUT, SEARCH, TRAINING = 1_000_000, 500_000, 0  # first seeds of the comparison, the choice of a pattern, training
@@ -147,6 +149,9 @@ def main():
     parser.add_argument("--seed", type=int, default=1, help="of the training")
     parser.add_argument("--out", type=Path, default=None, help="folder of the figure")
     given = parser.parse_args()
+    if given.minutes > 0.0:
+        from insenv.envs import sb3  # noqa: F401
+
     held_out, search = HELD_OUT + np.arange(given.seeds), SEARCH + np.arange(64)
 
     tried = {name: episodes(always(pattern), search)[0].mean() for name, pattern in PATTERNS.items()}
@@ -183,4 +188,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"train_manoeuvre.py: {error}")

@@ -11,12 +11,14 @@ the best fixed factors of a search along the axes, and with the filter that has 
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 
 import insenv
+from insenv.errors import InputError
 
 ID = "insenv/Tuning-v0"
 EPISODE = {"duration_s": 240.0, "gnss_outages_s": ((90.0, 120.0), (180.0, 210.0)), "samples_per_step": 2000}
@@ -125,6 +127,8 @@ def main():
     parser.add_argument("--mistuned", type=float, default=1.5, help="half-width of the random mistuning, decades")
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
+    from insenv.envs import sb3  # noqa: F401
+
     options = {"mistuning_decades": given.mistuned}
     held_out = HELD_OUT + np.arange(given.seeds)
 
@@ -155,4 +159,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"train_tuner.py: {error}")

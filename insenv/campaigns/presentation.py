@@ -134,7 +134,7 @@ def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True)
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **campaign_arrays(found))
-        text = to_json(campaign_document(found, [str(path) for path in paths])) + "\n"
+        text = to_json(campaign_document(found, names)) + "\n"  # without the folder, so that equal campaigns are equal files
         part(names[1]).write_text(text, encoding="ascii")
         if drawn:
             save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})

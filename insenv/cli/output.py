@@ -31,7 +31,11 @@ def _console(stderr: bool = False) -> Console:
     """A console as wide as the terminal; of 80 columns if there is none."""
     from rich.console import Console
 
-    console = Console(stderr=stderr, markup=False, highlight=False, emoji=False)
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # which ends the command with status 141; rich would end it with 1, without a word
+
+    console = Plain(stderr=stderr, markup=False, highlight=False, emoji=False)
     console.width = console.width if console.is_terminal else WIDTH
     return console
 

@@ -58,7 +58,7 @@ class Parameter:
     def set(self, value: float) -> None:
         """Set the value.  Raises `InputError` if it is out of range or cannot be set."""
         if self.write is None:
-            raise InputError(f"{self.name} cannot be set while the vehicle runs")
+            raise InputError(f"{self.name} cannot be set during a run")
         if not isfinite(value) or not self.lower <= value <= self.upper:
             raise InputError(f"{self.name} = {value:g}: allowed is {self.lower:g} to {self.upper:g} {self.unit}".rstrip())
         self.write(value)

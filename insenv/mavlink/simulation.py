@@ -17,6 +17,7 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
+from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.interference import Interference
 from insenv.mavlink.surroundings import defaults
 from insenv.scenario import Plant, Scenario, build
@@ -55,7 +56,8 @@ class Simulation:
     fixes: their number.  readings: number of measurements of magnetometer and barometer, by id.  gnss_on: whether the
     receiver is on.  interference: what disturbs it, or None.  increments (6): sums of the delta angles (rad) and delta
     velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up to
-    the latest.
+    the latest.  health: of the estimator since the alignment began, or None if it does not report it.  reported_heading_sigma:
+    standard deviation (rad) of the heading from which the alignment began, 0 if the estimator takes none.
     """
 
     def __init__(
@@ -88,6 +90,7 @@ class Simulation:
         self.alignments = 1
         self._aligning_since = 0
         self.increments = np.zeros(6)
+        self.health = self._new_health()
 
         self._increment = np.zeros(6)
         inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
@@ -160,6 +163,12 @@ class Simulation:
             u[:] = np.where(np.isfinite(u), u, 0.0)
             self._filter.advance(u)
         self._z[:] = self._filter.output()
+        if self.health is not None and self.has_gnss and truth["gnss_valid"] and self.gnss_on and self.fix is not None:
+            self.health.take(self.time, self.estimate, self.fix.velocity_sigma if self.fix.velocity_valid else None)
+
+    def _new_health(self) -> LiveHealth | None:
+        self.reported_heading_sigma = self.estimator_row("heading_sigma") or 0.0
+        return LiveHealth() if self.estimator.reports_health else None
 
     def _take_fix(self) -> None:
         now = self.truth
@@ -187,11 +196,18 @@ class Simulation:
         self._z[:] = self._filter.output()
         self.alignments += 1
         self._aligning_since = self.samples
+        self.health = self._new_health()
 
     def notes(self) -> tuple[str, ...]:
-        """The estimator's notes on its estimate, with its parameters and the data since the alignment began."""
+        """The estimator's notes on its estimate, with its parameters and the data since the alignment began.
+
+        The last note is that these data are fewer than it needs.
+        """
         rows = self.estimator.model.parameters.unpack(self._filter.p)
-        return self.estimator.notes(rows, max(self.samples - self._aligning_since, 1) * self.interval)
+        duration = max(self.samples - self._aligning_since, 1) * self.interval
+        needed = self.estimator.needed_s(rows)
+        short = (f"{self.estimator.id} needs {needed:.3g} s of data",) if duration < needed * (1 - 1e-9) else ()
+        return (*self.estimator.notes(rows, duration), *short)
 
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""

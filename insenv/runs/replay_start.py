@@ -64,7 +64,7 @@ class Start:
 def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Start:
     """Knowledge of the estimator where sample `first` begins; `start` is one of `STARTS`.
 
-    Raises `InputError` if the log lacks what it needs; `InsenvError` if the vehicle is too slow to find the heading.
+    Raises `InputError` if the log lacks what it needs, also if the vehicle is too slow to find the heading.
     """
     if start == "reference":
         return Start(_from_reference(log, first))
@@ -262,7 +262,7 @@ def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     moving = np.flatnonzero((speed > COURSE_SPEED) & (time > log.imu_time[first]) & (time < log.imu_time[-1]))[:COURSE_FIXES]
     if len(moving) < COURSE_FIXES:
-        raise InsenvError(
+        raise InputError(
             f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s; "
             "give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
             "--start reference"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from insenv.errors import InputError, nearest
+from insenv.errors import LISTED, InputError, nearest
 from insenv.estimators import registry
 from insenv.files.resources import scenario_folder
 from insenv.files.toml import read_toml, shown, validated
@@ -44,7 +44,7 @@ def load(scenario: ScenarioLike) -> Scenario:
                 "recorded log"
             )
         if text not in known:
-            raise InputError(f"no scenario {text!r}{nearest(text, known)}; or give the path of a .toml file")
+            raise InputError(f"no scenario {text!r}{nearest(text, known, LISTED)}; or give the path of a .toml file")
         path = scenario_folder() / f"{text}.toml"
     else:
         path = Path(scenario)

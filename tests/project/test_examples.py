@@ -61,6 +61,23 @@ def test_script(name, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", [n for n in sorted(SAID) if n.startswith("train_")])
+def test_a_script_that_trains_says_what_to_install(name, tmp_path):
+    script = str(EXAMPLES / name)
+    code = f"import sys, runpy; sys.modules['stable_baselines3'] = None; runpy.run_path({script!r}, run_name='__main__')"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"{name}: insenv.envs.sb3 needs Stable-Baselines3, which is not installed: pip install ")
+    assert done.stderr.count("\n") == 1 and "rl" in done.stderr
+
+
 def test_own_scenario():
     report = run(load(EXAMPLES / "own_scenario.toml"), duration_s=5.0)
     assert [result.estimator for result in report.results] == ["q-method"]
