@@ -69,7 +69,7 @@ bench: $(BENCH) ## benchmarks, with their floors and, if it can be installed, a 
 # the tutorials are run again where they or the code have changed (docs/conf.py)
 docs: $(DOCS) ## build the documentation site in build/docs/html, and open its pages in headless Chromium
 	$(BIN)/python -m sphinx -b html -q -W --keep-going -d build/docs/doctrees docs build/docs/html
-	INSENV_SITE=build/docs/html $(BIN)/python -m pytest tests/project/test_site.py $(PYTEST_ARGS)
+	INSENV_SITE=build/docs/html $(BIN)/python -m pytest --noconftest tests/project/test_site.py $(PYTEST_ARGS)
 
 clean: ## remove all generated files, including .venv
 	rm -rf .venv demo build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache

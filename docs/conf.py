@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,18 @@ def digest() -> str:
 
 
 CODE = digest()
+BUILD = ROOT / "build" / "docs"
+
+
+def settings_of_kernels() -> Path:
+    """A folder of IPython settings for the tutorials, in place of the user's: kernels report errors alone."""
+    profile = BUILD / "ipython" / "profile_default"
+    profile.mkdir(parents=True, exist_ok=True)
+    (profile / "ipython_kernel_config.py").write_text("get_config().Application.log_level = 40\n", encoding="utf-8")
+    return profile.parent
+
+
+os.environ["IPYTHONDIR"] = str(settings_of_kernels())
 
 project = "insenv"
 author = "The insenv authors"
@@ -53,7 +66,7 @@ nitpicky = True
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(ROOT / "build" / "docs" / "notebooks" / CODE)
+nb_execution_cache_path = str(BUILD / "notebooks" / CODE)
 nb_execution_in_temp = True
 nb_execution_timeout = 240
 nb_execution_raise_on_error = True
