@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -23,17 +24,18 @@ import site_sources  # noqa: E402
 import insenv  # noqa: E402
 
 
-def digest() -> str:
-    """Digest of everything that decides what a tutorial prints, apart from its own text."""
+def digest(*folders: str) -> str:
+    """Digest of the names and contents of all files in some folders of the repository."""
     found = hashlib.sha256()
-    for folder in ("insenv", "scenarios", "fmu", "examples"):
-        for path in sorted((ROOT / folder).rglob("*")):
-            if path.is_file() and "__pycache__" not in path.parts:
-                found.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    for path in sorted(path for folder in folders for path in (ROOT / folder).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            found.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return found.hexdigest()[:16]
 
 
-CODE = digest()
+CODE = digest("insenv", "scenarios", "fmu", "examples")
+"""What decides what a tutorial prints, apart from its own text."""
+MAKER = digest("tools") + hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
 BUILD = ROOT / "build" / "docs"
 
 
@@ -125,6 +127,15 @@ def as_rst(app: Any, what: str, name: str, thing: Any, options: Any, lines: list
     lines[:] = site_docstrings.as_rst(lines, site_docstrings.parameter_names(thing))
 
 
+def shorter(app: Any, what: str, name: str, thing: Any, options: Any, signature: str | None, result: str | None) -> Any:
+    """Show a default that is an object as ..., an array by its name, keys of a file not at all: they hide the names."""
+    if hasattr(thing, "model_fields"):
+        return "(**keys)", result
+    text = re.sub(r"<factory>|(?<== )\w+\([^()]*\)", "...", signature or "")
+    text = re.sub(r"~?numpy\.ndarray\[tuple\[[^]]*\], ~?numpy\.dtype\[[^]]*\]\]", "~numpy.ndarray", text)
+    return (text, result) if text else None
+
+
 def keep_member(app: Any, what: str, name: str, thing: Any, skip: bool, options: Any) -> bool | None:
     """Leave out what pydantic adds to a class of ours."""
     module = getattr(inspect.unwrap(thing) if callable(thing) else getattr(thing, "fget", None), "__module__", "insenv")
@@ -145,10 +156,11 @@ def resolve(app: Any, env: Any, node: Any, text: Any) -> Any:
 
 def setup(app: Any) -> dict[str, bool]:
     """Connect the functions above."""
-    app.add_config_value("insenv_code", CODE, "env")  # another digest: all pages are read again
+    app.add_config_value("insenv_code", CODE + MAKER, "env")  # another one: all pages are read again
     app.connect("builder-inited", write_pages)
     app.connect("source-read", extend_page)
     app.connect("autodoc-process-docstring", as_rst)
+    app.connect("autodoc-process-signature", shorter)
     app.connect("autodoc-skip-member", keep_member)
     app.connect("missing-reference", resolve)
     return {"parallel_read_safe": False}

@@ -181,6 +181,7 @@ def reference() -> Pages:
             body = f".. automodule:: {thing.__name__}\n   :members:\n"
         elif inspect.isclass(thing):
             body = f".. autoclass:: insenv.{name}\n   :members:\n"
+            body += "\nKeys, units and defaults: :doc:`/scenarios`.\n" if hasattr(thing, "model_fields") else ""
         else:
             body = f".. autofunction:: insenv.{name}\n"
         pages[f"api/{name}.rst"] = f"insenv.{name}\n{'=' * (7 + len(name))}\n\n{body}"
