@@ -10,7 +10,7 @@ from pages import ROOT, markdown, rows_table
 from insenv import estimators
 from insenv.core.tables import Table
 from insenv.estimators import Estimator
-from insenv.scenario.tuning import tuning_keys
+from insenv.scenario.tuning import keys_by_row
 
 DOCS = ROOT / "docs"
 Pages = dict[str, str]
@@ -30,25 +30,26 @@ def estimators_on(text: str) -> list[Estimator]:
 
 
 def estimator_tables(text: str) -> str:
-    """The tables of the estimators of a page, to be appended to it."""
-    return "\n\n".join(_estimator(found) for found in estimators_on(text))
+    """The tables of the estimators of a page, to be appended to it; without parameters where the page has them itself."""
+    lists_parameters = "<!-- begin parameters" in text
+    return "\n\n".join(_estimator(found, lists_parameters) for found in estimators_on(text))
 
 
-def _estimator(estimator: Estimator) -> str:
-    keys: dict[str, list[str]] = {}
-    for key, rows in tuning_keys(estimator.model.parameters).items():
-        for row, _ in rows:
-            keys.setdefault(row.name, []).append(f"`{key}`")
-    model = estimator.model
+def _estimator(estimator: Estimator, lists_parameters: bool) -> str:
+    id, model = estimator.id, estimator.model
+    keys = {row: ", ".join(f"`{key}`" for key in found) for row, found in keys_by_row(model.parameters).items()}
+    parameters = (
+        f'### Parameters of `{id}`\n\nA key sets the row in `[estimator."{id}"]` of a scenario or a log and in `settings`, in '
+        f"the unit that its name ends with. Rows without one follow from what is known at the start.\n\n"
+        f"{rows_with_bounds(model.parameters, keys)}\n\n"
+    )
     return (
-        f"## Interface of `{estimator.id}`\n\n"
+        f"## Interface of `{id}`\n\n"
         f"{sentence(estimator.title)} Kind: {estimator.kind}. Vehicle: {estimator.motion}. "
         f"Sensors beside the inertial unit: {', '.join(estimator.sensors) or 'none'}.\n\n"
-        f'### Parameters of `{estimator.id}`\n\nA key sets the row in `[estimator."{estimator.id}"]` of a scenario or a log '
-        f"and in `settings`, in the unit that its name ends with. Rows without one follow from what is known at the start.\n\n"
-        f"{rows_with_bounds(model.parameters, {row: ', '.join(found) for row, found in keys.items()})}\n\n"
-        f"### Inputs of `{estimator.id}`\n\n{rows_with_bounds(model.inputs)}\n\n"
-        f"### Outputs of `{estimator.id}`\n\n{rows_with_bounds(model.outputs)}\n"
+        f"{'' if lists_parameters else parameters}"
+        f"### Inputs of `{id}`\n\n{rows_with_bounds(model.inputs)}\n\n"
+        f"### Outputs of `{id}`\n\n{rows_with_bounds(model.outputs)}\n"
     )
 
 

@@ -91,7 +91,7 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     """
     estimator = get(estimator)
     parameters = estimator.model.parameters
-    known = tuning_keys(parameters)
+    known = _keys(parameters)
     rows: dict[str, Any] = {}
     for key, value in table.items():
         where = f"estimator.{estimator.id!r}.{key}"
@@ -126,7 +126,16 @@ def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any)
         raise InputError(f"{where}: {error}") from None
 
 
-def tuning_keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
+def keys_by_row(parameters: Table) -> dict[str, list[str]]:
+    """By parameter row, the keys that set it; rows that cannot be set are left out."""
+    found: dict[str, list[str]] = {}
+    for key, rows in _keys(parameters).items():
+        for row, _ in rows:
+            found.setdefault(row.name, []).append(key)
+    return found
+
+
+def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:
     """Allowed keys: the rows that each sets, and the conversions to SI.  Rows that `Knowledge` gives cannot be set."""
     keys: dict[str, list[tuple[Row, Callable[[Any], Any]]]] = {}
     for row in parameters:
