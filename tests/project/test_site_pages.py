@@ -61,6 +61,15 @@ def test_links_to_an_anchor_lead_to_the_heading_below_it():
     assert text == "see [health](consistency.md#in-a-single-run-health) and [axes](#axes)"
 
 
+def test_a_page_that_no_table_of_contents_names_is_below_the_reference(tmp_path, monkeypatch):
+    (tmp_path / "concepts").mkdir()
+    (tmp_path / "concepts" / "index.md").write_text("```{toctree}\n:hidden:\n\n../limits\n```\n")
+    for name in ("index", "limits", "benchmarks"):
+        (tmp_path / f"{name}.md").write_text("# Title\n")
+    monkeypatch.setattr(site_sources, "DOCS", tmp_path)
+    assert site_sources.unlisted() == ["benchmarks"]
+
+
 def test_the_biases_of_a_grade_as_errors_of_an_alignment():
     page = PAGES["grades/marine.md"]  # 0.001 deg/h, 10 ug: heading 0.001 / (15.041 cos 45 deg) rad, tilt 1e-5 rad
     assert "| 0.00057 deg | 0.0054 deg |" in page
