@@ -130,14 +130,14 @@ def scenario(name: str) -> str:
     )
 
 
-OF_PAPER = {
-    "ecef": ("ecef-kf", "reproduce-ecef"),
-    "navigation": ("smoother", "smoother"),
-    "swaying": ("inertial-fir", "inertial-fir"),
-    "quaternion": ("qakf", "reproduce-quaternion"),
-    "large-misalignment": ("aqe", "aqe-sukf"),
+PAGE_OF_PAPER = {
+    "ecef": "ecef-kf",
+    "navigation": "smoother",
+    "swaying": "inertial-fir",
+    "quaternion": "qakf",
+    "large-misalignment": "aqe",
 }
-"""Of each paper the page of its estimators, and the figure."""
+"""Of each paper the page of its estimators."""
 
 
 def papers() -> Pages:
@@ -155,7 +155,8 @@ def papers() -> Pages:
 
 def paper(name: str, title: str, rows: Iterable[Mapping[str, object]]) -> str:
     """The page of one paper."""
-    page, figure = OF_PAPER[name]
+    page = PAGE_OF_PAPER[name]
+    figure = figure_of(name, page)
 
     def number(value: object) -> str:
         return "" if value is None else f"{float(value):.3g}"  # type: ignore[arg-type]
@@ -168,8 +169,15 @@ def paper(name: str, title: str, rows: Iterable[Mapping[str, object]]) -> str:
     return (
         f"# Paper: {name}\n\n**{title[0].upper()}{title[1:]}**\n\n"
         f"The method, its equations and what was corrected: [{page}](../../estimators/{page}.md).\n\n"
-        f"```console\n$ insenv reproduce {name}\n```\n\n![The tests of the paper](../../figures/{figure}.png)\n\n{table}\n"
+        f"```console\n$ insenv reproduce {name}\n```\n\n![The tests of the paper](../../figures/{figure})\n\n{table}\n"
     )
+
+
+def figure_of(paper: str, page: str) -> str:
+    """The figure that `insenv reproduce` draws of a paper, or else the first on the page of its estimators."""
+    if (DOCS / "figures" / f"reproduce-{paper}.png").is_file():
+        return f"reproduce-{paper}.png"
+    return re.findall(r"\]\(\.\./figures/([\w.-]+)\)", (DOCS / "estimators" / f"{page}.md").read_text(encoding="utf-8"))[0]
 
 
 def reference() -> Pages:
