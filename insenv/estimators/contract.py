@@ -136,7 +136,7 @@ Motion = Literal["in place", "moving", "any"]
 
 @dataclass(frozen=True, repr=False)
 class Estimator:
-    """An estimator: its equations, and what everybody who runs it must know of it.
+    """An estimator: its equations, and all that is needed to run it.
 
     Parameters
     ----------
@@ -299,19 +299,24 @@ class Estimator:
             and not used.intersection(range(table.slice(row.name).start, table.slice(row.name).stop))
         )
 
-    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> str:
-        """The sentence that `duration_s` of data are too few with these parameters (by row name); empty if they suffice."""
+    def needed_s(self, parameters: Mapping[str, Any]) -> float:
+        """The time (s) of data that it needs with these parameters (by row name): see `needs`."""
         if self.needs is None:
-            return ""
+            return 0.0
         with naming(f"estimator {self.id!r}, needs"):
             needed = float(self.needs(parameters))
         if not 0 <= needed < math.inf:
             raise InputError(f"estimator {self.id!r}, needs: {needed!r} s: allowed is a finite number of seconds, not negative")
-        if duration_s > needed * (1 - 1e-9):
+        return needed
+
+    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> str:
+        """The sentence that `duration_s` of data are too few with these parameters (by row name); empty if they suffice."""
+        needed = self.needed_s(parameters)
+        if self.needs is None or duration_s > needed * (1 - 1e-9):
             return ""
         return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled, and "
-            "no limit is a measure of them"
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled and "
+            "are not compared with a limit"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

@@ -54,9 +54,17 @@ def world_magnetic_model(latitude: float, longitude: float, height: float, year:
 
     Raises `InputError` for a year beyond the five years of the newest coefficients.
     """
-    model, first, last = _model()
+    _, first, last = _model()
     if not first <= year <= last:
         raise InputError(f"year = {year:g}: allowed is {first:g} to {last:g}, the time of the World Magnetic Model")
+    field, gradient = _evaluated(latitude, longitude, height, year)
+    return field.copy(), gradient.copy()
+
+
+@lru_cache(maxsize=64)
+def _evaluated(latitude: float, longitude: float, height: float, year: float) -> tuple[Array, Array]:
+    """Kept: the package takes milliseconds, and the plants of a scenario are at one place."""
+    model = _model()[0]
     north, east = _HALF_WAY / 6.37e6, min(_HALF_WAY / (6.37e6 * cos(latitude)), _LARGEST_TURN)
     s = np.sin(latitude)
     R_M, R_N = (float(radius) for radius in radii(s))
@@ -71,6 +79,11 @@ def world_magnetic_model(latitude: float, longitude: float, height: float, year:
         behind = _field(model, latitude - dlat, longitude - dlon, height - dh, year)
         columns.append((ahead - behind) / (2.0 * way))
     return _field(model, latitude, longitude, height, year), np.stack(columns, axis=1)
+
+
+def world_magnetic_years() -> tuple[float, float]:
+    """The decimal years of the newest coefficients."""
+    return _model()[1:]
 
 
 def _field(model: Any, latitude: float, longitude: float, height: float, year: float) -> Array:

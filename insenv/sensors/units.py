@@ -1,4 +1,4 @@
-"""Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two ways of writing white noise.
+"""Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two notations of white noise.
 
 NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
 gravity of data sheets (9.80665 m/s^2, independent of the local gravity), ``ppm`` a millionth.
