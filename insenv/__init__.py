@@ -63,7 +63,7 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 Public names
 ------------
 `run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `register`
-adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs and campaigns give.  Each loads on first use:
+adds an estimator, a vehicle or a sensor.  `fusion` composes a filter.  `Report` and `Summary` are what runs and campaigns give.  Each loads on first use:
 ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
 """
 
@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from insenv.envs import agents, testing
     from insenv.errors import InputError, InsenvError
     from insenv.estimators import Estimator, Knowledge
+    from insenv.estimators.fusion import fusion
     from insenv.extending import register
     from insenv.fmu import export_fmu, export_ssp
     from insenv.report import Report
@@ -117,6 +118,7 @@ __all__ = [
     "campaign",
     "export_fmu",
     "export_ssp",
+    "fusion",
     "limit",
     "load",
     "register",
@@ -133,6 +135,7 @@ _HOMES = {
     "insenv.envs": ("agents", "testing"),
     "insenv.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),
+    "insenv.estimators.fusion": ("fusion",),
     "insenv.extending": ("register",),
     "insenv.fmu": ("export_fmu", "export_ssp"),
     "insenv.report": ("Report",),

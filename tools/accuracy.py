@@ -51,6 +51,7 @@ IN_PLACE = ("static-ecef", "car-parked", "aircraft-parked", "ship-swaying", "shi
 MOVING = ("car-city-drive", "ship-underway", "aircraft-survey")
 LARGE = ("large-misalignment", "large-misalignment-extreme", "aircraft-inflight-alignment", "car-unknown-heading")
 CASES = (
+    *(Case("fusion", name) for name in ("car-city-drive", "car-survey")),
     *(Case("analytic", name) for name in ("static-ecef", "car-parked", "aircraft-parked", "ship-swaying")),
     *(Case("gyrocompass", name) for name in ("car-parked-paper", "ship-moored-paper", "ship-irregular-sea")),
     Case("gyrocompass", "ship-irregular-sea", settings=(("heading_constant_s", 100.0),)),

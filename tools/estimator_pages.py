@@ -16,6 +16,7 @@ from insenv import estimators
 from insenv.core.tables import Row
 from insenv.estimators import lssvm
 from insenv.estimators.contract import Estimator, Knowledge, SensorNotes
+from insenv.estimators.fusion import available
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
 from insenv.scenario.tuning import keys_by_row
@@ -34,6 +35,7 @@ ON_PAGE = {
     "aqe": ("aqe-sukf", "aqe-ekf"),
     "loosely-coupled": ("loosely-coupled",),
     "smoother": (),
+    "fusion": ("fusion",),
     "wander-sins": ("wander-sins", "wander-sins-plain"),
 }
 """By page, the estimators with a table of accuracy."""
@@ -54,13 +56,43 @@ _OTHERWISE = Knowledge(
 
 def pages(markdown: Markdown) -> dict[str, dict[str, Part]]:
     """By page, its generated parts by name; `markdown` makes a table of a head and rows."""
-    return {
+    found = {
         f"docs/estimators/{page}.md": {
             "parameters": partial(parameters, PARAMETERS_OF[page], markdown),
             **({"accuracy": partial(accuracies, ids, markdown)} if ids else {}),
         }
         for page, ids in ON_PAGE.items()
     }
+    found["docs/estimators/fusion.md"] |= {"states": partial(states, markdown), "aids": partial(aids, markdown)}
+    return found
+
+
+# --- states and aids of fusion filters ---------------------------------------------------------------
+
+
+def states(markdown: Markdown) -> str:
+    """The error states by name."""
+    owner = {state.name: aid for aid, own in available.OF_AID.items() for state in own}
+    rows = [
+        [f"`{name}`", f"{state.size}", state.value.unit, state.value.meaning.removeprefix("Estimated "), _shown_by(owner.get(name)),
+         f"`{state.sigma}`", f"`{state.time}`" if state.time else "constant"]
+        for name, state in available.STATES.items()
+    ]  # fmt: skip
+    return markdown(("state", "size", "SI unit", "what it is", "needs the aid", "sigma at the start", "correlation time"), rows)
+
+
+def _shown_by(aid: str | None) -> str:
+    return "" if aid is None else f"`{aid}`"
+
+
+def aids(markdown: Markdown) -> str:
+    """The aids by id."""
+    rows = [
+        [f"`{id}`", aid.title, f"{aid.size}: {aid.what}", ", ".join(f"`[{sensor}]`" for sensor in aid.sensors),
+         ", ".join(f"`{row.name}`" for row in aid.parameters)]
+        for id, aid in available.AIDS.items()
+    ]  # fmt: skip
+    return markdown(("aid", "what it is", "components", "section", "parameters"), rows)
 
 
 # --- parameters --------------------------------------------------------------------------------------

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import Enum
-from typing import Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from insenv.cli.options import Json, deferred
+
+if TYPE_CHECKING:
+    from insenv.estimators.fusion import ErrorState
 
 Rows = list[dict[str, Any]]
 
@@ -18,6 +21,8 @@ class What(str, Enum):
 
     scenarios = "scenarios"
     estimators = "estimators"
+    states = "states"
+    aids = "aids"
     vehicles = "vehicles"
     sensors = "sensors"
     grades = "grades"
@@ -32,7 +37,7 @@ def list_all(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the scenarios, estimators, kinds of vehicle, sensors, sensor grades and environments."""
+    """List the scenarios, estimators, states and aids of fusion filters, kinds of vehicle, sensors, sensor grades and environments."""
     from insenv.cli.output import print_json, print_line
 
     if as_json:
@@ -50,6 +55,7 @@ def list_all(
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
     from insenv import estimators
+    from insenv.estimators.fusion.available import AIDS, STATES
     from insenv.files.toml import summary
     from insenv.registration import titles
     from insenv.scenario import summaries
@@ -67,6 +73,10 @@ def _known(what: What) -> dict[str, Rows]:
                 {"id": e.id, "title": e.title, "kind": e.kind, "aided": e.aided, "sensors": list(e.sensors)} for e in known
             ]
         }
+    if what is What.states:
+        return {"states": [{"name": name, "title": _what(state)} for name, state in STATES.items()]}
+    if what is What.aids:
+        return {"aids": [{"name": id, "title": f"{aid.title}: {aid.what}"} for id, aid in AIDS.items()]}
     if what is What.vehicles:
         return {"vehicles": [{"kind": kind, "title": summary(section)} for kind, section in vehicles.registered().items()]}
     if what is What.sensors:
@@ -84,6 +94,11 @@ def _known(what: What) -> dict[str, Rows]:
         ]
         return found
     return {"environments": [{"id": id, "title": title} for id, title in titles().items()]}
+
+
+def _what(state: ErrorState) -> str:
+    """What an error state is, without "Estimated"."""
+    return state.value.meaning.removeprefix("Estimated ")
 
 
 def real_first(grades: Iterable[str]) -> list[str]:

@@ -69,13 +69,16 @@ def _second_order(x: Any, u: Any, spread: Spread) -> Any:
 
     Second moments of a t^2 / 2 and jerk t^2 / 2 with t normal, and of the products psi x l, w t x l.
     """
-    delay, arm = spread(DELAY.name), spread(LEVER_ARM.name)
-    delay, arm = ca.sum1(delay), ca.sum1(arm)
+    delay, arm, psi = (_total(spread(name)) for name in (DELAY.name, LEVER_ARM.name, "attitude"))
     rate2 = ca.sumsqr(u.delta_angle / u.dt)
     force_w = attitude.to_dcm(x.q_wb) @ (u.delta_velocity / u.dt) + ca.vertcat(0, 0, NOMINAL_GRAVITY)
     bent = 0.75 * ca.sumsqr(force_w) * delay**2
-    turned = arm * (ca.sum1(spread("attitude")) + rate2 * delay)
+    turned = arm * (psi + rate2 * delay)
     return ca.vertcat(ca.repmat(bent + turned, 3, 1), ca.repmat(0.75 * JERK**2 * delay**2 + rate2 * turned, 3, 1))
+
+
+def _total(values: Any) -> Any:
+    return ca.sum1(values)
 
 
 def _correlated(p: Any, x: Any, since: Any) -> Any:

@@ -52,7 +52,7 @@ class Navigation:
         estimated = attitude.to_dcm(x.q_wb)
         self.C_wb = estimated + skew(self._psi) @ estimated
         self.C_nw = strapdown.C_nw(x.q_ew)
-        self.velocity_w = x.velocity_w - self._dv
+        self.velocity_w: Any = x.velocity_w - self._dv
         self.offset_w = -error[POSITION]
         """Position relative to the estimated one, m."""
         self.estimated_height = x.height

@@ -1,0 +1,202 @@
+"""Fusion filters as estimators: choice of states and aids, wrong choices, equal numbers everywhere, known errors found."""
+
+import numpy as np
+import pytest
+from command_line import call
+
+import insenv
+from insenv import InputError
+from insenv.core.batch import make_batch
+from insenv.core.runner import make_runner
+from insenv.estimators import get
+from insenv.estimators.contract import Drive, Knowledge, SensorNotes
+from insenv.estimators.fusion import fusion, odometer
+from insenv.estimators.fusion.available import AIDS, STATES
+from insenv.estimators.fusion.prepared import prepared
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
+
+UNIT = ["gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment"]
+
+
+def columns_of(name, seed, duration_s):
+    """The plant of a scenario and its outputs by name."""
+    plant = build(load(name), seed=seed, duration_s=duration_s)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    return plant, {**columns, "dt": np.full(plant.samples, plant.sample_interval)}
+
+
+def test_states_and_aids_follow_from_the_unit_the_instruments_and_the_vehicle():
+    def titles(name):
+        return build(load(name)).adapted("fusion").title
+
+    assert titles("car-city-drive") == (
+        "36 states: navigation, biases, gyro_scale, gyro_misalignment, accel_scale, accel_misalignment, gnss_wander; "
+        "aids: gnss, zero_velocity"
+    )
+    assert titles("car-survey") == "21 states: navigation, biases, gyro_scale, accel_scale; aids: gnss, zero_velocity"
+    assert "gnss_lever_arm, gnss_delay" in titles("car-unknown-receiver")
+    odometer_car = titles("car-odometer")
+    assert "odometer_scale" in odometer_car and odometer_car.endswith("aids: gnss, odometer, non_holonomic, zero_velocity")
+    hover = titles("multirotor-hover")
+    assert "hard_iron" in hover and "gyro_scale" not in hover and hover.endswith("aids: gnss, barometer, magnetometer")
+
+
+def test_a_unit_without_such_errors_has_no_states_for_them():
+    known = Knowledge(0.5, 0.5, 10.0, 0.01, sensors=SensorNotes(gyro_scale_sigma=1e-9, accel_scale_sigma=0.0))
+    filter = get("fusion").adapted(known, Drive("here", frozenset({"gnss"}), False))
+    assert filter.title == "15 states: navigation, biases; aids: gnss, zero_velocity"
+
+
+def test_what_a_state_stands_for_is_not_counted_twice():
+    sheet = SensorNotes(
+        gyro_scale_sigma=3e-4, gyro_misalignment_sigma=4e-4, accel_scale_sigma=1e-3, accel_bias_sigma=0.01, bare_accel_bias_sigma=2e-3
+    )  # fmt: skip
+    known = Knowledge(0.5, 0.5, 10.0, 0.01, rotation_error=5e-4, thrust_error=1e-3, sensors=sheet)
+    table = fusion(UNIT, ["gnss"], "all").model.parameters
+    without = prepared(known, table, ())
+    assert without["rotation_error"] == 5e-4 and without["accel_bias_sigma"] == 0.01
+    scales = prepared(known, table, ("gyro_scale", "accel_scale"))
+    assert scales["rotation_error"] == pytest.approx(4e-4) and scales["thrust_error"] == 0.0
+    assert scales["accel_bias_sigma"] == 2e-3  # the unit has no misalignment, which the bias would have to stand for
+    assert prepared(known, table, UNIT)["rotation_error"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("states", "aids", "words"),
+    [
+        (["gyro_scal"], ["gnss"], "unknown state 'gyro_scal': did you mean 'gyro_scale'"),
+        (["gyro_scale", "gyro_scale"], ["gnss"], "state 'gyro_scale' is given twice"),
+        ([], [], "allowed is at least one of gnss"),
+        (["odometer_scale"], ["gnss"], "nothing shows the state 'odometer_scale' without the aid odometer"),
+        (["gyro_scale"], ["sonar"], "unknown aid 'sonar'"),
+        ("gyro_scale", ["gnss"], "allowed is a list of names"),
+        ([3], ["gnss"], "allowed is a name or an object of class ErrorState"),
+        (None, ["gnss"], "allowed is a list of names"),
+    ],
+)
+def test_wrong_states_and_aids_are_named(states, aids, words):
+    with pytest.raises(InputError, match=words.replace("'", ".")):
+        fusion(states, aids)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ('fusion.states=["gyro_scal"]', "unknown name 'gyro_scal'"),
+        ('fusion.aids="gnss"', "allowed is a list of names"),
+        ("fusion.aids=[3]", "allowed is a list of names"),
+        ("fusion.odometer_gate=3", "odometer_gate is set, and this filter has none"),
+        ("fusion.nonsense=3", "unknown key"),
+    ],
+)
+def test_wrong_settings_are_one_sentence(setting, words):
+    status, shown, said = call("run", "car-survey", "-e", "fusion", "--duration", "2", "--set", setting)
+    assert status == 2 and words in said and "Traceback" not in said and not shown
+
+
+def test_an_aid_that_the_scenario_has_not_is_refused():
+    with pytest.raises(InputError, match=r"needs odometer: scenario .car-survey. has no \[odometer\]"):
+        insenv.run("car-survey", fusion([], ["gnss", "odometer"]), duration_s=2)
+
+
+def test_lists_name_all_states_and_aids():
+    status, shown, _ = call("list", "states")
+    assert status == 0 and all(name in shown for name in STATES)
+    status, shown, _ = call("list", "aids")
+    assert status == 0 and all(id in shown for id in AIDS)
+
+
+def test_the_run_says_what_was_chosen_and_a_choice_overrides():
+    report = insenv.run("car-survey", "fusion", duration_s=2)
+    assert any(note.startswith("fusion: 21 states: navigation, biases, gyro_scale, accel_scale; aids:") for note in report.notes)
+    report = insenv.run("car-survey", "fusion", duration_s=2, settings={"fusion": {"states": [], "aids": ["gnss"]}})
+    assert any(note == "fusion: 15 states: navigation, biases; aids: gnss" for note in report.notes)
+
+
+def test_a_state_without_a_sigma_is_said_to_be_idle():
+    report = insenv.run("car-survey", fusion(["gyro_misalignment"], ["gnss"]), duration_s=2)
+    (note,) = (note for note in report.results[0].notes if "gyro_misalignment" in note)
+    assert "standard deviation 0" in note and "gyro_misalignment_sigma" in note
+
+
+def test_15_states_agree_with_the_filter_whose_sensitivities_are_written_by_hand():
+    filter = fusion([], ["gnss", "zero_velocity"], "fifteen")
+    same = {"standing_sigma_mps": 0.002}
+    report = insenv.run(
+        "car-city-drive", ["loosely-coupled", filter], duration_s=100, settings={"fifteen": same, "loosely-coupled": same}
+    )
+    by_hand, composed = report.results
+    late = by_hand.time > 40
+    for channel, sigma in by_hand.sigma.items():
+        apart = np.abs(by_hand.errors[channel] - composed.errors[channel])[late] / sigma[late]
+        assert np.sqrt(np.mean(apart**2)) < 0.15, channel
+        assert composed.sigma[channel][late] == pytest.approx(sigma[late], rel=0.1), channel
+
+
+@pytest.mark.parametrize("name", ["car-odometer", "car-survey"])
+def test_all_runners_give_the_same_bits(name):
+    """6000 samples with fixes, odometer, wheels and rest: interpreter, native code, and rows of a batch."""
+    plant, columns = columns_of(name, 3, 30.0)
+    filter = plant.adapted(fusion(["gyro_scale", "accel_scale"], plant.adapted("fusion").title.rpartition("aids: ")[2].split(", ")))
+    parameters = plant.parameters_of(filter)
+    rows = input_rows(filter.model, columns, plant.samples)
+    native = make_runner(filter.model, parameters, "native").run(plant.samples, rows, 100)
+    slow = make_runner(filter.model, parameters, "interpreter").run(plant.samples, rows, 100)
+    np.testing.assert_array_equal(slow, native)
+    packed = filter.model.parameters.pack(parameters)
+    batch = make_batch(filter.model, 3, np.tile(packed, (3, 1)), threads=1)
+    shown = batch.run(plant.samples, np.tile(rows, (3, 1, 1)), every=100)
+    for row in shown:
+        np.testing.assert_array_equal(row, native)
+
+
+def test_a_delay_and_a_lever_arm_are_found():
+    """0.2 s and 1 m unknown (1 sigma), fixes 0.4 s late: to 10 ms and 5 cm where the drive shows them."""
+    plant, columns = columns_of("car-unknown-receiver", 4, 200.0)
+    filter = plant.adapted("fusion")
+    runner = make_runner(filter.model, plant.parameters_of(filter))
+    outputs = filter.model.outputs.unpack(runner.run(plant.samples, input_rows(filter.model, columns, plant.samples), 200))
+    true_delay, true_arm = columns["gnss_delay_true"][-1], columns["antenna_lever_arm_true"][-1]
+    assert abs(outputs["gnss_delay"][-1, 0] - true_delay) < 0.01
+    found, sigma = outputs["gnss_lever_arm"][-1], outputs["gnss_lever_arm_estimate_sigma"][-1]
+    assert np.all(np.abs(found - true_arm)[:2] < 0.05)
+    assert np.all(np.abs(found - true_arm) < 4 * sigma) and sigma[2] > 0.02  # a level drive hardly shows the height
+    assert outputs["fix_refused_count"][-1] == 0
+
+
+def test_an_odometer_and_its_mounting_are_found():
+    plant, columns = columns_of("car-odometer", 4, 200.0)
+    filter = plant.adapted("fusion")
+    outputs = filter.model.outputs.unpack(
+        make_runner(filter.model, plant.parameters_of(filter)).run(
+            plant.samples, input_rows(filter.model, columns, plant.samples), 200
+        )
+    )
+    error = outputs[odometer.SCALE.name][-1, 0] + columns["odometer_scale_factor_true"][-1]
+    sigma = outputs[f"{odometer.SCALE.name}_estimate_sigma"][-1, 0]
+    start = float(plant.knowledge.rows["odometer_scale_factor_sigma"])
+    found = min(abs(error), abs(outputs[odometer.SCALE.name][-1, 0] - columns["odometer_scale_factor_true"][-1]))
+    assert found < 4 * sigma < start
+    assert outputs["odometer_count"][-1] > 1000 and outputs["odometer_refused_count"][-1] < 20
+
+
+def test_zero_velocity_alone_holds_a_car_at_rest():
+    """No GNSS: nothing is refused for want of it, and the note names the height."""
+    scenario = load("car-parked")
+    report = insenv.run(scenario, fusion([], ["zero_velocity"], "rest"), duration_s=60)
+    result = report.results[0]
+    assert np.abs(result.errors["vn_mps"][-1]) < 0.01 and np.abs(result.errors["north_m"][-1]) < 3.0
+    short = insenv.run(scenario, fusion([], ["zero_velocity"], "rest"), duration_s=900).results[0]
+    assert any("nothing aids the height" in note for note in short.notes)
+
+
+def test_the_smoother_of_a_composition_is_better_than_its_filter_in_an_outage():
+    report = insenv.run("car-survey", ["fusion", "fusion-smoother"], duration_s=1000)
+    filter, smoothed = report.results
+    outage = (filter.time > 905) & (filter.time < 960)
+    for channel in ("north_m", "east_m"):
+        worst = [np.abs(r.errors[channel][outage]).max() for r in (filter, smoothed)]
+        assert worst[1] < 0.5 * worst[0] + 0.01, channel
+        ratio = smoothed.errors[channel][outage] / smoothed.sigma[channel][outage]
+        assert np.sqrt(np.mean(ratio**2)) < 3.0
