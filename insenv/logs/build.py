@@ -19,7 +19,7 @@ from insenv.logs.motion import rest_until
 from insenv.logs.readers import TextTable
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
 from insenv.logs.repeats import repeats
-from insenv.logs.sampling import sampling
+from insenv.logs.sampling import covered_steps, sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 
 
@@ -74,7 +74,15 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     gyro = table.columns(section.gyro) @ section.gyro_matrix().T
     accel = table.columns(section.accel) @ section.accel_matrix().T
     samples = np.hstack([gyro, accel])
-    found = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s)
+    covered = None
+    if section.kind == "increment":
+        covered = covered_steps(stamps, accel, sampled, section.stamp)
+        if covered.any():
+            reader.notes.append(
+                f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
+                " since the one before"
+            )
+    found = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered)
     reader.notes += implausible(found)
     return found
 
