@@ -128,12 +128,11 @@ def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tuning
     """Raise `InputError` for an estimator that cannot run on the log, or not on the way that the log shows."""
     end_s = float(log.imu_time[-1])
     found = travel(log, begin_s, end_s)
-    where = "the log"
+    motion = ""
     if found is not None:
-        where = (
-            f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
-        )
-    drive = Drive(where, frozenset() if log.gnss is None else frozenset({"gnss"}), None if found is None else False)
+        motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
+    sensors = frozenset() if log.gnss is None else frozenset({"gnss"})
+    drive = Drive("the log", sensors, None if found is None else False, motion=motion)
     for estimator in chosen:
         estimator.check(drive, tunings.get(estimator.id))
 

@@ -37,6 +37,10 @@ def load(scenario: ScenarioLike) -> Scenario:
     text = str(scenario)
     if isinstance(scenario, str) and not text.endswith(".toml"):
         known = names()
+        if text not in known and Path(text).exists():
+            raise InputError(
+                f"scenario {text!r} is no .toml file: allowed is the path of one, or a name that `insenv list` shows"
+            )
         if text not in known:
             raise InputError(f"no scenario {text!r}{nearest(text, known)}; or give the path of a .toml file")
         path = scenario_folder() / f"{text}.toml"

@@ -21,6 +21,31 @@ def folder(tmp_path: Path) -> Folder:
     return Folder(tmp_path)
 
 
+# --- faults of keys and of files ---
+
+
+def test_wrong_keys_do_not_hide_wrong_columns(folder: Folder) -> None:
+    folder.change('kind = "rate"', 'kind = "foo"')
+    folder.change('gyro = ["gx"', 'gyro = ["gq"')
+    folder.change('position_unit = "deg"', 'position_unit = "grad"')
+    folder.change('height = "h"', 'height = "hgt"')
+    error = folder.error()
+    for part in ("imu.kind = 'foo'", "no column 'gq'", "gnss.position_unit = 'grad'", "no column 'hgt'"):
+        assert part in error, part
+
+
+def test_wrong_values_of_different_columns_are_all_named(folder: Folder) -> None:
+    folder.line("gnss.csv", 2, "10.5,123,-93,210,0.5,1,1.5")
+    folder.line("gnss.csv", 3, "11.5,45,-93,210,-0.5,1,1.5")
+    error = folder.error()
+    assert "line 2, column 'lat': latitude is 123 deg" in error and "line 3, column 'sn': standard deviation is -0.5 m" in error
+
+
+def test_an_evaluation_that_ends_before_it_begins(folder: Folder) -> None:
+    folder.toml += "\n[evaluation]\nfrom_s = 900\nto_s = 1\n"
+    assert "evaluation.to_s = 1 [s]: must be after from_s = 900 s" in folder.error()
+
+
 # --- irregular sampling ----------------------------------------------------------------------------
 
 
@@ -267,9 +292,10 @@ def test_all_faults_of_the_keys_are_listed_at_once(folder: Folder) -> None:
         "roll, pitch, heading and attitude_unit go together",
         "'loosely-coupled'.vrw: unknown key",
         "'loosely-coupled'.arw: unknown key",
+        "r.csv: file not found",
     ):
         assert words in message, words
-    assert all(line.startswith(str(folder.path)) for line in message.split("\n")) and len(message.split("\n")) == 9
+    assert all(line.startswith(str(folder.path)) for line in message.split("\n")) and len(message.split("\n")) == 13
 
 
 def test_all_faults_of_the_files_are_listed_at_once(folder: Folder) -> None:
