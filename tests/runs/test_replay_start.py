@@ -12,7 +12,8 @@ from insenv.errors import InputError
 from insenv.estimators import Knowledge, SensorNotes, get
 from insenv.logs import LogDescription
 from insenv.report import document
-from insenv.runs.rest import Rest, start_at_rest
+from insenv.runs.first_motion import heading_by_force
+from insenv.runs.rest import Rest, rest_of, start_at_rest
 from insenv.scenario import load
 
 WANDER = {"loosely-coupled": {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0}}
@@ -143,6 +144,15 @@ def test_a_vehicle_that_moves_sideways_keeps_its_heading():
     assert not any("heading" in note for note in found.notes)
     assert found.errors["heading_deg"][-1] == pytest.approx(90.0, abs=1.0)  # the reference has that of the car
     assert found.sigma["heading_deg"][0] < 6.0
+
+
+def test_the_velocity_that_a_tilt_integrates_at_rest_does_not_count():
+    """Thirty seconds at rest with a roll that is 0.01 rad wrong integrate 3 m/s to the side."""
+    log = simulated_log(car("tactical", calm=True), seed=5, duration_s=80.0, grade="tactical", initial={"static_until_s": 30.0})
+    rest = rest_of(log, np.flatnonzero(log.imu_time <= 30.0), 0)
+    roll, pitch = rest.level
+    heading, sigma = heading_by_force(log, 0, (roll + 0.01, pitch), rest.rate, log.sensors(in_place=True), 0.01)
+    assert abs(heading - np.radians(HEADING)) < 2 * sigma < np.radians(30.0)
 
 
 def test_a_level_too_poor_to_tell_leaves_a_wide_heading():
