@@ -129,6 +129,11 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """The time update over the samples since the last one."""
+    return {**_updated(p, x, spread), **_interval_start(x.q_wb)}
+
+
+def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
+    """State rows of a time update, without those of the interval."""
     P = symmetric.full(x.covariance, N)
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
     Phi = decayed(p, transition(x, part), x.stretch)
@@ -143,8 +148,12 @@ def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
         "gyro_bias": gyro_decay * x.gyro_bias,
         "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
-        **_interval_start(x.q_wb),
     }
+
+
+def at_sample(p: Any, x: Any, spread: Spread) -> Any:
+    """The state with its time update up to the last sample: what the filter knows between two time updates."""
+    return Values(**{**vars(x), **_updated(p, x, spread)})
 
 
 def linearised(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:
@@ -310,8 +319,9 @@ def _placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
     return {"velocity_w": velocity_w, "q_ew": attitude.normalize(q_ew), "height": x.height - move_w[2]}
 
 
-def output(p: Any, x: Any) -> dict[str, Any]:
+def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """Navigation in n, and standard deviations; the misalignment about n is 2 Y^T(Q_hat) dQ to first order."""
+    x = at_sample(p, x, spread)
     C_nw = strapdown.C_nw(x.q_ew)
     P = symmetric.full(x.covariance, N)
     tilt = 2 * C_nw @ Y(x.q_wb).T
@@ -354,7 +364,7 @@ def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None)
             "gnss": Step(gnss, when="gnss_valid"),
             "zero_velocity": Step(zero_velocity, when="standing"),
         },
-        output=output,
+        output=lambda p, x: output(p, x, spread),
         start=start,
     )
     return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability)

@@ -104,12 +104,14 @@ class Drive:
 
     where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
     the vehicle stays where it is; None: unknown.  whole: whether the run can be gone through again from its end.
+    motion: where it does not stay, what shows that, for messages.
     """
 
     where: str
     sensors: frozenset[str]
     in_place: bool | None = None
     whole: bool = True
+    motion: str = ""
 
 
 Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]
@@ -218,7 +220,7 @@ class Estimator:
             if sensor not in drive.sensors:
                 return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
         if self.motion == "in place" and drive.in_place is False and not follows:
-            return f"{this} aligns a vehicle in place: that of {drive.where} moves"
+            return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
         return ""
@@ -279,8 +281,8 @@ class Estimator:
         if self.needs is None or duration_s > needed * (1 - 1e-9):
             return ""
         return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled and "
-            "are not compared with a limit"
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s to converge; its errors before that time do "
+            "not show its accuracy"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

@@ -110,8 +110,8 @@ class Health:
     def summary(self) -> str:
         """One line: share refused, NIS with bounds, verdict."""
         share = f"{100 * self.refused / self.fixes:.2g} % of {self.fixes} fixes refused"
-        nis = f"NIS {self.nis.mean:.3g} ({self.nis.low:.3g} to {self.nis.high:.3g})" if self.nis.mean >= 0 else "none used"
-        factor = "" if self.verdict == "consistent" else f", factor {self.factor:.3g}"
+        nis = f"NIS {_figure(self.nis.mean)} ({self.nis.low:.3g} to {self.nis.high:.3g})" if self.nis.mean >= 0 else "none used"
+        factor = "" if self.verdict == "consistent" else f", factor {_figure(self.factor)}"
         return f"{self.verdict}{factor}: {share}, {nis}"
 
     def notes(self, models_slow_errors: bool = False) -> tuple[str, ...]:
@@ -122,8 +122,8 @@ class Health:
         if self.verdict != "consistent":
             state = "the filter has diverged from its fixes" if self.verdict == "diverged" else "the filter is overconfident"
             return (
-                f"{state}: its innovations are {self.factor:.3g} times as large as stated, and it refused {self.refused} of "
-                f"{self.fixes} fixes. The errors may exceed the stated sigmas by more than that. Look at the grade of the "
+                f"{state}: its innovations are {_figure(self.factor)} times as large as stated, and it refused {self.refused} "
+                f"of {self.fixes} fixes. The errors may exceed the stated sigmas by more than that. Look at the grade of the "
                 "inertial unit, the lever arm of the antenna, the time offset of the fixes, their stated sigmas and the start",
             )
         position = self.groups["position"]
@@ -203,6 +203,11 @@ def _factor(outputs: Mapping[str, Array]) -> float:
     square = outputs["nis_used"][-1] + outputs["nis_refused"][-1]
     number = outputs["nis_used_count"][-1] + outputs["nis_refused_count"][-1]
     return sqrt(float(np.max(square / np.maximum(number, 1.0))))
+
+
+def _figure(value: float) -> str:
+    """Three digits, and no exponent of a large value."""
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
 def _as_json(nis: Nis) -> dict[str, Any]:

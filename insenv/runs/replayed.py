@@ -128,13 +128,11 @@ def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tuning
     """Raise `InputError` for an estimator that cannot run on the log, or not on the way that the log shows."""
     end_s = float(log.imu_time[-1])
     found = travel(log, begin_s, end_s)
-    where = "the log"
+    motion = ""
     if found is not None:
-        where = (
-            f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
-        )
+        motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
     sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
-    drive = Drive(where, frozenset(sensors), None if found is None else False)
+    drive = Drive("the log", frozenset(sensors), None if found is None else False, motion=motion)
     for estimator in chosen:
         estimator.check(drive, tunings.get(estimator.id))
 
