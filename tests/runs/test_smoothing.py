@@ -6,6 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from command_line import call
 from places import ROOT
 from scipy.stats import chi2
 from smoothers import Pass, Scalars, bryson_frazier, rts, two_filter
@@ -255,6 +256,14 @@ def test_four_outages_of_a_minute_smoothed():
         sigma = smoothed.sigma[channel]
         assert 1075 < time[out][np.argmax(sigma[out])] < 1105
         assert np.sqrt(np.mean(e[out] ** 2)) < np.sqrt(np.mean(aided.errors[channel][out] ** 2))
+
+
+def test_a_smoother_is_not_measured_by_a_filter_s_limit():
+    """The limit is that of what is known by the time; the smoother knows the whole run, and shows what it states."""
+    status, out, _ = call("run", "car-city-drive", "-e", "smoother", "-e", "loosely-coupled", "--duration", "20")
+    own, filtered = out.split("loosely-coupled   statistics")
+    assert status == 0 and "rms/stated" in own and "limit" not in own
+    assert "rms/limit" in filtered
 
 
 def test_an_ensemble_refuses_a_smoother():
