@@ -312,5 +312,9 @@ MODEL = Model(
 )
 
 ESTIMATOR = Estimator(
-    MODEL, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability.linear_start
+    MODEL,
+    kind="navigation",
+    sensors=("gnss",),
+    error=consistency_error,
+    applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
 )
