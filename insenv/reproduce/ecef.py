@@ -137,7 +137,7 @@ def figure(path_stem: Path | str) -> list[Path]:
         ax.axhline(expected, color="k", linestyle="--", linewidth=0.8, label="error by the biases")
         span = (0.05, 0.008, 0.008)[0 if name == "heading" else 1]
         ax.set(title=f"Figure 2: {name}", xlabel="time (s)", ylabel="deg", ylim=(-span, span))
-        ax.legend(loc="upper right", fontsize="small")
+        ax.legend(loc="lower right", fontsize="small")
     path = Path(f"{path_stem}.png")
     drawn.savefig(path, dpi=110)
     plt.close(drawn)
