@@ -340,7 +340,7 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
     return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
 
 
-def _estimator(id: str, title: str, spread: Spread, about_start: Notes) -> Estimator:
+def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None, caveats: Notes) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -357,12 +357,24 @@ def _estimator(id: str, title: str, spread: Spread, about_start: Notes) -> Estim
         output=output,
         start=start,
     )
-    notes = together(about_start, unmodelled_motion)
-    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=notes)
+    return Estimator(
+        model,
+        kind="navigation",
+        sensors=("gnss",),
+        error=consistency_error,
+        applicability=applicability,
+        caveats=caveats,
+    )
 
 
 _TITLE = "large misalignment: additive quaternion error"
 ESTIMATORS = (
-    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start),
-    _estimator("aqe-sukf", f"{_TITLE}, simplified unscented Kalman filter", unscented, unseen_heading),
+    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start, unmodelled_motion),
+    _estimator(
+        "aqe-sukf",
+        f"{_TITLE}, simplified unscented Kalman filter",
+        unscented,
+        None,
+        together(unseen_heading, unmodelled_motion),
+    ),
 )

@@ -144,5 +144,11 @@ def needs(parameters: Mapping[str, Any]) -> float:
     return float(parameters["levelling_time"]) + SETTLING * float(parameters["heading_constant"])
 
 
-NOTES = applicability.together(applicability.notes, applicability.far_heading)
-ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, needs=needs, applicability=NOTES)
+ESTIMATOR = Estimator(
+    MODEL,
+    kind="alignment",
+    prepare=prepare,
+    needs=needs,
+    applicability=applicability.notes,
+    caveats=applicability.far_heading,
+)

@@ -316,5 +316,6 @@ ESTIMATOR = Estimator(
     kind="navigation",
     sensors=("gnss",),
     error=consistency_error,
-    applicability=applicability.together(applicability.linear_start, applicability.unmodelled_motion, applicability.noiseless),
+    applicability=applicability.linear_start,
+    caveats=applicability.together(applicability.unmodelled_motion, applicability.noiseless),
 )

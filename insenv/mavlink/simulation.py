@@ -176,9 +176,9 @@ class Simulation:
         self._aligning_since = self.samples
 
     def notes(self) -> tuple[str, ...]:
-        """What the estimator says against its estimate, with its parameters and the data since the alignment began."""
+        """What the estimator says against its alignment, with its parameters and the data since that began."""
         rows = self.estimator.model.parameters.unpack(self._filter.p)
-        return self.estimator.notes(rows, max(self.samples - self._aligning_since, 1) * self.interval)
+        return self.estimator.objections(rows, max(self.samples - self._aligning_since, 1) * self.interval)
 
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""
