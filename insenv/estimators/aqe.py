@@ -41,7 +41,7 @@ from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
 from insenv.estimators.parts import gnss_fix, lever_arm, motion_errors, rows, strapdown
-from insenv.estimators.parts.applicability import linear_start
+from insenv.estimators.parts.applicability import linear_start, together, unmodelled_motion, unseen_heading
 from insenv.estimators.parts.gauss_markov import decays
 from insenv.estimators.parts.increments import compensated
 from insenv.estimators.parts.kalman import measure_joseph
@@ -350,7 +350,7 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
     return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
 
 
-def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None) -> Estimator:
+def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None, caveats: Notes) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -367,11 +367,24 @@ def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None)
         output=lambda p, x: output(p, x, spread),
         start=start,
     )
-    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability)
+    return Estimator(
+        model,
+        kind="navigation",
+        sensors=("gnss",),
+        error=consistency_error,
+        applicability=applicability,
+        caveats=caveats,
+    )
 
 
 _TITLE = "large misalignment: additive quaternion error"
 ESTIMATORS = (
-    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start),
-    _estimator("aqe-sukf", f"{_TITLE}, simplified unscented Kalman filter", unscented, None),
+    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start, unmodelled_motion),
+    _estimator(
+        "aqe-sukf",
+        f"{_TITLE}, simplified unscented Kalman filter",
+        unscented,
+        None,
+        together(unseen_heading, unmodelled_motion),
+    ),
 )

@@ -138,6 +138,8 @@ class Estimator:
     needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
         limit.  None: 0.
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
+        While there is one, the estimate does not count as aligned.
+    caveats: the same about what its stated standard deviations do not cover.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
@@ -153,6 +155,7 @@ class Estimator:
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
     needs: Callable[[Mapping[str, Any]], float] | None = None
     applicability: Notes | None = None
+    caveats: Notes | None = None
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
     read_file: Callable[[str], Mapping[str, Any]] | None = None
@@ -287,10 +290,18 @@ class Estimator:
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
-        if self.applicability is None:
+        return (*self.objections(parameters, duration_s), *self._said("caveats", parameters, duration_s))
+
+    def objections(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+        """Those of `notes` with which its estimate does not count as aligned."""
+        return self._said("applicability", parameters, duration_s)
+
+    def _said(self, kind: str, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+        of_kind: Notes | None = getattr(self, kind)
+        if of_kind is None:
             return ()
-        with naming(f"estimator {self.id!r}, applicability"):
-            return self.applicability(parameters, duration_s)
+        with naming(f"estimator {self.id!r}, {kind}"):
+            return of_kind(parameters, duration_s)
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}

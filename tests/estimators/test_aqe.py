@@ -37,6 +37,7 @@ def functions():
         "Y": ca.Function("Y", [q], [quaternion_error.Y(q)]),
         "left": ca.Function("left", [q], [quaternion_error.left(q)]),
         "right": ca.Function("right", [q], [quaternion_error.right(q)]),
+        "basis": ca.Function("basis", [v], [aqe.basis(v)]),
         "sensitivity": ca.Function("sensitivity", [q, v], [quaternion_error.sensitivity(q, v)]),
         "Phi": ca.Function("Phi", [x], [quaternion_error.transition(named[1], part)]),
         "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H]),
@@ -247,6 +248,44 @@ def test_sigma_points_against_monte_carlo():
     spin = call("U", q_hat) @ force / 9.8
     assert np.abs(G @ spin).max() < 1e-9  # a turn about the specific force moves nothing
     assert C.shape == (3, 3)
+
+
+def test_sigma_points_hold_the_second_order():
+    """Small independent rotations t about axes of which the third is that of v: mean and covariance of t x (t x v) / 2.
+
+    E[t x (t x v) / 2] = -|v| (0, 0, s1^2 + s2^2) / 2, with the variances v^2 (s1^2 s3^2, s2^2 s3^2, 2 (s1^4 + s2^4)) / 4.
+    """
+    rng = np.random.default_rng(5)
+    q_hat, force = unit(rng), np.array([3.0, -9.0, 1.0])
+    axes, v, s = call("basis", force), np.linalg.norm(force), np.array([4e-4, 2e-4, 6e-4])
+    P = call("U", q_hat) @ axes @ np.diag((s / 2) ** 2) @ axes.T @ call("U", q_hat).T
+    _, mean, extra, _ = call("unscented", q_hat, P, force, force / 2)
+    C = dcm(q_hat) @ axes
+    assert np.allclose(C.T @ mean[:3, 0], [0, 0, v * (s[0] ** 2 + s[1] ** 2) / 2], rtol=1e-3, atol=1e-9)
+    variance = np.diag([s[0] ** 2 * s[2] ** 2, s[1] ** 2 * s[2] ** 2, 2 * (s[0] ** 4 + s[1] ** 4)]) * v**2 / 4
+    assert np.allclose(C.T @ extra[:3, :3] @ C, variance, rtol=5e-3, atol=1e-3 * variance.max())
+    assert np.allclose(extra, np.kron([[1, 0.5], [0.5, 0.25]], extra[:3, :3]), rtol=1e-3, atol=1e-6 * extra.max())
+
+
+def test_integrals_of_the_interval_against_quadrature():
+    """Of a constant specific force in a body that turns at a constant rate: its integral and that of its integral."""
+    rng = np.random.default_rng(2)
+    rate, force, dt, count = np.array([0.4, -0.3, 0.5]), np.array([1.0, 2.0, -9.0]), 0.01, 10
+    start = MODEL.state.unpack(random_state(rng))
+    still = {"gyro_bias": np.zeros(3), "accel_bias": np.zeros(3)}
+    before = {"previous_delta_angle": rate * dt, "previous_delta_velocity": force * dt, "stretch_turn": [1, 0, 0, 0]}
+    u = np.tile(MODEL.inputs.start_vector(), (count, 1))
+    u[:, MODEL.inputs.slice("delta_angle")], u[:, MODEL.inputs.slice("delta_velocity")] = rate * dt, force * dt
+    u[:, MODEL.inputs.slice("dt")] = dt
+    runner = make_runner(MODEL, {"filter_interval": 10.0}, "interpreter")
+    runner.x[:] = MODEL.state.pack({**start, **still, **before})
+    runner.run(count, u, 0)
+    end = MODEL.state.unpack(runner.x)
+    time, weight = np.polynomial.legendre.leggauss(12)
+    time, weight = (time + 1) * count * dt / 2, weight * count * dt / 2
+    turned = Rotation.from_rotvec(time[:, None] * rate).apply(force)
+    assert np.allclose(end["stretch_velocity"], weight @ turned, rtol=1e-6, atol=1e-8)
+    assert np.allclose(end["stretch_distance"], weight * (count * dt - time) @ turned, rtol=1e-3, atol=1e-6)
 
 
 def test_the_curvature_bounds_what_the_sensitivity_omits():
