@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+import benchmarks
+import estimator_pages
 import pictures
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
@@ -21,11 +23,13 @@ from insenv import estimators
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import shown_name
 from insenv.files.toml import sections_in
+from insenv.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
 from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight.description import FlightDescription
+from insenv.logs.instrument_sections import SECTIONS as LOG_INSTRUMENTS
 from insenv.scenario import description, json_schema
 from insenv.scenario.gravity_section import GravitySection
 from insenv.sensors import GnssSection, ImuSection
@@ -33,8 +37,10 @@ from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.sensors.registry import registered
 from insenv.vehicles import aircraft_section as aircraft
 from insenv.vehicles import car_section as car
+from insenv.vehicles import multirotor_section as multirotor
 from insenv.vehicles import section as legs
 from insenv.vehicles import ship_section as ship
 
@@ -66,8 +72,11 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of a car", car.CarLeg),
     ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
     ("a leg of an aircraft", aircraft.AircraftLeg),
+    ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
+    ("a leg of a multirotor", multirotor.MultirotorLeg),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
+    *((f"[{id}]", section) for id, section in registered().items() if id in INSTRUMENTS),
     ("[gravity]", GravitySection),
     ("[knowledge]", description.KnowledgeSection),
 )
@@ -75,6 +84,7 @@ LOG_SECTIONS: Sections = (
     ("top level", LogDescription),
     ("[imu]", LogImuSection),
     ("[gnss]", LogGnssSection),
+    *((f"[{id}]", section) for id, section in LOG_INSTRUMENTS.items()),
     ("[reference]", LogReferenceSection),
     ("[initial]", InitialSection),
     ("[evaluation]", EvaluationSection),
@@ -83,13 +93,27 @@ LOG_SECTIONS: Sections = (
 FLIGHT_SECTIONS: Sections = (("top level", FlightDescription),)
 
 _PER_AXIS = "number or 3"
+_VECTORS = (
+    name
+    for id, section in registered().items()
+    if id in INSTRUMENTS
+    for name, figure in section.figures.items()  # type: ignore[attr-defined]
+    if figure.vector
+)
 SCENARIO_TYPES = {
+    **dict.fromkeys(_VECTORS, _PER_AXIS),
+    "lever_arm_sigma_m": _PER_AXIS,
     "outages_s": "list of pairs",
     **dict.fromkeys(("gyro_bias_deg_h", "accel_bias_ug", "gust_velocity_sigma_mps", "wander_sigma_m"), _PER_AXIS),
     **dict.fromkeys(("position_noise_m", "velocity_noise_mps", "position_sigma_m", "velocity_sigma_mps"), _PER_AXIS),
 }
 """Types by key, for keys whose annotation does not show the type that a user writes."""
-LOG_TYPES = {"axes": "text or 3x3", "accel_axes": "text or 3x3", "file": "text or list"}
+LOG_TYPES = {
+    **{name: kind for name, kind in SCENARIO_TYPES.items() if kind == _PER_AXIS},
+    "axes": "text or 3x3",
+    "accel_axes": "text or 3x3",
+    "file": "text or list",
+}
 
 
 def key_tables(sections: Sections, types: dict[str, str] | None = None) -> str:
@@ -178,6 +202,34 @@ def rows_table(table: Table) -> str:
     """The rows of a table of the model."""
     head = ("row", "shape", "unit", "frame", "start", "meaning")
     return markdown(head, ([f"`{r.name}`", _shape(r), r.unit, r.frame, _start(r), r.meaning] for r in table))
+
+
+def instrument_tables(part: Literal["measurement", "told"]) -> str:
+    """The measurement rows of every instrument, or what an estimator is told of each."""
+    tables = [(f"{each.title} (`{id}`)", getattr(each, part)) for id, each in INSTRUMENTS.items()]
+    tables += [("GNSS receiver (`gnss`)", GNSS_TOLD)] if part == "told" else []
+    return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
+
+
+def instrument_grades() -> str:
+    """The catalogue of each instrument: its grades, their figures and the source of each."""
+    parts = []
+    for id, each in INSTRUMENTS.items():
+        parts.append(f"### {each.title} (`[{id}]`)\n")
+        for grade in registered()[id].grades.values():  # type: ignore[attr-defined]
+            rows = ([f"`{name}`", _figure(value), grade.source(name)] for name, value in grade.figures.items())
+            table = f"\n\n{markdown(['figure', 'value', 'source'], rows)}" if grade.figures else ""
+            parts.append(f"`{grade.name}`: {grade.title}{table}\n")
+    return "\n".join(parts).rstrip()
+
+
+def instrument_parameters() -> str:
+    """The parameter rows of each instrument."""
+    from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
+
+    modules = (barometer, magnetometer, odometer, dvl, heading)
+    tables = ((each.EQUATIONS.instrument.title, each.EQUATIONS.all_parameters) for each in modules)
+    return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
 
 
 def imu_grades() -> str:
@@ -281,6 +333,14 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "imu-grades": imu_grades,
         "gnss-grades": gnss_grades,
     },
+    **estimator_pages.pages(markdown),
+    "docs/instruments.md": {
+        "measurements": lambda: instrument_tables("measurement"),
+        "told": lambda: instrument_tables("told"),
+        "parameters": instrument_parameters,
+        "grades": instrument_grades,
+    },
+    **benchmarks.pages(markdown),
 }
 """By page, its generated parts by name."""
 SCHEMA = "scenarios/schema.json"

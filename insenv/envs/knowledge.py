@@ -68,13 +68,16 @@ def known_rows(
     return np.concatenate(columns, axis=1)
 
 
-def knowledge_of(known: Mapping[str, Any]) -> Knowledge:
-    """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored."""
+def knowledge_of(known: Mapping[str, Any], instruments: Mapping[str, Any] | None = None) -> Knowledge:
+    """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored.
+
+    instruments: what is told of the aiding instruments (`Knowledge.instruments`), which is the same in all episodes.
+    """
     values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
     values = {name: np.array(value) if np.ndim(value) else float(value) for name, value in values.items()}
     roll, pitch, heading = (float(angle) for angle in values.pop("attitude"))
     sheet = SensorNotes(**{name: values.pop(name) for name in _SHEET})
-    return Knowledge(**values, roll=roll, pitch=pitch, heading=heading, sensors=sheet)
+    return Knowledge(**values, roll=roll, pitch=pitch, heading=heading, sensors=sheet, instruments=instruments or {})
 
 
 _SHEET = tuple(field.name for field in fields(SensorNotes))
