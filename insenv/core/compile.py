@@ -20,6 +20,8 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -162,10 +164,43 @@ def _processor() -> str:
     return "\n".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
 
 
-@functools.lru_cache(maxsize=64)
+class _Library:
+    """A model's library for one row: its compiler may run while its caller does other work."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._path = model, ""
+        self._begun: Future[str] | None = None
+
+    def begin(self) -> None:
+        """Start the compiler unless it has been started."""
+        if not self._path and self._begun is None:
+            self._begun = _pool().submit(_compiled, native_source(self._model))
+
+    def path(self) -> str:
+        """Path of the library, once it is compiled."""
+        if not self._path:
+            begun, self._begun = self._begun, None  # after a failure the next call tries again
+            self._path = begun.result() if begun is not None else _compiled(native_source(self._model))
+        return self._path
+
+
+_library = functools.lru_cache(maxsize=64)(_Library)
+
+
+def begin_libraries(models: Iterable[Model]) -> None:
+    """Start to compile models that are about to be run, each in a process of its own; returns without waiting."""
+    for model in models:
+        _library(model).begin()
+
+
 def library_path(model: Model) -> str:
     """Path of a model's library for one row, taken from the cache or compiled at the first call."""
-    return _compiled(native_source(model))
+    return _library(model).path()
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="insenv-compile")
 
 
 @functools.lru_cache(maxsize=64)

@@ -11,14 +11,14 @@ import ctypes
 import functools
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core import noise
-from insenv.core.compile import find_compiler, library_path, load, pointer
+from insenv.core.compile import begin_libraries, find_compiler, library_path, load, pointer
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
@@ -38,6 +38,12 @@ def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = No
     """
     kind = NativeRunner if resolve_backend(backend) == "native" else InterpreterRunner
     return kind(model, parameters)
+
+
+def prepare(models: Iterable[Model], backend: str | None = None) -> None:
+    """Announce models that runners will be made of: natively, they are then compiled at the same time."""
+    if resolve_backend(backend) == "native":
+        begin_libraries(models)
 
 
 def resolve_backend(backend: str | None = None) -> str:
