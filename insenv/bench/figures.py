@@ -71,6 +71,7 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "vector.make": envs.making,
         "campaign.q-method": estimators.campaign,
         "fmu.c-host": fmu.c_host,
+        "fmu.loop": fmu.loop,
         "fmu.fmpy": fmu.fmpy,
         "fmu.pythonfmu": fmu.pythonfmu,
         "fmu.ssp": fmu.ssp,
