@@ -20,7 +20,8 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,7 @@ from insenv.core.codegen import batch_source, native_source
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InsenvError
+from insenv.files.lock import LockedError, exclusive
 
 # compilers for other processors may not support it, and gain little from it
 _OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
@@ -45,6 +47,10 @@ _FLAGS = (
     "-fPIC",
     "-w",
 )
+
+
+POLLING_S = 0.02
+"""Time between two looks whether another process has built an entry."""
 
 
 class CompileError(InsenvError):
@@ -96,9 +102,28 @@ def compile_library(source: str, compiler: Compiler) -> Path:
     cache = cache_folder()
     entry = cache / key
     library = entry / "model.so"
-    if _is_intact(entry):
-        return library
+    with _alone(cache / f"{key}.lock", entry):
+        if not _is_intact(entry):
+            _build(source, compiler, cache, entry)
+    return library
 
+
+@contextlib.contextmanager
+def _alone(lock: Path, entry: Path) -> Iterator[None]:
+    """Wait while another thread or process builds the entry: it would take the same time twice."""
+    with contextlib.ExitStack() as held:
+        while not _is_intact(entry):
+            try:
+                held.enter_context(exclusive(lock))
+                break
+            except LockedError:
+                time.sleep(POLLING_S)
+            except OSError:  # a file system without locks
+                break
+        yield
+
+
+def _build(source: str, compiler: Compiler, cache: Path, entry: Path) -> None:
     with tempfile.TemporaryDirectory(dir=cache, prefix="build-") as name:
         build = Path(name) / "entry"
         build.mkdir(mode=0o700)
@@ -115,7 +140,6 @@ def compile_library(source: str, compiler: Compiler) -> Path:
                 build.rename(entry)
     if not _is_intact(entry):
         raise CompileError(f"cannot keep a compiled model in {cache}: is the folder writable?")
-    return library
 
 
 def _compile(source: str, compiler: Compiler, build: Path) -> None:

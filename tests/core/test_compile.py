@@ -83,6 +83,18 @@ def test_many_threads_may_compile_at_once(cache, toy):
     assert [p.name for p in cache.iterdir()] == [libraries[0].parent.name]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="the compiler that counts is a shell script")
+def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
+    counting, runs = tmp_path / "counting-cc", tmp_path / "runs"
+    counting.write_text(f'#!/bin/sh\ncase "$*" in *-shared*) echo run >> {runs};; esac\nsleep 0.3\nexec cc "$@"\n')
+    counting.chmod(0o700)
+    compiler, source = Compiler((str(counting),), find_compiler().flags), native_source(toy)
+    with ThreadPoolExecutor(5) as pool:
+        found = set(pool.map(lambda _: compile_library(source, compiler), range(5)))
+    assert len(found) == 1 and runs.read_text().splitlines() == ["run"]
+    assert [p.name for p in cache.iterdir()] == [found.pop().parent.name]  # no lock is left
+
+
 def test_two_processes_compiling_at_once_do_no_harm(cache):
     code = (
         "from conftest import TOY; from insenv.core.runner import make_runner;"
