@@ -33,7 +33,7 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
     `CONSTANT` for a bias that does not change.  The fast processes of the flicker noise, which no filter can follow, count
     as white noise of the same density at low frequency.
     """
-    gravity, count = STANDARD_GRAVITY, len(next(iter(rows.values())))
+    gravity, count = STANDARD_GRAVITY, len(next(iter(rows.values()), (0,)))
 
     def largest(*names: str) -> list[Vector]:
         none = np.zeros(count)
