@@ -10,10 +10,11 @@ VENV := .venv/.stamp-venv
 PLOT := .venv/.stamp-plot
 TEST := .venv/.stamp-test
 BENCH := .venv/.stamp-bench
+DOCS := .venv/.stamp-docs
 MAVPROXY_TOOLS := MAVProxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0 lxml==6.1.3
 MAVPROXY := .venv/.stamp-mavproxy-1.8.75
 
-.PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency mutants bench clean
+.PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency mutants bench docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -65,6 +66,11 @@ mutants: $(TEST) ## inject faults into the physics: the share that the tests fin
 bench: $(BENCH) ## benchmarks, with their floors and, if it can be installed, a peer
 	$(BIN)/insenv bench
 
+# the tutorials are run again where they or the code have changed (docs/conf.py)
+docs: $(DOCS) ## build the documentation site in build/docs/html, and open its pages in headless Chromium
+	$(BIN)/python -m sphinx -b html -q -W --keep-going -d build/docs/doctrees docs build/docs/html
+	INSENV_SITE=build/docs/html $(BIN)/python -m pytest --noconftest tests/project/test_site.py $(PYTEST_ARGS)
+
 clean: ## remove all generated files, including .venv
 	rm -rf .venv demo build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find insenv tests examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
@@ -92,6 +98,11 @@ $(BENCH): pyproject.toml $(VENV)
 	@echo "installing insenv and the peer of its benchmarks into .venv (once; a few minutes)"
 	@$(PIP) install --quiet -e '.[plot,bench]' || { \
 	  echo "pyins (python-ins) cannot be installed here: benchmarks without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
+	@touch $@
+
+$(DOCS): pyproject.toml $(VENV)
+	@echo "installing insenv and what its documentation needs into .venv (once; a few minutes)"
+	@$(PIP) install --quiet -e '.[docs]'
 	@touch $@
 
 # MAVProxy without the packages that only its windows need: a third of the size; numpy is the newest for this Python

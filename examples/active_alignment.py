@@ -37,22 +37,24 @@ def drive(env, pattern, seed):
 
 
 def draw(path, found):
-    import matplotlib
+    from insenv import style
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     time = np.arange(1, SECONDS + 1)
-    for number, (name, (heading, tracks)) in enumerate(found.items()):
-        left.plot(time, np.median(heading[..., 0], axis=0), color=f"C{number}", label=name)
-        left.plot(time, np.sqrt(np.mean(heading[..., 1] ** 2, axis=0)), color=f"C{number}", linestyle=":")
-        right.plot(tracks[0][:, 1] - tracks[0][0, 1], tracks[0][:, 0] - tracks[0][0, 0], color=f"C{number}", label=name)
-    left.set(xlabel="time [s]", ylabel="heading [deg]: stated sigma; dotted: rms error", yscale="log")
-    right.set(xlabel="east [m]", ylabel="north [m]", title="track of the first seed", aspect="equal")
-    left.legend(fontsize=8)
     path.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path / "active-alignment.png", dpi=120)
+    with style.page(9.0, 4.8) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(1.4, 1))
+        for colour, (name, (heading, tracks)) in zip(style.COLOURS, found.items(), strict=False):
+            left.plot(time, np.median(heading[..., 0], axis=0), color=colour, label=name)
+            left.plot(time, np.sqrt(np.mean(heading[..., 1] ** 2, axis=0)), color=colour, linestyle=":")
+            right.plot(tracks[0][:, 1] - tracks[0][0, 1], tracks[0][:, 0] - tracks[0][0, 0], color=colour)
+        left.plot([], [], color=style.PALE, label="stated sigma, median of the seeds")
+        left.plot([], [], color=style.PALE, linestyle=":", label="true error, rms of the seeds")
+        left.set(xlabel="time [s]", title="Heading [deg]", yscale="log", xlim=(0, SECONDS))
+        style.log(left)
+        right.set(xlabel="east [m]", ylabel="north [m]", title="Track of the first seed")
+        right.set_aspect("equal", adjustable="datalim")
+        style.legend(figure, left, columns=3)
+        style.save(figure, {"png": path / "active-alignment.png"})
     print(f"figure: {path / 'active-alignment.png'}")
 
 

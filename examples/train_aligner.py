@@ -1,11 +1,11 @@
 """Train PPO to align a swaying ship from twelve moments of gravity, and compare it with estimators on held-out seeds.
 
+pip install -e '.[rl,plot]'
 python examples/train_aligner.py --minutes 5 --out aligner
-
-Needs stable-baselines3, and matplotlib for the figure of the learning curve.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 
 from insenv.envs import agents
+from insenv.errors import InputError
 
 ID = "insenv/ShipAlignment-v0"
 EPISODE = {"samples_per_step": 1000, "initial_error": (20.0, 180.0)}  # 60 steps of 5 s
@@ -77,6 +78,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=None, help="folder of the figure")
     arguments = parser.parse_args()
+    from insenv.envs import sb3  # noqa: F401
+
     policy, curve = train(arguments.minutes, arguments.seed)
     found = {
         "analytic": scores(lambda venv: agents.make("analytic", venv).act),
@@ -86,18 +89,21 @@ def main():
     for name, values in found.items():
         print(f"{name:10} {values.mean():7.2f} +- {values.std() / np.sqrt(SEEDS):.2f}")
     if arguments.out is not None:
-        from matplotlib.figure import Figure
+        from insenv import style
 
-        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        axes.plot(curve[:, 0], curve[:, 2], "o-", ms=3, label="PPO")
-        for name, style in (("analytic", ":"), ("q-method", "--")):
-            axes.axhline(found[name].mean(), ls=style, color="0.3", label=name)
-        axes.set(xlabel="minutes of training", ylabel=f"score, {SEEDS} held-out seeds")
-        axes.legend()
         arguments.out.mkdir(parents=True, exist_ok=True)
-        figure.savefig(arguments.out / "aligner.png", dpi=120)
+        with style.page(7.5, 4.2) as figure:
+            axes = figure.subplots()
+            axes.plot(curve[:, 0], curve[:, 2], "o-", markersize=3, color=style.COLOURS[0], label="PPO")
+            for name, colour in (("analytic", style.COLOURS[1]), ("q-method", style.COLOURS[2])):
+                axes.axhline(found[name].mean(), linestyle="--", color=colour, label=f"{name}, whole time")
+            axes.set(xlabel="training [min]", title=f"Score, mean of {SEEDS} held-out seeds")
+            style.legend(figure, axes)
+            style.save(figure, {"png": arguments.out / "aligner.png"})
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"train_aligner.py: {error}")

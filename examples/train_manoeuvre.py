@@ -8,6 +8,7 @@ known without error, and the largest change of velocity that the commands allow.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import gymnasium
 import numpy as np
 
 import insenv
+from insenv.errors import InputError
 
 ID = "insenv/Manoeuvre-v0"
 HELD_OUT, SEARCH, TRAINING = 1_000_000, 500_000, 0  # first seeds of the comparison, the choice of a pattern, training
@@ -147,6 +149,9 @@ def main():
     parser.add_argument("--seed", type=int, default=1, help="of the training")
     parser.add_argument("--out", type=Path, default=None, help="folder of the figure")
     given = parser.parse_args()
+    if given.minutes > 0.0:
+        from insenv.envs import sb3  # noqa: F401
+
     held_out, search = HELD_OUT + np.arange(given.seeds), SEARCH + np.arange(64)
 
     tried = {name: episodes(always(pattern), search)[0].mean() for name, pattern in PATTERNS.items()}
@@ -170,17 +175,20 @@ def main():
             gain = found["PPO"][0] - found[name][0]
             print(f"PPO minus the pattern {what}, seed by seed: {gain.mean():+.3f} +- {gain.std() / np.sqrt(len(gain)):.3f}")
     if given.out is not None and len(curve):
-        from matplotlib.figure import Figure
+        from insenv import style
 
-        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        axes.plot(curve[:, 0], curve[:, 2], "o-", ms=3, label="PPO")
-        axes.axhline(tried[best], ls="--", color="0.3", label=best)
-        axes.set(xlabel="minutes of training", ylabel="return, 64 seeds of the choice")
-        axes.legend()
         given.out.mkdir(parents=True, exist_ok=True)
-        figure.savefig(given.out / "manoeuvre-curve.png", dpi=120)
+        with style.page(7.5, 4.2) as figure:
+            axes = figure.subplots()
+            axes.plot(curve[:, 0], curve[:, 2], "o-", markersize=3, color=style.COLOURS[0], label="PPO")
+            axes.axhline(tried[best], linestyle="--", color=style.COLOURS[1], label=best)
+            axes.set(xlabel="training [min]", title="Return, mean of the 64 seeds on which the pattern is chosen")
+            style.legend(figure, axes)
+            style.save(figure, {"png": given.out / "manoeuvre-curve.png"})
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"train_manoeuvre.py: {error}")

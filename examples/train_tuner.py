@@ -11,12 +11,14 @@ the best fixed factors of a search along the axes, and with the filter that has 
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import gymnasium
 import numpy as np
 
 import insenv
+from insenv.errors import InputError
 
 ID = "insenv/Tuning-v0"
 EPISODE = {"duration_s": 240.0, "gnss_outages_s": ((90.0, 120.0), (180.0, 210.0)), "samples_per_step": 2000}
@@ -94,26 +96,26 @@ def train(steps, **options):
 
 def draw(path, found, curve):
     """Draw the learning curve, and the consistency over an episode by policy."""
-    import matplotlib
+    from insenv import style
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    left.plot(*curve.T, color="C2", label="PPO during training (with exploration)")
-    for (name, (reward, infos)), colour in zip(found.items(), ("C0", "C1", "C2", "0.4"), strict=True):
-        left.axhline(reward.mean(), color=colour, linestyle="--", label=f"{name}, held-out seeds")
-        time = np.arange(1, len(infos["nees"]) + 1) * EPISODE["samples_per_step"] / 200.0
-        right.plot(time, np.median(infos["nees"], axis=1), color=colour, label=name)
-    for begin, end in EPISODE["gnss_outages_s"]:
-        right.axvspan(begin, end, color="0.9")
-    right.axhline(9.0, color="k", linewidth=0.8, label="9: consistent")
-    left.set(xlabel="steps", ylabel="reward of an episode")
-    right.set(xlabel="time [s] (grey: no GNSS)", ylabel="NEES of 9 states, median of the seeds", yscale="log")
-    for axes in (left, right):
-        axes.legend(fontsize=8, framealpha=1.0)
     path.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path / "tuner.png", dpi=120)
+    with style.page(9.0, 4.8) as figure:
+        left, right = figure.subplots(1, 2)
+        left.plot(*curve.T, color=style.COLOURS[2], label="PPO during training (with exploration)")
+        colours = (style.COLOURS[0], style.COLOURS[1], style.COLOURS[2], style.LIMIT)
+        for (name, (reward, infos)), colour in zip(found.items(), colours, strict=True):
+            left.axhline(reward.mean(), color=colour, linestyle="--", label=f"{name}, held-out seeds")
+            time = np.arange(1, len(infos["nees"]) + 1) * EPISODE["samples_per_step"] / 200.0
+            right.plot(time, np.median(infos["nees"], axis=1), color=colour)
+        style.shade(right, EPISODE["gnss_outages_s"])
+        right.axhline(9.0, color="black", linewidth=0.8, label="NEES of a consistent filter, 9")
+        left.set(xlabel="steps", title="Reward of an episode")
+        right.set(
+            xlabel="time [s]", title="NEES of 9 states, median of the seeds", yscale="log", xlim=(0, EPISODE["duration_s"])
+        )
+        style.log(right)
+        style.legend(figure, (left, right), columns=3)
+        style.save(figure, {"png": path / "tuner.png"})
     print(f"figure: {path / 'tuner.png'}")
 
 
@@ -125,6 +127,8 @@ def main():
     parser.add_argument("--mistuned", type=float, default=1.5, help="half-width of the random mistuning, decades")
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
+    from insenv.envs import sb3  # noqa: F401
+
     options = {"mistuning_decades": given.mistuned}
     held_out = HELD_OUT + np.arange(given.seeds)
 
@@ -133,7 +137,7 @@ def main():
     best = best_fixed(SEARCH + np.arange(48), given.passes, **options)
     policies = {"untuned": fixed(np.zeros(6)), "best fixed factors": fixed(best), "PPO": policy}
     found = {name: episodes(policy, held_out, **options) for name, policy in policies.items()}
-    found["correct data sheets"] = episodes(fixed(np.zeros(6)), held_out)
+    found["correct data sheets"] = episodes(fixed(np.zeros(6)), held_out, mistuning_decades=0.0)
 
     print(f"\n{given.seeds} held-out seeds       reward  +- 1 s.e.  measure  consistency  position [m]  heading [deg]")
     for name, (reward, infos) in found.items():
@@ -155,4 +159,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # such as a missing package
+        sys.exit(f"train_tuner.py: {error}")

@@ -27,7 +27,7 @@ resolved in.
 Position and velocity
 ---------------------
 Latitude and longitude are geodetic, in radians; height is above the ellipsoid, in metres, positive up.
-`velocity_n` is the velocity relative to the Earth, resolved in n.  A name's last part tells the frame of
+`velocity_n` is the velocity relative to the Earth, resolved in n.  The last part of a name is the frame of
 the components: `velocity_n`, `position_e`, `lever_arm_b`.  An angular rate carries three letters:
 `omega_ie_n` is the rate of e relative to i, resolved in n.
 
@@ -69,9 +69,13 @@ adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from insenv import starting as _starting
 
-from insenv.registration import register as _register_environments
+_starting.prepare()  # before anything that takes long to import
+
+from typing import TYPE_CHECKING  # noqa: E402
+
+from insenv.registration import register as _register_environments  # noqa: E402
 
 __version__ = "0.1.0"
 

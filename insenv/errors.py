@@ -17,9 +17,23 @@ class InputError(InsenvError, ValueError):
     """The call was wrong: a value, name or file that is not allowed (exit status 2 at the command line)."""
 
 
-def nearest(name: str, allowed: Iterable[str]) -> str:
-    """End of a message about an unknown `name`: the nearest allowed name, and all allowed names."""
+MOST_NAMES, NEAREST_NAMES = 12, 6
+"""Allowed names that a message lists; of more, the nearest ones."""
+
+
+LISTED = "`insenv list`"
+"""Where scenarios, estimators, vehicles, sensors and grades are listed."""
+
+
+def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
+    """End of a message about an unknown `name`: the nearest allowed name, and the allowed names.
+
+    listed: where they are listed too, such as `LISTED`: of more than `MOST_NAMES` the message then has the nearest ones.
+    """
     allowed = list(allowed)
     close = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
     guess = f"; did you mean {close[0]!r}?" if close else ""
-    return f"{guess} (allowed: {', '.join(allowed) or 'none'})"
+    if not listed or len(allowed) <= MOST_NAMES:
+        return f"{guess} (allowed: {', '.join(allowed) or 'none'})"
+    shown = difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0)
+    return f"{guess} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"

@@ -12,7 +12,7 @@ from collections.abc import Callable, Container, Iterable
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from insenv.errors import InputError, InsenvError, nearest
+from insenv.errors import LISTED, InputError, InsenvError, nearest
 
 T = TypeVar("T")
 
@@ -88,7 +88,7 @@ class Plugins(Generic[T]):
         known = self.all()
         if name not in known:
             self.check_loaded(name)
-            raise InputError(f"no {self.what} {name!r}{nearest(str(name), known)}")
+            raise InputError(f"no {self.what} {name!r}{nearest(str(name), known, LISTED)}")
         return known[name]
 
     def check_loaded(self, name: str) -> None:

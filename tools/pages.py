@@ -1,4 +1,4 @@
-"""Generate parts of the pages in docs/ (tables of keys, of rows, of grades, of public names; code) and scenarios/schema.json.
+"""Generate parts of the pages in docs/ (tables of keys, of rows, of grades, names; code), pictures and scenarios/schema.json.
 
 ``python tools/pages.py`` in the repository rewrites them; tests/project/test_pages.py compares. A generated part of a page
 stands between ``<!-- begin NAME (python tools/pages.py) -->`` and ``<!-- end NAME -->``.
@@ -12,17 +12,24 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+import benchmarks
+import estimator_pages
+import pictures
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 import insenv
+from insenv import estimators
 from insenv.core.tables import Row, Table
+from insenv.estimators.contract import shown_name
 from insenv.files.toml import sections_in
+from insenv.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
 from insenv.logs.description import GnssSection as LogGnssSection
 from insenv.logs.description import ImuSection as LogImuSection
 from insenv.logs.description import ReferenceSection as LogReferenceSection
 from insenv.logs.flight.description import FlightDescription
+from insenv.logs.instrument_sections import SECTIONS as LOG_INSTRUMENTS
 from insenv.scenario import description, json_schema
 from insenv.scenario.gravity_section import GravitySection
 from insenv.sensors import GnssSection, ImuSection
@@ -30,8 +37,10 @@ from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.sensors.registry import registered
 from insenv.vehicles import aircraft_section as aircraft
 from insenv.vehicles import car_section as car
+from insenv.vehicles import multirotor_section as multirotor
 from insenv.vehicles import section as legs
 from insenv.vehicles import ship_section as ship
 
@@ -63,8 +72,11 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of a car", car.CarLeg),
     ('[vehicle], kind = "aircraft"', aircraft.AircraftSection),
     ("a leg of an aircraft", aircraft.AircraftLeg),
+    ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
+    ("a leg of a multirotor", multirotor.MultirotorLeg),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
+    *((f"[{id}]", section) for id, section in registered().items() if id in INSTRUMENTS),
     ("[gravity]", GravitySection),
     ("[knowledge]", description.KnowledgeSection),
 )
@@ -72,6 +84,7 @@ LOG_SECTIONS: Sections = (
     ("top level", LogDescription),
     ("[imu]", LogImuSection),
     ("[gnss]", LogGnssSection),
+    *((f"[{id}]", section) for id, section in LOG_INSTRUMENTS.items()),
     ("[reference]", LogReferenceSection),
     ("[initial]", InitialSection),
     ("[evaluation]", EvaluationSection),
@@ -80,13 +93,27 @@ LOG_SECTIONS: Sections = (
 FLIGHT_SECTIONS: Sections = (("top level", FlightDescription),)
 
 _PER_AXIS = "number or 3"
+_VECTORS = (
+    name
+    for id, section in registered().items()
+    if id in INSTRUMENTS
+    for name, figure in section.figures.items()  # type: ignore[attr-defined]
+    if figure.vector
+)
 SCENARIO_TYPES = {
+    **dict.fromkeys(_VECTORS, _PER_AXIS),
+    "lever_arm_sigma_m": _PER_AXIS,
     "outages_s": "list of pairs",
     **dict.fromkeys(("gyro_bias_deg_h", "accel_bias_ug", "gust_velocity_sigma_mps", "wander_sigma_m"), _PER_AXIS),
     **dict.fromkeys(("position_noise_m", "velocity_noise_mps", "position_sigma_m", "velocity_sigma_mps"), _PER_AXIS),
 }
 """Types by key, for keys whose annotation does not show the type that a user writes."""
-LOG_TYPES = {"axes": "text or 3x3", "accel_axes": "text or 3x3", "file": "text or list"}
+LOG_TYPES = {
+    **{name: kind for name, kind in SCENARIO_TYPES.items() if kind == _PER_AXIS},
+    "axes": "text or 3x3",
+    "accel_axes": "text or 3x3",
+    "file": "text or list",
+}
 
 
 def key_tables(sections: Sections, types: dict[str, str] | None = None) -> str:
@@ -104,11 +131,16 @@ def key_tables(sections: Sections, types: dict[str, str] | None = None) -> str:
         if shared is not None:
             first, *_, last = inherited
             parts.append(f"In addition to the keys `{first}` to `{last}` of {owners[shared]}:\n")
-        fields = ((name, field) for name, field in model.model_fields.items() if name not in inherited)
-        head = ("key", "value", "unit", "allowed", "default", "meaning")
-        parts.append(markdown(head, (_key_cells(name, field, types or {}) for name, field in fields)) + "\n")
+        parts.append(key_table(model, inherited, types) + "\n")
         owners = {**dict.fromkeys(bases, title), **owners}
     return "\n".join(parts).rstrip()
+
+
+def key_table(model: type[BaseModel], without: Iterable[str] = (), types: dict[str, str] | None = None) -> str:
+    """The table of the keys of one section."""
+    fields = ((name, field) for name, field in model.model_fields.items() if name not in without)
+    head = ("key", "value", "unit", "allowed", "default", "meaning")
+    return markdown(head, (_key_cells(name, field, types or {}) for name, field in fields))
 
 
 def _key_cells(name: str, field: Any, types: dict[str, str]) -> list[str]:
@@ -172,6 +204,34 @@ def rows_table(table: Table) -> str:
     return markdown(head, ([f"`{r.name}`", _shape(r), r.unit, r.frame, _start(r), r.meaning] for r in table))
 
 
+def instrument_tables(part: Literal["measurement", "told"]) -> str:
+    """The measurement rows of every instrument, or what an estimator is told of each."""
+    tables = [(f"{each.title} (`{id}`)", getattr(each, part)) for id, each in INSTRUMENTS.items()]
+    tables += [("GNSS receiver (`gnss`)", GNSS_TOLD)] if part == "told" else []
+    return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
+
+
+def instrument_grades() -> str:
+    """The catalogue of each instrument: its grades, their figures and the source of each."""
+    parts = []
+    for id, each in INSTRUMENTS.items():
+        parts.append(f"### {each.title} (`[{id}]`)\n")
+        for grade in registered()[id].grades.values():  # type: ignore[attr-defined]
+            rows = ([f"`{name}`", _figure(value), grade.source(name)] for name, value in grade.figures.items())
+            table = f"\n\n{markdown(['figure', 'value', 'source'], rows)}" if grade.figures else ""
+            parts.append(f"`{grade.name}`: {grade.title}{table}\n")
+    return "\n".join(parts).rstrip()
+
+
+def instrument_parameters() -> str:
+    """The parameter rows of each instrument."""
+    from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
+
+    modules = (barometer, magnetometer, odometer, dvl, heading)
+    tables = ((each.EQUATIONS.instrument.title, each.EQUATIONS.all_parameters) for each in modules)
+    return "\n\n".join(f"### {title}\n\n{rows_table(table)}" for title, table in tables)
+
+
 def imu_grades() -> str:
     """The IMU catalogue: each grade, its figures and the source of each."""
     return "\n".join(_imu_grade(grade) for grade in IMU_GRADES.values()).rstrip()
@@ -189,12 +249,14 @@ def gnss_grades() -> str:
 
 
 def _imu_grade(grade: ImuGrade) -> str:
-    figures = grade.figures().items()
-    head = f"### `{grade.name}`: {grade.title}\n"
-    if not figures:
-        return head
-    rows = ([f"`{name}`", _figure(value), grade.source(name)] for name, value in figures)
-    return f"{head}\n{markdown(['figure', 'value', 'source'], rows)}\n"
+    head, figures = f"### `{grade.name}`: {grade.title}\n", imu_figures(grade)
+    return f"{head}\n{figures}\n" if figures else head
+
+
+def imu_figures(grade: ImuGrade) -> str:
+    """The figures of a grade with their sources; empty if it has none."""
+    rows = [[f"`{name}`", _figure(value), grade.source(name)] for name, value in grade.figures().items()]
+    return markdown(["figure", "value", "source"], rows) if rows else ""
 
 
 def _shape(row: Row) -> str:
@@ -232,6 +294,19 @@ def public_names() -> str:
     return markdown(("name", "defined in", "what it is"), rows)
 
 
+def estimators_table() -> str:
+    """The estimators, each with the page that names it in its first heading."""
+    titles = {
+        path.name: path.read_text(encoding="utf-8").partition("\n")[0] for path in (ROOT / "docs" / "estimators").glob("*.md")
+    }
+    rows = []
+    for id, estimator in estimators.registered().items():
+        page = next(name for name, title in sorted(titles.items()) if f"`{id}`" in title)
+        needs = ", ".join(["IMU", *map(shown_name, estimator.sensors)])
+        rows.append([f"[`{id}`]({page})", estimator.kind, needs, estimator.title])
+    return markdown(("estimator", "kind", "takes", "what it is"), rows)
+
+
 # --- pages -------------------------------------------------------------------------------------------
 
 PAGES: dict[str, dict[str, Callable[[], str]]] = {
@@ -239,6 +314,7 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/logs.md": {"keys": lambda: key_tables(LOG_SECTIONS, LOG_TYPES)},
     "docs/flight-logs.md": {"keys": lambda: key_tables(FLIGHT_SECTIONS)},
     "docs/api.md": {"names": public_names},
+    "docs/estimators/index.md": {"table": estimators_table},
     "docs/write-your-own.md": {
         name: code_of(f"tests/outside/rail/{path}", language)
         for name, path, language in (
@@ -257,9 +333,18 @@ PAGES: dict[str, dict[str, Callable[[], str]]] = {
         "imu-grades": imu_grades,
         "gnss-grades": gnss_grades,
     },
+    **estimator_pages.pages(markdown),
+    "docs/instruments.md": {
+        "measurements": lambda: instrument_tables("measurement"),
+        "told": lambda: instrument_tables("told"),
+        "parameters": instrument_parameters,
+        "grades": instrument_grades,
+    },
+    **benchmarks.pages(markdown),
 }
 """By page, its generated parts by name."""
 SCHEMA = "scenarios/schema.json"
+PICTURES = {"docs/figures/architecture.svg": pictures.architecture, "docs/figures/frames.svg": pictures.frames}
 
 
 def current() -> dict[str, str]:
@@ -275,6 +360,7 @@ def current() -> dict[str, str]:
             text = f"{before}{begin}\n{part()}\n\n{end}{rest.split(end)[1]}"
         found[page] = text
     found[SCHEMA] = json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+    found |= {path: draw() for path, draw in PICTURES.items()}
     return found
 
 

@@ -132,13 +132,13 @@ static void say_bad_value(Instance *it, const char *function, size_t place, doub
   const Row *row = row_of(place);
   char element[24] = "";
   if (row->size > 1) snprintf(element, sizeof element, " (element %lu)", (unsigned long)(place - row->place + 1));
-  say(it, 1, "%s: %s%s = %g %s: allowed is a finite number from %g to %g", function, row->name, element, value, row->unit,
-      row->lower, row->upper);
+  say(it, 1, "%s: %s%s = %.15g %s: allowed is a %s number from %g to %g", function, row->name, element, value, row->unit,
+      row->whole ? "whole" : "finite", row->lower, row->upper);
 }
 
 static int out_of_bounds(size_t place, double value) {
   const Row *row = row_of(place);
-  return !is_finite(value) || value < row->lower || value > row->upper;
+  return !is_finite(value) || value < row->lower || value > row->upper || (row->whole && value != floor(value));
 }
 
 /* Compute the start state and its outputs again if parameters have changed. */

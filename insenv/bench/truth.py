@@ -29,13 +29,13 @@ def drift(vehicle: str, rate_hz: float = 200.0) -> Figure:
     return Figure(f"truth.drift.{vehicle}", float(largest), "mm", spacing, int(DURATION_S * rate_hz), note, peer)
 
 
-def drift_ned(vehicle: str, rate_hz: float, disturbed: bool = True) -> np.ndarray:
-    """Largest error north, east, down (3,), mm.
+def drift_ned(vehicle: str, rate_hz: float, disturbed: bool = True, id: str = "wander-sins") -> np.ndarray:
+    """Largest error north, east, down (3,), mm, of the free-inertial estimator `id`.
 
     disturbed: False leaves out the engine's vibration, which low rates cannot sample, and the gusts, whose driving noise
     differs from rate to rate.
     """
-    return _drift_ned(*_simulated(vehicle, rate_hz, disturbed))
+    return _drift_ned(*_simulated(vehicle, rate_hz, disturbed), id)
 
 
 def _simulated(vehicle: str, rate_hz: float, disturbed: bool) -> tuple[Plant, dict[str, Any], dict[str, Any]]:
@@ -49,9 +49,9 @@ def _simulated(vehicle: str, rate_hz: float, disturbed: bool) -> tuple[Plant, di
     return plant, start, plant.model.outputs.unpack(runner.run(plant.samples))
 
 
-def _drift_ned(plant: Plant, start: dict[str, Any], truth: dict[str, Any]) -> np.ndarray:
-    """Largest error north, east, down (3,), mm, of `wander-sins` on true increments."""
-    estimator = get("wander-sins").model
+def _drift_ned(plant: Plant, start: dict[str, Any], truth: dict[str, Any], id: str = "wander-sins") -> np.ndarray:
+    """Largest error north, east, down (3,), mm, of a free-inertial estimator on true increments."""
+    estimator = get(id).model
     roll, pitch, heading = attitude.numeric.to_euler(start["q_nb"])
     navigator = make_runner(
         estimator,

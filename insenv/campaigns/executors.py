@@ -11,7 +11,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
-from insenv.errors import InputError, InsenvError
+from insenv.errors import InputError
 from insenv.installing import install_extra
 
 Workers = Callable[[], AbstractContextManager[Executor]]
@@ -75,7 +75,7 @@ def cluster(address: str) -> Workers:
         try:
             client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
-            raise InsenvError(f"no Dask scheduler answers at {address!r}: {error}") from None
+            raise InputError(f"no Dask scheduler answers at {address!r}: {error}") from None
         with client:
             yield client.get_executor(pure=False, retries=RETRIES)
 

@@ -22,6 +22,7 @@ from insenv.estimators import Estimator
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
+from insenv.scenario.description import MAX_SEED
 
 RECORDS = 120
 """Approximate upper bound of the number of recorded times."""
@@ -189,14 +190,19 @@ def make_plan(
     Raises `InputError` for a combination that cannot be run; both ends of every range are tried.
     """
     scenario, estimator = load(scenario), estimators.get(estimator)
+    first = scenario.seed if first_seed is None else first_seed
     if isinstance(runs, bool) or not isinstance(runs, (int, np.integer)) or not 1 <= runs <= MAX_RUNS:
         raise InputError(f"runs = {runs!r}: allowed is a whole number from 1 to {MAX_RUNS}")
+    if isinstance(first, int) and 0 <= first <= MAX_SEED < first + runs - 1:
+        raise InputError(
+            f"first seed = {first} of {runs} runs, whose seeds count up: allowed is a whole number up to {MAX_SEED - runs + 1}"
+        )
     plan = Plan(
         scenario=scenario.model_dump(mode="json", warnings=False),
         name=scenario.name or "scenario",
         estimator=estimator.id,
         runs=int(runs),
-        first_seed=scenario.seed if first_seed is None else first_seed,
+        first_seed=first,
         duration_s=seed_and_duration(scenario, first_seed, duration_s)[1],
         variations=tuple(sorted(variations, key=lambda v: v.key)),
     )

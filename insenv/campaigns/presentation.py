@@ -14,11 +14,11 @@ from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import finite, to_json
-from insenv.report.figures import COLOURS, LIMIT, PALE, STYLE, _defaults, save
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
 from insenv.report.scales import set_scale
 from insenv.report.tables import _table, label, number, within
+from insenv.style import COLOURS, DASHED, LIMIT, PALE, legend, page, save, title, unwrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,7 +134,7 @@ def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True)
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **campaign_arrays(found))
-        text = to_json(campaign_document(found, [str(path) for path in paths])) + "\n"
+        text = to_json(campaign_document(found, names)) + "\n"  # without the folder, so that equal campaigns are equal files
         part(names[1]).write_text(text, encoding="ascii")
         if drawn:
             save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
@@ -169,13 +169,7 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
 
 def draw_campaign(found: Statistics) -> Figure:
     """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with rc_context({**_defaults(), **STYLE}):
-        figure = Figure(layout="constrained")
-        FigureCanvasAgg(figure)
+    with page() as figure:
         groups = [[name for name in group if name in found.courses] for group in (ATTITUDE, POSITION, VELOCITY)]
         groups = [group for group in groups if group]
         rows = len(groups) + (found.nees is not None)
@@ -212,9 +206,8 @@ def draw_campaign(found: Statistics) -> Figure:
         for axis in bottom:
             axis.set_xlabel("time [s]")
         plan = found.plan
-        title = f"{plan.name}: {plan.estimator}\n{plan.runs} runs of {plan.duration_s:g} s"
-        figure.suptitle(title.replace("$", r"\$"), fontsize=10.5)
-        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=3, frameon=False)
+        title(figure, f"{plan.name}: {plan.estimator}\n{plan.runs} runs of {plan.duration_s:g} s")
+        legend(figure, handles, columns=3)
         return figure
 
 
@@ -228,11 +221,12 @@ def _course(axis: Axes, found: Statistics, name: str, from_s: float) -> dict[str
     for below, above, alpha, share in ((low, high, 0.16, "95 %"), (lower, upper, 0.32, "68 %")):
         text = f"{share} of the runs"
         handles[text] = axis.fill_between(time, below, above, color=COLOURS[0], alpha=alpha, linewidth=0, zorder=2, label=text)
-    (handles["median"],) = axis.plot(time, median, color=COLOURS[0], zorder=3, label="median")
+    shown = unwrapped(median) if name in ATTITUDE else median
+    (handles["median"],) = axis.plot(time, shown, color=COLOURS[0], zorder=3, label="median")
     reach = 0.0
     if course.limit is not None:
         for sign in (-1, 1):
-            (line,) = axis.plot(time, sign * course.limit[late], color=LIMIT, linestyle=(0, (4, 2)), linewidth=1.0, zorder=4)
+            (line,) = axis.plot(time, sign * course.limit[late], color=LIMIT, linestyle=DASHED, linewidth=1.0, zorder=4)
         line.set_label("theoretical limit, ±1 sigma")
         handles[str(line.get_label())] = line
         reach = float(np.nanmax(course.limit[late][-max(1, len(time) // 4) :]))
@@ -245,7 +239,7 @@ def _nees(axis: Axes, found: Statistics, from_s: float) -> None:
     assert found.nees is not None
     late = found.time >= from_s - 1e-9
     axis.axhspan(found.nees.low, found.nees.high, color=COLOURS[2], alpha=0.2, linewidth=0, zorder=1)
-    axis.axhline(found.nees.degrees, color=LIMIT, linestyle=(0, (4, 2)), linewidth=1.0, zorder=2)
+    axis.axhline(found.nees.degrees, color=LIMIT, linestyle=DASHED, linewidth=1.0, zorder=2)
     axis.plot(found.time[late], found.nees.mean[late], color=COLOURS[2], zorder=3)
     axis.set_xlim(from_s, float(found.time[-1]))
     axis.set_ylim(0.0, None)

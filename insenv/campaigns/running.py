@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
-from contextlib import closing
+from contextlib import closing, suppress
 from math import isfinite
 from pathlib import Path
 from uuid import uuid4
@@ -17,7 +17,7 @@ from insenv.campaigns.plan import Plan, make_plan
 from insenv.campaigns.store import Folder, Memory
 from insenv.campaigns.summary import Summary, summarise
 from insenv.campaigns.variation import Variation
-from insenv.core.compile import batch_library_path
+from insenv.core.compile import NoRoomError, batch_library_path
 from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
@@ -98,7 +98,8 @@ def run_campaign(
 def _run_held(plan: Plan, store: Memory | Folder, make: Workers, progress: Progress | None) -> Summary:
     measured = plan.measured
     if resolve_backend(None) == "native":
-        batch_library_path(measured.model, None)  # compile once here, not once in each worker
+        with suppress(NoRoomError):  # of which the workers warn
+            batch_library_path(measured.model, None)  # compile once here, not once in each worker
     blocks = plan.blocks
     left = {number for number in range(len(blocks)) if not store.has(number)}
     total = plan.runs * plan.samples

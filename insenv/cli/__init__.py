@@ -1,22 +1,20 @@
-"""The command `insenv`.  Exit status: 0 done, 1 the work failed, 2 the call was wrong, 130 interrupted.
+"""The command `insenv`.  Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N.
 
-This module imports nothing of insenv at the top, so that an early interruption or error is reported in one line too.
+This module imports little of insenv at the top, so that an early interruption or error is reported in one line too.
 """
 
 from __future__ import annotations
 
 import os
 import re
-import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Sequence
+
+from insenv import starting
+from insenv.cli.interruptions import Interruptions, ignore_from_now_on
+from insenv.cli.streams import drop_unwritten, prepare
 
 DONE, FAILED, WRONG, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
-RETRY_S = 0.01
-"""Time after which an interruption inside CasADi is tried again, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -25,74 +23,48 @@ def main(arguments: Sequence[str] | None = None) -> None:
     With INSENV_DEBUG=1 in the environment an error ends in a traceback.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    prepare()
     if os.environ.get("INSENV_DEBUG", "0") not in ("", "0"):
         sys.exit(_execute(arguments))
+    signals = Interruptions()
     try:
-        with kept_interruptions():
+        with signals:
             status = _execute(arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the output has closed it, as `head` does
         status = BROKEN_PIPE
     except (KeyboardInterrupt, Exception) as error:
-        status = _report(error, "--json" in arguments)
+        status = _report(error, "--json" in arguments, signals.number)
+    ignore_from_now_on()
     drop_unwritten()
     sys.exit(status)
 
 
-@contextmanager
-def kept_interruptions() -> Iterator[None]:
-    """Prevent the loss of Ctrl-C during the block.
-
-    CasADi discards exceptions that are raised while it converts its arguments: more than half of the interruptions during
-    the construction of a model.  An interruption therefore waits until no frame of CasADi is active.
-    """
-    mine = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
-    if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        while frame is not None:
-            if os.path.basename(frame.f_code.co_filename) == "casadi.py":
-                signal.setitimer(signal.ITIMER_REAL, RETRY_S)
-                return
-            frame = frame.f_back
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGALRM)}
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def _execute(arguments: list[str]) -> int:
     """Parse, then work outside the parser, which handles errors in its own way.  Return the exit status."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # a terminal may lack the characters of a title
     from insenv.cli.app import app
 
     work = app(arguments, prog_name="insenv", standalone_mode=False)
-    if work == INTERRUPTED:  # by Ctrl-C during parsing, which the parser converts to a status
+    if work == INTERRUPTED:  # by a signal during parsing, which the parser converts to a status
         raise KeyboardInterrupt
     if not callable(work):  # --help and --version are done
         return int(work or DONE)
-    from insenv.cli.output import quiet_warnings
+    from insenv.cli.output import compiling_noticed, quiet_warnings
 
-    with quiet_warnings():  # of a broken plug-in, or because there is no C compiler
+    with quiet_warnings(), compiling_noticed():  # of a broken plug-in, or because there is no C compiler
         return int(work() or DONE)
 
 
-def _report(error: BaseException, as_json: bool) -> int:
-    """Print one line on stderr and, if requested, one JSON document on stdout; return the exit status."""
+def _report(error: BaseException, as_json: bool, number: int) -> int:
+    """Print one line on stderr and, if requested, one JSON document on stdout; return the exit status.
+
+    number: the signal behind an interruption.
+    """
     from insenv.errors import InputError, InsenvError
 
     kind, status, hint = type(error).__name__, FAILED, ""
     if isinstance(error, KeyboardInterrupt) or kind == "Abort":
-        kind, status, message = "Interrupted", INTERRUPTED, str(error) or "interrupted, nothing written"
+        kind, status, message = "Interrupted", 128 + number, str(error) or starting.message(number)
     elif hasattr(error, "format_message"):  # the parser's UsageError, whose module differs between versions of typer
         kind, status, message = "InputError", WRONG, _plain(error.format_message())
         context = getattr(error, "ctx", None)
@@ -130,14 +102,3 @@ def _plain(message: str) -> str:
     for pattern, text in _PARSER_TEXTS:
         message = re.sub(pattern, text, message)
     return message
-
-
-def drop_unwritten() -> None:
-    """Discard output that a closed pipe or a full disk has not accepted, which would raise an error at exit."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, stream.fileno())
-            os.close(nowhere)

@@ -43,7 +43,7 @@ def ending() -> Iterator[Ending]:
         if first and request.orderly:
             return
         if callable(interrupt):  # it keeps interruptions that CasADi would lose
-            interrupt(signal.SIGINT, frame)
+            interrupt(number, frame)
         else:
             raise KeyboardInterrupt
 
@@ -63,7 +63,7 @@ def _requests() -> list[int]:
 
 def written(write: Callable[[], None], request: Ending) -> None:
     """Call `write`, which prints; a terminal that is gone after a request to end is no error."""
-    from insenv.cli import drop_unwritten
+    from insenv.cli.streams import drop_unwritten
 
     try:
         write()

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred
+from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path
 from insenv.errors import InputError
+
+if TYPE_CHECKING:
+    from insenv.fmu.running import Outputs
 
 app = typer.Typer(help="Export estimators and plants as FMUs for co-simulation, and run FMUs.", context_settings=HELP)
 
@@ -23,6 +27,11 @@ Platforms = Annotated[
         help="host, all, linux64, aarch64-linux, win64, darwin64; may be given more than once. All but host need ziglang.",
     ),
 ]
+
+
+BOOLEANS = {"true": True, "false": False}
+MOST_ELEMENTS, MOST_VARIABLES, MOST_IN_LINE = 20, 12, 4
+"""Outputs that are shown: elements, one a line; of more, variables, and elements of a variable."""
 
 
 class Version(str, Enum):
@@ -38,7 +47,7 @@ def export_fmu(
     subject: Annotated[
         str, typer.Argument(metavar="ID|SCENARIO", help="An estimator's id, or a scenario, whose plant is exported.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="File to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.fmu", help="File to write.")],
     estimator: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(
@@ -54,7 +63,9 @@ def export_fmu(
     set_: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
-            "--set", metavar="NAME=VALUE", help="Start value of a parameter; a list as 1,2,3. SI units, or as in a scenario."
+            "--set",
+            metavar="NAME=VALUE",
+            help="Start value of a parameter; a list as 1,2,3; a Boolean as true or false. SI units, or as in a scenario.",
         ),
     ] = None,
     as_json: Json = False,
@@ -83,9 +94,9 @@ def export_fmu(
 def ssp(
     scenario: Scenario,
     estimator: Estimator,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.ssp", help="File to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.ssp", help="File to write.")],
     seed: Seed = None,
-    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs; those of 3.0 have scalars.")] = Version.two,
+    fmi: Annotated[Version, typer.Option(help="FMI version of the two FMUs, which have scalars in both.")] = Version.two,
     platform: Platforms = None,
     as_json: Json = False,
 ) -> None:
@@ -106,13 +117,24 @@ def ssp(
 @deferred
 def run(
     fmu: Annotated[
-        Path, typer.Argument(metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs.")
+        Path,
+        typer.Argument(
+            parser=given_path, metavar="X.fmu|X.ssp", help="An FMU for Co-Simulation, FMI 2 or 3, or an SSP file of FMUs."
+        ),
     ],
     input_: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option("--input", metavar="CSV", help="Inputs: a column `time`, s, and one for each element of an input."),
+        typer.Option(
+            "--input",
+            parser=given_path,
+            metavar="CSV",
+            help="Inputs: a column `time`, s, and one for each element of an input.",
+        ),
     ] = None,
-    output: Annotated[Optional[Path], typer.Option("--output", "-o", metavar="CSV", help="Write the outputs there.")] = None,  # noqa: UP045
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--output", "-o", parser=given_path, metavar="CSV", help="Write the outputs there."),
+    ] = None,
     step: Annotated[
         Optional[float],  # noqa: UP045
         typer.Option(metavar="S", help="Communication step in seconds; replaces the FMU's own."),
@@ -124,7 +146,7 @@ def run(
     every: Annotated[int, typer.Option(metavar="N", help="Record the outputs after every N steps.")] = 1,
     set_: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option("--set", metavar="NAME=VALUE", help="Value of a scalar parameter; may be given more than once."),
+        typer.Option("--set", metavar="NAME=VALUE", help="Value of a scalar parameter, true or false for a Boolean."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -132,6 +154,7 @@ def run(
     from insenv.cli.output import print_json, print_line, working
     from insenv.files.output import check_output_file
     from insenv.fmu.master import run_ssp
+    from insenv.fmu.reading import switched_inputs
     from insenv.fmu.running import run, some
     from insenv.fmu.series import read_csv, write_csv
 
@@ -140,8 +163,8 @@ def run(
         check_output_file(output)
     is_system = fmu.suffix == ".ssp"
     if is_system and input_ is not None:
-        raise InputError(f"--input with {fmu}: a system has no inputs here: allowed is --input with an .fmu file")
-    inputs = None if input_ is None else read_csv(input_)
+        raise InputError(f"--input with {fmu}: an SSP file takes no inputs; --input is allowed with an .fmu file")
+    inputs = None if input_ is None else read_csv(input_, switched_inputs(fmu))
     with working(fmu.name) as progress:
         if is_system:
             found = run_ssp(fmu, parameters=parameters, step=step, stop_time=stop, every=every, progress=progress)
@@ -168,11 +191,29 @@ def run(
     if output is not None:
         print_line(f"written: {output}, {len(found.time)} rows of {len(found.names)} outputs")
         return
-    width = max(map(len, last), default=0)
     print_line(f"outputs at {time_s:g} s (--output CSV writes all):")
-    for name, value in last.items():
-        unit = "" if found.units[name] == "1" else found.units[name]
-        print_line(f"  {name:<{width}}  {value:.9g} {unit}".rstrip())
+    for line in last_outputs(found):
+        print_line(f"  {line}")
+
+
+def last_outputs(found: Outputs) -> list[str]:
+    """The last outputs on at most a screen: an element a line; if there are many, a variable a line, and the rest by name.
+
+    Those of the end of the data, of an estimator behind a plant, come last in `found` and are shown.
+    """
+    cells = [
+        (name, f"{value:.9g}", found.units[name]) for name, value in zip(found.names, found.values[-1].tolist(), strict=True)
+    ]
+    rest: list[str] = []
+    if len(cells) > MOST_ELEMENTS:
+        whole = {name: (values[-1], next(u for e, u in found.units.items() if e.partition("[")[0] == name))
+                 for name, values in found.named().items()}  # fmt: skip
+        small = [name for name, (value, _) in whole.items() if value.size <= MOST_IN_LINE][-MOST_VARIABLES:]
+        cells = [(name, "  ".join(f"{x:.5g}" for x in whole[name][0].ravel().tolist()), whole[name][1]) for name in small]
+        rest = [name for name in whole if name not in small]
+    width = max((len(name) for name, _, _ in cells), default=0)
+    lines = [f"{name:<{width}}  {value} {'' if unit == '1' else unit}".rstrip() for name, value, unit in cells]
+    return lines + (textwrap.wrap(f"not shown: {', '.join(rest)}", 78, break_on_hyphens=False) if rest else [])
 
 
 def _platforms(given: Sequence[str] | None) -> list[str]:
@@ -184,14 +225,17 @@ def _scalars(given: Sequence[str] | None) -> dict[str, float]:
     """Finite numbers by name from NAME=VALUE.  Raises `InputError`."""
     scalars: dict[str, float] = {}
     for name, value in _settings(given).items():
-        if not (isinstance(value, float) and math.isfinite(value)):
-            raise InputError(f"--set {name}: allowed is one finite number")
+        if not (isinstance(value, (bool, float)) and math.isfinite(value)):
+            raise InputError(f"--set {name}: allowed is one finite number, or true or false for a Boolean")
         scalars[name] = value
     return scalars
 
 
 def _settings(given: Sequence[str] | None, texts: Sequence[str] = ()) -> dict[str, object]:
-    """Numbers, lists of numbers, and for the names in `texts` text, by name from NAME=VALUE.  Raises `InputError`."""
+    """Numbers, lists of numbers, true and false, and for the names in `texts` text, by name from NAME=VALUE.
+
+    Raises `InputError`.
+    """
     settings: dict[str, object] = {}
     for text in given or ():
         name, equals, value = (part.strip() for part in text.partition("="))
@@ -201,6 +245,9 @@ def _settings(given: Sequence[str] | None, texts: Sequence[str] = ()) -> dict[st
             raise InputError(f"--set {name} is given twice")
         if name in texts:
             settings[name] = value
+            continue
+        if value.lower() in BOOLEANS:
+            settings[name] = BOOLEANS[value.lower()]
             continue
         try:
             numbers = [float(number) for number in value.split(",")]

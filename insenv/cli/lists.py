@@ -2,55 +2,153 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Iterable, Sequence
+from enum import Enum
+from typing import Annotated, Any, Optional
 
 import typer
 
 from insenv.cli.options import Json, deferred
 
+Rows = list[dict[str, Any]]
+
+
+class What(str, Enum):
+    """What `insenv list` lists."""
+
+    scenarios = "scenarios"
+    estimators = "estimators"
+    vehicles = "vehicles"
+    sensors = "sensors"
+    grades = "grades"
+    environments = "environments"
+
 
 @deferred
-def list_all(as_json: Json = False) -> None:
+def list_all(
+    what: Annotated[
+        Optional[What],  # noqa: UP045
+        typer.Argument(metavar="[WHAT]", help=f"{', '.join(What)}: these, with their titles; without it the names of all."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """List the scenarios, estimators, kinds of vehicle, sensors, sensor grades and environments."""
+    from insenv.cli.output import print_json, print_line
+
+    if as_json:
+        chosen = What if what is None else (what,)
+        print_json({key: rows for one in chosen for key, rows in _known(one).items()})
+    elif what is None:
+        _print_names()
+    else:
+        for place, (key, rows) in enumerate(_known(what).items()):
+            if place:
+                print_line()
+            _print_titles(key, rows)
+
+
+def _known(what: What) -> dict[str, Rows]:
+    """What there is, by the key of the JSON document."""
     from insenv import estimators
-    from insenv.cli.output import print_json, print_line, print_table
-    from insenv.estimators.contract import shown_name
     from insenv.files.toml import summary
     from insenv.registration import titles
     from insenv.scenario import summaries
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
     from insenv.sensors import registry as sensors
+    from insenv.sensors.figures import FiguresSection
     from insenv.vehicles import registry as vehicles
 
-    scenarios = summaries()
-    known: list[dict[str, Any]] = [
-        {"id": e.id, "title": e.title, "kind": e.kind, "aided": e.aided, "sensors": e.sensors}
-        for e in estimators.registered().values()
-    ]
-    kinds = [{"kind": kind, "title": summary(section)} for kind, section in vehicles.registered().items()]
-    sensed = [{"id": id, "title": summary(section)} for id, section in sensors.registered().items()]
-    grades: dict[str, list[dict[str, str]]] = {
-        "imu_grades": [{"name": name, "title": grade.title} for name, grade in IMU_GRADES.items()],
-        "gnss_grades": [{"name": name, "title": grade.title} for name, grade in GNSS_GRADES.items()],
-    }
-    if as_json:
-        environments = [{"id": id, "title": title} for id, title in titles().items()]
-        own = {"vehicles": kinds, "sensors": sensed}
-        print_json({"scenarios": scenarios, "estimators": known, **own, **grades, "environments": environments})
-        return
-    print_table(("scenario", "duration", "title"), [(s["name"], f"{s['duration_s']:g} s", s["title"]) for s in scenarios])
+    if what is What.scenarios:
+        return {"scenarios": summaries()}
+    if what is What.estimators:
+        known = estimators.registered().values()
+        return {
+            "estimators": [
+                {"id": e.id, "title": e.title, "kind": e.kind, "aided": e.aided, "sensors": list(e.sensors)} for e in known
+            ]
+        }
+    if what is What.vehicles:
+        return {"vehicles": [{"kind": kind, "title": summary(section)} for kind, section in vehicles.registered().items()]}
+    if what is What.sensors:
+        return {"sensors": [{"id": id, "title": summary(section)} for id, section in sensors.registered().items()]}
+    if what is What.grades:
+        grades: dict[str, Any] = {"imu_grades": IMU_GRADES, "gnss_grades": GNSS_GRADES}
+        found: dict[str, Rows] = {
+            key: [{"name": name, "title": known[name].title} for name in real_first(known)] for key, known in grades.items()
+        }
+        found["instrument_grades"] = [
+            {"sensor": id, "name": grade.name, "title": grade.title}
+            for id, section in sensors.registered().items()
+            if issubclass(section, FiguresSection)
+            for grade in section.grades.values()
+        ]
+        return found
+    return {"environments": [{"id": id, "title": title} for id, title in titles().items()]}
+
+
+def real_first(grades: Iterable[str]) -> list[str]:
+    """The names of grades: those of real units, then the one without errors, then those that papers simulate."""
+    return sorted(grades, key=lambda name: 2 if name.startswith("paper-") else int(name == "perfect"))
+
+
+_HEADS = {
+    "vehicles": "kind of vehicle",
+    "imu_grades": "IMU grade",
+    "gnss_grades": "GNSS grade",
+    "instrument_grades": "instrument grade",
+}
+
+
+_WITH_SENSOR = ("instrument_grades",)
+"""Lists of grades whose names are those of one sensor."""
+
+
+def _head(key: str) -> str:
+    return _HEADS.get(key, key.removesuffix("s"))
+
+
+def _name(row: dict[str, Any]) -> str:
+    return str(next(row[key] for key in ("name", "id", "kind") if key in row))
+
+
+def _print_names() -> None:
+    from insenv.cli.output import print_line, print_table
+
+    rows = []
+    for what in What:
+        for key, known in _known(what).items():
+            names = [_name(row) for row in known]
+            names = (
+                [f"{row['sensor']} {name}" for row, name in zip(known, names, strict=True)] if key in _WITH_SENSOR else names
+            )
+            of_papers = [name for name in names if what is What.grades and name.startswith("paper-")]
+            label = f"{_head(key)}s" if what is What.grades else what.value
+            rows.append((label, ", ".join(name for name in names if name not in of_papers)))
+            if of_papers:
+                rows.append(("  of papers", ", ".join(of_papers)))
+    print_table(("what", "names"), rows, head=False)
     print_line()
-    shown = [(e["id"], e["kind"], ", ".join(["IMU", *map(shown_name, e["sensors"])]), e["title"]) for e in known]
-    print_table(("estimator", "kind", "takes", "title"), shown)
-    print_line()
-    print_table(("kind of vehicle", "title"), [(v["kind"], v["title"]) for v in kinds])
-    print_line()
-    print_table(("sensor", "title"), [(s["id"], s["title"]) for s in sensed])
-    for key, name in (("imu_grades", "IMU grade"), ("gnss_grades", "GNSS grade")):
-        print_line()
-        print_table((name, "title"), [(g["name"], g["title"]) for g in grades[key]])
-    print_line()
-    print_table(("environment", "title"), list(titles().items()))
+    print_line(f"titles: insenv list {'|'.join(What)}")
+
+
+def _print_titles(key: str, rows: Rows) -> None:
+    from insenv.cli.output import print_table
+    from insenv.estimators.contract import shown_name
+
+    columns: Sequence[str] = (_head(key), "title")
+    shown: list[Sequence[str]]
+    if key == "scenarios":
+        columns = (_head(key), "duration", "title")
+        shown = [(row["name"], f"{row['duration_s']:g} s", row["title"]) for row in rows]
+    elif key == "estimators":
+        columns = (_head(key), "kind", "takes", "title")
+        shown = [(row["id"], row["kind"], ", ".join(["IMU", *map(shown_name, row["sensors"])]), row["title"]) for row in rows]
+    elif key in _WITH_SENSOR:
+        columns = ("sensor", "grade", "title")
+        shown = [(row["sensor"], row["name"], row["title"]) for row in rows]
+    else:
+        shown = [(_name(row), row["title"]) for row in rows]
+    print_table(columns, shown)
 
 
 @deferred

@@ -51,7 +51,7 @@ def lockstep(
     if kind != "px4" and (tlog is not None or rates):
         option = "--rate" if tlog is None else "--tlog"
         raise InputError(f"{option}: ArduPilot's JSON interface has no MAVLink; allowed with --lockstep px4")
-    chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates))}
+    chosen = {**(px4_rates(loaded.rate_hz) if kind == "px4" else {}), **parse_rates(list(rates), loaded.rate_hz)}
     with ending() as request:
         with ExitStack() as stack:
             vehicle = Vehicle(loaded, estimator, seed=seed, rates=chosen, speed=0.0, **_as_simulator(kind))

@@ -13,6 +13,14 @@ import typer
 Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""
 
+
+def given_path(text: str) -> Path:
+    """The path that an option or argument gives.  An empty one, which a script passes whose variable is not set, is refused."""
+    if not text:
+        raise typer.BadParameter("is empty: allowed is a path")
+    return Path(text)
+
+
 HELP = {"help_option_names": ["-h", "--help"]}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
@@ -38,7 +46,13 @@ Settings = Annotated[
 ]
 Out = Annotated[
     Optional[Path],  # noqa: UP045
-    typer.Option("--out", "-o", metavar="DIR", help="Write the results (.npz, .json) and the figure (.png, .svg) there."),
+    typer.Option(
+        "--out",
+        "-o",
+        parser=given_path,
+        metavar="DIR",
+        help="Write the results (.npz, .json) and the figure (.png, .svg) there.",
+    ),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 if a filter has diverged from its fixes.")]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure.")]

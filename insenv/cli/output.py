@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,11 +19,24 @@ if TYPE_CHECKING:
     from insenv.report import Report
 
 
+COMPILER = "insenv.core.compile"
+"""Name of the logger that tells of compilations."""
+NARROWEST = 24
+"""Columns that the text beside a list's names has at least."""
+MOST = 1000
+"""More columns than any table needs."""
+
+
 def _console(stderr: bool = False) -> Console:
+    """A console as wide as the terminal; of 80 columns if there is none."""
     from rich.console import Console
 
-    console = Console(stderr=stderr, markup=False, highlight=False, emoji=False)
-    console.width = max(console.width, WIDTH) if console.is_terminal else WIDTH
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # which ends the command with status 141; rich would end it with 1, without a word
+
+    console = Plain(stderr=stderr, markup=False, highlight=False, emoji=False)
+    console.width = console.width if console.is_terminal else WIDTH
     return console
 
 
@@ -44,21 +58,33 @@ def print_report(report: Report) -> None:
 def print_parts(parts: Iterable[RenderableType]) -> None:
     """Print tables and lines on stdout."""
     console = _console()
+    width = console.width
     for part in parts:
+        # no digit is cut off in a narrow terminal, which breaks the lines itself
+        needed = console.measure(part, options=console.options.update(width=MOST)).minimum
+        console.width = max(width, needed)
         console.print(part)
 
 
-def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
-    """Print a table on stdout, in 80 columns; the last column wraps."""
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = (), *, head: bool = True) -> None:
+    """Print a table on stdout as wide as the terminal; the last column wraps.
+
+    right: places of the columns that are aligned right. head: whether the names of the columns are shown.
+    """
     from rich import box
+    from rich.cells import cell_len
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 2, 0, 0))
+    gap = 2
+    table = Table(box=box.SIMPLE_HEAD, show_header=head, show_edge=False, pad_edge=False, padding=(0, gap, 0, 0))
     for place, name in enumerate(columns):
         table.add_column(name, no_wrap=place < len(columns) - 1, justify="right" if place in right else "left", overflow="fold")
     for row in rows:
         table.add_row(*row)
-    _console().print(table)
+    fixed = sum(max(map(cell_len, column)) + gap for column in list(zip(columns, *rows, strict=True))[:-1])
+    console = _console()
+    console.width = max(console.width, fixed + NARROWEST)
+    console.print(table)
 
 
 class Bar:
@@ -66,6 +92,7 @@ class Bar:
 
     def __init__(self, progress: Progress, description: str) -> None:
         self._progress = progress
+        self._description = description
         self._task = progress.add_task(description, total=None)
 
     def __call__(self, done: int, total: int) -> None:
@@ -73,7 +100,13 @@ class Bar:
 
     def describe(self, text: str) -> None:
         """Change the description."""
-        self._progress.update(self._task, description=text)
+        self._description = text
+        self.remark("")
+
+    def remark(self, text: str) -> None:
+        """Show a remark behind the description; "" for none."""
+        shown = f"{self._description}: {text}" if text else self._description
+        self._progress.update(self._task, description=shown)
 
 
 @contextmanager
@@ -89,7 +122,56 @@ def working(description: str) -> Iterator[Bar]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=_console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
-        yield Bar(progress, description)
+        bar = Bar(progress, description)
+        with _noticed_by(None if progress.disable else bar):
+            yield bar
+
+
+class CompilingNotice(logging.Handler):
+    """Says on stderr that models are compiled: behind the progress bar's description, or in a line of its own, once."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.bar: Bar | None = None
+        self._told = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show that a compilation begins or has ended."""
+        from insenv.core.compile import COMPILED
+
+        text = record.getMessage()
+        if self.bar is not None:
+            self.bar.remark("" if text == COMPILED else text)
+        elif text != COMPILED and not self._told:
+            self._told = True
+            print_line(f"insenv: {text}", stderr=True)
+
+
+@contextmanager
+def compiling_noticed() -> Iterator[None]:
+    """Say on stderr during the block that models are compiled."""
+    log, notice = logging.getLogger(COMPILER), CompilingNotice()
+    level = log.level
+    log.addHandler(notice)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(notice)
+        log.setLevel(level)
+
+
+@contextmanager
+def _noticed_by(bar: Bar | None) -> Iterator[None]:
+    """Let the notices of compilations stand in the line of `bar` during the block; None: in lines of their own."""
+    notices = [handler for handler in logging.getLogger(COMPILER).handlers if isinstance(handler, CompilingNotice)]
+    for notice in notices:
+        notice.bar = bar
+    try:
+        yield
+    finally:
+        for notice in notices:
+            notice.bar = None
 
 
 @contextmanager

@@ -15,7 +15,7 @@ def reproduce(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Repeat the tests of the papers; print published value, own value and theoretical limit."""
+    """Repeat the tests of the papers; print the published value, insenv's value and the theoretical limit."""
     from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report import OutputFolder
     from insenv.report.tables import number

@@ -9,7 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from insenv.cli.options import Duration, Estimators, Json, NoFigure, Out, Scenario, Seed, Settings, Strict, deferred
+from insenv.cli.options import (
+    Duration,
+    Estimators,
+    Json,
+    NoFigure,
+    Out,
+    Scenario,
+    Seed,
+    Settings,
+    Strict,
+    deferred,
+    given_path,
+)  # fmt: skip
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +66,9 @@ def run(
 
 @deferred
 def replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="A flight log, or a .toml file that describes a log.")],
+    log: Annotated[
+        Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
+    ],
     estimators: Estimators = None,
     start: Annotated[
         Start, typer.Option(help="Start from the log alone, or from the state of the log's reference.")

@@ -39,6 +39,7 @@ def stream(
     signing_key_file: Path | None,
     system: int,
     show_errors: bool,
+    undulation: float,
     as_json: bool,
 ) -> None:
     """Stream until the duration is over or an end is requested, and print a summary."""
@@ -50,7 +51,7 @@ def stream(
     from insenv.scenario import load
 
     loaded = load(scenario)
-    wanted = parse_rates(list(rates))
+    wanted = parse_rates(list(rates), loaded.rate_hz)
     duration = checked_duration(duration_s)
     if duration is None and speed == 0.0:
         duration = loaded.duration_s
@@ -58,7 +59,10 @@ def stream(
     with ending() as request:
         with ExitStack() as stack:
             signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
-            vehicle = Vehicle(loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors)
+            vehicle = Vehicle(
+                loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors,
+                undulation=undulation,
+            )  # fmt: skip
             links = [
                 stack.enter_context(open_link(address, signing=signing, system=system, number=number))
                 for number, address in enumerate(addresses)
@@ -198,7 +202,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     print_line(f"{who}: {simulated:.1f} s simulated in {wall:.1f} s; {summary['state']}")
     sent = f"{total} messages to {summary['address']}, {link['dropped_frames']} dropped"
     if not link["sent_frames"]:
-        sent = f"{total} messages made, none sent: no receiver at {summary['address']}"
+        sent = f"{total} messages generated, none sent: no receiver at {summary['address']}"
     print_line(f"{sent}; {received} received")
     print_line(f"lateness p50 {late['p50']:.2f} ms, p99 {late['p99']:.2f} ms; {summary['cpu_share']:.1%} of a core")
     for what, key in (("values out of range", "saturated"), ("messages not sent because of an unknown value", "refused")):

@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Scenario, Seed, deferred
+from insenv.cli.options import Json, Scenario, Seed, deferred, given_path
 from insenv.errors import InputError
 
 
@@ -45,19 +45,29 @@ def stream(
         Optional[float],  # noqa: UP045
         typer.Option(metavar="S", help="Simulated seconds; without it until Ctrl-C, with --speed 0 the scenario's duration."),
     ] = None,
-    tlog: Annotated[Optional[Path], typer.Option(metavar="FILE", help="Write a telemetry log.")] = None,  # noqa: UP045
+    tlog: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(parser=given_path, metavar="FILE", help="Write a telemetry log."),
+    ] = None,
     rate: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="MESSAGE=HZ", help="Rate of a message, 0 to send none; may be given more than once."),
+        typer.Option(metavar="MESSAGE=HZ", help="Rate of a message, 0 (none) to the rate of the samples; each message once."),
     ] = None,
     signing_key_file: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(metavar="FILE", help="Sign messages with the key in this file, and accept only messages signed with it."),
+        typer.Option(
+            parser=given_path,
+            metavar="FILE",
+            help="Sign messages with the key in this file, and accept only messages signed with it.",
+        ),
     ] = None,
     system: Annotated[
         int, typer.Option(metavar="N", help="MAVLink system of the vehicle, 1 to 255: several vehicles beside one another.")
     ] = 1,
     errors: Annotated[bool, typer.Option("--errors", help="Send the errors of the estimate too (NAMED_VALUE_FLOAT).")] = False,
+    undulation: Annotated[
+        float, typer.Option(metavar="M", help="Height of the geoid above the ellipsoid, the same everywhere.")
+    ] = 0.0,
     lockstep: Annotated[
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
@@ -71,8 +81,9 @@ def stream(
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
-        if system != 1 or errors:
-            raise InputError(f"{'--errors' if errors else '--system'}: not allowed with --lockstep")
+        for option, given in (("--errors", errors), ("--system", system != 1), ("--undulation", undulation != 0.0)):
+            if given:
+                raise InputError(f"{option}: not allowed with --lockstep")
         if to and len(to) > 1:
             raise InputError(f"--to: {len(to)} addresses; --lockstep allows one, that of the autopilot")
         in_step.lockstep(
@@ -84,5 +95,6 @@ def stream(
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     live.stream(
         scenario, estimator, to=to, seed=seed, speed=1.0 if speed is None else speed, duration_s=duration, tlog=tlog,
-        rates=rate or [], signing_key_file=signing_key_file, system=system, show_errors=errors, as_json=as_json,
+        rates=rate or [], signing_key_file=signing_key_file, system=system, show_errors=errors, undulation=undulation,
+        as_json=as_json,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Json, deferred
+from insenv.cli.options import Duration, Json, deferred, given_path
 from insenv.errors import InputError, nearest
 from insenv.files.output import check_output_file
 
@@ -26,7 +26,9 @@ def train(
         Optional[int],  # noqa: UP045
         typer.Option(metavar="N", help="Number of support vectors; the default is the largest that the estimator holds."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="File to write.")] = Path("lssvm.json"),
+    out: Annotated[Path, typer.Option("--out", "-o", parser=given_path, metavar="FILE", help="File to write.")] = Path(
+        "lssvm.json"
+    ),
     as_json: Json = False,
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
@@ -35,7 +37,7 @@ def train(
     from insenv.learning.training import train as learn
 
     if estimator not in LEARNERS:
-        raise InputError(f"estimator {estimator!r} does not learn{nearest(estimator, LEARNERS)}")
+        raise InputError(f"estimator {estimator!r} cannot be trained{nearest(estimator, LEARNERS)}")
     chosen = seed_range(seeds)
     check_output_file(out)
     need_packages()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from insenv.core.compile import batch_library_path, load, pointer
 from insenv.core.model import Model
-from insenv.core.runner import InterpreterRunner, check_inputs, cycle_size, resolve_backend, watched_spans
+from insenv.core.runner import InterpreterRunner, check_inputs, cycle_size, made, watched_spans
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 
@@ -42,8 +42,7 @@ def make_batch(
     """
     if rows < 1 or threads < 1 or (lanes is not None and lanes < 1):
         raise InputError(f"rows = {rows}, threads = {threads}, lanes = {lanes}: each must be at least 1")
-    kind = NativeBatch if resolve_backend(backend) == "native" else InterpreterBatch
-    return kind(model, row_parameters(model, rows, parameters), threads, lanes)
+    return made(NativeBatch, InterpreterBatch, backend)(model, row_parameters(model, rows, parameters), threads, lanes)
 
 
 def row_parameters(model: Model, rows: int, parameters: Mapping[str, Any] | Vector | None) -> Vector:

@@ -1,4 +1,4 @@
-"""Compiled models: the C compiler and its flags, the cache of shared libraries, and loading one.
+"""Compiled models: the C compiler and its flags, the entries of the cache, and loading one.
 
 A cache entry is a folder named by the hash of everything that determines the library (source, flags, compiler,
 machine).  It holds the library and the library's own hash.  It is built under a temporary name and renamed, so that two
@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import functools
 import hashlib
 import importlib.util
+import logging
 import os
 import platform
 import shutil
-import stat
 import subprocess
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from insenv.core.cache import cache_folder, is_lasting, is_private, process_folder
 from insenv.core.codegen import batch_source, native_source
 from insenv.core.model import Model
 from insenv.core.tables import Vector
@@ -51,10 +53,19 @@ _FLAGS = (
 
 POLLING_S = 0.02
 """Time between two looks whether another process has built an entry."""
+LOG = logging.getLogger(__name__)
+"""Tells, at level INFO, when a compilation begins (`COMPILING`, or `COMPILING_HERE` for this process alone) and ends."""
+COMPILING, COMPILING_HERE, COMPILED = "compiling, once", "compiling", "compiled"
+SMALLEST_ROOM = 2**20
+"""Free bytes below which a failed compilation is put down to a full disk: compilers die in many ways of it."""
 
 
 class CompileError(InsenvError):
     """The compiler failed on generated code."""
+
+
+class NoRoomError(CompileError):
+    """There is no folder that a compiled model can be written to."""
 
 
 @dataclass(frozen=True)
@@ -82,24 +93,26 @@ def find_compiler() -> Compiler | None:
     return None
 
 
-def cache_folder() -> Path:
-    """The cache folder of compiled models: INSENV_CACHE_DIR or the user's cache folder, private to the user."""
-    from platformdirs import user_cache_path
-
-    chosen = os.environ.get("INSENV_CACHE_DIR")
-    folder = Path(chosen) if chosen else user_cache_path("insenv")
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError:
-        return _private_folder()
-    return folder if _is_private(folder) else _private_folder()
-
-
 def compile_library(source: str, compiler: Compiler) -> Path:
-    """Path of the shared library of `source`, taken from the cache or compiled.  Raises `CompileError`."""
+    """Path of the shared library of `source`, taken from the cache or compiled.
+
+    If the disk of the cache is full, the library is kept in a folder of this process; a warning says so.  Raises
+    `CompileError`, `NoRoomError` if there is no room anywhere.
+    """
+    try:
+        cache = cache_folder()
+        try:
+            return _library_in(cache, source, compiler)
+        except OSError as error:
+            return _library_in(process_folder(cache, error.strerror or str(error)), source, compiler)
+    except OSError as error:
+        raise NoRoomError(f"no folder to compile models in: {error.strerror or error}") from None
+
+
+def _library_in(cache: Path, source: str, compiler: Compiler) -> Path:
+    """Path of the library in this cache folder, compiled if it is not there.  Raises `CompileError`, OSError."""
     parts = (source, *compiler.flags, compiler.identity)
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-    cache = cache_folder()
     entry = cache / key
     library = entry / "model.so"
     with _alone(cache / f"{key}.lock", entry):
@@ -124,10 +137,14 @@ def _alone(lock: Path, entry: Path) -> Iterator[None]:
 
 
 def _build(source: str, compiler: Compiler, cache: Path, entry: Path) -> None:
-    with tempfile.TemporaryDirectory(dir=cache, prefix="build-") as name:
+    with tempfile.TemporaryDirectory(dir=cache, prefix="build-", ignore_cleanup_errors=True) as name:
         build = Path(name) / "entry"
         build.mkdir(mode=0o700)
-        _compile(source, compiler, build)
+        LOG.info(COMPILING if is_lasting(cache) else COMPILING_HERE)
+        try:
+            _compile(source, compiler, build)
+        finally:
+            LOG.info(COMPILED)
         digest = hashlib.sha256((build / "model.so").read_bytes()).hexdigest()
         (build / "model.sha256").write_text(digest)
         # a folder cannot be renamed onto an existing one: move a broken entry away first
@@ -146,7 +163,12 @@ def _compile(source: str, compiler: Compiler, build: Path) -> None:
     text = build / "model.c"
     text.write_text(source)
     command = [*compiler.command, *compiler.flags, str(text), "-o", str(build / "model.so"), "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise CompileError(f"{compiler.command[0]} cannot be run: {error.strerror or error}") from None
+    if done.returncode and shutil.disk_usage(build).free < SMALLEST_ROOM:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     if done.returncode:
         raise CompileError(f"{' '.join(compiler.command)} failed on generated code:\n{done.stderr[-2000:]}")
 
@@ -154,28 +176,12 @@ def _compile(source: str, compiler: Compiler, build: Path) -> None:
 def _is_intact(entry: Path) -> bool:
     """Whether only this user can write the entry and its library has the hash stored beside it."""
     try:
-        if not (_is_private(entry) and _is_private(entry / "model.so")):
+        if not (is_private(entry) and is_private(entry / "model.so")):
             return False
         noted = (entry / "model.sha256").read_text()
         return hashlib.sha256((entry / "model.so").read_bytes()).hexdigest() == noted
     except OSError:
         return False
-
-
-def _is_private(path: Path) -> bool:
-    """Whether the path is owned and writable by this user only (always true where files have no owners)."""
-    if not hasattr(os, "getuid"):
-        return True
-    status = path.lstat()
-    return (
-        status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not stat.S_ISLNK(status.st_mode)
-    )
-
-
-@functools.cache
-def _private_folder() -> Path:
-    """A new private folder for this process, used if the cache folder cannot be used or trusted."""
-    return Path(tempfile.mkdtemp(prefix="insenv-"))
 
 
 @functools.cache

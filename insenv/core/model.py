@@ -30,7 +30,7 @@ from insenv.errors import InputError
 Values = SimpleNamespace
 """Symbols by row name, as passed to a step function: ``x.velocity_n`` is a 3x1 CasADi expression."""
 
-SEED = Row("seed", "Seed of every random number of the model", lower=0, upper=2.0**53)
+SEED = Row("seed", "Seed of every random number of the model", lower=0, upper=2.0**53, whole=True)
 STEP = Row("step", "Number of advances made since the start", lower=0, upper=2.0**53)
 
 

@@ -1,4 +1,4 @@
-"""The function that a long work calls to tell how far it is."""
+"""The function that long work calls to report its progress."""
 
 from __future__ import annotations
 

@@ -12,13 +12,13 @@ import functools
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core import noise
-from insenv.core.compile import begin_libraries, find_compiler, library_path, load, pointer
+from insenv.core.compile import NoRoomError, begin_libraries, find_compiler, library_path, load, pointer
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
@@ -34,10 +34,35 @@ def make_runner(model: Model, parameters: Mapping[str, Any] | Vector | None = No
 
     parameters: values by row name (checked), or the flat vector; rows that are not given have the table's start values.
     backend: "native", "interpreter", or None: the environment's INSENV_BACKEND, else native if a C compiler is found.
+    If compiled models can be kept nowhere, the interpreter serves where "native" is not asked for, with a warning.
     Raises `InputError` for values that do not fit, an unknown backend, or "native" without a C compiler.
     """
-    kind = NativeRunner if resolve_backend(backend) == "native" else InterpreterRunner
-    return kind(model, parameters)
+    return made(NativeRunner, InterpreterRunner, backend)(model, parameters)
+
+
+Made = TypeVar("Made")
+
+
+def made(native: Callable[..., Made], interpreter: Callable[..., Made], backend: str | None) -> Callable[..., Made]:
+    """The function that makes a runner or a batch on the backend; see `make_runner`."""
+    if resolve_backend(backend) != "native":
+        return interpreter
+
+    def make(*given: Any) -> Made:
+        try:
+            return native(*given)
+        except NoRoomError as error:
+            if _asked(backend):
+                raise
+            _warn_interpreter(f"{error}: models run on the interpreter (slower, the same numbers)")
+            return interpreter(*given)
+
+    return make
+
+
+def _asked(backend: str | None) -> str:
+    """The backend that the caller or the environment asks for; "" if neither does."""
+    return backend or os.environ.get("INSENV_BACKEND") or ""
 
 
 def prepare(models: Iterable[Model], backend: str | None = None) -> None:
@@ -48,7 +73,7 @@ def prepare(models: Iterable[Model], backend: str | None = None) -> None:
 
 def resolve_backend(backend: str | None = None) -> str:
     """The backend to use: the given one, else native if there is a C compiler; warns once if there is none."""
-    chosen = backend or os.environ.get("INSENV_BACKEND") or ""
+    chosen = _asked(backend)
     if chosen and chosen not in BACKENDS:
         raise InputError(f"backend {chosen!r}: allowed is {' or '.join(BACKENDS)} (INSENV_BACKEND)")
     if chosen == "interpreter":
@@ -57,15 +82,14 @@ def resolve_backend(backend: str | None = None) -> str:
         return "native"
     if chosen == "native":
         raise InputError(f"backend 'native' needs a C compiler: cc, gcc or clang on the path, or {install_extra('native')}")
-    _warn_no_compiler()
+    _warn_interpreter(
+        f"no C compiler found: models run on the interpreter (slower, the same numbers); {install_extra('native')} brings one"
+    )
     return "interpreter"
 
 
 @functools.cache
-def _warn_no_compiler() -> None:
-    message = (
-        f"no C compiler found: models run on the interpreter (slower, the same numbers); {install_extra('native')} brings one"
-    )
+def _warn_interpreter(message: str) -> None:
     warnings.warn(message, RuntimeWarning, stacklevel=2)
 
 

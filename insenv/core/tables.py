@@ -37,6 +37,7 @@ class Row:
     start: start value, a number for every element or a nested sequence of the row's shape.
     lower, upper: inclusive bounds of every element.
     flag: whether it is 0 (no) or 1 (yes) and nothing between; an FMU shows it as a Boolean.
+    whole: whether it is a whole number.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Row:
     lower: float = -math.inf
     upper: float = math.inf
     flag: bool = False
+    whole: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
@@ -73,19 +75,26 @@ class Row:
         """Number of elements."""
         return math.prod(self.shape)
 
+    @property
+    def kind(self) -> str:
+        """What its elements are, in messages."""
+        return "a whole number" if self.whole or self.flag else "a finite number"
+
     def flat_start(self) -> Vector:
         """Start value as a flat vector of `size` elements."""
         return np.array(np.broadcast_to(np.asarray(self.start, dtype=np.float64), self.shape)).ravel()
 
     def check(self, value: Vector) -> None:
-        """Raise `InputError` if an element is not finite or lies outside the bounds."""
+        """Raise `InputError` if an element is not finite, outside the bounds, or not whole though it must be."""
         bad = ~np.isfinite(value) | (value < self.lower) | (value > self.upper)
+        if self.whole or self.flag:
+            bad |= value != np.floor(value)
         if bad.any():
             place = "" if self.size == 1 else f"[{int(np.argmax(bad))}]"
             shown = float(value[np.argmax(bad)])
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
-                f"{self.name}{place} = {shown:g}{unit}: allowed is a finite number "
+                f"{self.name}{place} = {shown:g}{unit}: allowed is {self.kind} "
                 f"from {self.lower:g} to {self.upper:g}{unit} ({self.meaning})"
             )
 

@@ -8,7 +8,7 @@ from insenv.envs.checks import check_choice, check_number
 from insenv.envs.estimation_task import estimation_task
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import IMU_RANGE, Range, Ranges
+from insenv.envs.starts import Range, Ranges
 from insenv.envs.vector import InertialVectorEnv
 from insenv.errors import InputError
 from insenv.scenario import plant_of
@@ -73,7 +73,7 @@ class AlignmentEnv(InertialEnv):
     The reference of positions is the reported start (`known_latitude`, `known_longitude`, `known_height`).
 
     With `observation="compact"` twelve numbers of order one replace all that: the share of the time used; ln(1 + time / 5
-    s) / 4; the mean direction of gravity in the frame that the gyros keep frozen, turned by the held attitude, less the
+    s) / 4; the mean direction of gravity in the frame that the gyros keep frozen, turned by the held attitude, minus the
     expected one, north and east, on a logarithmic scale and in rad; the same for the slope of that direction, logarithmic
     and in 6.3e-5 rad/s; the reported standard deviations. With `action="correction"` the action has four components: a
     rotation vector in n by which the held attitude is turned, on a logarithmic scale (1 is 0.8, 0.8 and pi rad; the scale
@@ -102,7 +102,8 @@ class AlignmentEnv(InertialEnv):
     ## Arguments
     - `scenario`: name, path, mapping or `insenv.scenario.Scenario`. `vehicle`: required kind of vehicle; empty: any.
     - `duration_s`: length of an episode, s; None: that of the scenario. `samples_per_step`: inertial samples per step.
-    - `imu`: a grade of `insenv list`, or "random" for a draw between the two grades `imu_range` at each reset.
+    - `imu`: a grade of `insenv list`, or "random" for a draw between two grades at each reset: `imu_range`, the better
+      one first; None: marine to tactical.
     - `heading_deg`: range of the start heading, deg. `sea_state`: range of a factor on the amplitudes of waves, sway,
       engine and gusts. `initial_error`: standard deviations (tilt, heading) of the reported attitude, deg.
       `sway_phases`: whether the phases of sway, waves and engine are drawn. `mounting_deg`: roll and pitch of the mounted
@@ -126,7 +127,7 @@ class AlignmentEnv(InertialEnv):
 
     def __init__(
         self, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "", samples_per_step: int = 100,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] | None = None,
         heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
         initial_error: Range | None = INITIAL_ERROR, gnss_outages_s: tuple[Range, ...] | None = None,
         sway_phases: bool = True, mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
@@ -187,7 +188,7 @@ class NavigationEnv(InertialEnv):
 
     def __init__(
         self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 100,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] | None = None,
         heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
         gnss_outages_s: tuple[Range, ...] | None = None, dtype: str = "float64", backend: str | None = None,
         render_mode: str | None = None,
@@ -204,7 +205,7 @@ class AlignmentVectorEnv(InertialVectorEnv):
     def __init__(
         self, num_envs: int = 1, scenario: ScenarioLike = "ship-swaying", *, vehicle: str = "",
         samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = (0.0, 360.0),
+        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = (0.0, 360.0),
         sea_state: Range | None = None, initial_error: Range | None = INITIAL_ERROR,
         gnss_outages_s: tuple[Range, ...] | None = None, sway_phases: bool = True,
         mounting_deg: float | None = MOUNTING_DEG, time_weight: float = 1.0,
@@ -230,7 +231,7 @@ class NavigationVectorEnv(InertialVectorEnv):
     def __init__(
         self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
         samples_per_step: int = 100, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = None, sea_state: Range | None = None,
         initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, threads: int = 1, dtype: str = "float64",
         backend: str | None = None,

@@ -7,8 +7,8 @@ run`.
 Error measure, with each of the k error components e (a rotation vector in n; for navigation also velocity and position)
 in units of its limit s: ``m = ln(1 + sqrt(sum((e / s)^2) / k))``, at most `WORST`.
 
-The score of an alignment is -(m of its last estimate + time_weight * share of the time used).  It is paid as the fall of m
-in each step less the cost of the step's time, so that the rewards of an episode add up to the score plus m of the reported
+The score of an alignment is -(m of its last estimate + time_weight * share of the time used).  It is paid as the decrease of m
+in each step minus the cost of the step's time, so that the rewards of an episode add up to the score plus m of the reported
 attitude, whenever the episode ends.
 """
 

@@ -3,8 +3,8 @@
 In the frozen frame the vehicle does not turn, and gravity turns with the Earth.  The mean of its direction is the vertical
 at the middle of the time, and its slope is the rotation of the Earth; both are weighted by 30 u^2 (1 - u)^2, with u the
 share of the time so far, so that sway averages out.  An attitude R from the frozen frame to n at the start is held: it
-starts as reported, and an action turns it.  The observation is the difference between what R makes of gravity and what the
-Earth would show.
+starts as reported, and an action turns it.  The observation is the difference between gravity rotated by R and the
+gravity expected from the Earth's rotation.
 """
 
 from __future__ import annotations

@@ -69,12 +69,15 @@ def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Map
     return np.concatenate(columns, axis=1)
 
 
-def knowledge_of(known: Mapping[str, Any]) -> Knowledge:
-    """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored."""
+def knowledge_of(known: Mapping[str, Any], instruments: Mapping[str, Any] | None = None) -> Knowledge:
+    """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored.
+
+    instruments: what is told of the aiding instruments (`Knowledge.instruments`), which is the same in all episodes.
+    """
     told = fields_known(known).items()
     values: dict[str, Any] = {name: np.array(value) if np.ndim(value) else float(value) for name, value in told}
     sheet = SensorNotes(**{name: values.pop(name) for name in _SHEET})
-    return Knowledge(**values, sensors=sheet)
+    return Knowledge(**values, sensors=sheet, instruments=instruments or {})
 
 
 def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:

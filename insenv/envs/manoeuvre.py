@@ -306,7 +306,7 @@ class ManoeuvreEnv(InertialEnv):
 
     def __init__(
         self, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "", samples_per_step: int = 400,
-        duration_s: float | None = None, imu: str | None = "random", imu_range: tuple[str, str] = UNITS,
+        duration_s: float | None = None, imu: str | None = "random", imu_range: tuple[str, str] | None = None,
         heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None, initial_error: Range | None = None,
         start_speed_mps: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf",
         reward: str = "error", goal_deg: float = 0.1, time_weight: float = 1.0, dtype: str = "float64",
@@ -315,7 +315,8 @@ class ManoeuvreEnv(InertialEnv):
     ) -> None:  # fmt: skip
         """Make the environment; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps
+            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps,
+            units=UNITS,
         )  # fmt: skip
         setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
         super().__init__(setup, backend=backend, render_mode=render_mode)
@@ -327,7 +328,7 @@ class ManoeuvreVectorEnv(InertialVectorEnv):
     def __init__(
         self, num_envs: int = 1, scenario: ScenarioLike = "car-unknown-heading", *, vehicle: str = "",
         samples_per_step: int = 400, duration_s: float | None = None, imu: str | None = "random",
-        imu_range: tuple[str, str] = UNITS, heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
+        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = (0.0, 360.0), sea_state: Range | None = None,
         initial_error: Range | None = None, start_speed_mps: Range | None = None,
         gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "aqe-ekf", reward: str = "error",
         goal_deg: float = 0.1, time_weight: float = 1.0,
@@ -337,7 +338,8 @@ class ManoeuvreVectorEnv(InertialVectorEnv):
     ) -> None:  # fmt: skip
         """Make the environments; see the class for the arguments.  Raises `InputError` for one that is not allowed."""
         ranges = Ranges(
-            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps
+            imu, imu_range, heading_deg, sea_state, initial_error, gnss_outages_s, start_speed_mps=start_speed_mps,
+            units=UNITS,
         )  # fmt: skip
         setup = _setup(scenario, vehicle, ranges, samples_per_step, duration_s, estimator, reward, goal_deg, time_weight, dtype)
         super().__init__(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude
+from insenv import attitude, style
 from insenv.envs.setup import Setup
 
 Array = NDArray[np.float64]
@@ -17,7 +17,9 @@ History = Sequence[tuple[Array, dict[str, Any]]]
 
 SIZE = (960, 480)
 """Pixels of an image, width and height."""
-SKY, GROUND, TRUTH, ESTIMATE = "#8fbbe8", "#a98a63", "#1f2a44", "#d1495b"
+SKY, GROUND, TRUTH, ESTIMATE = "#8fbbe8", "#a98a63", "#1f2a44", style.COLOURS[1]
+TEXT, SMALL = 11.0, 10.0
+"""Sizes of the text at 100 pixels per inch: 15 and 14 pixels."""
 
 
 def write(setup: Setup, history: History) -> str:
@@ -43,17 +45,27 @@ def _components(what: str, values: Array) -> list[str]:
 
 def draw(setup: Setup, history: History) -> NDArray[np.uint8]:
     """Return the episode so far as an image (height, width, 3)."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    import matplotlib as mpl
 
-    figure = Figure(figsize=(SIZE[0] / 100.0, SIZE[1] / 100.0), dpi=100, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.5))
-    _indicator(figure.add_subplot(grid[0, 0]), setup, history)
-    _track(figure.add_subplot(grid[1, 0]), setup, history)
-    _errors(figure.add_subplot(grid[:, 1]), setup, history)
-    canvas.draw()
-    return np.array(canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
+    with style.page(SIZE[0] / 100.0, SIZE[1] / 100.0) as figure, mpl.rc_context(_SIZES):
+        grid = figure.add_gridspec(2, 3, width_ratios=(1.2, 1.0, 1.0), height_ratios=(1.0, 1.1))
+        _indicator(figure.add_subplot(grid[0, 0]), setup, history)
+        _track(figure.add_subplot(grid[1, 0]), setup, history)
+        _errors(figure, grid, setup, history)
+        canvas: Any = figure.canvas
+        canvas.draw()
+        return np.array(canvas.buffer_rgba(), dtype=np.uint8)[..., :3].copy()
+
+
+_SIZES: Any = {
+    "font.size": TEXT,
+    "axes.titlesize": TEXT,
+    "axes.labelsize": SMALL,
+    "xtick.labelsize": SMALL,
+    "ytick.labelsize": SMALL,
+    "legend.fontsize": SMALL,
+    "lines.linewidth": 1.6,
+}
 
 
 def _indicator(axes: Any, setup: Setup, history: History) -> None:
@@ -66,17 +78,18 @@ def _indicator(axes: Any, setup: Setup, history: History) -> None:
     level = -up * np.clip(pitch / np.radians(30.0), -0.9, 0.9)
     corners = [level - 3 * along, level + 3 * along, level + 3 * along - 4 * up, level - 3 * along - 4 * up]
     axes.fill(*np.array(corners).T, color=GROUND, lw=0)
-    axes.plot(*np.array([level - 3 * along, level + 3 * along]).T, color="white", lw=1.5)
+    axes.plot(*np.array([level - 3 * along, level + 3 * along]).T, color="white", lw=2.0)
     if setup.task.actions.names[0] in ("estimate_q_nb", "correction") and len(history) > 1:
         shown = attitude.numeric.to_euler(_estimate(history))
         along, up = np.array([np.cos(shown[0]), -np.sin(shown[0])]), np.array([np.sin(shown[0]), np.cos(shown[0])])
         level = -up * np.clip(shown[1] / np.radians(30.0), -0.9, 0.9)
-        axes.plot(*np.array([level - along, level + along]).T, color=ESTIMATE, lw=1.5, ls="--")
-        caption = f"heading {np.degrees(heading) % 360.0:.2f} deg, estimate {np.degrees(shown[2]) % 360.0:.2f} deg"
+        axes.plot(*np.array([level - along, level + along]).T, color=ESTIMATE, lw=2.5, ls="--")
+        caption = f"heading {np.degrees(heading) % 360.0:.2f}°, estimate {np.degrees(shown[2]) % 360.0:.2f}°"
     else:
-        caption = f"heading {np.degrees(heading) % 360.0:.2f} deg"
+        caption = f"heading {np.degrees(heading) % 360.0:.2f}°"
     axes.plot([-0.35, -0.1, 0.0, 0.1, 0.35], [0.0, 0.0, -0.06, 0.0, 0.0], color="black", lw=2)
-    axes.set_title(caption, fontsize=9)
+    axes.grid(visible=False)
+    axes.set_title(caption, loc="center")
 
 
 def _estimate(history: History) -> Any:
@@ -89,40 +102,49 @@ def _track(axes: Any, setup: Setup, history: History) -> None:
     """Draw the track of the vehicle, north over east, and the fixes."""
     places = np.array([info["position"] for _, info in history])
     # a swaying vehicle is sampled too rarely to join its positions by lines
-    axes.plot(places[:, 1], places[:, 0], "." if setup.scenario.vehicle.in_place else "-", color=TRUTH, lw=1.2, ms=2)
-    axes.plot(places[-1, 1], places[-1, 0], "o", color=TRUTH, ms=4)
+    in_place = setup.scenario.vehicle.in_place
+    axes.plot(places[:, 1], places[:, 0], "." if in_place else "-", color=TRUTH, ms=4)
+    axes.plot(places[-1, 1], places[-1, 0], "o", color=TRUTH, ms=7)
     if "fix_position" in setup.layout:
         named = [setup.layout.unpack(seen) for seen, _ in history]
         fixes = np.array([seen["fix_position"] for seen in named if seen["fix_new"]]).reshape(-1, 3)
-        axes.plot(fixes[:, 1], fixes[:, 0], ".", color=ESTIMATE, ms=2, zorder=0)
+        axes.plot(fixes[:, 1], fixes[:, 0], ".", color=ESTIMATE, ms=3, zorder=0)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("east, m", fontsize=8)
-    axes.set_ylabel("north, m", fontsize=8)
-    axes.tick_params(labelsize=7)
+    axes.locator_params(nbins=5)
+    axes.set(xlabel="east [m]", ylabel="north [m]")
 
 
-def _errors(axes: Any, setup: Setup, history: History) -> None:
-    """Draw the magnitude of each error over time, with its limit."""
-    step = setup.samples * setup.interval
+def _errors(figure: Any, grid: Any, setup: Setup, history: History) -> None:
+    """Draw the magnitude of each error over time with its limit: tilt, heading and, if known, velocity and position."""
     times = np.array([setup.time_of(seen) for seen, _ in history])
-    axes.set_yscale("log")
-    axes.set_xlabel("time, s", fontsize=8)
-    axes.set_ylabel("magnitude of the error", fontsize=8)
-    axes.tick_params(labelsize=7)
-    axes.set_xlim(0.0, max(setup.decisions * step, 1e-3))
     infos = [info for _, info in history]
-    if "error" not in infos[0]:
-        return
+    groups = [("tilt", "deg", slice(0, 2)), ("heading", "deg", slice(2, 3))]
+    places: list[Any] = [grid[0, 1:], grid[1, 1:]]
+    if len(infos[0].get("error", ())) > 3:
+        groups += [("velocity", "m/s", slice(3, 6)), ("position", "m", slice(6, 9))]
+        places = [grid[0, 1], grid[1, 1], grid[0, 2], grid[1, 2]]
     # the error in the info of a step is that of the estimate made before the step
-    errors, limit = np.array([info["error"] for info in infos[1:]]), infos[-1].get("limit")
-    groups = [("tilt, deg", slice(0, 2), 180.0 / np.pi), ("heading, deg", slice(2, 3), 180.0 / np.pi)]
-    if len(infos[0]["error"]) > 3:
-        groups += [("velocity, m/s", slice(3, 6), 1.0), ("position, m", slice(6, 9), 1.0)]
-    for colour, (name, part, scale) in enumerate(groups):
-        if len(errors):
-            size = np.linalg.norm(errors[:, part], axis=1) * scale
-            axes.plot(times[:-1], np.where(size > 0.0, size, np.nan), color=f"C{colour}", label=name)
+    errors, limit = [info["error"] for info in infos[1:] if "error" in info], infos[-1].get("limit")
+    panels = [figure.add_subplot(place) for place in places]
+    end = _axis_end(float(times[-1]), setup.decisions * setup.samples * setup.interval)
+    for axes, (name, unit, part) in zip(panels, groups, strict=True):
+        scale = 180.0 / np.pi if unit == "deg" else 1.0
+        if errors:
+            size = np.linalg.norm(np.array(errors)[:, part], axis=1) * scale
+            axes.plot(times[:-1], np.where(size > 0.0, size, np.nan), color=style.COLOURS[0], label="error")
         if limit is not None:
-            axes.axhline(float(np.linalg.norm(limit[part]) * scale), color=f"C{colour}", ls=":", lw=1)
-    if len(errors):
-        axes.legend(fontsize=8, loc="best", title="dotted: limit", title_fontsize=8)
+            bound = float(np.linalg.norm(limit[part]) * scale)
+            axes.axhline(bound, color=style.LIMIT, ls=style.DASHED, lw=1.4, label="theoretical limit")
+        axes.set(title=f"{name} error [{unit}]", xlim=(0.0, end))
+        style.log(axes)
+        axes.locator_params(axis="x", nbins=4 if len(panels) > 2 else 7)
+    for above, below in zip(panels[::2], panels[1::2], strict=True):
+        above.tick_params(labelbottom=False)
+        below.set_xlabel("time [s]")
+    style.legend(figure, panels)
+
+
+def _axis_end(now: float, episode: float) -> float:
+    """End of the time axis, s: 1, 2 or 5 times a power of ten after `now`, at most that of the episode."""
+    power = 10.0 ** np.floor(np.log10(max(now, 1e-3)))
+    return float(min(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if now <= step * power), max(episode, 1e-3)))

@@ -61,7 +61,7 @@ class BatchVecEnv(VecEnv):
 
     def step_async(self, actions: Any) -> None:
         """Keep the actions for `step_wait`."""
-        self._actions = np.asarray(actions, dtype=np.float64)
+        self._actions = np.asarray(actions)
 
     def step_wait(self) -> Any:
         """Step all rows: observations, rewards, whether rows have ended, and an info for each row.

@@ -66,7 +66,7 @@ class Setup:
 def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
     """Return the scenario of a name, path, mapping or object.
 
-    vehicle: required kind of vehicle ("ship", "car", "aircraft"; empty: any).  Raises `InputError`.
+    vehicle: required kind of vehicle ("ship", "car", "aircraft", "multirotor"; empty: any).  Raises `InputError`.
     """
     check_type("vehicle", vehicle, str, "a kind of vehicle or ''")
     found = load(scenario)
@@ -99,6 +99,10 @@ def make_setup(
     return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(dtype))
 
 
+_NOT_REAL = "cSUMm"
+"""Kinds of arrays that NumPy turns into numbers, of complex ones with only a warning."""
+
+
 def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
     """Return the action as float64, with a huge number in place of what is not finite, for the task to judge.
 
@@ -109,9 +113,11 @@ def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
     if plain and (isfinite(sum(action.tolist())) if len(shape) == 1 else np.isfinite(action).all()):
         return action
     try:
+        if np.asarray(action).dtype.kind in _NOT_REAL:
+            raise TypeError
         array = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):
-        raise refused("action", action, f"an array of shape {shape}") from None
+        raise refused("action", action, f"an array of shape {shape} of real numbers") from None
     if array.shape != shape:
         raise InputError(f"action of shape {array.shape}: allowed is {shape}")
     return np.nan_to_num(array, nan=HUGE_ACTION, posinf=HUGE_ACTION, neginf=-HUGE_ACTION)

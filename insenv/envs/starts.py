@@ -20,13 +20,14 @@ from insenv.envs.task import Task
 from insenv.errors import InputError, nearest
 from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of
-from insenv.scenario.build import check_speed_of_sinusoids
+from insenv.scenario.build import check_speed_of_sinusoids, told_of
 from insenv.scenario.description import MAX_SEED
-from insenv.scenario.sensor_notes import data_sheets
+from insenv.scenario.sensor_notes import data_sheets, sensor_notes
 from insenv.sensors import imu_grade
 from insenv.sensors.gnss import OUTAGES
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
+_FIGURES = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
@@ -39,11 +40,12 @@ class Ranges:
     """The quantities, besides the seed, that vary between episodes; None keeps the scenario's value.
 
     The fields are arguments of `AlignmentEnv`.  The draw between two grades is uniform in the logarithm of each figure;
-    `initial_error` is both reported and used for the draw.  Raises `InputError` for a value that is not allowed.
+    `initial_error` is both reported and used for the draw.  units: the grades of a random unit if `imu_range` is None.
+    Raises `InputError` for a value that is not allowed.
     """
 
     imu: str | None = None
-    imu_range: tuple[str, str] = IMU_RANGE
+    imu_range: tuple[str, str] | None = None
     heading_deg: Range | None = None
     sea_state: Range | None = None
     initial_error: Range | None = None
@@ -51,6 +53,7 @@ class Ranges:
     sway_phases: bool = False
     mounting_deg: float | None = None
     start_speed_mps: Range | None = None
+    units: tuple[str, str] = IMU_RANGE
 
     OPTIONS = (
         "imu", "heading_deg", "sea_state", "initial_error", "gnss_outages_s", "sway_phases", "mounting_deg", "start_speed_mps",
@@ -59,7 +62,7 @@ class Ranges:
 
     def __post_init__(self) -> None:
         check_type("imu", self.imu, (str, type(None)), 'a grade of the catalogue, "random" or None')
-        between = self.imu_range
+        between = self.grades
         if not isinstance(between, (tuple, list)) or len(between) != 2 or not all(isinstance(name, str) for name in between):
             raise refused("imu_range", between, "two grades of the catalogue")
         for grade in (*between, *([] if self.imu in (None, "random") else [self.imu])):
@@ -81,6 +84,11 @@ class Ranges:
             if len(pairs) > OUTAGES:
                 raise InputError(f"gnss_outages_s has {len(pairs)} outages: allowed are at most {OUTAGES}")
 
+    @property
+    def grades(self) -> tuple[str, str]:
+        """The grades between which a random unit is drawn."""
+        return self.units if self.imu_range is None else self.imu_range
+
     def overridden(self, options: Mapping[str, Any]) -> Ranges:
         """Return the ranges with the options of a reset replaced; a number stands for a range of one value.
 
@@ -96,7 +104,7 @@ class Ranges:
                 given[name] = (given[name], given[name])
         if "run_seed" in options:
             imu = None if self.imu == "random" else self.imu
-            return replace(Ranges(imu, self.imu_range, gnss_outages_s=self.gnss_outages_s), **given)
+            return replace(Ranges(imu, self.imu_range, gnss_outages_s=self.gnss_outages_s, units=self.units), **given)
         return replace(self, **given)
 
 
@@ -124,6 +132,7 @@ class Starts:
         # of episodes without options; they do not change unless each episode draws its unit
         self._limits: Callable[[Array], Array] | None = None
         self._sheets: Mapping[str, Array] | None = None
+        self._check_units(ranges)
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
         """Draw the parameters of one episode per generator, (k, parameters.size); `complete` adds the rest."""
@@ -195,9 +204,24 @@ class Starts:
             self._sheets = sheets
         return p
 
+    def _check_units(self, ranges: Ranges) -> None:
+        """Raise `InputError` for a range that is never drawn from, and for one whose second unit is the better one."""
+        if ranges.imu != "random":
+            if ranges.imu_range is not None:
+                raise InputError(
+                    f"imu_range = {ranges.imu_range!r} with imu = {ranges.imu!r}: the range is drawn from only with "
+                    'imu="random"; allowed is None'
+                )
+            return
+        better, worse = (
+            sensor_notes(self._plant.parameters.unpack(base), self.scenario.vehicle.in_place) for base in self._base
+        )
+        if sum(np.log(getattr(worse, name) / getattr(better, name)) for name in _FIGURES) < 0.0:
+            raise refused("imu_range", ranges.grades, "two grades of the catalogue, the better one first")
+
     def _bases(self, ranges: Ranges) -> tuple[Array, ...]:
         """Return the plant's parameter vector, or the two vectors to draw between."""
-        grades: tuple[str | None, ...] = ranges.imu_range if ranges.imu == "random" else (ranges.imu,)
+        grades: tuple[str | None, ...] = ranges.grades if ranges.imu == "random" else (ranges.imu,)
         bases = []
         for grade in grades:
             scenario = self.scenario
@@ -227,7 +251,7 @@ class InnerStarts(Starts):
     ) -> None:  # fmt: skip
         super().__init__(scenario, task, ranges, constants, duration)
         self.mistuning, self._estimator = mistuning, inner.estimator
-        self._tunings = scenario.tunings
+        self._tunings, self._told = scenario.tunings, told_of(scenario)
         table = inner.estimator.model.parameters
         self._place = _span(task.model.parameters, [PREFIX + name for name in table.names])
         self._columns = self._copied(task.model.parameters)
@@ -263,7 +287,8 @@ class InnerStarts(Starts):
         table, own = self._estimator.model.parameters, p[:, self._place]
         columns = self._columns
         for row, given in zip(own[:1] if columns else own, p, strict=False):
-            told = knowledge_of(KNOWN.unpack(given[_span(self.task.model.parameters, KNOWN.names)]))
+            known = KNOWN.unpack(given[_span(self.task.model.parameters, KNOWN.names)])
+            told = knowledge_of(known, self._told)
             row[:] = table.pack(self._estimator.parameters(told, self._tunings))
         if columns:
             own[1:] = own[:1]

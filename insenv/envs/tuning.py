@@ -21,7 +21,7 @@ from insenv.envs.checks import check_number, check_type, check_whole
 from insenv.envs.filter_inside import COMMON, ERROR, SCALED, Inner, inner_loop, log10, power10, within
 from insenv.envs.setup import ScenarioLike, Setup, chosen_scenario, make_setup
 from insenv.envs.single import InertialEnv
-from insenv.envs.starts import IMU_RANGE, InnerStarts, Range, Ranges
+from insenv.envs.starts import InnerStarts, Range, Ranges
 from insenv.envs.task import CLOCK, DECISIONS, INVALID, NEVER, RESULT, TRUTH, Task, finite_action, truth
 from insenv.envs.vector import InertialVectorEnv
 from insenv.envs.window import SHOWN, begun, shown, window_part
@@ -286,7 +286,7 @@ class TuningEnv(InertialEnv):
 
     def __init__(
         self, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "", samples_per_step: int = 2000,
-        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] = IMU_RANGE,
+        duration_s: float | None = None, imu: str | None = None, imu_range: tuple[str, str] | None = None,
         heading_deg: Range | None = None, sea_state: Range | None = None, initial_error: Range | None = None,
         gnss_outages_s: tuple[Range, ...] | None = None, estimator: str = "loosely-coupled", decades: float = 2.0,
         mistuning_decades: float = 1.5, consistency_weight: float = 0.5, dtype: str = "float64", backend: str | None = None,
@@ -305,7 +305,7 @@ class TuningVectorEnv(InertialVectorEnv):
     def __init__(
         self, num_envs: int = 1, scenario: ScenarioLike = "car-city-drive", *, vehicle: str = "",
         samples_per_step: int = 2000, duration_s: float | None = None, imu: str | None = None,
-        imu_range: tuple[str, str] = IMU_RANGE, heading_deg: Range | None = None, sea_state: Range | None = None,
+        imu_range: tuple[str, str] | None = None, heading_deg: Range | None = None, sea_state: Range | None = None,
         initial_error: Range | None = None, gnss_outages_s: tuple[Range, ...] | None = None,
         estimator: str = "loosely-coupled", decades: float = 2.0, mistuning_decades: float = 1.5,
         consistency_weight: float = 0.5, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,

@@ -45,7 +45,7 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         allowed = tuple(AutoresetMode)
         mode = next((m for m in AutoresetMode if autoreset_mode in (m, m.value, m.name)), None)
         if mode not in allowed:
-            raise refused("autoreset_mode", autoreset_mode, " or ".join(str(m) for m in allowed))
+            raise refused("autoreset_mode", autoreset_mode, " or ".join(repr(m.value) for m in allowed))
         self.setup, self.num_envs = setup, check_whole("num_envs", num_envs)
         self._most = np.inf if max_episode_steps is None else check_whole("max_episode_steps", max_episode_steps)
         self._elapsed = np.zeros(self.num_envs)

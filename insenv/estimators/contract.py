@@ -19,6 +19,7 @@ from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators.parts.rows import FIX_HEALTH
+from insenv.instruments import TOLD
 from insenv.plugins import check_id
 
 _ZERO = np.zeros(3)
@@ -52,6 +53,8 @@ class Knowledge:
     rotation_error, thrust_error: scale factor and misalignment of gyros and accelerometers, 1 sigma, 1; 0: not stated.
     fix_wander_sigma (3, m, n), fix_wander_time (s): the part of a fix's position error that changes slowly; 0: not stated.
     antenna_lever_arm: IMU to antenna, b, m.
+    instruments: what is told of the aiding instruments, by row name of `insenv.instruments.TOLD`; a row that is missing has its
+    start value there, which means "no such error".
     """
 
     latitude: float
@@ -76,13 +79,19 @@ class Knowledge:
     fix_wander_time: float = 60.0
     antenna_lever_arm: Vector = field(default_factory=lambda: _ZERO)
     sensors: SensorNotes = SensorNotes()
+    instruments: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in self.instruments:
+            TOLD.slice(name)
 
     @cached_property
     def rows(self) -> dict[str, Any]:
-        """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sensors"}
+        """Every value by the name of its field, those of `sensors` included, and once more as ``start_NAME``; told rows."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sensors", "instruments")}
         sheet = {f.name: getattr(self.sensors, f.name) for f in fields(self.sensors)}
-        return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet}
+        told = {**TOLD.unpack(TOLD.start_vector()), **self.instruments}
+        return {**{f"start_{name}": value for name, value in own.items()}, **own, **sheet, **told}
 
     def rows_of(self, table: Table) -> dict[str, Any]:
         """The values of those rows of a table that are in `rows`."""
@@ -90,8 +99,10 @@ class Knowledge:
 
     @staticmethod
     def field_of(row: str) -> str:
-        """The name of the field whose value `rows` has under the name `row`; empty if there is none."""
-        own = {f.name for f in fields(Knowledge)} - {"sensors"}
+        """The name of the field whose value `rows` has under the name `row`; empty if there is none, or if it is told."""
+        own = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
+        if row in TOLD:
+            return ""
         if row in own or row in {f.name for f in fields(SensorNotes)}:
             return row
         field = row.removeprefix("start_")
@@ -120,7 +131,7 @@ Motion = Literal["in place", "moving", "any"]
 
 @dataclass(frozen=True, repr=False)
 class Estimator:
-    """An estimator: its equations, and what everybody who runs it must know of it.
+    """An estimator: its equations, and all that is needed to run it.
 
     Parameters
     ----------
@@ -274,19 +285,24 @@ class Estimator:
             and not used.intersection(range(table.slice(row.name).start, table.slice(row.name).stop))
         )
 
-    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> str:
-        """The sentence that `duration_s` of data are too few with these parameters (by row name); empty if they suffice."""
+    def needed_s(self, parameters: Mapping[str, Any]) -> float:
+        """The time (s) of data that it needs with these parameters (by row name): see `needs`."""
         if self.needs is None:
-            return ""
+            return 0.0
         with naming(f"estimator {self.id!r}, needs"):
             needed = float(self.needs(parameters))
         if not 0 <= needed < math.inf:
             raise InputError(f"estimator {self.id!r}, needs: {needed!r} s: allowed is a finite number of seconds, not negative")
-        if duration_s > needed * (1 - 1e-9):
+        return needed
+
+    def too_short(self, parameters: Mapping[str, Any], duration_s: float) -> str:
+        """The sentence that `duration_s` of data are too few with these parameters (by row name); empty if they suffice."""
+        needed = self.needed_s(parameters)
+        if self.needs is None or duration_s > needed * (1 - 1e-9):
             return ""
         return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled, and "
-            "no limit is a measure of them"
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled and "
+            "are not compared with a limit"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

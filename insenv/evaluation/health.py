@@ -86,7 +86,7 @@ class Health:
             innovations used are `APART` times as large as stated;
         "overconfident": a NIS above its bounds and a factor of at least `NOTABLE`, or a share above `MANY` refused; else
         "consistent".
-    factor: that the stated standard deviations of innovations must be multiplied with; 1 if consistent.  Of the root mean
+    factor: by which the stated standard deviations of innovations must be multiplied; 1 if consistent.  Of the root mean
         squares of the test ratios of position and velocity, refused components included, it is the larger one.
     """
 
@@ -119,7 +119,7 @@ class Health:
     def notes(self, models_slow_errors: bool = False) -> tuple[str, ...]:
         """Sentences for the reader; none for a filter whose innovations are as stated.
 
-        models_slow_errors: whether the filter has been told of slow errors of the fixes, which then make no note.
+        models_slow_errors: whether the filter models slow errors of the fixes, which then cause no note.
         """
         if self.verdict != "consistent":
             state = "the filter has diverged from its fixes" if self.verdict == "diverged" else "the filter is overconfident"

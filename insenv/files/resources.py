@@ -23,6 +23,11 @@ def fmu_folder() -> Path:
     return _folder("fmu", _PACKAGE)
 
 
+def examples_folder() -> Path:
+    """Folder of the examples. Raises `InsenvError` if it is missing."""
+    return _folder("examples", _PACKAGE)
+
+
 def _folder(name: str, package: Path) -> Path:
     candidates = [package / "_data" / name]
     if (package.parent / "pyproject.toml").is_file():  # in site-packages, the folder belongs to another package

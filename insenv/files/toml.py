@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, ge
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
 
 from insenv.errors import InputError, nearest
+from insenv.files.content import ARCHIVE, BINARY, EMPTY, TABLE, UTF16, content_of
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -105,20 +106,32 @@ def summary(section: type[Section]) -> str:
 # --- reading ---------------------------------------------------------------------------------------
 
 
-def read_toml(path: str | Path) -> dict[str, Any]:
-    """The values of a TOML file. Raises InputError: not found, not readable, not UTF-8, not TOML."""
+def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The values of a TOML file, in UTF-8 with or without a byte order mark.
+
+    hints: end of the message about a file that is something else, by the constants of `insenv.files.content`.
+    Raises InputError: not found, not readable, empty, not UTF-8, not TOML.
+    """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8")
+        raw = path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: file not found") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a UTF-8 text file (byte {error.start})") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    content = content_of(raw)
+    hint = f"; {hints[content]}" if hints and content in hints else ""
+    if content == EMPTY:
+        raise InputError(f"{path}: the file is empty")
+    if content in (ARCHIVE, BINARY, UTF16):
+        raise InputError(f"{path}: {content}, not a TOML file in UTF-8{hint}")
     try:
-        return tomllib.loads(text)
+        return tomllib.loads(raw.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a UTF-8 text file (byte {error.start})") from None
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+        if content == TABLE:
+            raise InputError(f"{path}: {content}, not a TOML file{hint}") from None
         raise InputError(f"{path}: not valid TOML: {error}") from None
     except RecursionError:
         raise InputError(f"{path}: not valid TOML: nested too deeply") from None

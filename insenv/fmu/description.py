@@ -18,6 +18,7 @@ from insenv.fmu.sources import OVERRIDE, TOKEN, main_source
 from insenv.fmu.subject import Subject
 from insenv.fmu.units import Quantity
 from insenv.fmu.variables import Kind, Variable
+from insenv.instruments import INSTRUMENTS
 
 _CAUSALITY = {  # of numbers; Booleans cannot be continuous
     Kind.TIME: ("independent", "continuous", None),
@@ -31,6 +32,7 @@ _CAUSALITY = {  # of numbers; Booleans cannot be continuous
 TERMINALS = {
     "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid"),
     "gnss": ("gnss_",),
+    **{id: (f"{id}_",) for id in INSTRUMENTS},
     "command": ("command_",),
     "truth": ("true_", "gyro_bias_true", "accel_bias_true"),
     "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height"),

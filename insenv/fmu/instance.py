@@ -12,6 +12,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -29,6 +30,8 @@ PROGRESS_STEPS = 5_000  # steps between two calls of the progress function
 MOST_MESSAGES = 20  # messages of the FMU kept for an error
 _INSTANCES: WeakValueDictionary[int, Instance] = WeakValueDictionary()
 """Instances of FMI 2 by their component environment."""
+REFUSAL = "allowed is"
+"""Part of each message of fmu/c/instance.h about a value or a step that the caller chooses."""
 _TERMINATED = 3  # fmi2StatusKind
 _LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
@@ -204,20 +207,28 @@ class Instance:
 
     def _set_parameters(self, parameters: Mapping[str, float]) -> None:
         scalar = {v.name: v for v in self.variables.values() if v.causality == "parameter" and len(v.elements) == 1}
+        taken: dict[str, str] = {}
         for name, value in parameters.items():
             variable = scalar.get(name) or scalar.get(f"parameters.{name}")
             if variable is None:
                 known = [parameter.removeprefix("parameters.") for parameter in scalar]
                 # a plant has hundreds of elements: an array is named once
                 allowed = dict.fromkeys(re.sub(r"\[.*", "[...]", parameter) for parameter in known)
+                near = nearest(name.removeprefix("parameters."), allowed, "modelDescription.xml in the FMU")
+                raise InputError(f"{self.label}: no scalar parameter {name!r}{near}")
+            if variable.name in taken:
                 raise InputError(
-                    f"{self.label}: no scalar parameter {name!r}{nearest(name.removeprefix('parameters.'), allowed)}"
+                    f"{self.label}: parameter {variable.name} is set twice: as {taken[variable.name]} and as {name}"
                 )
+            taken[variable.name] = name
             group = [variable]
-            values = np.full((1, 1), value).astype(self._dtype(group))
-            call, address, _, _ = self._calls("Set", group, values)
+            if not isinstance(value, Real) or (isinstance(value, bool) and variable.kind != "Boolean"):
+                raise InputError(f"{self.label}: parameter {name} = {value!r}: {variable.allowed}")
+            if variable.first_wrong(np.array([value], dtype=np.float64)) is not None:
+                raise InputError(f"{self.label}: parameter {name} = {value:.15g}: {variable.allowed}")
+            call, address, _, _ = self._calls("Set", group, np.full((1, 1), value).astype(self._dtype(group)))
             if (status := call(address)) > 1:
-                raise InputError(f"{self.label}: parameter {name} = {value:g} refused: {self._said() or _LABELS[status]}")
+                raise InputError(f"{self.label}: parameter {name} = {value:.15g} refused: {self._said() or _LABELS[status]}")
 
     def ends(self, status: int) -> bool:
         """Whether the FMU has ended the simulation in the last step."""
@@ -253,10 +264,11 @@ class Instance:
         return "; ".join(dict.fromkeys(self.messages))
 
     def failure(self, doing: str, k: int, time: float, status: int) -> InsenvError:
+        """The error of a call that failed: `InputError` if the FMU says what is allowed, so that the caller can mend it."""
         label = _LABELS[status] if 0 <= status < len(_LABELS) else str(status)
-        return InsenvError(
-            f"{self.label}: {doing} failed at step {k}, t = {time:g} s ({label}): {self._said() or 'no reason given'}"
-        )
+        said = self._said()
+        kind = InputError if REFUSAL in said else InsenvError
+        return kind(f"{self.label}: {doing} failed at step {k}, t = {time:g} s ({label}): {said or 'no reason given'}")
 
     def _groups(self, variables: Sequence[Variable], given: Mapping[str, Array] | None = None) -> list[list[Variable]]:
         """Variables grouped by the functions that set or get them; with `given` only those that it names."""

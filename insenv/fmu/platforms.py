@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from insenv.core.compile import Compiler, cache_folder, compile_library, find_compiler
+from insenv.core.cache import cache_folder
+from insenv.core.compile import Compiler, compile_library, find_compiler
 from insenv.errors import InputError, InsenvError, nearest
 from insenv.installing import install_extra
 

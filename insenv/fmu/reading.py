@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -49,6 +49,37 @@ class Variable:
     description: str
     elements: tuple[str, ...]
 
+    def first_wrong(self, values: Array) -> int | None:
+        """The place of the first of `values` (n,) that its type cannot hold, or None.
+
+        NaN and infinity are left to the FMU if the type has them.
+        """
+        kind = np.dtype(KINDS_3[self.kind][0])
+        if kind.kind == "f":
+            return None
+        limits: Any = np.iinfo(kind.name) if kind.kind != "b" else None
+        low, high = (0, 1) if limits is None else (limits.min, limits.max)
+        wrong = ~((values == np.floor(values)) & (values >= low) & (values <= high))
+        return int(np.argmax(wrong)) if wrong.any() else None
+
+    @property
+    def allowed(self) -> str:
+        """What its type can hold, in messages."""
+        kind = np.dtype(KINDS_3[self.kind][0])
+        if kind.kind == "b":
+            return "allowed is 0 or 1 (false, true)"
+        return "allowed is a number" if kind.kind == "f" else f"allowed is a whole number ({self.kind})"
+
+
+def flag_of(name: str, names: Collection[str]) -> str | None:
+    """The name of the flag ``X_valid`` of a variable ``X_...``, the longest X first; None if `names` has none."""
+    words = name.split("_")
+    for count in range(len(words), 0, -1):
+        flag = "_".join([*words[:count], "valid"])
+        if flag in names and flag != name:
+            return flag
+    return None
+
 
 def element_names(name: str, shape: Sequence[int]) -> tuple[str, ...]:
     """``name`` for a scalar, else ``name[i]`` or ``name[i,j]``, counted from 1, the last index fastest."""
@@ -72,6 +103,13 @@ def read_description(path: Path) -> Any:
         this = f"FMI {description.fmiVersion}{f' for {own} only' if own else ''}"
         raise InputError(f"{path}: allowed is an FMU for Co-Simulation, FMI 2 or 3 (this is {this})")
     return description
+
+
+def switched_inputs(path: Path) -> set[str]:
+    """The elements of the inputs that a Boolean input switches off (`flag_of`).  Raises `InputError`."""
+    inputs = [v for v in map(read_variable, read_description(path).modelVariables) if v is not None and v.causality == "input"]
+    flags = {v.name for v in inputs if v.kind == "Boolean"}
+    return {name for v in inputs if flag_of(v.name.partition("[")[0], flags) for name in v.elements}
 
 
 def read_variable(read: Any) -> Variable | None:

@@ -18,7 +18,7 @@ import numpy as np
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.fmu.instance import Instance
-from insenv.fmu.reading import Array
+from insenv.fmu.reading import Array, Variable
 from insenv.fmu.series import Series, chosen, flattened, uniform
 
 MOST_STEPS = 10**9
@@ -58,8 +58,8 @@ def run(
     inputs: a `Series`, or arrays by name with time along the first axis; SI.  The times of a `Series` are used: the first is
     the start time, and they must be `step` apart.  Columns that are not inputs of the FMU are ignored, but at least one must
     be an input.  parameters: values by name, set before initialization.  step: s; the FMU's own if None.  stop_time: s; with
-    inputs the run ends with the last input at the latest.  Raises `InputError` for inputs or settings that do not fit,
-    `InsenvError` if the FMU fails.
+    inputs None is one step after the last of them, and a later time is refused.  Raises `InputError` for inputs or settings
+    that do not fit, `InsenvError` if the FMU fails.
     """
     check_progress(progress)
     if isinstance(inputs, Series) and len(inputs.time):
@@ -77,6 +77,7 @@ def run(
             raise InputError(f"no column is an input of {fmu} (columns: {some(list(given))}; inputs: {some(names)})")
         if isinstance(inputs, Series):
             uniform(inputs.time, step, "inputs")
+        _check_types(fmu, instance.inputs, used)
         stop_time = instance.stop_time if stop_time is None and not used else stop_time
         steps = _steps(used, start_time, step, stop_time)
         if not 1 <= every <= steps:
@@ -102,15 +103,32 @@ def _steps(used: Mapping[str, Array], start_time: float, step: float, stop_time:
     lengths = {len(column) for column in used.values()}
     if len(lengths) > 1:
         raise InputError(f"inputs of different lengths: {sorted(lengths)}")
-    if stop_time is None and not lengths:
-        raise InputError("neither inputs nor a stop time: nothing to run")
-    return steps_between(start_time, step, stop_time, lengths.pop() if lengths else math.inf)
+    if not lengths:
+        if stop_time is None:
+            raise InputError("neither inputs nor a stop time: nothing to run")
+        return steps_between(start_time, step, stop_time)
+    most = lengths.pop()
+    steps = steps_between(start_time, step, start_time + most * step if stop_time is None else stop_time)
+    if steps > most:
+        raise InputError(
+            f"stop time {stop_time} s: the inputs end at {start_time + most * step:.9g} s, one step of {step:g} s after their "
+            "last row; allowed is a time up to that (stop_time, --stop)"
+        )
+    return steps
 
 
-def steps_between(start_time: float, step: float, stop_time: float | None, most: float = math.inf) -> int:
-    """The number of steps to the stop time, at most `most`.  Raises `InputError` unless it is 1 to `MOST_STEPS`."""
-    wanted = math.inf if stop_time is None else (stop_time - start_time) / step
-    steps = min(wanted, most)
+def _check_types(fmu: str | Path, variables: Sequence[Variable], used: Mapping[str, Array]) -> None:
+    """Raise `InputError` for a value that the type of its input cannot hold, such as 0.5 for a Boolean."""
+    for variable in variables:
+        for name in variable.elements:
+            row = variable.first_wrong(used[name]) if name in used else None
+            if row is not None:
+                raise InputError(f"{fmu}: input {name} = {used[name][row]:g} in row {row + 1}: {variable.allowed}")
+
+
+def steps_between(start_time: float, step: float, stop_time: float | None) -> int:
+    """The number of steps to the stop time.  Raises `InputError` unless it is 1 to `MOST_STEPS`."""
+    steps = math.inf if stop_time is None else (stop_time - start_time) / step
     if not 0.5 < steps <= MOST_STEPS:
         raise InputError(
             f"stop time {stop_time} s: allowed is one step, {step:g} s, to {MOST_STEPS:.0e} of them after {start_time:g} s "

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,9 +61,10 @@ def flattened(inputs: Mapping[str, Array]) -> dict[str, Array]:
     return flat
 
 
-def read_csv(path: str | Path) -> Series:
+def read_csv(path: str | Path, switched: Collection[str] = ()) -> Series:
     """Read a CSV file.
 
+    switched: columns that may hold NaN: inputs that a flag switches off (`insenv.fmu.reading.switched_inputs`).
     Raises `InputError`, with file, line and column, if it cannot be read, if ``time`` is missing, or if a value is missing,
     not a number or not finite.
     """
@@ -88,9 +89,10 @@ def read_csv(path: str | Path) -> Series:
     plain = [f"column{place + 1}" for place in range(len(names))]
     try:
         table = read_table(str(path), ",".join(plain).encode() + b"\n" + body, plain, delimiter=",", header_rows=1)
-        check_finite(table)
+        check_finite(table, [plain[names.index(name)] for name in switched if name in names])
     except InputError as error:
         shown = re.sub(r"'column(\d+)'", lambda found: repr(names[int(found[1]) - 1]), str(error))
+        shown = shown.partition("; skip_empty")[0]  # a key of the description of a log
         raise InputError(shown) from None
     place = names.index("time")
     rest = [i for i in range(len(names)) if i != place]
@@ -126,7 +128,7 @@ def uniform(time: Array, step: float, label: str) -> None:
         k = int(wrong[0])
         raise InputError(
             f"{label}: time = {time[k + 1]:.9g} s in row {k + 2} follows {time[k]:.9g} s: allowed is a step of {step:g} s "
-            f"within a tenth; fill gaps first ({wrong.size} such rows)"
+            f"within a tenth; fill gaps first ({wrong.size} such row{'s' if wrong.size > 1 else ''})"
         )
 
 

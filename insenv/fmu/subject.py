@@ -14,14 +14,16 @@ from typing import Any
 import numpy as np
 
 from insenv.core.model import Model
-from insenv.core.tables import Vector
-from insenv.errors import InputError, nearest
+from insenv.core.tables import Table, Vector
+from insenv.errors import LISTED, InputError, nearest
 from insenv.estimators import Estimator, get, registered
 from insenv.plant.loop import PREFIX, loop_model
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names, tuning
 
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
 """Scenario from which the start values of an estimator come, by its kind."""
+DOCUMENTED = "documentation/index.html in the FMU"
+"""Where the variables of an FMU are listed."""
 _FASTEST, _SLOWEST = 1e4, 0.1
 _ESTIMATOR = "estimator."  # prefix of the settings of a loop's estimator
 
@@ -86,7 +88,7 @@ def subject(
     if isinstance(what, str) and what in registered():
         return _estimator(registered()[what], settings)
     if isinstance(what, str) and not what.endswith(".toml") and what not in names():
-        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registered(), *names()])}")
+        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registered(), *names()], LISTED)}")
     return _plant(load(what), settings)
 
 
@@ -96,7 +98,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
     interval = _sample_interval(left.pop("sample_interval", 1.0 / scenario.rate_hz))
     one_increment = left.pop("step_is_one_increment", False)
     if one_increment not in (0, 1) or "dt" not in estimator.model.inputs:
-        reason = "allowed is 0 or 1" if "dt" in estimator.model.inputs else f"{estimator.id!r} has no input dt"
+        reason = "allowed is true or false" if "dt" in estimator.model.inputs else f"{estimator.id!r} has no input dt"
         raise InputError(f"step_is_one_increment = {one_increment!r}: {reason}")
     if interval != 1.0 / scenario.rate_hz:
         scenario = _at_rate(scenario, 1.0 / interval)
@@ -122,6 +124,7 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
 def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:
     """Rows, in SI units, from settings by row name or by name and data-sheet unit.  Raises `InputError`."""
     table = estimator.model.parameters
+    _check_booleans(table, settings)
     rows = {name: value for name, value in settings.items() if name in table}
     for name, value in settings.items():
         if name in table:
@@ -132,12 +135,19 @@ def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]
             if "unknown key" not in str(error):
                 raise
             allowed = ["sample_interval", "step_is_one_increment", *table.names]
-            raise InputError(f"no parameter {name!r} in {estimator.id!r}{nearest(name, allowed)}") from None
+            raise InputError(f"no parameter {name!r} in {estimator.id!r}{nearest(name, allowed, DOCUMENTED)}") from None
         for row, number in converted.items():
             if row in rows:
                 raise InputError(f"{row} is set twice, the second time by {name}")
             rows[row] = number
     return rows
+
+
+def _check_booleans(table: Table, settings: Mapping[str, object]) -> None:
+    """Raise `InputError` for true or false as the value of a row that is no flag."""
+    for name, value in settings.items():
+        if isinstance(value, bool) and not (name in table and table[name].flag):
+            raise InputError(f"{name} = {str(value).lower()}: allowed is a number")
 
 
 def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
@@ -146,11 +156,9 @@ def _plant(scenario: Scenario, settings: Mapping[str, object]) -> Subject:
     allowed = [name for name in table.names if name != "sample_interval"]
     for name in settings:
         if name not in allowed:
-            reason = "; the scenario's rate_hz sets it" if name == "sample_interval" else nearest(name, allowed)
+            reason = "; the scenario's rate_hz sets it" if name == "sample_interval" else nearest(name, allowed, DOCUMENTED)
             raise InputError(f"no parameter {name!r} of plant {scenario.name!r} can be set{reason}")
-    seed = settings.get("seed", plant.seed)
-    if isinstance(seed, (int, float)) and seed != int(seed):
-        raise InputError(f"seed = {seed!r}: allowed is a whole number from 0 to 2^53")
+    _check_booleans(table, settings)
     return Subject(
         id=scenario.name,
         kind="plant",

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError, nearest
-from insenv.logs.description import FileSection, PositionSection
+from insenv.logs.columns import FileSection
+from insenv.logs.description import PositionSection
 from insenv.logs.faults import all_of
 from insenv.logs.joining import join
 from insenv.logs.readers import Column, TextTable, check_finite, column_names, read_table

@@ -1,9 +1,9 @@
-"""An inertial unit of which the log gives no grade: its noise from the log, its biases by the class of such a noise.
+"""An inertial unit whose grade the log does not state: its noise from the log, its biases by the class of such a noise.
 
-Noise tells little of biases: modern MEMS gyros are as quiet as tactical ones and drift a hundred times as much. So the
+Noise says little about biases: modern MEMS gyros are as quiet as tactical ones and drift a hundred times as much. So the
 class is one coarser than the one that the noise suggests, and biases, scale factors and misalignments are the largest of that
 class and all finer ones.
-A log with less noise than any unit of the catalogue is simulated, rounded or smoothed; it is judged as the coarsest class.
+A log with less noise than any unit of the catalogue is simulated, rounded or smoothed; it is treated as the coarsest class.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
     source = f"the log's own {where}" if told else f"that of class {assumed.name!r}, because the log has less than any unit"
     sentence = (
         f"the log gives no grade of its inertial unit: white noise is {source} ({_round(float(arw))} deg/sqrt(h), "
-        f"{_round(float(vrw))} m/s/sqrt(h)), all else is assumed to be of class {assumed.name!r} (biases {_round(gyro_bias)} "
-        f"deg/h, {_round(accel_bias / 1000)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
+        f"{_round(float(vrw))} m/s/sqrt(h)), everything else is assumed to be that of class {assumed.name!r} (biases "
+        f"{_round(gyro_bias)} deg/h, {_round(accel_bias / 1000)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
     )
     return AssumedUnit(unit, sentence)
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from insenv.errors import InputError
-from insenv.logs import kf_gins
+from insenv.instruments import INSTRUMENTS
+from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.course import fixes_from_course
 from insenv.logs.description import GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
@@ -17,10 +21,12 @@ from insenv.logs.faults import Faults
 from insenv.logs.inertial import InertialSamples, implausible, increments
 from insenv.logs.motion import rest_until
 from insenv.logs.readers import TextTable
+from insenv.logs.readings import Readings
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
 from insenv.logs.repeats import repeats
 from insenv.logs.sampling import sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
+from insenv.sensors.contract import Place
 
 
 def build(description: LogDescription, folder: Path) -> RecordedLog:
@@ -30,12 +36,15 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
     found = faults.attempt(lambda: _imu(description.imu, reader))
     gnss_section, reference_section = description.gnss, description.reference
     gnss = None if gnss_section is None else faults.attempt(lambda: _gnss(gnss_section, reader))
+    sections = {id: section for id in INSTRUMENTS if (section := getattr(description, id)) is not None}
+    found_readings = [faults.attempt(partial(instruments.read, id, section, reader)) for id, section in sections.items()]
     reference = None if reference_section is None else faults.attempt(lambda: _reference(reference_section, reader))
     faults.check()
     assert found is not None
     imu: InertialSamples = found
     span = (float(imu.imu_time[0]), float(imu.imu_time[-1]))
-    for name, table in (("gnss", gnss), ("reference", reference)):
+    readings = tuple(each for each in found_readings if each is not None)
+    for name, table in (("gnss", gnss), ("reference", reference), *((each.id, each) for each in readings)):
         if table is not None and (table.time[-1] < span[0] or table.time[0] > span[1]):
             raise InputError(
                 f"{name}: its times {table.time[0]:.3f} to {table.time[-1]:.3f} s do not overlap the imu's"
@@ -50,7 +59,22 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         sources=tuple(reader.sources),
         notes=tuple(reader.notes),
         description=description,
+        instruments=readings,
+        told=told_of(description, gnss, readings),
     )
+
+
+def told_of(description: LogDescription, gnss: GnssFixes | None, readings: Sequence[Readings]) -> dict[str, Any]:
+    """What estimators are told of the instruments of a log.  Raises `InputError`."""
+    initial, place = description.initial, None
+    if gnss is not None:
+        place = Place(float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
+    elif initial.latitude_deg is not None and initial.longitude_deg is not None:
+        place = Place(math.radians(initial.latitude_deg), math.radians(initial.longitude_deg), initial.height_m or 0.0)
+    rows: dict[str, Any] = {}
+    for each in readings:
+        rows |= instruments.told(each.id, getattr(description, each.id), place)
+    return rows
 
 
 def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixes | None, notes: list[str]) -> LogDescription:

@@ -5,25 +5,20 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Strict, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, ValidationInfo, field_validator, model_validator
 
-from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, check_three, key
+from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, key
 from insenv.logs import kf_gins
+from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, Sigma3
+from insenv.logs.instrument_sections import (
+    BarometerSection,
+    DvlSection,
+    HeadingSection,
+    MagnetometerSection,
+    OdometerSection,
+)
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import imu_grade
-
-
-def _check_column(value: object) -> object:
-    if isinstance(value, bool) or not isinstance(value, (str, int)) or (isinstance(value, int) and value < 0):
-        raise ValueError("must be a column name in quotes or a column number, counted from 0")
-    return value
-
-
-def _as_tuple(value: object) -> object:
-    files = [value] if isinstance(value, str) else value
-    if not isinstance(files, (list, tuple)) or not files or not all(isinstance(f, str) and f for f in files):
-        raise ValueError("must be a path or a list of paths, in quotes")
-    return tuple(files)
 
 
 def _check_grade(value: str) -> str:
@@ -32,44 +27,7 @@ def _check_grade(value: str) -> str:
     return value
 
 
-Column = Annotated[str | int, BeforeValidator(_check_column)]
-Columns3 = Annotated[tuple[Column, Column, Column], BeforeValidator(check_three)]
-Sigma3 = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(check_three)]
-Files = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
 Grade = Annotated[str, AfterValidator(_check_grade)]
-AngleUnit = Literal["deg", "rad"]
-
-
-class FileSection(Section):
-    """The files of a section: how they are written, and the column and unit of the time."""
-
-    file: Files = key(
-        ...,
-        "path (relative to this TOML file), or package:NAME/path for a file inside an installed Python package; .gz and "
-        ".zip with one file are unpacked; a list of files joins their columns by time",
-    )
-    format: Literal["csv", "kf-gins"] = key(
-        "csv", "csv: any text table, columns as named below; kf-gins: a text file of KF-GINS, which sets all keys but file"
-    )
-    delimiter: Literal["auto", ",", ";", "tab", "space"] = key("auto", "separator of the fields; space: blanks and tabs")
-    header_rows: Annotated[int, Strict()] | None = key(
-        None,
-        "lines before the first row; the last of them holds the column names; absent: detected",
-        "lines",
-        ge=0,
-        le=1000,
-    )
-    comment: str = key("#", "lines that start with this character are skipped", min_length=1, max_length=1)
-    keep_where: dict[str, Number | list[Number]] = key(
-        {}, "use only the rows in which this column has this value (or one of these values)"
-    )
-    skip_empty: bool = key(
-        False, "skip rows in which one of the columns is empty, nan or null (GNSS columns in a file at IMU rate)", strict=True
-    )
-    time: Column = key(..., "column of the time stamp")
-    time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
-    time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
-    time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")
 
 
 class ImuSection(FileSection):
@@ -335,4 +293,9 @@ class LogDescription(AnyLog):
     title: str = key(..., "one line for tables and figures", min_length=1)
     imu: ImuSection = key(..., "the inertial sensor")
     gnss: GnssSection | None = key(None, "GNSS fixes")
+    barometer: BarometerSection | None = key(None, "the barometer")
+    magnetometer: MagnetometerSection | None = key(None, "the magnetometer")
+    odometer: OdometerSection | None = key(None, "the odometer")
+    dvl: DvlSection | None = key(None, "the Doppler velocity log")
+    heading: HeadingSection | None = key(None, "the two-antenna heading")
     reference: ReferenceSection | None = key(None, "reference solution")

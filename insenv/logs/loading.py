@@ -6,13 +6,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from insenv.errors import InputError
+from insenv.files.content import BINARY, TABLE
 from insenv.files.toml import read_toml, validated
 from insenv.logs.build import build
 from insenv.logs.description import LogDescription
 from insenv.logs.faults import Faults
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
+from insenv.logs.flight.formats import SUFFIXES
 from insenv.logs.recorded import RecordedLog
 from insenv.scenario import tuning
+from insenv.scenario.files import names
+from insenv.scenario.kinds import is_log, is_scenario
+
+_HINTS = {
+    TABLE: "a description in TOML names its columns and units: `insenv new log FILE` writes one to start from (docs/logs.md)",
+    BINARY: f"the name of a flight log ends in {SUFFIXES}",
+}
+"""What a file needs that is not a description of a log."""
 
 
 def load(path: str | Path) -> RecordedLog:
@@ -22,10 +33,14 @@ def load(path: str | Path) -> RecordedLog:
     description, its files included.
     """
     path = Path(path)
+    if str(path) in names() and not path.exists():
+        raise InputError(f"{path}: a scenario, not a recorded log: `insenv run {path}` simulates it")
     folder = path.resolve().parent
     if is_flight_log(path):
         return build_flight(FlightDescription(flight=path.name), folder)
-    data: dict[str, Any] = read_toml(path)
+    data: dict[str, Any] = read_toml(path, _HINTS)
+    if is_scenario(data) and not is_log(data):
+        raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
     faults = Faults()
     if "flight" in data:
         flight = faults.attempt(lambda: validated(FlightDescription, data, str(path)))

@@ -15,6 +15,7 @@ from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.logs.assumed_unit import AssumedUnit, assumed_unit
 from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
+from insenv.logs.readings import Readings
 from insenv.logs.units import Array
 from insenv.scenario.sensor_notes import motion_error, sensor_notes
 from insenv.sensors import imu_grade
@@ -91,8 +92,9 @@ class RecordedLog(InertialSamples):
 
     gnss, reference: None where the log has none; lever_arm_b (3,) m FRD: from IMU to antenna; sources: the files read;
     notes: remarks for the user; description: of the log, from its TOML file or made for a flight log; unit: parameter rows
-    (SI) of the inertial unit, if the log states them; settings: parameter rows (SI) by estimator id that the log states, over
-    which those of the description go.
+    (SI) of the inertial unit, if the log states them; instruments: readings of the aiding instruments; told: what estimators
+    are told of these, by row of `insenv.instruments.TOLD`; settings: parameter rows (SI) by estimator id that the log states,
+    over which those of the description go.
     """
 
     gnss: GnssFixes | None
@@ -103,6 +105,8 @@ class RecordedLog(InertialSamples):
     description: LogDescription
     unit: Mapping[str, Any] | None = None
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    instruments: tuple[Readings, ...] = ()
+    told: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def rate_hz(self) -> float:

@@ -1,6 +1,6 @@
 """A receiver's values that a logger repeats in every row until the next ones arrive: each counts as one fix.
 
-Taken for fixes of their own, they would count a hundred times, late, with errors that are the same in all of them.
+If they counted as fixes of their own, each would be used a hundred times, late, with the same error.
 """
 
 from __future__ import annotations

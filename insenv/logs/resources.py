@@ -22,7 +22,7 @@ def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
 
     file: a path, relative to `folder` (that of the description) unless absolute, or ``package:NAME/path/inside/the/package``.
     Files that end in .gz or .zip are unpacked (a zip must hold one file). Returns (name for messages, bytes).
-    Raises InputError: not found, unreadable, package not installed.
+    Raises InputError: not found, unreadable, empty, package not installed.
     """
     if file.startswith(PACKAGE):
         label, raw = file, _from_package(file)
@@ -30,7 +30,10 @@ def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
         path = Path(file).expanduser()
         path = path if path.is_absolute() else folder / path
         label, raw = str(path), _from_path(path)
-    return label, _unpack(label, raw)
+    data = _unpack(label, raw)
+    if not data:
+        raise InputError(f"{label}: the file is empty")
+    return label, data
 
 
 def _from_path(path: Path) -> bytes:

@@ -6,9 +6,9 @@ motion for a high k.
 
 Fourth differences are used. At rest they are taken over `REST_TIMES`: slow enough for an engine's vibration to average out and
 for the low-pass filter in front of many logs to be passed, fast enough for the rocking of a parked vehicle to be smooth. The
-median of their sizes does not feel a knock on the vehicle. In motion they are taken over shorter times, in the quietest tenth
-of the log. Of several averaging times the one with the largest noise counts, because a low-pass filter hides noise at the
-shortest.
+median of their sizes is insensitive to a knock on the vehicle. In motion they are taken over shorter times, in the quietest
+tenth of the log. Of several averaging times the one with the largest noise counts, because a low-pass filter hides noise at
+the shortest.
 """
 
 from __future__ import annotations

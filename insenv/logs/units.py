@@ -36,6 +36,17 @@ TIME_UNITS: dict[str, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m
 ANGLE_UNITS: dict[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
 """unit -> radians."""
 
+
+def standard_height(pressure_pa: Array) -> Array:
+    """Height (m) at which the ICAO standard atmosphere has a pressure (Pa), in the troposphere; NaN for what no air has.
+
+    ICAO Doc 7488: p = p0 (T / T0)^5.25588 with T = T0 - 6.5 K/km H, H geopotential, and h = H r / (r - H).
+    """
+    ratio = np.where(pressure_pa > 0.0, pressure_pa, np.nan) / 101325.0
+    geopotential = 288.15 / 0.0065 * (1.0 - ratio ** (1.0 / 5.255880))
+    return np.asarray(geopotential * 6356766.0 / (6356766.0 - geopotential))
+
+
 SPEED_UNITS: dict[str, float] = {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0}
 """unit -> m/s."""
 

@@ -21,6 +21,7 @@ Answers = Iterable[Message]
 """The messages sent back: a list, or for all parameters an iterator that makes them one by one."""
 
 _DOES_NOT_EXIST, _OUT_OF_RANGE, _READ_ONLY = 1, 2, 5  # MAV_PARAM_ERROR
+_MISSION_TYPES = (0, 1, 2)  # MAV_MISSION_TYPE: mission, fence, rally points
 _NO_MISSION, _LOG_BYTES, _DO_SET_MODE = 1, 90, 176
 _MISSION_UNSUPPORTED, _MISSION_ACCEPTED, _MISSION_INVALID_SEQUENCE = 3, 0, 13
 _NAME_BYTES = 16
@@ -160,6 +161,9 @@ def _file_transfer(vehicle: Vehicle, message: Message) -> Answers:
 
 
 def _mission_list(vehicle: Vehicle, message: Message) -> Answers:
+    """The number of items, 0, of a mission, fence or rally points; an unknown kind is refused."""
+    if message.mission_type not in _MISSION_TYPES:
+        return _mission(_MISSION_UNSUPPORTED)(vehicle, message)
     return [vehicle.view.fields.message("MISSION_COUNT", *_to(message), 0, message.mission_type)]
 
 

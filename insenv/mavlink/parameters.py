@@ -3,7 +3,7 @@
 All are REAL32, because clients disagree on how PARAM_VALUE encodes integers.  Units are degrees, deg/h, deg/sqrt(h), ug
 and ug/sqrt(Hz) where the tables have SI units (docs/mavlink.md).
 
-When a new value takes effect follows from the equations.  A parameter on which a step of the model depends acts from
+The equations determine when a new value takes effect.  A parameter on which a step of the model depends acts from
 the next sample on.  One on which only the start depends acts at the next alignment if it is the estimator's, and cannot
 be set if it is the plant's, whose run has begun.
 """
@@ -58,7 +58,7 @@ class Parameter:
     def set(self, value: float) -> None:
         """Set the value.  Raises `InputError` if it is out of range or cannot be set."""
         if self.write is None:
-            raise InputError(f"{self.name} cannot be set while the vehicle runs")
+            raise InputError(f"{self.name} cannot be set during a run")
         if not isfinite(value) or not self.lower <= value <= self.upper:
             raise InputError(f"{self.name} = {value:g}: allowed is {self.lower:g} to {self.upper:g} {self.unit}".rstrip())
         self.write(value)

@@ -17,8 +17,11 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
+from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.interference import Interference
+from insenv.mavlink.surroundings import defaults
 from insenv.scenario import Plant, Scenario, build
+from insenv.scenario.choice import named_estimators
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
 
@@ -45,17 +48,26 @@ class Simulation:
     """A scenario's plant and one estimator of its measurements.
 
     estimator: registered id; None: the first that the scenario names.  seed: instead of the scenario's.
-    Raises `InputError` for an estimator that cannot run live on this scenario.
+    year: decimal year at the start, for the magnetic field of a scenario without a magnetometer.  Raises `InputError` for an
+    estimator that cannot run live on this scenario.
 
     truth, estimate: outputs of the plant and of the estimator after the latest sample, by row name (views, overwritten
     by the next `advance`).  samples: number simulated.  alignments: number started.  fix: the latest fix received;
-    fixes: their number.  gnss_on: whether the receiver is on.  interference: what disturbs it, or None.  increments
-    (6): sums of the delta angles (rad) and delta velocities (m/s) that the estimator received.  bridged: number of lost
-    samples; lost_in_a_row: consecutive ones up to the latest.
+    fixes: their number.  readings: number of measurements of magnetometer and barometer, by id.  gnss_on: whether the
+    receiver is on.  interference: what disturbs it, or None.  increments (6): sums of the delta angles (rad) and delta
+    velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up to
+    the latest.  health: of the estimator since the alignment began, or None if it does not report it.  reported_heading_sigma:
+    standard deviation (rad) of the heading from which the alignment began, 0 if the estimator takes none.
     """
 
-    def __init__(self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None) -> None:
-        self.plant = build(scenario, seed=seed)
+    def __init__(
+        self, scenario: Scenario, estimator: str | Estimator | None = None, seed: int | None = None, year: float = 2026.0
+    ) -> None:
+        plant = build(scenario, seed=seed)
+        added = defaults(scenario, year)
+        with_added = build(scenario.model_copy(update=added), seed=seed) if added else plant
+        # the estimator knows the scenario alone: its run is that of `insenv run`
+        self.plant = replace(plant, model=with_added.model, parameters=with_added.parameters)
         self.estimator = _chosen(estimator, self.plant)
         self.interval = self.plant.sample_interval
         self._plant = make_runner(self.plant.model, self.plant.parameters)
@@ -71,19 +83,21 @@ class Simulation:
         self.bridged = self.lost_in_a_row = 0
         self.fixes = 0
         self.fix: Fix | None = None
+        self.readings = {"magnetometer": 0, "barometer": 0}
         self.gnss_on = True
         self.interference: Interference | None = None
         self._delivered = 0
         self.alignments = 1
         self._aligning_since = 0
         self.increments = np.zeros(6)
+        self.health = self._new_health()
 
         self._increment = np.zeros(6)
-        inputs, outputs = self.estimator.model.inputs, self.plant.model.outputs
+        inputs, outputs, known = self.estimator.model.inputs, self.plant.model.outputs, plant.model.outputs
         self._u = inputs.start_vector()
         self._u[inputs.slice("dt")] = self.interval
         self._given = inputs.slice("delta_angle"), inputs.slice("delta_velocity")
-        fed = [n for n in inputs.names if n in outputs and n not in ("delta_angle", "delta_velocity", "dt")]
+        fed = [n for n in inputs.names if n in known and n not in ("delta_angle", "delta_velocity", "dt")]
         self._to = np.concatenate([np.zeros(0, int), *(np.r_[inputs.slice(n)] for n in fed)]).astype(int)
         self._from = np.concatenate([np.zeros(0, int), *(np.r_[outputs.slice(n)] for n in fed)]).astype(int)
         self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
@@ -120,6 +134,8 @@ class Simulation:
         self.samples += 1
         self._y[:] = self._plant.output()
         truth, u = self.truth, self._u
+        for id in self.readings:
+            self.readings[id] += int(truth[f"{id}_new"] != 0.0)
         self.lost_in_a_row += 1
         if truth["imu_valid"]:
             self.lost_in_a_row = 0
@@ -147,6 +163,12 @@ class Simulation:
             u[:] = np.where(np.isfinite(u), u, 0.0)
             self._filter.advance(u)
         self._z[:] = self._filter.output()
+        if self.health is not None and self.has_gnss and truth["gnss_valid"] and self.gnss_on and self.fix is not None:
+            self.health.take(self.time, self.estimate, self.fix.velocity_sigma if self.fix.velocity_valid else None)
+
+    def _new_health(self) -> LiveHealth | None:
+        self.reported_heading_sigma = self.estimator_row("heading_sigma") or 0.0
+        return LiveHealth() if self.estimator.reports_health else None
 
     def _take_fix(self) -> None:
         now = self.truth
@@ -174,11 +196,18 @@ class Simulation:
         self._z[:] = self._filter.output()
         self.alignments += 1
         self._aligning_since = self.samples
+        self.health = self._new_health()
 
     def notes(self) -> tuple[str, ...]:
-        """What the estimator says against its estimate, with its parameters and the data since the alignment began."""
+        """The estimator's notes on its estimate, with its parameters and the data since the alignment began.
+
+        The last note is that these data are fewer than it needs.
+        """
         rows = self.estimator.model.parameters.unpack(self._filter.p)
-        return self.estimator.notes(rows, max(self.samples - self._aligning_since, 1) * self.interval)
+        duration = max(self.samples - self._aligning_since, 1) * self.interval
+        needed = self.estimator.needed_s(rows)
+        short = (f"{self.estimator.id} needs {needed:.3g} s of data",) if duration < needed * (1 - 1e-9) else ()
+        return (*self.estimator.notes(rows, duration), *short)
 
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""
@@ -261,7 +290,4 @@ class Simulation:
 
 def _chosen(id: str | Estimator | None, plant: Plant) -> Estimator:
     """The estimator to run.  Raises `InputError` if none is named."""
-    scenario = plant.scenario
-    if id is None and not scenario.estimators:
-        raise InputError(f"scenario {scenario.name!r} names no estimator: choose one with -e ID (`insenv list` shows them)")
-    return estimators.get(id or scenario.estimators[0])
+    return estimators.get(id or named_estimators(plant.scenario)[0])

@@ -1,148 +1,111 @@
-"""Magnetometer and barometer: the Earth's field by the World Magnetic Model, the air by the ICAO standard atmosphere.
+"""Magnetometer and barometer of the streamed vehicle in the quantities of messages, and the air about it.
 
-Both sensors show the true value at the vehicle plus white noise, which is a pure function of the run's seed and the
-sensor's sample number, as all noise is.  Magnetic disturbances, weather, wind and static port errors are not simulated.
+Both are instruments of the plant: those of the scenario, or, where it has none, `defaults`, whose numbers change no other
+number of the run.  The barometer shows a height; its pressure is that of the ICAO standard atmosphere there.  The dynamic
+pressure is the simulated vehicle's own, from its speed over the Earth: there is no wind.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import cos, degrees, hypot
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv import attitude
 from insenv.core import noise
 from insenv.core.tables import Vector
-from insenv.geodesy import MEAN_RADIUS
+from insenv.geodesy.magnetic import world_magnetic_years
+from insenv.scenario import Scenario
+from insenv.sensors.barometer import BarometerSection
+from insenv.sensors.magnetometer import MagnetometerSection
 
 NOISE_STREAM = 0xFFFFFFFD
-"""Noise stream of the magnetometer; the barometer's is one lower.  The plant uses other streams."""
+"""Noise stream of what the streamed vehicle draws beside the plant; of the dynamic pressure it is one lower."""
 
 GAS_CONSTANT = 287.05287
 """Of dry air in the standard atmosphere, J/(kg K)."""
 _AHEAD = 256  # samples whose noise is computed together
 _LOWEST, _HIGHEST, _STEP = -5000.0, 81000.0, 10.0  # m, from below the Dead Sea to the upper end of the model
-_MOVED_M, _TESLA_PER_NT = 500.0, 1e-9
+
+MAGNETOMETER_HZ, BAROMETER_HZ = 50.0, 25.0
+"""Rates of the default instruments, or the nearest that inertial samples allow."""
+MAGNETIC_NOISE_NT, HEIGHT_NOISE_M, DYNAMIC_NOISE_PA = 50.0, 0.17, 1.0
+"""White noise (1 sigma), typical of MEMS sensors: 0.5 mG, 2 Pa of static pressure (17 cm of height), 1 Pa."""
+
+
+def defaults(scenario: Scenario, year: float) -> dict[str, Any]:
+    """The sections of the instruments that a scenario lacks: white noise only, the field of `year`, limited to the model's."""
+
+    def interval(rate_hz: float) -> float:
+        return max(1, round(scenario.rate_hz / rate_hz)) / scenario.rate_hz
+
+    first, last = world_magnetic_years()
+    made = {
+        "magnetometer": MagnetometerSection(
+            grade="perfect", noise_nt=MAGNETIC_NOISE_NT, interval_s=interval(MAGNETOMETER_HZ), year=min(max(year, first), last)
+        ),
+        "barometer": BarometerSection(grade="perfect", noise_m=HEIGHT_NOISE_M, interval_s=interval(BAROMETER_HZ)),
+    }
+    return {id: section for id, section in made.items() if getattr(scenario, id) is None}
 
 
 @dataclass(frozen=True)
-class AirSensors:
-    """Rates (Hz) and white noise (1 sigma) of magnetometer (T), static pressure (Pa) and dynamic pressure (Pa).
-
-    The defaults are typical of MEMS sensors: 0.5 mG, 2 Pa (17 cm of height) and 1 Pa.
-    """
-
-    magnetometer_rate: float = 50.0
-    barometer_rate: float = 25.0
-    magnetic_noise: float = 5e-8
-    pressure_noise: float = 2.0
-    dynamic_pressure_noise: float = 1.0
-
-
-@dataclass
 class AirData:
-    """The latest samples of the two sensors.
+    """What the instruments show, and the air at the vehicle.
 
-    magnetic_b: magnetic field (3, T).  pressure, dynamic_pressure: Pa.  temperature: K.  pressure_height: height of
-    `pressure` in the standard atmosphere (m).  magnetometer_samples, barometer_samples: number of each sensor's latest
-    sample.
+    magnetic_b: magnetic field (3, T).  pressure, dynamic_pressure: Pa.  pressure_height: height of `pressure` in the standard
+    atmosphere (m).  temperature (K), density (kg/m^3): of the air, true.
     """
 
     magnetic_b: Vector
-    pressure: float = 0.0
-    dynamic_pressure: float = 0.0
-    temperature: float = 0.0
-    pressure_height: float = 0.0
-    magnetometer_samples: int = 0
-    barometer_samples: int = 0
+    pressure: float
+    dynamic_pressure: float
+    pressure_height: float
+    temperature: float
+    density: float
 
 
 class Surroundings:
-    """Magnetometer and barometer along a run.
+    """The instruments in the quantities of messages.  seed: of the run."""
 
-    seed: of their noise.  year: decimal year at the start of the run, limited to the five years of the World Magnetic
-    Model.  data: the latest samples.
-    """
+    def __init__(self, seed: int) -> None:
+        self._noise = _Noise(seed, NOISE_STREAM - 1)
 
-    def __init__(self, seed: int, year: float, sensors: AirSensors | None = None) -> None:
-        self.sensors = sensors or AirSensors()
-        self.data = AirData(np.zeros(3))
-        self._model, (first, last) = _magnetic_model()
-        self._year = min(max(year, first), last - 1e-6)
-        self._place: tuple[float, float, float] | None = None
-        self._field_n = np.zeros(3)
-        self._magnetic_noise = _Noise(seed, 0, 3)
-        self._air_noise = _Noise(seed, 1, 2)
+    def data(self, truth: dict[str, Any], undulation: float, barometer: int) -> AirData:
+        """From the plant's outputs by row name.  undulation: m.  barometer: number of its measurements so far.
 
-    def update(self, time: float, truth: dict[str, Any], height_msl: float) -> None:
-        """Take the samples due at `time` (s).  truth: q_nb, velocity_n (m/s), latitude, longitude (rad), height (m)."""
-        magnetometer = int(time * self.sensors.magnetometer_rate + 1e-6) + 1
-        barometer = int(time * self.sensors.barometer_rate + 1e-6) + 1
-        if magnetometer != self.data.magnetometer_samples:
-            self.data.magnetometer_samples = magnetometer
-            field_n = self._field(float(truth["latitude"]), float(truth["longitude"]), float(truth["height"]))
-            field_b = attitude.numeric.rotate_inverse(truth["q_nb"], field_n)
-            self.data.magnetic_b = field_b + self.sensors.magnetic_noise * self._magnetic_noise(magnetometer)
-        if barometer != self.data.barometer_samples:
-            self.data.barometer_samples = barometer
-            self._sample_air(truth, height_msl, self._air_noise(barometer))
-
-    def _sample_air(self, truth: dict[str, Any], height_msl: float, normals: Vector) -> None:
+        Before the first ones the pressure is that of the true height, and the field is 0.
+        """
         heights, log_pressure, temperature = _atmosphere()
-        data = self.data
-        data.temperature = float(np.interp(height_msl, heights, temperature))
-        exact = float(np.exp(np.interp(height_msl, heights, log_pressure)))
-        speed_squared = float(np.dot(truth["velocity_n"], truth["velocity_n"]))
-        density = exact / (GAS_CONSTANT * data.temperature)
-        data.pressure = exact + self.sensors.pressure_noise * float(normals[0])
-        data.dynamic_pressure = 0.5 * density * speed_squared + self.sensors.dynamic_pressure_noise * float(normals[1])
-        if data.pressure > 0.0:
-            data.pressure_height = float(np.interp(-np.log(data.pressure), -log_pressure, heights))
-
-    def _field(self, latitude: float, longitude: float, height: float) -> Vector:
-        """The Earth's field (3, T, n), recomputed every 500 m: it changes by about 10 nT per kilometre."""
-        if self._place is not None:
-            north = (latitude - self._place[0]) * MEAN_RADIUS
-            east = (longitude - self._place[1]) * MEAN_RADIUS * cos(latitude)
-            if hypot(north, east, height - self._place[2]) < _MOVED_M:
-                return self._field_n
-        self._place = latitude, longitude, height
-        east_deg = (degrees(longitude) + 180.0) % 360.0 - 180.0
-        found = self._model.calculate(degrees(latitude), east_deg, height / 1e3, self._year, allow_date_outside_lifespan=True)
-        self._field_n = np.array([found.x, found.y, found.z]) * _TESLA_PER_NT
-        return self._field_n
+        above_sea = float(truth["height"]) - undulation
+        kelvin = float(np.interp(above_sea, heights, temperature))
+        density = float(np.exp(np.interp(above_sea, heights, log_pressure))) / (GAS_CONSTANT * kelvin)
+        height = float(truth["barometer_height"]) - undulation if barometer else above_sea
+        pressure = float(np.exp(np.interp(height, heights, log_pressure)))
+        squared = float(np.dot(truth["velocity_n"], truth["velocity_n"]))
+        dynamic = 0.5 * density * squared + DYNAMIC_NOISE_PA * self._noise(barometer)
+        field = np.array(truth["magnetometer_field_b"])
+        return AirData(field, pressure, dynamic, height, kelvin, density)
 
 
 class _Noise:
-    """Standard normals of a sensor by sample number, computed in blocks."""
+    """Standard normals by sample number, computed in blocks."""
 
-    def __init__(self, seed: int, sensor: int, count: int) -> None:
-        self._seed, self._stream, self._count = seed, NOISE_STREAM - sensor, count
+    def __init__(self, seed: int, stream: int) -> None:
+        self._seed, self._stream = seed, stream
         self._first = -_AHEAD
-        self._block: NDArray[np.float64] = np.zeros((0, count))
+        self._block: NDArray[np.float64] = np.zeros(0)
 
-    def __call__(self, sample: int) -> Vector:
+    def __call__(self, sample: int) -> float:
         if not self._first <= sample < self._first + _AHEAD:
             from scipy.special import ndtri
 
             self._first = sample // _AHEAD * _AHEAD
             steps = np.arange(self._first, self._first + _AHEAD)
-            self._block = ndtri(noise.uniforms(self._seed, steps, self._stream, self._count))
-        return self._block[sample - self._first]
-
-
-@lru_cache(maxsize=1)
-def _magnetic_model() -> tuple[Any, tuple[float, float]]:
-    """The World Magnetic Model with the library's newest coefficients, and the years of its validity."""
-    from pygeomag import GeoMag
-
-    model = GeoMag()
-    first, last = model.life_span
-    return model, (float(first), float(last))
+            self._block = ndtri(noise.uniforms(self._seed, steps, self._stream, 1))[:, 0]
+        return float(self._block[sample - self._first])
 
 
 @lru_cache(maxsize=1)

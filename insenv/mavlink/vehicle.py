@@ -23,7 +23,9 @@ MIN_SPEED, MAX_SPEED = 0.01, 100.0
 """Range of the speed of the simulation, in simulated seconds per second; 0 is as fast as possible."""
 HIL_ACCELERATIONS = {"mG": MILLI_G, "mm/s^2": MM_S2}
 SEVERITY = {"error": 3, "warning": 4, "notice": 5, "info": 6}
-_TEXT = 50
+UNDULATION = 120.0
+"""Largest height of the geoid above or below the ellipsoid, m."""
+_TEXT, _LONGEST_TEXT = 50, 250
 _TEXTS_WAITING = 20
 _SECONDS_A_YEAR = 365.25 * 86400.0
 
@@ -35,8 +37,9 @@ class Vehicle:
     seconds per second; 0: as fast as possible.  start_unix: Unix time (s) at the start of the run; None: that of the
     wall clock.  system, component: the sender that its messages state, 1 to 255; those of the link must be the same.
     hil_acceleration: unit of the accelerations in HIL_STATE_QUATERNION, ``"mG"`` (MAVLink) or ``"mm/s^2"`` (PX4).
-    show_errors: send the errors of the estimate with each HEARTBEAT (NAMED_VALUE_FLOAT).
-    Raises `InputError` for an estimator, rate, speed, sender or unit that is not allowed.
+    show_errors: send the errors of the estimate with each HEARTBEAT (NAMED_VALUE_FLOAT).  undulation: height of the geoid above
+    the ellipsoid (m), the same everywhere.
+    Raises `InputError` for an estimator, rate, speed, sender, unit or undulation that is not allowed.
 
     files: what clients can read by FTP, by name: names, units and ranges of the parameters.
     """
@@ -54,16 +57,20 @@ class Vehicle:
         component: int = 1,
         hil_acceleration: str = "mG",
         show_errors: bool = False,
+        undulation: float = 0.0,
     ) -> None:
         start_unix = time.time() if start_unix is None else start_unix
-        self.simulation = Simulation(scenario, estimator, seed)
-        surroundings = Surroundings(self.simulation.plant.seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
+        self.simulation = Simulation(scenario, estimator, seed, 1970.0 + start_unix / _SECONDS_A_YEAR)
+        surroundings = Surroundings(self.simulation.plant.seed)
         self.view = View(self.simulation, surroundings, start_unix)
         for name, value in (("system", system), ("component", component)):
             if not 1 <= value <= 255:
                 raise InputError(f"{name} {value}: allowed is 1 to 255")
         if hil_acceleration not in HIL_ACCELERATIONS:
             raise InputError(f"hil_acceleration {hil_acceleration!r}: allowed is {' or '.join(HIL_ACCELERATIONS)}")
+        if not -UNDULATION <= undulation <= UNDULATION:
+            raise InputError(f"undulation = {undulation:g} m: allowed is {-UNDULATION:g} to {UNDULATION:g} m")
+        self.view.undulation = undulation
         self.view.system, self.view.component = system, component
         self.view.hil_acceleration = HIL_ACCELERATIONS[hil_acceleration]
         self.schedule = Schedule(scenario.rate_hz, rates)
@@ -76,9 +83,10 @@ class Vehicle:
         self.view.metadata_crc = checksum(self.files[GENERAL])
         _ = self.view.air, self.view.values  # computed now, so that the first sample is not late
         self._texts: deque[Message] = deque(maxlen=_TEXTS_WAITING)
+        self._long_texts = 0
         self._steered_at: float | None = None
         self._refused_steering = False
-        self._was_aligned = False
+        self._announced = "aligning"
         self._noted = ""
 
     # --- messages -----------------------------------------------------------------------------------
@@ -105,8 +113,16 @@ class Vehicle:
         return MESSAGES[name](self.view) if name in MESSAGES else None
 
     def announce(self, text: str, severity: str = "info") -> None:
-        """Queue a STATUSTEXT, truncated to 50 characters.  severity: a key of `SEVERITY`."""
-        self._texts.append(self.view.fields.message("STATUSTEXT", SEVERITY[severity], text[:_TEXT], 0, 0))
+        """Queue a text, as one STATUSTEXT or as several, the chunks of a longer one.  severity: a key of `SEVERITY`.
+
+        Chunks have a number of their text in common and are counted; the last one is shorter than the field.
+        """
+        text, number = text[:_LONGEST_TEXT], 0
+        if len(text) > _TEXT:
+            number = self._long_texts = self._long_texts % 0xFFFF + 1
+        for place in range(0, len(text) + (1 if number else 0), _TEXT):
+            chunk = text[place : place + _TEXT]
+            self._texts.append(self.view.fields.message("STATUSTEXT", SEVERITY[severity], chunk, number, place // _TEXT))
 
     def texts(self) -> list[Message]:
         """Remove and return the queued STATUSTEXTs."""
@@ -116,16 +132,14 @@ class Vehicle:
 
     def _announce_alignment(self) -> None:
         """Announce a change between aligning, aligned and diverged."""
-        aligned = self.view.aligned
-        if aligned != self._was_aligned:
-            self._was_aligned = aligned
-            if self.simulation.diverged:
-                self.announce("estimate diverged: start a new alignment", "error")
-            else:
-                self.announce("aligned" if aligned else "aligning", "notice")
-        notes = () if aligned else self.simulation.notes()
-        if notes and notes[0].partition(":")[0] != self._noted:
-            self._noted = notes[0].partition(":")[0]
+        state = "diverged" if self.simulation.diverged else "aligned" if self.view.aligned else "aligning"
+        if state != self._announced:
+            self._announced = state
+            diverged = state == "diverged"
+            self.announce("estimate diverged: start a new alignment" if diverged else state, "error" if diverged else "notice")
+        doubt = self.view.doubt if state == "aligning" else ""
+        if doubt and doubt.partition(":")[0] != self._noted:
+            self._noted = doubt.partition(":")[0]
             self.announce(self._noted, "warning")
 
     # --- control ------------------------------------------------------------------------------------
@@ -200,9 +214,6 @@ class Vehicle:
         def gnss(value: float) -> None:
             self.set_gnss(value != 0.0)
 
-        def undulation(value: float) -> None:
-            view.undulation = value
-
         yield Parameter(
             "SIM_SPEED", "Simulated seconds per second; 0: as fast as possible", "", NOW, 0.0, MAX_SPEED,
             lambda: self.speed, self.set_speed,
@@ -213,8 +224,8 @@ class Vehicle:
                 "SIM_GNSS", "0: the GNSS receiver is off", "", NOW, 0.0, 1.0, lambda: float(simulation.gnss_on), gnss
             )
         yield Parameter(
-            "SIM_UNDULATION", "Height of the geoid above the ellipsoid", "m", NOW, -120.0, 120.0,
-            lambda: view.undulation, undulation,
+            "SIM_UNDULATION", "Height of the geoid above the ellipsoid", "m", NEVER, -UNDULATION, UNDULATION,
+            lambda: view.undulation,
         )  # fmt: skip
         yield Parameter("SIM_RATE", "Inertial sample rate", "Hz", NEVER, 1.0, 1e4, lambda: 1.0 / simulation.interval)
         yield Parameter("SIM_SEED", "Seed of the run", "", NEVER, 0.0, 2.0**53, lambda: float(simulation.plant.seed))

@@ -30,7 +30,7 @@ TRUTH = ("q_nb", "velocity_n", "latitude", "longitude", "height", "true_delta_an
 def plant_model(vehicle: Vehicle, sensors: Sequence[Sensor] = (IMU, GNSS)) -> Model:
     """The plant of a vehicle with `sensors`; a sensor can use the rows of those before it.
 
-    Outputs: `time`, the truth (`TRUTH`), and the outputs of each sensor (`Sensor.outputs`, `Sensor.derived`).
+    Outputs: `time`, the truth (`TRUTH`), and the outputs of each sensor (`Sensor.outputs`, `Sensor.truth`, `Sensor.derived`).
     """
     if not isinstance(vehicle, Vehicle):
         raise InputError(f"vehicle = {vehicle!r}: allowed is an insenv.Vehicle")
@@ -46,7 +46,7 @@ def plant_model(vehicle: Vehicle, sensors: Sequence[Sensor] = (IMU, GNSS)) -> Mo
                 raise InputError(f"part gave {part!r}: allowed is an insenv.core.compose.Part")
             parts.append(part)
             state += part.state
-            names += tuple(state[name].name for name in sensor.outputs)
+            names += tuple(state[name].name for name in (*sensor.outputs, *sensor.truth))
     derived = [(sensor.derived, sensor.derive) for sensor in sensors]
     outputs = sum((table for table, _ in derived), Table(tuple(state[name] for name in names)))
 

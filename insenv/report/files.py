@@ -23,8 +23,9 @@ from insenv.evaluation.errors import Result
 from insenv.files.output import as_path, staged
 from insenv.installing import install_extra
 from insenv.report.document import document, to_json
-from insenv.report.figures import draw, drawable, save
+from insenv.report.figures import draw, drawable
 from insenv.report.run_data import RunData
+from insenv.style import save
 
 FORMAT = "insenv-results"
 VERSION = 1

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from insenv.errors import InputError
 from insenv.installing import install_extra, install_package
-from insenv.report.figures import save
+from insenv.style import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv import style
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -48,8 +50,9 @@ def set_scale(axis: Axes, errors: list[Array], reach: list[float]) -> dict[str, 
     axis.yaxis.set_minor_locator(NullLocator())
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
     axis.set_ylim(bottom, top)
+    style.mark_scale(axis, threshold)
     name = "scale: linear here, logarithmic beyond"
-    return {name: axis.axhspan(-threshold, threshold, color="#f1f0e6", linewidth=0, zorder=0, label=name)}
+    return {name: axis.axhspan(-threshold, threshold, color=style.LINEAR, linewidth=0, zorder=0, label=name)}
 
 
 def _round_up(value: float) -> float:

@@ -114,30 +114,37 @@ def consistency() -> list[Quantity]:
 
 def figure(path_stem: Path | str) -> list[Path]:
     """Figures 1 and 2: misalignment in e as fed back by the filter, and attitude, with white noise."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
+    from insenv import style
 
     found = ensemble(noisy(), [ID], [1], records=1200)
     outputs, errors, time = found.outputs[ID], found.attitude_errors_deg(ID)[0], found.time
     sigma = np.degrees(outputs["attitude_sigma"][0])
-    drawn, (left, *right) = plt.subplots(1, 4, figsize=(15, 3.8), layout="constrained")
-    for i, axis in enumerate("xyz"):
-        left.plot(time, np.degrees(outputs["misalignment_e"][0, :, i]), label=f"$\\phi_{axis}^e$")
-    left.set(title="Figure 1: misalignment fed back", xlabel="time (s)", ylabel="deg")
-    left.legend()
-    for i, (ax, name) in enumerate(zip(right, PRINTED, strict=True)):
-        expected = theory(found)[0, i]
-        ax.plot(time, errors[:, i], label=ID)
-        ax.fill_between(
-            time, expected - sigma[:, i], expected + sigma[:, i], alpha=0.2, label="error by the biases ± stated sigma"
-        )
-        ax.axhline(expected, color="k", linestyle="--", linewidth=0.8, label="error by the biases")
-        span = (0.05, 0.008, 0.008)[0 if name == "heading" else 1]
-        ax.set(title=f"Figure 2: {name}", xlabel="time (s)", ylabel="deg", ylim=(-span, span))
-        ax.legend(loc="upper right", fontsize="small")
-    path = Path(f"{path_stem}.png")
-    drawn.savefig(path, dpi=110)
-    plt.close(drawn)
-    return [path]
+    names = list(PRINTED)
+    with style.page(9.0, 6.5) as page:
+        grid = page.subplots(2, 2, sharex=True)
+        first, *others = grid.ravel()
+        for i, axis in enumerate("xyz"):
+            first.plot(
+                time, np.degrees(outputs["misalignment_e"][0, :, i]), color=style.COLOURS[i + 2], label=f"$\\phi_{axis}^e$"
+            )
+        first.set(title="Figure 1: misalignment fed back [deg]")
+        for i, (axes, name) in enumerate(zip(others, names, strict=True)):
+            expected = theory(found)[0, i]
+            axes.fill_between(
+                time,
+                expected - sigma[:, i],
+                expected + sigma[:, i],
+                color=style.LIMIT,
+                alpha=0.2,
+                linewidth=0,
+                label="error by the biases ± stated sigma",
+            )
+            axes.axhline(expected, color=style.LIMIT, linestyle=style.DASHED, label="error by the biases")
+            axes.plot(time, errors[:, i], color=style.COLOURS[0], label=ID)
+            span = 0.05 if name == "heading" else 0.004
+            axes.set(title=f"Figure 2: {name} error [deg]", ylim=(-span, span))
+        for axes in grid[1]:
+            axes.set(xlabel="time [s]", xlim=(0, float(time[-1])))
+        style.title(page, "Fine alignment at rest with white noise, seed 1, 10 min")
+        style.legend(page, grid.ravel(), columns=3)
+        return style.save_both(page, path_stem)

@@ -91,15 +91,10 @@ def quantities() -> list[Quantity]:
 
 def figure(path_stem: Path) -> list[Path]:
     """Like figures 3 and 4 of the paper: roll, pitch and heading errors of all three methods; PNG and SVG."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from insenv import style
+    from insenv.style import COLOURS, LIMIT
 
-    from insenv.report.figures import COLOURS, LIMIT, STYLE, save
-
-    with rc_context(STYLE):
-        page = Figure(figsize=(8.5, 6.5), layout="constrained")
-        FigureCanvasAgg(page)
+    with style.page(9.0, 7.0) as page:
         grid = page.subplots(3, 2, sharex=True, sharey="row")
         for column, (start, name) in enumerate(STARTS.items()):
             run = _run(name)
@@ -108,18 +103,17 @@ def figure(path_stem: Path) -> list[Path]:
                 axes = grid[row, column]
                 axes.axhspan(-bound, bound, color=LIMIT, alpha=0.3, lw=0, label="limit, 1 sigma")
                 for id, colour in zip((EKF, SUKF, LSSVM), COLOURS[1::-1] + COLOURS[2:3], strict=True):
-                    axes.plot(run.time, run.attitude_errors_deg(id)[:8, :, row].T, color=colour, lw=0.6)
+                    for error in run.attitude_errors_deg(id)[:8, :, row]:
+                        axes.plot(run.time, style.unwrapped(error), color=colour, lw=0.6)
                     axes.plot([], [], color=colour, label=id)
-                axes.set_yscale("symlog", linthresh=0.01 if row < 2 else 0.1)
+                style.symlog(axes, 0.01 if row < 2 else 0.1)
                 if column == 0:
-                    axes.set_ylabel(f"{channel} error, deg")
+                    axes.set_ylabel(f"{channel} error [deg]")
             grid[0, column].set_title(f"from {start}")
-            grid[2, column].set(xlabel="time, s", xlim=(0, DURATION))
-        grid[0, 1].legend(loc="center right", framealpha=0.9, edgecolor="none")
-        page.suptitle("Moored boat, 0.05 deg/h and 50 ug, GNSS at 1 Hz, 8 seeds", fontsize=10.5)
-        paths = {kind: path_stem.with_name(f"{path_stem.name}.{kind}") for kind in ("png", "svg")}
-        save(page, paths)
-    return list(paths.values())
+            grid[2, column].set(xlabel="time [s]", xlim=(0, DURATION))
+        style.title(page, "Moored boat, 0.05 deg/h and 50 ug, GNSS at 1 Hz, 8 seeds")
+        style.legend(page, grid.ravel())
+        return style.save_both(page, path_stem)
 
 
 def _row(quantity: str, unit: str, published: float | None, ours: float, limit: float | None, note: str = "") -> Quantity:

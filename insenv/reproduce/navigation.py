@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,37 +172,30 @@ def _outages(reading: str) -> list[Quantity]:
 
 def figure(path_stem: str | Path) -> list[Path]:
     """Like figures 4 and 6 of the paper: distance error over ten minutes, and smoothed errors over four outages."""
-    import matplotlib
+    from insenv import style
+    from insenv.style import COLOURS, DASHED, LIMIT, PALE, TRUTH
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    drawn, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
     minutes = np.arange(11)
     found = drift("in-run")
-    left.plot(minutes, found.distance.T, color="0.8", lw=0.8)
-    left.plot(minutes, np.median(found.distance, axis=0), color="C0", label=f"insenv, median of {SEEDS['in-run']} seeds")
-    left.plot(minutes, found.limit, color="C2", ls="--", label="limit, 1 sigma")
-    left.plot(minutes, PUBLISHED_M, "o", color="C1", label="paper, Table 2")
-    left.set(xlabel="time without GNSS, min", ylabel="distance error, m", title="Free inertial, in-run biases")
-    left.legend()
     result, outages = smoothed("in-run", 1)
-    _draw_outages(right, result, outages)
-    paths = [Path(f"{path_stem}.{kind}") for kind in ("png", "svg")]
-    for path in paths:
-        drawn.savefig(path, dpi=110)
-    plt.close(drawn)
-    return paths
-
-
-def _draw_outages(axes: Any, result: Result, outages: tuple[tuple[float, float], ...]) -> None:
-    shown = result.time > 1000.0
-    minutes = (result.time[shown] - 1000.0) / 60
-    for channel, colour in zip(POSITION, ("C0", "C1", "C2"), strict=True):
-        axes.plot(minutes, result.errors[channel][shown], color=colour, lw=1, label=channel.removesuffix("_m"))
-        for sign in (-1, 1):
-            axes.plot(minutes, sign * result.sigma[channel][shown], color=colour, lw=0.6, ls=":")
-    for begin, end in outages:
-        axes.axvspan((begin - 1000) / 60, (end - 1000) / 60, color="0.92")
-    axes.set(xlabel="time, min", ylabel="error, m", title="Smoothed, four outages of 1 min (dotted: 1 sigma stated)")
-    axes.legend()
+    with style.page(9.0, 7.5) as page:
+        top, bottom = page.subplots(2, 1)
+        top.plot(minutes, found.distance.T, color=TRUTH, lw=0.8)
+        top.plot([], [], color=TRUTH, label="insenv, each seed")
+        top.plot(minutes, np.median(found.distance, axis=0), color=COLOURS[0], label=f"median of {SEEDS['in-run']} seeds")
+        top.plot(minutes, found.limit, color=LIMIT, ls=DASHED, label="theoretical limit, 1 sigma")
+        top.plot(minutes, PUBLISHED_M, "o", color=COLOURS[1], label="paper, Table 2")
+        top.set(xlabel="time without GNSS [min]", ylabel="distance error [m]", title="Free inertial, in-run biases")
+        top.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        shown = result.time > 1000.0
+        time = (result.time[shown] - 1000.0) / 60
+        style.shade(bottom, [((begin - 1000) / 60, (end - 1000) / 60) for begin, end in outages])
+        for channel, colour in zip(POSITION, (COLOURS[0], COLOURS[1], COLOURS[2]), strict=True):
+            bottom.plot(time, result.errors[channel][shown], color=colour, lw=1, label=channel.removesuffix("_m"))
+            for sign in (-1, 1):
+                bottom.plot(time, sign * result.sigma[channel][shown], color=colour, lw=0.8, ls=":")
+        bottom.plot([], [], color=PALE, lw=0.8, ls=":", label="stated ±1 sigma")
+        bottom.set(xlabel="time [min]", ylabel="position error [m]", title="Smoothed, four outages of 1 min, seed 1")
+        bottom.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        style.title(page, "Airborne navigation: ten minutes without GNSS, and outages smoothed")
+        return style.save_both(page, path_stem)

@@ -75,15 +75,10 @@ def _test3() -> list[Quantity]:
 
 def figure(path_stem: Path) -> list[Path]:
     """Like figures 2 and 3 of the paper: qakf with four noise levels; all methods with 200 ug.  PNG and SVG."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from insenv import style
+    from insenv.style import COLOURS, LIMIT
 
-    from insenv.report.figures import COLOURS, LIMIT, STYLE, save
-
-    with rc_context(STYLE):
-        page = Figure(figsize=(7.5, 7.5), layout="constrained")
-        FigureCanvasAgg(page)
+    with style.page(9.0, 8.0) as page:
         top, middle, bottom = page.subplots(3, 1)
         for colour, noise in zip(COLOURS, GRADES, strict=False):
             run = _turntable(noise)
@@ -92,20 +87,19 @@ def figure(path_stem: Path) -> list[Path]:
         run = _turntable(200)
         for colour, id in zip(COLOURS, IDS, strict=False):
             middle.plot(run.time, _heading_rms(run, id), color=colour, lw=1.2, label=id)
-        middle.axhline(_limit(run), color=LIMIT, lw=1.0, ls="--", label="limit over 150-200 s")
+        middle.axhline(_limit(run), color=LIMIT, lw=1.0, ls=style.DASHED, label="limit over 150-200 s")
         middle.set_title("all three, 200 ug", loc="left")
         for axes in (top, middle):
-            axes.set(yscale="log", xlim=(0, 200), ylabel="deg")
+            axes.set(yscale="log", xlim=(0, 200), ylabel="[deg]")
+            style.log(axes)
         for colour, id in ((COLOURS[0], Q), (COLOURS[2], IMPROVED)):
             bottom.plot(run.time, _heading(run, id)[0], color=colour, lw=1.0, label=id)
-        bottom.set(xlim=(20, 200), ylim=(-0.3, 0.3), xlabel="time, s", ylabel="deg")
+        bottom.set(xlim=(0, 200), ylim=(-0.3, 0.3), xlabel="time [s]", ylabel="[deg]")
         bottom.set_title("heading error of one run, 200 ug", loc="left")
-        for axes in (top, middle, bottom):
-            axes.legend(loc="upper right", frameon=False)
-        page.suptitle("Three-axis turntable, the paper's plain vectors", fontsize=10.5)
-        paths = {kind: path_stem.with_name(f"{path_stem.name}.{kind}") for kind in ("png", "svg")}
-        save(page, paths)
-    return list(paths.values())
+        for axes in (top, middle, bottom):  # beside the panel, which the curves fill
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        style.title(page, "Three-axis turntable, the paper's plain vectors")
+        return style.save_both(page, path_stem)
 
 
 @cache

@@ -69,37 +69,31 @@ def quantities() -> list[Quantity]:
 
 def figure(path_stem: Path) -> list[Path]:
     """Like figure 5 of the paper: gyrocompass; inertial-frame alignment from -150 deg; its levelling.  PNG and SVG."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from insenv.report.figures import COLOURS, LIMIT, STYLE, save
+    from insenv import style
+    from insenv.style import COLOURS, LIMIT
 
     both, wrong = _both("boat"), _wrong_fir()
-    with rc_context(STYLE):
-        page = Figure(figsize=(7.5, 7.5), layout="constrained")
-        FigureCanvasAgg(page)
+    with style.page(7.5, 7.5) as page:
         top, middle, bottom = page.subplots(3, 1)
-        _lines(top, both.time, both.attitude_errors_deg(GYRO)[:16, :, 2], COLOURS[1])
-        _lines(middle, wrong.time, wrong.attitude_errors_deg(FIR)[:16, :, 2], COLOURS[0])
-        for channel, colour, name in ((0, COLOURS[2], "roll"), (1, COLOURS[4], "pitch")):
+        _lines(top, both.time, both.attitude_errors_deg(GYRO)[:16, :, 2], COLOURS[1], f"{GYRO}, heading")
+        _lines(middle, wrong.time, wrong.attitude_errors_deg(FIR)[:16, :, 2], COLOURS[0], f"{FIR}, heading")
+        for channel, colour, name in ((0, COLOURS[2], f"{FIR}, roll"), (1, COLOURS[4], f"{FIR}, pitch")):
             _lines(bottom, wrong.time, 60 * wrong.attitude_errors_deg(FIR)[:16, :, channel], colour, name)
         limit = _heading(both, FIR, FIR_END)[1]
         for axes, end in ((top, GYRO_END), (middle, FIR_END)):
             axes.axhspan(-limit, limit, color=LIMIT, alpha=0.3, lw=0, label="limit at 240 s, 1 sigma")
-            axes.set(yscale="symlog", xlim=(0, end), ylabel="heading error, deg")
-            axes.set_yscale("symlog", linthresh=0.1)
-            axes.legend(loc="lower right", frameon=False)
+            axes.set(xlim=(0, end), ylabel="heading error [deg]", xlabel="time [s]")
+        top.axvspan(0, 60, color=style.STATISTICS, zorder=0)
+        style.symlog(top, 0.1)
+        style.symlog(middle, 0.1)
         middle.set_ylim(-300, 3)
-        top.set_title("gyrocompass: 1 min of levelling, then the heading loop; from 5 deg (1 sigma)")
+        top.set_title("gyrocompass: 1 min of levelling (shaded), then the heading loop; from 5 deg (1 sigma)")
         middle.set_title("inertial-fir: from -150 deg; first fix at 180 s")
-        bottom.set(xlim=(180, FIR_END), ylim=(-0.8, 0.8), xlabel="time, s", ylabel="tilt error, arcmin")
+        bottom.set(xlim=(180, FIR_END), ylim=(-0.8, 0.8), xlabel="time [s]", ylabel="tilt error [arcmin]")
         bottom.set_title("inertial-fir: first fix and fine levelling by velocity feedback")
-        bottom.legend(loc="lower right", frameon=False)
-        page.suptitle("Moored boat, 0.008 deg/h and 5e-5 g, 16 seeds", fontsize=10.5)
-        paths = {kind: path_stem.with_name(f"{path_stem.name}.{kind}") for kind in ("png", "svg")}
-        save(page, paths)
-    return list(paths.values())
+        style.title(page, "Moored boat, 0.008 deg/h and 5e-5 g, 16 seeds")
+        style.legend(page, (top, middle, bottom))
+        return style.save_both(page, path_stem)
 
 
 def _lines(axes: Any, time: Array, errors: Array, colour: str, name: str = "") -> None:

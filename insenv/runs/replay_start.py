@@ -64,7 +64,7 @@ class Start:
 def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Start:
     """Knowledge of the estimator where sample `first` begins; `start` is one of `STARTS`.
 
-    Raises `InputError` if the log lacks what it needs; `InsenvError` if the vehicle is too slow to find the heading.
+    Raises `InputError` if the log lacks what it needs, also if the vehicle is too slow to find the heading.
     """
     if start == "reference":
         return Start(_from_reference(log, first))
@@ -100,6 +100,7 @@ def _place(log: RecordedLog) -> Knowledge:
         heading=0.0 if heading is None else float(np.radians(heading)),
         **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
         sensors=log.sensors(in_place=True),
+        instruments=log.told,
     )
 
 
@@ -128,6 +129,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
         **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
+        instruments=log.told,
         sensors=log.sensors(in_place=False),
     )
 
@@ -179,6 +181,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         rest_share=found.rest_share,
         **log.motion_errors(),
         antenna_lever_arm=log.lever_arm_b,
+        instruments=log.told,
         sensors=log.sensors(in_place=False),
     )
     return Start(known, (*notes, *_conflict_note(found, heading)))
@@ -225,8 +228,8 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     until = initial.static_until_s
     if until is None:
         raise InputError(
-            "start 'coarse' of a navigation estimator: the log does not begin at rest; where it has a time at rest, [initial] "
-            "static_from_s and static_until_s give it"
+            "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
+            "give its limits by [initial] static_from_s and static_until_s"
         )
     begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
     rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))
@@ -259,7 +262,7 @@ def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     moving = np.flatnonzero((speed > COURSE_SPEED) & (time > log.imu_time[first]) & (time < log.imu_time[-1]))[:COURSE_FIXES]
     if len(moving) < COURSE_FIXES:
-        raise InsenvError(
+        raise InputError(
             f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s; "
             "give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
             "--start reference"

@@ -16,7 +16,7 @@ from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.evaluation.contradiction import contradiction_notes
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
 from insenv.files.output import as_path
-from insenv.logs import GnssFixes, RecordedLog, Reference, load
+from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
@@ -133,7 +133,8 @@ def _check(log: RecordedLog, chosen: Sequence[Estimator], begin_s: float, tuning
         where = (
             f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
         )
-    drive = Drive(where, frozenset() if log.gnss is None else frozenset({"gnss"}), None if found is None else False)
+    sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
+    drive = Drive(where, frozenset(sensors), None if found is None else False)
     for estimator in chosen:
         estimator.check(drive, tunings.get(estimator.id))
 
@@ -148,6 +149,7 @@ def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], i
         "delta_angle": log.delta_angle[window],
         "delta_velocity": log.delta_velocity[window],
         "dt": log.dt[window],
+        **instruments.sample_columns(log.instruments, log.imu_time[window], log.dt[window]),
     }
     if log.gnss is None:
         return columns, 0

@@ -18,6 +18,7 @@ from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
+from insenv.scenario.choice import named_estimators
 from insenv.scenario.tuning import Settings, setting_rows
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ def run(
     """
     check_progress(progress)
     scenario = load(scenario)
-    chosen = get_all(scenario.estimators if estimators is None else estimators)
+    chosen = get_all(named_estimators(scenario) if estimators is None else estimators)
     plant = build(scenario, seed=seed, duration_s=duration_s)
     every = recording_interval(plant.samples)
     rows = setting_rows(settings, chosen)

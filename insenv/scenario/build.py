@@ -19,10 +19,12 @@ from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
+from insenv.instruments import TOLD
 from insenv.plant import plant_model
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.sensor_notes import motion_error, sensor_notes
 from insenv.sensors import IMU, Sensor
+from insenv.sensors.contract import Place
 from insenv.vehicles import Vehicle
 from insenv.vehicles.ship import ANGLES
 
@@ -101,6 +103,7 @@ def reseeded(plant: Plant, seeds: Iterable[int]) -> list[Plant]:
 def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Vector, seed: int, duration: float) -> Plant:
     """The plant with the parameters `rows` and the seed; `vector` is both packed."""
     parameters = {**rows, "seed": float(seed)}
+    told_rows = told(scenario, model.parameters.unpack(vector.copy()))
     return Plant(
         scenario=scenario,
         model=model,
@@ -109,7 +112,7 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
         samples=round(duration * scenario.rate_hz),
         duration_s=duration,
         seed=seed,
-        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, seed),
+        knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, told_rows, seed),
     )
 
 
@@ -132,8 +135,9 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         **scenario.imu.rows(scenario.rate_hz),
         **scenario.gravity.rows(start),
     }
+    place = Place(rows["start_latitude"], rows["start_longitude"], rows["start_height"])
     for id, section in scenario.sensors.items():
-        rows |= _checked(f"sensor {id!r}", partial(section.rows, scenario.rate_hz), model.parameters)
+        rows |= _checked(f"sensor {id!r}", partial(section.rows_at, scenario.rate_hz, place), model.parameters)
     for row in vehicle.parameters:
         if row.name not in rows and not row.flat_start().any():
             raise InputError(
@@ -203,7 +207,9 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
     return model.state.unpack(np.asarray(model.kernels["start"].function(vector, drawn)).ravel())
 
 
-def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], seed: int) -> Knowledge:
+def _knowledge(
+    scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], told_rows: Mapping[str, Any], seed: int
+) -> Knowledge:
     known = scenario.knowledge
     error = start_errors(known, seed)
     roll, pitch, heading = reported_attitude(np.array(attitude.numeric.to_euler(true["q_nb"])), error[0:3])
@@ -229,7 +235,24 @@ def _knowledge(scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[
         fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         sensors=sensor_notes(parameters, scenario.vehicle.in_place),
+        instruments=told_rows,
     )
+
+
+def told_of(scenario: Scenario) -> dict[str, Any]:
+    """`told` of a scenario as it stands."""
+    model, rows = plant_of(scenario)
+    return told(scenario, model.parameters.unpack(model.parameters.pack(rows)))
+
+
+def told(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """What the sensors of a scenario with these parameter rows (SI) tell of their errors: rows of `insenv.instruments.TOLD`."""
+    rows: dict[str, Any] = {}
+    for id, section in scenario.sensors.items():
+        if section.sensor.told is not None:
+            with naming(f"sensor {id!r}, told"):
+                rows |= check_rows(section.sensor.told(parameters), TOLD)
+    return {name: np.array(value, dtype=float) if np.ndim(value) else float(value) for name, value in rows.items()}
 
 
 def reported_attitude(true: Vector, error: Vector) -> Vector:

@@ -73,7 +73,7 @@ class Scenario(Section):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the scenario leaves open and a reader of its results must know."""
+        """Sentences on what the scenario leaves open, for a reader of its results."""
         if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
             return ()
         return ("the inertial unit is perfect, because [imu] is missing or states no errors",)

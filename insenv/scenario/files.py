@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from insenv.errors import InputError, nearest
+from insenv.errors import LISTED, InputError, nearest
 from insenv.estimators import registry
 from insenv.files.resources import scenario_folder
 from insenv.files.toml import read_toml, shown, validated
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
+from insenv.scenario.kinds import is_log, is_scenario
 
 
 def names() -> list[str]:
@@ -37,12 +38,22 @@ def load(scenario: ScenarioLike) -> Scenario:
     text = str(scenario)
     if isinstance(scenario, str) and not text.endswith(".toml"):
         known = names()
+        if text not in known and Path(text).is_file():
+            raise InputError(
+                f"{text}: not a scenario: allowed is a name or the path of a .toml file; `insenv replay {text} -e ID` takes a "
+                "recorded log"
+            )
         if text not in known:
-            raise InputError(f"no scenario {text!r}{nearest(text, known)}; or give the path of a .toml file")
+            raise InputError(f"no scenario {text!r}{nearest(text, known, LISTED)}; or give the path of a .toml file")
         path = scenario_folder() / f"{text}.toml"
     else:
         path = Path(scenario)
-    return parse(read_toml(path), str(path), path.stem)
+    data = read_toml(path)
+    if is_log(data) and not is_scenario(data):
+        raise InputError(
+            f"{path}: describes a recorded log and is no scenario: `insenv replay {path} -e ID` runs estimators on it"
+        )
+    return parse(data, str(path), path.stem)
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:

@@ -1,4 +1,4 @@
-"""The section [gravity] of a scenario: what the true gravity has and the estimators' normal gravity lacks."""
+"""The section [gravity] of a scenario: the difference between true gravity and the normal gravity of the estimators."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from insenv.vehicles import StartSection
 
 
 class GravitySection(Section):
-    """True gravity minus normal gravity, the same on the whole way; no estimator knows it."""
+    """True gravity minus normal gravity, constant along the trajectory; no estimator knows it."""
 
     deflection_north_arcsec: Number = key(
         0.0,

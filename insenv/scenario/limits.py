@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from insenv.core.compile import cache_folder
+from insenv.core.cache import cache_folder
 from insenv.core.model import Model
 from insenv.core.progress import Progress, check_progress
 from insenv.core.tables import Vector
@@ -19,13 +19,14 @@ from insenv.errors import InputError
 from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior
 from insenv.files.output import atomic
+from insenv.instruments import INSTRUMENTS
 from insenv.scenario.build import Plant, build
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
 
 TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
-KNOWN = frozenset({"gnss"})
+KNOWN = frozenset({"gnss", *INSTRUMENTS})
 """Sensors, beside the inertial unit, whose errors the limit knows."""
 WORTH_KEEPING_S = 0.5
 """A limit that takes longer to compute is kept on disk, beside the compiled models."""
@@ -56,7 +57,7 @@ def no_limit(plant: Plant) -> str:
     further = sorted(plant.sensors - KNOWN)
     if not further:
         return ""
-    return f"no limit: it knows the errors of inertial units and GNSS receivers, not those of {', '.join(map(repr, further))}"
+    return f"no limit: limits cover the errors of the sensors that insenv ships, not those of {', '.join(map(repr, further))}"
 
 
 def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
@@ -66,7 +67,7 @@ def limit_of(plant: Plant, progress: Progress | None = None) -> Limit:
 
 
 def prior_of(known: KnowledgeSection) -> Prior:
-    """What a scenario tells of the start."""
+    """The initial uncertainty that a scenario states."""
     return Prior(
         attitude=np.radians([known.tilt_sigma_deg, known.tilt_sigma_deg, known.heading_sigma_deg]),
         velocity=np.array(known.velocity_sigma_mps, dtype=float),

@@ -75,7 +75,7 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
     for id, table in (settings or {}).items():
         allowed = dict.fromkeys(name for e in chosen for name in (e.id, e.smooths) if name)
         if id not in allowed:
-            raise InputError(f"settings: {shown(id)} is none of the estimators of this run{nearest(str(id), allowed)}")
+            raise InputError(f"settings: {shown(id)} is not an estimator of this run{nearest(str(id), allowed)}")
         if not isinstance(table, Mapping):
             raise InputError(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
         given[id] = tuning(next((e for e in chosen if e.id == id), id), table)
@@ -124,6 +124,15 @@ def _from_file(where: str, read: Callable[[str], Mapping[str, Any]], value: Any)
         return read(value)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+
+
+def keys_by_row(parameters: Table) -> dict[str, list[str]]:
+    """By parameter row, the keys that set it; rows that cannot be set are left out."""
+    found: dict[str, list[str]] = {}
+    for key, rows in _keys(parameters).items():
+        for row, _ in rows:
+            found.setdefault(row.name, []).append(key)
+    return found
 
 
 def _keys(parameters: Table) -> dict[str, list[tuple[Row, Callable[[Any], Any]]]]:

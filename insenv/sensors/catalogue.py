@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from insenv.errors import InputError, nearest
+from insenv.errors import LISTED, InputError, nearest
 from insenv.sensors.grades import GnssGrade, ImuGrade
 from insenv.sensors.units import m_s2_to_ug, one_sigma_from_cep, one_sigma_from_r50
 
@@ -291,5 +291,5 @@ def gnss_grade(name: str) -> GnssGrade:
 
 def _find(name: str, grades: Mapping[str, Any], what: str) -> Any:
     if name not in grades:
-        raise InputError(f"{what} {name!r}: unknown{nearest(name, grades)}")
+        raise InputError(f"{what} {name!r}: unknown{nearest(name, grades, LISTED)}")
     return grades[name]

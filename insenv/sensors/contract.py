@@ -27,6 +27,8 @@ class Sensor:
         (``q_nb``, ``velocity_n``, ``latitude``, ``true_delta_angle``, ...) and the rows of the sensors before it.
     outputs: state rows that are outputs of the plant, and inputs of the same names of estimators.
     derived, derive: further outputs of the plant, and ``(parameters, state) -> {row: value}`` that computes them.
+    truth: state rows that are outputs of the plant to compare estimates with; no estimator and no agent gets them.
+    told: ``(parameter rows by name) -> {row of insenv.instruments.TOLD: value}``, what an estimator is told of its errors.
     """
 
     id: str
@@ -34,6 +36,17 @@ class Sensor:
     outputs: tuple[str, ...]
     derived: Table = field(default_factory=Table)
     derive: Callable[[Values, Values], Mapping[str, Any]] | None = None
+    truth: tuple[str, ...] = ()
+    told: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a run starts: geodetic latitude and longitude (rad), height above the ellipsoid (m)."""
+
+    latitude: float
+    longitude: float
+    height: float
 
 
 class SensorSection(Section):
@@ -48,3 +61,7 @@ class SensorSection(Section):
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for values that conflict."""
         raise NotImplementedError
+
+    def rows_at(self, rate_hz: float, place: Place) -> dict[str, Any]:
+        """Parameter rows (SI) for a run that starts at `place`: `rows`, unless the surroundings set some of them."""
+        return self.rows(rate_hz)

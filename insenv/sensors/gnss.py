@@ -9,7 +9,8 @@ IMU:
     offset    = r_antenna - v_antenna tau + a_antenna tau^2 / 2    (m, tangent plane at the IMU)
     velocity  = v_antenna - a_antenna tau
 
-l is the lever arm.  The errors of position are white noise, a first-order Gauss-Markov process stepped exactly from
+l is the actual lever arm: the stated one, and an error that is drawn at the start.  So is the delay: the time by which a fix is
+older than its age says.  The errors of position are white noise, a first-order Gauss-Markov process stepped exactly from
 epoch to epoch, and outliers; the error of velocity is white noise.  The sum of offset and errors is converted to
 geodetic coordinates exactly. The fix is delivered after `gnss_latency`, with its age.  A sample without a fix only
 increments a counter.
@@ -17,13 +18,15 @@ increments a counter.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from insenv.attitude import rotate
 from insenv.core.compose import Part
-from insenv.core.elementary import TWO_PI, exp, maximum, select, sin_cos
+from insenv.core.elementary import TWO_PI, clamp, exp, maximum, select, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
@@ -36,7 +39,7 @@ from insenv.sensors.imu_tables import HUGE
 OUTAGES = 16
 """Number of outage windows in the parameters."""
 GNSS_UNIFORMS = 13
-START_UNIFORMS = 4
+START_UNIFORMS = 8
 SIGMA_FLOOR = 1e-3
 """Smallest standard deviation that the receiver reports, m and m/s; never 0, so that an estimator may divide by it."""
 
@@ -72,6 +75,12 @@ GNSS_PARAMETERS = Table((
         lower=-1e3,
         upper=1e3,
     ),
+    Row("antenna_lever_arm_error", "Actual minus stated lever arm, fixed part", "m", (3,), "b", lower=-1e3, upper=1e3),
+    Row("antenna_lever_arm_sigma", "Actual minus stated lever arm, 1 sigma of the part drawn at the start", "m", (3,), "b",
+        lower=0.0),
+    Row("gnss_delay_error", "True minus stated age of a fix, fixed part", "s", lower=-3600.0, upper=3600.0),
+    Row("gnss_delay_sigma", "True minus stated age of a fix, 1 sigma of the part drawn at the start", "s", lower=0.0,
+        upper=3600.0),
     Row("gnss_position_noise", "White position noise, standard deviation", "m", (3,), "n", lower=0.0),
     Row("gnss_velocity_noise", "White velocity noise, standard deviation", "m/s", (3,), "n", lower=0.0),
     Row(
@@ -137,6 +146,10 @@ GNSS_STATE = Table((
     Row("gnss_epochs", "Number of epochs so far"),
     Row("gnss_counter", "Samples since the latest epoch"),
     Row("gnss_due", "1 on a sample that ends with a measurement", lower=0.0, upper=1.0),
+    Row("antenna_lever_arm_true", "Actual position of the antenna relative to the IMU", "m", (3,), "b"),
+    Row("gnss_delay_true", "True minus stated age of a fix", "s"),
+    Row("gnss_latency_true", "Actual time from the sample of the epoch to delivery, whole samples", "s"),
+    Row("gnss_epoch_offset_true", "Actual time by which the epoch precedes its sample, below one sample", "s"),
 ))  # fmt: skip
 
 
@@ -146,7 +159,7 @@ def gnss_part(instant: Instant) -> Part:
     Reads the parameter ``sample_interval`` (s) and the true state rows at the IMU: ``latitude``, ``longitude`` (rad),
     ``height`` (m), ``velocity_n`` (m/s) and ``q_nb``; from these, `instant` computes the true angular rate omega_eb^b
     (3, rad/s), its time derivative (3, rad/s^2) and that of velocity_n (3, m/s^2). Steps: "sample", "gnss" (when
-    ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 4 uniforms.
+    ``gnss_due``, 13 uniforms), "gnss_delivery" (when ``gnss_valid``); the start uses 8 uniforms.
     """
 
     def measure(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
@@ -165,6 +178,14 @@ def gnss_part(instant: Instant) -> Part:
     )
 
 
+def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
+    delay = float(np.hypot(rows["gnss_delay_error"], rows["gnss_delay_sigma"]))
+    return {
+        "antenna_lever_arm_sigma": np.hypot(rows["antenna_lever_arm_error"], rows["antenna_lever_arm_sigma"]),
+        "gnss_delay_sigma": delay,
+    }
+
+
 GNSS = Sensor(
     "gnss",
     gnss_part,
@@ -179,6 +200,8 @@ GNSS = Sensor(
         "gnss_velocity_n",
         "gnss_velocity_sigma",
     ),
+    truth=("antenna_lever_arm_true", "gnss_delay_true"),
+    told=_told,
 )
 
 
@@ -203,13 +226,30 @@ def check_timing(sample_interval: float, interval: float, latency: float, epoch_
 
 
 def _start(p: Values, r: Any) -> dict[str, Any]:
-    return {"gnss_wander": p.gnss_wander_sigma * normals(r)[0:3]}
+    """Draw the wander, the lever arm and the delay.
+
+    The true age of a fix is the stated one plus the delay, but at least 0 and below the interval, because only one fix can be
+    pending.
+    """
+    n = normals(r)
+    stated = p.gnss_latency + p.gnss_epoch_offset
+    drawn = p.gnss_delay_error + p.gnss_delay_sigma * n[7]
+    age = clamp(stated + drawn, 0.0, p.gnss_interval - p.sample_interval)
+    samples = ca.floor(age / p.sample_interval + 1e-9)
+    late = drawn != 0.0
+    return {
+        "gnss_wander": p.gnss_wander_sigma * n[0:3],
+        "antenna_lever_arm_true": p.antenna_lever_arm_b + p.antenna_lever_arm_error + p.antenna_lever_arm_sigma * n[4:7],
+        "gnss_delay_true": select(late, age - stated, 0.0),
+        "gnss_latency_true": select(late, samples * p.sample_interval, p.gnss_latency),
+        "gnss_epoch_offset_true": select(late, maximum(age - samples * p.sample_interval, 0.0), p.gnss_epoch_offset),
+    }
 
 
 def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
     """Count the sample; determine whether the pending fix is delivered and whether another is due."""
     counter = x.gnss_counter + 1.0
-    late = counter * p.sample_interval - p.gnss_latency
+    late = counter * p.sample_interval - x.gnss_latency_true
     arrives = ca.fabs(late) < 0.5 * p.sample_interval
     return {
         "gnss_counter": counter,
@@ -222,16 +262,16 @@ def _sample(p: Values, x: Values, u: Values) -> dict[str, Any]:
 def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, rate_change_b: Any, acceleration_n: Any) -> dict[str, Any]:
     """The measurement at an epoch: antenna, errors, outages."""
     n = normals(r[0:10])
-    tau = p.gnss_epoch_offset
-    speed = ca.cross(rate_eb_b, p.antenna_lever_arm_b)
+    tau = x.gnss_epoch_offset_true
+    speed = ca.cross(rate_eb_b, x.antenna_lever_arm_true)
     velocity = x.velocity_n + rotate(x.q_nb, speed)
-    bend = ca.cross(rate_change_b, p.antenna_lever_arm_b) + ca.cross(rate_eb_b, speed)
+    bend = ca.cross(rate_change_b, x.antenna_lever_arm_true) + ca.cross(rate_eb_b, speed)
     acceleration = acceleration_n + rotate(x.q_nb, bend)
-    offset = rotate(x.q_nb, p.antenna_lever_arm_b) - velocity * tau + acceleration * (0.5 * tau * tau)
+    offset = rotate(x.q_nb, x.antenna_lever_arm_true) - velocity * tau + acceleration * (0.5 * tau * tau)
 
     decay = exp(-p.gnss_interval / p.gnss_wander_time)
     wander = decay * x.gnss_wander + p.gnss_wander_sigma * ca.sqrt((1.0 - decay) * (1.0 + decay)) * n[3:6]
-    outlier = (r[10] < p.gnss_outlier_probability) * p.gnss_outlier_size * _direction(r[11], r[12])
+    outlier = (r[10] < p.gnss_outlier_probability) * p.gnss_outlier_size * direction(r[11], r[12])
     latitude, longitude, height = geodetic_from_ned_offset(
         offset + p.gnss_position_noise * n[0:3] + wander + outlier, x.latitude, x.longitude, x.height
     )
@@ -252,11 +292,11 @@ def _measure(p: Values, x: Values, r: Any, rate_eb_b: Any, rate_change_b: Any, a
         "gnss_wander": wander,
         "gnss_epochs": epochs,
         "gnss_counter": 0.0,
-        "gnss_valid": fix * (p.gnss_latency < 0.5 * p.sample_interval),
+        "gnss_valid": fix * (x.gnss_latency_true < 0.5 * p.sample_interval),
     }
 
 
-def _direction(u1: Any, u2: Any) -> Any:
+def direction(u1: Any, u2: Any) -> Any:
     """Unit vector (3) uniform over the sphere, from two uniforms."""
     z = 2.0 * u1 - 1.0
     sine, cosine = sin_cos(TWO_PI * u2)
@@ -268,10 +308,10 @@ def _deliver(p: Values, x: Values, u: Values) -> dict[str, Any]:
     """The pending fix becomes the latest one."""
     state: dict[str, Any] = {f"gnss_{name}": getattr(x, f"gnss_pending_{name}") for name in _NAMES}
     position = ca.sqrt(p.gnss_position_noise**2 + p.gnss_wander_sigma**2)
-    delivered_at = select(p.gnss_latency < 0.5 * p.sample_interval, 0.0, x.gnss_counter)
+    delivered_at = select(x.gnss_latency_true < 0.5 * p.sample_interval, 0.0, x.gnss_counter)
     return state | {
         "gnss_position_sigma": maximum(position, SIGMA_FLOOR),
         "gnss_velocity_sigma": maximum(p.gnss_velocity_noise, SIGMA_FLOOR),
-        "gnss_age": delivered_at * p.sample_interval + p.gnss_epoch_offset,
+        "gnss_age": delivered_at * p.sample_interval + x.gnss_epoch_offset_true - x.gnss_delay_true,
         "gnss_velocity_valid": p.gnss_has_velocity,
     }

@@ -28,6 +28,10 @@ class GnssSection(SensorSection):
     latency_s: Number = key(0.0, "delay of a fix, a whole number of samples, below the interval", "s", ge=0, le=3600)
     epoch_offset_s: Number = key(0.0, "time from the epoch of a fix to its sample, below one sample", "s", ge=0, le=1)
     lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna: forward, right, down", "m")
+    lever_arm_error_m: LeverArm = key(_ZERO, "actual minus stated lever arm", "m")
+    lever_arm_sigma_m: NotNegative = key(_ZERO, "actual minus stated lever arm, 1 sigma of a part drawn at the start", "m")
+    delay_error_s: Number = key(0.0, "time by which a fix is older than its age says", "s", ge=-3600, le=3600)
+    delay_sigma_s: Number = key(0.0, "that time, 1 sigma of a part drawn at the start", "s", ge=0, le=3600)
     velocity: bool = key(True, "whether fixes contain a velocity", strict=True)
     position_noise_m: NotNegative | None = key(None, "white noise of position (1 sigma, NED); the grade's if absent", "m")
     velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity (1 sigma, NED); the grade's if absent", "m/s")
@@ -72,6 +76,10 @@ class GnssSection(SensorSection):
             "gnss_latency": self.latency_s,
             "gnss_epoch_offset": self.epoch_offset_s,
             "antenna_lever_arm_b": np.array(self.lever_arm_m),
+            "antenna_lever_arm_error": np.array(self.lever_arm_error_m),
+            "antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m),
+            "gnss_delay_error": self.delay_error_s,
+            "gnss_delay_sigma": self.delay_sigma_s,
             "gnss_has_velocity": float(self.velocity),
             "gnss_outage_start": windows[0],
             "gnss_outage_end": windows[1],

@@ -1,4 +1,4 @@
-"""Rows of the inertial sensor's parameters and state, generated alike for the gyro and the accelerometer triad."""
+"""Rows of the inertial sensor's parameters and state, generated in the same way for the gyro and the accelerometer triad."""
 
 from __future__ import annotations
 

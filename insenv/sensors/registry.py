@@ -17,9 +17,15 @@ TAKEN = frozenset(dir(SensorSection)) | {
 
 
 def _shipped() -> Iterator[type[SensorSection]]:
+    from insenv.sensors.barometer import BarometerSection
+    from insenv.sensors.dvl import DvlSection
     from insenv.sensors.gnss_section import GnssSection
+    from insenv.sensors.heading import HeadingSection
+    from insenv.sensors.magnetometer import MagnetometerSection
+    from insenv.sensors.odometer import OdometerSection
 
-    yield GnssSection
+    # the order of the sensors of a plant: a new one comes last, and changes no random number of those before it
+    yield from (GnssSection, BarometerSection, MagnetometerSection, OdometerSection, DvlSection, HeadingSection)
 
 
 def _id(section: type[SensorSection]) -> str:

@@ -1,4 +1,4 @@
-"""Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two ways of writing white noise.
+"""Conversion of data-sheet units (deg/h, ug/sqrt(Hz), ...) to SI, and of the two notations of white noise.
 
 NumPy functions of a number or an array, named ``<data-sheet unit>_to_<SI unit>``.  ``h`` is an hour, ``g`` the standard
 gravity of data sheets (9.80665 m/s^2, independent of the local gravity), ``ppm`` a millionth.
@@ -109,6 +109,16 @@ def ug_sqrt_h_to_m_s2_sqrt_s(value: Any) -> Any:
 def ppm_to_one(value: Any) -> Any:
     """Parts per million to a pure number."""
     return np.multiply(value, 1e-6)
+
+
+def percent_to_one(value: Any) -> Any:
+    """Per cent to a pure number."""
+    return np.multiply(value, 0.01)
+
+
+def nt_to_t(value: Any) -> Any:
+    """nT to T."""
+    return np.multiply(value, 1e-9)
 
 
 def deg_c_to_k(value: Any) -> Any:

@@ -4,6 +4,8 @@ from insenv.vehicles.aircraft import aircraft
 from insenv.vehicles.aircraft_section import AircraftSection
 from insenv.vehicles.car import car
 from insenv.vehicles.car_section import CarSection
+from insenv.vehicles.multirotor import multirotor
+from insenv.vehicles.multirotor_section import MultirotorSection
 from insenv.vehicles.routes import car_route, flight_plan, ship_course, survey_pattern
 from insenv.vehicles.section import StartSection, VehicleSection
 from insenv.vehicles.ship import regular_sway, ship
@@ -18,6 +20,7 @@ __all__ = [
     "AircraftSection",
     "CarSection",
     "Hull",
+    "MultirotorSection",
     "ShipSection",
     "StartSection",
     "StickCommand",
@@ -29,6 +32,7 @@ __all__ = [
     "car_route",
     "flight_plan",
     "irregular_sea",
+    "multirotor",
     "regular_sway",
     "ship",
     "ship_course",

@@ -14,9 +14,10 @@ from insenv.vehicles.section import VehicleSection
 def _shipped() -> Iterator[type[VehicleSection]]:
     from insenv.vehicles.aircraft_section import AircraftSection
     from insenv.vehicles.car_section import CarSection
+    from insenv.vehicles.multirotor_section import MultirotorSection
     from insenv.vehicles.ship_section import ShipSection
 
-    yield from (ShipSection, CarSection, AircraftSection)
+    yield from (ShipSection, CarSection, AircraftSection, MultirotorSection)
 
 
 def kind_of(section: type[VehicleSection]) -> str:

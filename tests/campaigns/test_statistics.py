@@ -19,7 +19,7 @@ from insenv.campaigns.block import run_block
 from insenv.campaigns.presentation import campaign_arrays, campaign_rows, campaign_tables
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
-from insenv.errors import InputError, InsenvError
+from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.estimators import loosely_coupled as lc
 from insenv.estimators.parts import quaternion_error
@@ -368,6 +368,23 @@ def test_the_limit_follows_what_is_varied(monkeypatch):
     assert many.as_json()["notes"][-1] == "limit: the root mean square over 3 of the 9 runs, evenly spaced"
 
 
+def test_equal_campaigns_in_two_folders_have_equal_files(tmp_path):
+    given = ("campaign", "ship-swaying", "-e", "analytic", "-n", "8", "--duration", "2", "--no-figure", "--json", "--out")
+    for name in ("one", "two"):
+        status, out, _ = call(*given, tmp_path / name)
+        assert status == 0
+        assert json.loads(out)["files"] == [str(tmp_path / name / file) for file in ("campaign.npz", "campaign.json")]
+    first, second = ((tmp_path / name / "campaign.json").read_bytes() for name in ("one", "two"))
+    assert first == second
+    assert json.loads(first)["files"] == ["campaign.npz", "campaign.json"]
+
+
+def test_the_last_seed_of_a_campaign_has_an_end_that_is_said_in_terms_of_the_first():
+    with pytest.raises(InputError, match=r"first seed = 9007199254740990 of 4 runs.* up to 9007199254740989"):
+        make_plan(slow_ship(), "analytic", 4, first_seed=2**53 - 2, duration_s=2.0)
+    assert make_plan(slow_ship(), "analytic", 4, first_seed=2**53 - 3, duration_s=2.0).runs == 4
+
+
 def test_lost_samples_are_noted():
     plan = make_plan(slow_ship(drop_probability=0.1), "analytic", 8, first_seed=1, duration_s=2.0)
     found = run_campaign(plan)
@@ -378,5 +395,5 @@ def test_lost_samples_are_noted():
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
     pytest.importorskip("distributed", reason="Dask is not installed")
     monkeypatch.setattr("insenv.campaigns.executors.CONNECT_S", 0.3)
-    with pytest.raises(InsenvError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
+    with pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
         run_campaign(small_plan(8), workers=cluster("tcp://127.0.0.1:9"))

@@ -14,7 +14,8 @@ import pytest
 from command_line import SHORT, call, log_file, refused, strict
 
 from insenv import errors, run
-from insenv.cli import kept_interruptions, main
+from insenv.cli import main
+from insenv.cli.interruptions import Interruptions
 from insenv.evaluation.errors import ATTITUDE
 
 # as installed, but with Ctrl-C enabled even if the parent ignores it, as shells do for background jobs
@@ -216,7 +217,7 @@ def test_ctrl_c_that_casadi_would_discard_is_raised_after_it():
     exec(compile("def converted(act):\n try: act()\n except BaseException: pass", "casadi/casadi.py", "exec"), scope)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with kept_interruptions(), pytest.raises(KeyboardInterrupt):
+        with Interruptions(), pytest.raises(KeyboardInterrupt):
             scope["converted"](lambda: os.kill(os.getpid(), signal.SIGINT))
             time.sleep(10.0)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

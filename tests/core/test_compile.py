@@ -1,10 +1,13 @@
 """The cache of compiled models: damaged, foreign and contended entries."""
 
+import errno
 import os
+import re
 import shutil
 import stat
 import subprocess
 import sys
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -12,7 +15,8 @@ import pytest
 
 from insenv.core import compile as compiling
 from insenv.core.codegen import native_source
-from insenv.core.compile import CompileError, Compiler, compile_library, find_compiler
+from insenv.core.compile import CompileError, Compiler, NoRoomError, compile_library, find_compiler
+from insenv.core.runner import make_runner
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on the path")
 
@@ -61,9 +65,76 @@ def test_another_source_is_another_entry(cache, toy):
 def test_a_folder_that_others_may_write_is_not_used(cache, toy):
     cache.mkdir(mode=0o777)
     cache.chmod(0o777)
-    library = compile_library(native_source(toy), find_compiler())
+    with pytest.warns(RuntimeWarning, match=f"{re.escape(str(cache))}: .*other users can write"):
+        library = compile_library(native_source(toy), find_compiler())
     assert cache not in library.parents
     assert list(cache.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_named_and_another_serves(tmp_path, toy, monkeypatch):
+    (tmp_path / "file").write_text("")
+    folder = tmp_path / "file" / "cache"
+    monkeypatch.setenv("INSENV_CACHE_DIR", str(folder))
+    with pytest.warns(RuntimeWarning, match=f"{re.escape(str(folder))}: Not a directory: .* INSENV_CACHE_DIR"):
+        library = compile_library(native_source(toy), find_compiler())
+    assert library.exists() and tmp_path not in library.parents
+    with warnings.catch_warnings():  # it warns once
+        warnings.simplefilter("error")
+        assert compile_library(native_source(toy), find_compiler()) == library
+
+
+@pytest.fixture
+def full(monkeypatch):
+    """A function that makes the disk full below a folder, for the compiler."""
+    compiled = compiling._compile
+
+    def fill(folder):
+        def compile(source, compiler, build):
+            if folder in build.parents:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            compiled(source, compiler, build)
+
+        monkeypatch.setattr(compiling, "_compile", compile)
+
+    return fill
+
+
+def test_a_full_cache_is_named_and_another_folder_serves(cache, toy, full):
+    full(cache)
+    with pytest.warns(RuntimeWarning, match=f"{re.escape(str(cache))}: No space left on device: .*this process alone"):
+        library = compile_library(native_source(toy), find_compiler())
+    assert library.exists() and cache not in library.parents and list(cache.iterdir()) == []
+
+
+def test_without_room_anywhere_the_interpreter_serves_unless_native_is_asked_for(cache, toy, full, monkeypatch):
+    monkeypatch.delenv("INSENV_BACKEND", raising=False)
+    full(Path("/"))
+    compiling._library.cache_clear()
+    with pytest.warns(RuntimeWarning, match="No space left on device"):
+        assert make_runner(toy).backend == "interpreter"
+    with pytest.raises(NoRoomError, match="No space left"):
+        make_runner(toy, backend="native")
+
+
+def test_a_compiler_that_dies_on_a_full_disk_is_no_fault_of_the_code(cache, toy, monkeypatch):
+    monkeypatch.setattr(compiling, "SMALLEST_ROOM", 2**80)
+    with pytest.warns(RuntimeWarning, match="No space left"), pytest.raises(NoRoomError):
+        compile_library("this is not C", find_compiler())
+
+
+def test_the_folder_of_a_process_goes_with_it(tmp_path):
+    (tmp_path / "file").write_text("")
+    code = "from insenv.core.cache import cache_folder; print(cache_folder())"
+    environment = {**os.environ, "INSENV_CACHE_DIR": str(tmp_path / "file" / "cache")}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert "insenv-" in done.stdout and not Path(done.stdout.strip()).exists()
+
+
+def test_a_compilation_is_told_of_when_it_begins_and_ends(cache, toy, caplog):
+    with caplog.at_level("INFO", logger=compiling.__name__):
+        compile_library(native_source(toy), find_compiler())
+        compile_library(native_source(toy), find_compiler())
+    assert caplog.messages == ["compiling, once", "compiled"]
 
 
 def test_a_link_is_not_trusted(cache, toy, tmp_path):

@@ -186,7 +186,7 @@ def test_backend_is_chosen_by_argument_then_environment(monkeypatch):
 def test_without_a_compiler_it_says_so_once_and_interprets(toy, monkeypatch):
     monkeypatch.delenv("INSENV_BACKEND", raising=False)
     monkeypatch.setattr(runner_module, "find_compiler", lambda: None)
-    runner_module._warn_no_compiler.cache_clear()
+    runner_module._warn_interpreter.cache_clear()
     with pytest.warns(RuntimeWarning, match="no C compiler") as said:
         assert make_runner(toy).backend == "interpreter"
         make_runner(toy)

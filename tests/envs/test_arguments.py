@@ -45,6 +45,15 @@ COMMON = [
     ({"imu": 3}, 'imu = 3: allowed is a grade of the catalogue, "random" or None'),
     ({"imu_range": 3}, "imu_range = 3: allowed is two grades of the catalogue"),
     ({"imu_range": ("marine", 3)}, "imu_range = ('marine', 3): allowed is two grades of the catalogue"),
+    ({"imu": None, "imu_range": ("marine", "tactical")}, "imu_range = ('marine', 'tactical') with imu = None: the range is "),
+    (
+        {"imu": "navigation", "imu_range": ("marine", "tactical")},
+        "imu_range = ('marine', 'tactical') with imu = 'navigation': ",
+    ),
+    (
+        {"imu": "random", "imu_range": ("tactical", "marine")},
+        "imu_range = ('tactical', 'marine'): allowed is two grades of the ",
+    ),
     ({"heading_deg": 5}, "heading_deg = 5: allowed is a pair (low, high) of numbers from -360 to 360 deg"),
     ({"heading_deg": ("0", "90")}, "heading_deg = ('0', '90'): allowed is a pair (low, high) of numbers"),
     ({"sea_state": "rough"}, "sea_state = 'rough': allowed is a pair (low, high) of numbers from 0 to 10"),
@@ -67,6 +76,7 @@ VECTOR = [
     ({"threads": "2"}, "threads = '2': allowed is a whole number from 1"),
     ({"max_episode_steps": 2.5}, "max_episode_steps = 2.5: allowed is a whole number from 1"),
     ({"autoreset_mode": 3}, "autoreset_mode = 3: allowed is "),
+    ({"autoreset_mode": "nosuch"}, "autoreset_mode = 'nosuch': allowed is 'NextStep' or 'SameStep' or 'Disabled'"),
     ({"render_mode": "x"}, "render_mode = 'x': allowed is None"),
 ]
 OWN = [
@@ -162,6 +172,30 @@ def test_a_subclass_may_take_arguments_of_its_own():
 def test_a_reset_refuses(options, message):
     for env in (AlignmentEnv(**SHORT), AlignmentVectorEnv(2, **SHORT)):
         refuses(lambda env=env: env.reset(options=options), message)
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_action_is_of_real_numbers():
+    for env in (AlignmentEnv(**SHORT), AlignmentVectorEnv(2, **SHORT)):
+        env.reset(seed=1)
+        for kind in (complex, str):
+            action = np.zeros(env.action_space.shape).astype(kind)
+            refuses(lambda env=env, action=action: env.step(action), "action = array(")
+
+
+def test_a_random_unit_is_drawn_between_the_given_grades():
+    """The standard deviation of the turn-on bias, for the default range and a given one."""
+    for env, low, high in (
+        (AlignmentEnv(imu="random", **SHORT), 0.001, 4.0),
+        (AlignmentEnv(imu="random", imu_range=("navigation", "tactical"), **SHORT), 0.01, 4.0),
+        (ManoeuvreEnv(**SHORT), 4.0, 720.0),
+    ):
+        rows, drawn = env.setup.task.model.parameters, []
+        for seed in range(20):
+            p = env.setup.starts.draw([np.random.default_rng(seed)])[0]
+            drawn.append(np.degrees(p[rows.slice("gyro_bias_sigma")][0]) * 3600.0)
+        assert low <= min(drawn) < low * (high / low) ** 0.3, drawn
+        assert high * (low / high) ** 0.3 < max(drawn) <= high, drawn
 
 
 @pytest.mark.parametrize("seed", ["x", 2.5, -1, [1], [1, "x"], [1, 2, 3]])

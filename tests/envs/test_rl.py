@@ -40,6 +40,10 @@ def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
     printed = trained("train_tuner", "tuner.png", tmp_path)
     gain, error = number_after("PPO minus untuned, seed by seed:", printed)
     assert gain > 4 * error, printed
+    rows = {
+        name: float(re.search(rf"^{name} +(-?[\d.]+)", printed, re.MULTILINE)[1]) for name in ("untuned", "correct data sheets")
+    }
+    assert rows["correct data sheets"] > rows["untuned"] + 0.5, printed  # it is not mistuned
 
 
 def test_a_trained_aligner_beats_analytic_on_held_out_seeds(tmp_path):

@@ -47,7 +47,8 @@ def bound_with(plant, rest, mooring=None):
     """The limit of a plant said to rest always or never, whatever it does, and with a sway or without."""
     rows = rows_of(plant)
     fixes, blocks = steps_of(plant, rest=lambda count: np.full(count, rest))
-    layout = Layout(unit_of(rows), wander_of(rows) if fixes else None, fixes, mooring)
+    wander = wander_of(rows) if fixes else None
+    layout = Layout(unit_of(rows), () if wander is None else (wander,), fixes, mooring)
     times, sigmas = zip(*recursion(blocks, layout, prior_of(plant)), strict=True)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
 
@@ -432,5 +433,5 @@ def test_a_limit_is_kept_on_disk_and_a_broken_file_is_not_believed(tmp_path, mon
 def test_a_sensor_that_is_not_known_gives_no_limit():
     plant = build(load("car-city-drive"), seed=1)
     assert limits.no_limit(plant) == ""
-    further = SimpleNamespace(sensors=frozenset({"gnss", "odometer"}))
-    assert "errors of inertial units and GNSS receivers, not those of 'odometer'" in limits.no_limit(further)
+    further = SimpleNamespace(sensors=frozenset({"gnss", "odometer", "compass"}))
+    assert "errors of the sensors that insenv ships, not those of 'compass'" in limits.no_limit(further)

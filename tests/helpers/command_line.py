@@ -15,7 +15,7 @@ SHORT = ("run", "ship-swaying", "--duration", "10")
 
 
 def call(*arguments):
-    """Run a command line in this process; give its exit status, stdout and stderr."""
+    """Run a command line in this process; give its exit status, stdout and stderr without the line that says it compiles."""
     out, err = io.StringIO(), io.StringIO()
     with (
         mock.patch.dict(os.environ, INSENV_DEBUG="0"),
@@ -24,13 +24,13 @@ def call(*arguments):
         pytest.raises(SystemExit) as ended,
     ):
         main([str(argument) for argument in arguments])
-    return ended.value.code, out.getvalue(), err.getvalue()
+    return ended.value.code, out.getvalue(), err.getvalue().replace("insenv: compiling, once\n", "")
 
 
 def log_file(folder, **changes):
-    """Write the plain example log, its files changed by functions of their text (imu, gnss, toml); give the description."""
+    """Write a log of a turning car, its files changed by functions of their text (imu, gnss, toml); give the description."""
     for kind, name in (("imu", "plain-imu.csv"), ("gnss", "plain-gnss.csv"), ("toml", "plain.toml")):
-        text = (ROOT / "examples" / "logs" / name).read_text("utf-8")
+        text = (ROOT / "tests" / "logs" / "data" / name).read_text("utf-8")
         (folder / name).write_text(changes.get(kind, str)(text), encoding="utf-8")
     return folder / "plain.toml"
 

@@ -65,7 +65,11 @@ def main(url, seconds, parameter, value):
     missions = MissionRaw(system)
     downloads = [flat(get()) for get in (missions.download_mission, missions.download_geofence, missions.download_rallypoints)]
     found_at = begun + found_after
-    while (now := time.monotonic() - found_at) < seconds or (now < 30.0 and True not in seen["health_all_ok"][-1:]):
+
+    def healthy():
+        return True in seen["health_all_ok"][-1:] and all(all(health.values()) for health in seen["health"][-1:])
+
+    while (now := time.monotonic() - found_at) < seconds or (now < 30.0 and not healthy()):
         time.sleep(0.05)
     with lock:
         document = {

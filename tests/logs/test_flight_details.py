@@ -129,7 +129,7 @@ def test_a_ulog_file_that_is_cut_off_says_so(tmp_path: Path) -> None:
     assert not any("cut off" in note or "damaged" in note for note in load(path).notes)
     for size in (len(whole) - 1, len(whole) * 2 // 3):
         path.write_bytes(whole[:size])
-        notes = [note for note in load(path).notes if "the file is cut off: of its last message only" in note]
+        notes = [note for note in load(path).notes if "the file is cut off within its last message" in note]
         assert len(notes) == 1, size
 
 

@@ -477,7 +477,7 @@ def test_whatever_the_bytes_a_table_or_an_input_error(raw: bytes) -> None:
 
 
 def example_files() -> dict[str, str]:
-    """The plain example: a right turn at 6 deg/s and 10 m/s (Earth rate and curvature left out; it shows the
+    """A car that turns: a right turn at 6 deg/s and 10 m/s (Earth rate and curvature left out; it shows the
     format)."""
     w, v, lat0, lon0 = math.radians(6.0), 10.0, 45.0, 9.0
     imu = ["time_s,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z"]
@@ -494,10 +494,10 @@ def example_files() -> dict[str, str]:
     return {"plain-imu.csv": "\n".join(imu) + "\n", "plain-gnss.csv": "\n".join(gnss) + "\n"}
 
 
-def test_the_plain_example() -> None:
+def test_the_log_of_a_turning_car() -> None:
     for name, text in example_files().items():
-        assert (ROOT / "examples/logs" / name).read_text() == text
-    log = load(ROOT / "examples/logs/plain.toml")
+        assert (ROOT / "tests/logs/data" / name).read_text() == text
+    log = load(ROOT / "tests/logs/data/plain.toml")
     assert np.degrees(log.delta_angle[:, 2].sum()) == pytest.approx(60.0)
     assert log.delta_velocity[:, 2].mean() * 50 == pytest.approx(-G)
     assert log.delta_velocity[:, 1].mean() * 50 == pytest.approx(10 * math.radians(6), rel=1e-5)

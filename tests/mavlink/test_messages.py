@@ -9,16 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from insenv import attitude, geodesy
+from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.mavlink import Vehicle
 from insenv.mavlink.messages import DEFAULT_HZ, MESSAGES, Fields, Schedule, parse_rates
 from insenv.mavlink.messages.fields import DEG_E7, FLOAT32_MAX
 from insenv.mavlink.messages.schedule import STREAMS
 from insenv.mavlink.messages.status import available_modes
-from insenv.mavlink.surroundings import AirSensors, Surroundings
+from insenv.mavlink.surroundings import BAROMETER_HZ, MAGNETOMETER_HZ, Surroundings
 from insenv.mavlink.wire.frames import Statistics, split
 from insenv.mavlink.wire.further import DEFINITIONS, further_messages
-from insenv.scenario import load, parse
+from insenv.scenario import build, load, parse
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
 
@@ -242,8 +243,8 @@ def test_updated_bits_mark_when_magnetometer_and_barometer_are_new():
     vehicle = Vehicle(load("car-city-drive"), rates={"HIL_SENSOR": 200.0})
     bits = [m.fields_updated for _ in range(400) for m in vehicle.step() if m.get_type() == "HIL_SENSOR"]
     assert len(bits) == 400
-    assert sum(b >> 6 & 7 == 7 for b in bits) == pytest.approx(2 * AirSensors().magnetometer_rate, abs=1)
-    assert sum(b & 0x1A00 == 0x1A00 for b in bits) == pytest.approx(2 * AirSensors().barometer_rate, abs=1)
+    assert sum(b >> 6 & 7 == 7 for b in bits) == 2 * MAGNETOMETER_HZ
+    assert sum(b & 0x1A00 == 0x1A00 for b in bits) == 2 * BAROMETER_HZ
 
 
 def test_undulation_changes_heights_above_sea_level_only():
@@ -325,56 +326,72 @@ def test_an_alignment_sends_the_known_position_and_no_velocity():
 # --- magnetometer and barometer ------------------------------------------------------------------------
 
 
-def test_magnetic_field_is_that_of_the_world_magnetic_model():
-    """The library's field for this place and year, rotated into b; the library is tested against NOAA's values."""
-    quiet = AirSensors(magnetic_noise=0.0, pressure_noise=0.0, dynamic_pressure_noise=0.0)
-    place = {"q_nb": np.array([1.0, 0, 0, 0]), "velocity_n": np.zeros(3), "latitude": 89 * DEG, "longitude": -121 * DEG}
-    air = Surroundings(1, 2025.0, quiet)
-    air.update(0.0, {**place, "height": 28e3}, 28e3)
+def parked(**sections):
+    values = {"title": "t", "duration_s": 60.0, "start": {"latitude_deg": 50, "longitude_deg": 8, "height_m": 200.0}}
+    return parse({**values, "vehicle": {"kind": "car"}, **sections})
+
+
+def advanced(vehicle, samples):
+    for _ in range(samples):
+        vehicle.step()
+    return vehicle.view.air
+
+
+def test_the_stream_shows_the_instruments_of_the_scenario():
+    """As they measure, with the errors that the scenario states, and at their own rates."""
+    given = parked(
+        magnetometer={
+            "grade": "perfect",
+            "hard_iron_nt": [1000.0, -2000.0, 500.0],
+            "interval_s": 0.1,
+            "field_nt": [2e4, 0, 4e4],
+        },
+        barometer={"grade": "perfect", "bias_m": 25.0, "interval_s": 0.2},
+    )
+    vehicle = Vehicle(given, "q-method")
+    air = advanced(vehicle, 200)
+    assert vehicle.simulation.readings == {"magnetometer": 10, "barometer": 5}
+    field = np.array([2e4, 0, 4e4]) + [1000.0, -2000.0, 500.0]
+    np.testing.assert_allclose(air.magnetic_b * 1e9, field, atol=1e-6)
+    assert air.pressure_height == pytest.approx(225.0, abs=1e-9)
+    assert received(vehicle.make("HIGHRES_IMU")).xmag == pytest.approx(0.21, abs=1e-6)
+
+
+def test_without_them_it_has_a_field_of_the_date_and_no_number_of_the_run_changes():
     from pygeomag import GeoMag
 
-    expected = GeoMag().calculate(89.0, -121.0, 28.0, 2025.0)
-    np.testing.assert_allclose(air.data.magnetic_b * 1e9, [expected.x, expected.y, expected.z], rtol=1e-6)
-    turned = {**place, "q_nb": np.array(attitude.numeric.from_euler(0.3, 0.2, 1.0)), "height": 28e3}
-    other = Surroundings(1, 2025.0, quiet)
-    other.update(0.0, turned, 28e3)
-    C_nb = attitude.numeric.to_dcm(turned["q_nb"])
-    np.testing.assert_allclose(C_nb @ other.data.magnetic_b, air.data.magnetic_b, atol=1e-15)
+    given = load("car-city-drive")
+    vehicle = Vehicle(given, start_unix=1.8e9)
+    air = advanced(vehicle, 400)
+    exact = GeoMag().calculate(given.start.latitude_deg, given.start.longitude_deg, given.start.height_m / 1e3, 2027.04)
+    C_nb = attitude.numeric.to_dcm(vehicle.simulation.truth["q_nb"])
+    np.testing.assert_allclose(C_nb @ air.magnetic_b * 1e9, [exact.x, exact.y, exact.z], atol=5 * 50.0)
+    alone = build(given)
+    shown = alone.model.outputs.unpack(make_runner(alone.model, alone.parameters).run(400))
+    for name, values in shown.items():
+        np.testing.assert_array_equal(vehicle.simulation.truth[name], values[-1], err_msg=name)
+
+
+def test_before_the_first_measurement_there_is_none():
+    vehicle = Vehicle(load("car-city-drive"), rates={"HIL_SENSOR": 200.0, "SCALED_PRESSURE": 200.0})
+    first = {m.get_type(): m for m in vehicle.step()}
+    assert "SCALED_PRESSURE" not in first and first["HIL_SENSOR"].fields_updated & 0x1FC0 == 0
+    assert first["HIL_SENSOR"].abs_pressure == pytest.approx(966.1, abs=0.5), "at 400 m in the standard atmosphere"
 
 
 @pytest.mark.parametrize(
     "height, pressure, kelvin", [(0.0, 101325.0, 288.15), (10_000.0, 26_436.3, 223.15), (1000.0, 89_874.6, 281.65)]
 )
 def test_pressure_is_that_of_the_standard_atmosphere(height, pressure, kelvin):
-    """Table of the U.S. Standard Atmosphere, 1976, at geopotential heights."""
+    """Table of the U.S. Standard Atmosphere, 1976, at geopotential heights; 50 m of undulation."""
     geometric = 6356766.0 * height / (6356766.0 - height)
-    quiet = AirSensors(pressure_noise=0.0, dynamic_pressure_noise=0.0)
-    air = Surroundings(1, 2026.0, quiet)
-    truth = {"q_nb": np.array([1.0, 0, 0, 0]), "velocity_n": np.array([100.0, 0, 0]), "latitude": 0.5, "longitude": 0.5}
-    air.update(0.0, {**truth, "height": geometric}, geometric)
-    assert air.data.pressure == pytest.approx(pressure, rel=2e-5) and air.data.temperature == pytest.approx(kelvin, abs=2e-3)
-    assert air.data.pressure_height == pytest.approx(geometric, abs=1e-2)
-    assert air.data.dynamic_pressure == pytest.approx(0.5 * pressure / (287.05287 * kelvin) * 1e4, rel=1e-4)
-
-
-def test_noise_is_white_and_a_function_of_seed_and_sample():
-    rows = parse({"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}, "vehicle": {"kind": "car"}})
-    assert rows.gnss is None
-    truth = {"q_nb": np.array([1.0, 0, 0, 0]), "velocity_n": np.zeros(3), "latitude": 0.5, "longitude": 0.5, "height": 100.0}
-
-    def shown(seed, step):
-        air, found = Surroundings(seed, 2026.0), []
-        for k in range(0, 4000, step):
-            air.update(k * 0.02, truth, 100.0)
-            found.append((*air.data.magnetic_b, air.data.pressure))
-        return np.array(found)
-
-    one, again, other = shown(3, 1), shown(3, 2), shown(4, 1)
-    np.testing.assert_array_equal(one[::2], again)
-    assert np.all(np.std(one - other, axis=0) > 0)
-    sigma = np.std(one[:, :3], axis=0) / AirSensors().magnetic_noise
-    assert np.all(np.abs(sigma - 1) < 4 / np.sqrt(2 * 4000))
-    assert abs(np.std(one[::2, 3]) / AirSensors().pressure_noise - 1) < 4 / np.sqrt(2 * 2000)
+    truth = {"velocity_n": np.array([100.0, 0, 0]), "height": geometric + 50.0, "barometer_height": geometric + 50.0}
+    truth["magnetometer_field_b"] = np.zeros(3)
+    air = Surroundings(1).data(truth, 50.0, 1)
+    assert air.pressure == pytest.approx(pressure, rel=2e-5) and air.temperature == pytest.approx(kelvin, abs=2e-3)
+    assert air.pressure_height == pytest.approx(geometric, abs=1e-9)
+    assert air.density == pytest.approx(pressure / (287.05287 * kelvin), rel=1e-4)
+    assert air.dynamic_pressure == pytest.approx(0.5 * pressure / (287.05287 * kelvin) * 1e4, abs=6.0)  # of 1 Pa of noise
 
 
 # --- fixes and outages ---------------------------------------------------------------------------------

@@ -105,6 +105,29 @@ def test_estimators_that_cannot_run_live_are_refused():
         Simulation(load("car-city-drive"), "q-method")
 
 
+# --- texts ------------------------------------------------------------------------------------------
+
+
+def test_a_long_text_comes_in_chunks_that_give_it_back():
+    """MAVLink: chunks of one text have its number, and count; a chunk that does not fill the field is the last."""
+    vehicle = quiet()
+    for text in ("x" * 49, "x" * 50, "short"):
+        vehicle.announce(text)
+        (message,) = vehicle.texts()
+        assert (message.text, message.id, message.chunk_seq) == (text, 0, 0)
+    numbers = set()
+    for length in (51, 99, 100, 101, 250):
+        text = "".join(chr(ord("a") + k % 26) for k in range(length))
+        vehicle.announce(text)
+        chunks = vehicle.texts()
+        assert "".join(chunk.text for chunk in chunks) == text
+        assert [chunk.chunk_seq for chunk in chunks] == list(range(len(chunks)))
+        assert all(len(chunk.text) == 50 for chunk in chunks[:-1]) and len(chunks[-1].text) < 50
+        (number,) = {chunk.id for chunk in chunks}
+        numbers.add(number)
+    assert len(numbers) == 5 and 0 not in numbers
+
+
 # --- parameters --------------------------------------------------------------------------------------
 
 
@@ -169,6 +192,17 @@ def test_a_parameter_acts_at_once_or_announces_when():
     assert answer.param_value == 30.0  # it stays in force
 
 
+def test_the_undulation_is_given_before_the_start():
+    vehicle = quiet(undulation=47.0)
+    (answer,) = answered(vehicle, sent("PARAM_REQUEST_READ", 1, 1, b"SIM_UNDULATION", -1))
+    assert answer.param_value == 47.0 and vehicle.view.undulation == 47.0
+    assert set_parameter(vehicle, "SIM_UNDULATION", 0.0) == 47.0 and vehicle.view.undulation == 47.0
+    assert texts(vehicle) == ["SIM_UNDULATION cannot be set during a run"]
+    for wrong in (121.0, -121.0, nan):
+        with pytest.raises(InputError, match="allowed is -120 to 120 m"):
+            quiet(undulation=wrong)
+
+
 def test_noise_of_the_receiver_can_be_set_live():
     vehicle = quiet()
     for axis in "NED":
@@ -187,7 +221,8 @@ def test_noise_of_the_receiver_can_be_set_live():
     "name, value, kind",
     [
         ("E_INN_GATE", nan, 9), ("E_INN_GATE", -1.0, 9), ("E_INN_GATE", 6.0, 6), ("S_GYR_BIAS_X", 1.0, 9),
-        ("SIM_RATE", 100.0, 9), ("SIM_SPEED", 1e9, 9), ("E_COV_DT", float("inf"), 9), ("E_ST_LAT", 1.0, 9),
+        ("SIM_RATE", 100.0, 9), ("SIM_UNDULATION", 47.0, 9),
+        ("SIM_SPEED", 1e9, 9), ("E_COV_DT", float("inf"), 9), ("E_ST_LAT", 1.0, 9),
     ],
 )  # fmt: skip
 def test_a_wrong_value_changes_nothing_and_is_announced(name, value, kind):
@@ -271,7 +306,7 @@ def test_a_diverged_estimate_is_announced_and_not_sent():
     assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == ["estimate diverged: start a new alignment"]
     assert not vehicle.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
     assert command(vehicle, 31010)[0] == ACCEPTED
-    assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "navigating"
+    assert estimated <= {m.get_type() for m in steps(vehicle, 2.0)} and vehicle.view.state == "aligning"
 
 
 def test_pause_speed_and_arming():
@@ -473,7 +508,7 @@ def test_vehicles_beside_one_another_have_systems_of_their_own():
 def test_the_heartbeat_tells_boot_aligning_and_aligned():
     ship = quiet("ship-swaying")
     states = [ship.make("HEARTBEAT").system_status]
-    for seconds in (1.0, 60.0):
+    for seconds in (1.0, 100.0):  # q-method needs 100 s
         steps(ship, seconds)
         states.append(ship.make("HEARTBEAT").system_status)
     assert states == [common.MAV_STATE_BOOT, common.MAV_STATE_STANDBY, common.MAV_STATE_ACTIVE]
@@ -501,6 +536,48 @@ def test_an_estimate_that_its_estimator_warns_of_is_not_aligned():
     ship.realign()
     steps(ship, 1.0)
     assert ship.view.state == "aligning"  # the time counts from the new alignment
+
+
+def reported(name, error_deg):
+    """A vehicle whose reported heading is off by an angle, with the scenario's standard deviation of a few degrees."""
+    scenario = load(name)
+    return quiet(
+        scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update={"heading_error_deg": error_deg})})
+    )
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("aircraft-survey", 60), ("car-city-drive", 60), ("ship-underway", 300)])
+def test_a_wrong_reported_heading_is_never_aligned(name, seconds):
+    vehicle = reported(name, 20.0)
+    assert vehicle.view.heading_sigma_deg < 5.0 and vehicle.view.state == "aligning"
+    for _ in range(seconds):
+        steps(vehicle, 1.0)
+        assert vehicle.view.state == "aligning"
+        assert not vehicle.make("SYS_STATUS").onboard_control_sensors_health & 1 << 28
+
+
+def test_a_right_reported_heading_is_aligned_once_fixes_could_contradict_it():
+    """The car stands for 30 s, then accelerates to 12 m/s."""
+    car = quiet("car-city-drive")
+    for _ in range(30):
+        steps(car, 1.0)
+        assert car.view.state == "aligning" and car.view.doubt.startswith("heading as reported; ")
+    steps(car, 10.0)
+    assert car.view.state == "navigating" and car.view.doubt == ""
+    assert abs(car.view.errors["heading"]) < 1.0
+    car.realign()
+    assert car.view.state == "aligning"  # the fixes count from the new alignment
+    car.parameters.all[car.parameters.find("E_HDG_SIG")].set(90.0)  # acts at the next alignment: 3 deg are in force
+    assert np.degrees(car.simulation.reported_heading_sigma) == pytest.approx(3.0)
+
+
+def test_a_filter_that_the_fixes_contradict_is_not_aligned():
+    car = quiet("car-city-drive")
+    steps(car, 40.0)
+    assert car.view.state == "navigating"
+    car.disturb_gnss(2, (60.0, 0.0, 0.0))  # spoofing
+    steps(car, 8.0)
+    assert car.view.state == "aligning" and car.view.doubt.startswith("filter diverged: ")
 
 
 def test_errors_against_the_truth_are_sent_on_request():
@@ -628,6 +705,9 @@ def test_missions_logs_clocks_and_pings():
     for kind in (0, 1, 2):
         (count,) = answered(vehicle, sent("MISSION_REQUEST_LIST", 1, 1, kind))
         assert (count.count, count.mission_type, count.target_system) == (0, kind, 245)
+    for kind in (3, 9, 255):
+        (refusal,) = answered(vehicle, sent("MISSION_REQUEST_LIST", 1, 1, kind))
+        assert (refusal.get_type(), refusal.type, refusal.mission_type) == ("MISSION_ACK", 3, kind)
     assert [m.type for m in answered(vehicle, sent("MISSION_COUNT", 1, 1, 5, 0))] == [3]
     assert [m.type for m in answered(vehicle, sent("MISSION_CLEAR_ALL", 1, 1, 0))] == [0]
     assert [m.num_logs for m in answered(vehicle, sent("LOG_REQUEST_LIST", 1, 1, 0, 65535))] == [0]

@@ -18,6 +18,7 @@ import insenv
 from insenv import Estimator, InputError, InsenvError, Row, Sensor, SensorSection, Step, Table, VehicleSection
 from insenv.core.compose import Part
 from insenv.estimators import registry as estimators
+from insenv.instruments import INSTRUMENTS
 from insenv.plant import plant_model
 from insenv.plugins import Plugins
 from insenv.scenario import Scenario, build
@@ -328,4 +329,4 @@ def test_an_installed_package_with_faults_leaves_the_command_line_alone(tmp_path
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "internal error" not in done.stderr and done.stderr.count("insenv: warning: package 'mine'") == 2
-    assert [row["id"] for row in json.loads(done.stdout)["sensors"]] == ["gnss"]
+    assert [row["id"] for row in json.loads(done.stdout)["sensors"]] == ["gnss", *INSTRUMENTS]

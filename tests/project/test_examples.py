@@ -5,10 +5,12 @@ import subprocess
 import sys
 from importlib.util import find_spec
 
+import plain_log
 import pytest
 from places import ROOT
 
-from insenv import run
+from insenv import replay, run
+from insenv.evaluation.errors import CHANNELS
 from insenv.files.toml import read_toml
 from insenv.scenario import load
 
@@ -59,9 +61,42 @@ def test_script(name, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", [n for n in sorted(SAID) if n.startswith("train_")])
+def test_a_script_that_trains_says_what_to_install(name, tmp_path):
+    script = str(EXAMPLES / name)
+    code = f"import sys, runpy; sys.modules['stable_baselines3'] = None; runpy.run_path({script!r}, run_name='__main__')"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"{name}: insenv.envs.sb3 needs Stable-Baselines3, which is not installed: pip install ")
+    assert done.stderr.count("\n") == 1 and "rl" in done.stderr
+
+
 def test_own_scenario():
     report = run(load(EXAMPLES / "own_scenario.toml"), duration_s=5.0)
     assert [result.estimator for result in report.results] == ["q-method"]
+
+
+def test_the_files_of_the_plain_log_are_those_that_its_tool_writes():
+    for name, text in plain_log.files().items():
+        assert (EXAMPLES / "logs" / name).read_text("utf-8") == text, f"{name}: run python tools/plain_log.py"
+
+
+@pytest.mark.parametrize("start", ["coarse", "reference"])
+def test_the_plain_log_navigates_within_its_sigmas(start):
+    (result,) = replay(EXAMPLES / "logs" / "plain.toml", "loosely-coupled", start=start).results
+    assert result.health.verdict == "consistent"
+    stated = result.stated()
+    rms = result.statistics()["rms"]
+    assert set(rms) == set(CHANNELS) & set(stated)
+    # one run, in which errors that change slowly (heading, biases behind tilt) are one draw
+    assert all(rms[name] < 3 * stated[name] for name in rms)
 
 
 def test_the_two_descriptions_of_the_car_log_differ_in_the_velocities_alone():

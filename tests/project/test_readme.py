@@ -2,9 +2,11 @@
 
 Taken from fenced blocks: in ``console`` and ``sh`` the lines that begin with ``$ insenv``,
 ``$ python -m insenv`` or ``$ python examples/`` are run, those with ``$ make`` must name a target of the
-Makefile; a ``python`` block is run whole (as a doctest if it begins with ``>>>``).  Each block runs in its
-own folder, empty but for links to the repository's examples and scenarios.  ``<!-- not run: reason -->`` on
-the line before a block leaves it out; pytest lists those as skipped, with the reason.
+Makefile; a ``python`` block is run whole (as a doctest if it begins with ``>>>``).  The lines below a command
+that is run must be printed by it, in this order; ``...`` stands for any lines, and times of the machine may
+differ.  Each block runs in its own folder, empty but for links to the repository's examples and scenarios; a
+block with ``insenv examples`` gets them from there.  ``<!-- not run: reason -->`` on the line before a block
+leaves it out; pytest lists those as skipped, with the reason.
 """
 
 import os
@@ -18,7 +20,11 @@ from typing import NamedTuple
 import pytest
 from places import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(path for path in (ROOT / "docs").rglob("*.md") if "generated" not in path.parts),
+]
 FENCE = re.compile(
     r"^(?:<!-- not run: (?P<reason>.*?) -->\n)?^```(?P<language>console|sh|python)[^\n]*\n(?P<text>.*?)^```$",
     re.MULTILINE | re.DOTALL,
@@ -49,6 +55,31 @@ def commands_of(text: str) -> list[str]:
     return re.findall(r"^\$ (.*)$", text.replace("\\\n", " "), re.MULTILINE)
 
 
+def shown_below(text: str) -> list[tuple[str, list[str]]]:
+    """The commands of a console block, each with the lines that stand below it."""
+    joined = text.replace("\\\n", " ")
+    parts = re.split(r"^\$ ", joined, flags=re.MULTILINE)[1:]
+    return [(part.splitlines()[0], part.splitlines()[1:]) for part in parts]
+
+
+TIMES = re.compile(r"(?:, \S+ us a sample|, \S+ us per step|simulated in \S+ s|lateness .*|\d+ messages to .*)")
+"""What differs from run to run: times of the machine, and what depends on them."""
+
+
+def timeless(text: str) -> list[str]:
+    """The lines without what differs from run to run, and without trailing blanks."""
+    return [TIMES.sub("", line).rstrip() for line in text.splitlines()]
+
+
+def missing(shown: list[str], printed: str) -> list[str]:
+    """The first of the lines shown that is not printed after those before it; empty if all are."""
+    lines = iter(timeless(printed))
+    for line in timeless("\n".join(shown)):
+        if line not in ("", "...") and line not in lines:  # `in` an iterator goes on from where it is
+            return [line]
+    return []
+
+
 def runnable(command: str) -> str | None:
     """The command with this interpreter's insenv in it, or None if it is neither insenv nor an example."""
     command = re.sub(START + r"(?:\.venv/bin/)?insenv\b(?!=)", rf"\g<start>{PYTHON} -m insenv", command)
@@ -56,23 +87,50 @@ def runnable(command: str) -> str | None:
     return command if PYTHON in command else None
 
 
-def run(command: str | list[str], folder: Path) -> None:
-    """Run in `folder`; fail with all that it said."""
+NOT_INSTALLED = (
+    "dask distributed hypothesis onavdata pandas pyins pythonfmu pywt serial sklearn stable_baselines3 torch ziglang"
+)
+"""Packages that `pip install '.[plot]'` does not install, by the names that they are imported by."""
+HIDING = f"""
+import sys
+
+class Hiding:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {NOT_INSTALLED.split()!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Hiding())
+"""
+
+
+def as_installed(folder: Path) -> str:
+    """PYTHONPATH of a Python that finds insenv and what README.md installs with it, and no further package."""
+    place = folder / ".hiding"
+    place.mkdir()
+    (place / "sitecustomize.py").write_text(HIDING)
+    return f"{place}{os.pathsep}{ROOT}"
+
+
+def run(command: str | list[str], folder: Path, path: str = str(ROOT)) -> str:
+    """Run in `folder` with this PYTHONPATH; fail with all that it said, or give what it printed."""
     done = subprocess.run(
         command,
         shell=isinstance(command, str),
         cwd=folder,
-        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": path},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=300,
     )
     assert done.returncode == 0, f"{command}\nended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
 
 
 @pytest.fixture
-def folder(tmp_path):
-    """An empty folder that sees the repository's examples and scenarios."""
+def folder(block, tmp_path):
+    """A folder for the block: empty, or with links to the repository's examples and scenarios."""
+    if "$ insenv examples" in block.text:
+        return tmp_path
     for name in ("examples", "scenarios"):
         if (ROOT / name).is_dir():
             (tmp_path / name).symlink_to(ROOT / name)
@@ -86,18 +144,21 @@ ALL = [b for page in PAGES for b in blocks_of(page.relative_to(ROOT).as_posix(),
 def test_block(block, folder):
     if block.reason is not None:
         pytest.skip(f"{block.place}: {block.reason}")
+    path = as_installed(folder) if block.place.startswith(("README.md", "docs/cli.md")) else str(ROOT)
     if block.language == "python":
         (folder / "block.txt").write_text(block.text, encoding="utf-8")
         doctest = ["-m", "doctest"] if block.text.startswith(">>>") else []
-        run([sys.executable, *doctest, "block.txt"], folder)
+        run([sys.executable, *doctest, "block.txt"], folder, path)
         return
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-    for command in commands_of(block.text):
+    for command, shown in shown_below(block.text):
         if command.startswith("make "):
             named = {word for word in shlex.split(command, comments=True)[1:] if "=" not in word}
             assert named <= targets, f"{block.place}: no such target in the Makefile: {named - targets}"
         elif ready := runnable(command):
-            run(ready, folder)
+            printed = run(ready, folder, path)
+            gone = missing(shown, printed)
+            assert not gone, f"{block.place}: {command} does not print, or not in this order: {gone[0]}\n{printed}"
 
 
 def test_the_blocks_are_found():
@@ -111,10 +172,29 @@ def test_the_blocks_are_found():
     assert runnable("pip install insenv") is None
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/cli.md"])
-def test_the_table_shown_is_the_table_printed(page):
-    done = subprocess.run(
-        [sys.executable, "-m", "insenv", "run", "ship-swaying", "-e", "q-method"], capture_output=True, text=True
-    )
-    rows = re.findall(r"^(?:roll|pitch|heading) \[deg\] .*$", (ROOT / page).read_text("utf-8"), re.MULTILINE)
-    assert len(rows) == 3 and set(rows) <= set(done.stdout.splitlines())
+def test_packages_that_the_page_does_not_install_are_hidden(tmp_path):
+    path = as_installed(tmp_path)
+    tried = "import importlib\ntry: importlib.import_module('{}')\nexcept ModuleNotFoundError: print('hidden')"
+    for name in NOT_INSTALLED.split():
+        assert run([sys.executable, "-c", tried.format(name)], tmp_path, path) == "hidden\n"
+    assert run([sys.executable, "-c", tried.format("matplotlib")], tmp_path, path) == ""
+
+
+def test_lines_below_a_command_must_be_printed_in_order():
+    block = "$ insenv run ship\nroll   1.0\n...\nheading 2\n$ insenv list \\\n  grades\n"
+    assert shown_below(block) == [("insenv run ship", ["roll   1.0", "...", "heading 2"]), ("insenv list    grades", [])]
+    printed = "q-method, 0.2 us a sample\nroll   1.0   \npitch 3\nheading 2\n"
+    assert missing(["q-method, 9 us a sample", "roll   1.0", "...", "heading 2"], printed) == []
+    assert missing(["heading 2", "roll   1.0"], printed) == ["roll   1.0"]
+    assert missing(["roll   1.1"], printed) == ["roll   1.1"]
+
+
+def test_the_pages_show_tables_that_are_compared():
+    """The table of README and that of the page of the command line are among the lines that `test_block` compares."""
+    for page in ("README.md", "docs/cli.md", "docs/benchmarks.md"):
+        text = (ROOT / page).read_text("utf-8")
+        lines = [line for b in blocks_of(page, text) if b.reason is None for _, shown in shown_below(b.text) for line in shown]
+        for row in ("roll [deg]", "pitch [deg]", "heading [deg]"):
+            assert any(line.startswith(row) for line in lines), (page, row)
+        for fence in re.findall(r"^```text\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+            assert "[deg]" not in fence, f"{page}: a table outside of a console block is not compared"

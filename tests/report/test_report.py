@@ -15,9 +15,10 @@ from insenv.evaluation.errors import ATTITUDE, CHANNELS, Result, Track
 from insenv.evaluation.health import course, health
 from insenv.installing import install_extra
 from insenv.report import OutputFolder, Report, comparison, document, to_json, write_files
-from insenv.report.figures import draw, save
+from insenv.report.figures import draw
 from insenv.report.files import collect, file_name
 from insenv.report.tables import number
+from insenv.style import save
 
 TIME = np.linspace(0.5, 100.0, 200)
 PLACE = {"latitude": 0.5 + 1e-6 * TIME, "longitude": 2.0 + 1e-6 * TIME, "height": 10.0 + 0 * TIME}

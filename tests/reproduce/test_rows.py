@@ -5,7 +5,7 @@ import json
 import pytest
 import reproduced
 
-from insenv.reproduce import PAPERS, Quantity, reproduce
+from insenv.reproduce import PAPERS, Quantity, figure, reproduce
 
 UNIT = 10.0 ** (1 - reproduced.DIGITS)
 """One unit of the last digit of a number between 1 and 10, the largest share of a number that its rounding can be."""
@@ -46,3 +46,11 @@ def test_rows_are_those_of_the_table(paper):
                 assert row[name] is None, row["quantity"]
             else:
                 assert row[name] == pytest.approx(other[name], rel=UNIT, nan_ok=True), f"{row['quantity']}: {name}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("paper", PAPERS)
+def test_the_figure_of_a_paper_is_drawn(paper, tmp_path):
+    paths = figure(paper, tmp_path)
+    assert [path.name for path in paths] == [f"reproduce-{paper}.png", f"reproduce-{paper}.svg"]
+    assert all(path.stat().st_size > 20_000 for path in paths)

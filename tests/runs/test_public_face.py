@@ -54,7 +54,7 @@ def test_every_public_name_is_found_by_help_and_type_checkers():
         (lambda: insenv.run(SHIP, 5), "estimators = 5: allowed is an id, an insenv.Estimator, or several of them"),
         (lambda: insenv.run(SHIP, [5]), "estimator = 5: allowed is an id or an insenv.Estimator"),
         (lambda: insenv.run(SHIP, []), "no estimator: name one or several"),
-        (lambda: insenv.run(VALUES), "no estimator: name one or several"),
+        (lambda: insenv.run(VALUES), "names no estimator: name one with -e ID (in Python: estimators="),
         (lambda: insenv.run(SHIP, "q-metod"), "no estimator 'q-metod'; did you mean 'q-method'?"),
         (lambda: insenv.run(SHIP, "q-method", seed="3"), "seed = '3': allowed is a whole number from 0 to 2^53"),
         (lambda: insenv.run(SHIP, "q-method", duration_s="60"), "duration_s = '60': allowed is a number of seconds"),

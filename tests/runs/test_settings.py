@@ -62,7 +62,7 @@ def test_set_at_the_command_line():
     [
         ("x", "allowed is ESTIMATOR.KEY=VALUE"),
         ("loosely-coupled.arw_deg_sqrt_h=", "allowed is ESTIMATOR.KEY=VALUE"),
-        ("aqe-ekf.arw_deg_sqrt_h=1", "none of the estimators of this run (allowed: loosely-coupled)"),
+        ("aqe-ekf.arw_deg_sqrt_h=1", "not an estimator of this run (allowed: loosely-coupled)"),
         ("loosely-coupled.arw=1", "unknown key"),
         ("loosely-coupled.arw=1", "arw_deg_sqrt_h, correlation_time_s"),
         ("loosely-coupled.arw_deg_sqrt_h=-1", "allowed is a finite number from 0"),

@@ -50,7 +50,7 @@ def data_of(name: str) -> dict[str, Any]:
 def test_the_list_of_scenarios() -> None:
     assert IN_PLACE | {
         "ship-underway", "car-city-drive", "aircraft-survey", "aircraft-free-inertial", "aircraft-inflight-alignment",
-        "car-unknown-heading",
+        "car-unknown-heading", "car-odometer", "car-survey", "car-unknown-receiver", "multirotor-hover", "ship-dvl",
     } == set(names())  # fmt: skip
 
 

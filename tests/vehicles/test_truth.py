@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
-from insenv.vehicles import Vehicle, aircraft, car, regular_sway, ship, truth_instant
+from insenv.vehicles import Vehicle, aircraft, car, multirotor, regular_sway, ship, truth_instant
 
 OMEGA_IE = 7.292115e-5
 
@@ -184,7 +184,7 @@ def test_instant_rows_are_those_of_the_closed_form() -> None:
 # --- at rest, and in a circle ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("make", [ship, car, aircraft])
+@pytest.mark.parametrize("make", [ship, car, aircraft, multirotor])
 @pytest.mark.parametrize("latitude", [-70.0, 0.0, 45.0])
 def test_at_rest_increments_are_earth_rate_and_gravity(make, latitude: float) -> None:
     h = 0.01
@@ -263,7 +263,7 @@ def test_quadrature_error_is_of_sixth_order() -> None:
 
 
 @pytest.mark.parametrize(
-    "vehicle", [ship(2), ship(0, 5), ship(1, 3, True, seeded=True), car(2), aircraft()], ids=lambda v: v.title
+    "vehicle", [ship(2), ship(0, 5), ship(1, 3, True, seeded=True), car(2), aircraft(), multirotor()], ids=lambda v: v.title
 )
 def test_only_exactly_rounded_operations(vehicle: Vehicle) -> None:
     for function in plant(vehicle).functions.values():

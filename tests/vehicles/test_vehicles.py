@@ -21,6 +21,7 @@ from insenv.vehicles import (
     car_route,
     flight_plan,
     irregular_sea,
+    multirotor,
     regular_sway,
     ship,
     ship_course,
@@ -32,7 +33,7 @@ from insenv.vehicles.script import N_SEGMENTS
 from insenv.vehicles.tracker import Tracker
 from insenv.vehicles.waves import response, spectrum, wave_components
 
-VEHICLES = [ship(2), ship(1, 3, under_way=True), car(2), aircraft()]
+VEHICLES = [ship(2), ship(1, 3, under_way=True), car(2), aircraft(), multirotor(2)]
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.title)

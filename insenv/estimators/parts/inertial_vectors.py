@@ -53,7 +53,7 @@ SETTLING = 25.0
 
 On ship-irregular-sea (seeds 100 to 131) the rms of heading is 2.0 times what biases and white noise leave after 81 s, and
 1.15 times after 99 s, with the q-method; with `qakf-improved` 1.15 times after 75 s. A vehicle at rest needs half of it, but
-nothing given at the start tells rest from sway.
+nothing known at the start distinguishes rest from sway.
 """
 LEAST_MEMORY = 30.0  # s: shorter windows would show waves
 LEAST_SIGMA_TIME = 1e-3  # s

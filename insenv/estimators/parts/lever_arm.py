@@ -28,7 +28,7 @@ MEMORY = Table((
     Row("mean_rate", "Angular rate as it was `rate_lag` ago", "rad/s", (3,), "b"),
     Row("rate_lag", "Lag of that rate: half the age of the last fix", "s", start=0.1),
 ))  # fmt: skip
-"""State rows of whoever uses fixes that are late."""
+"""State rows of a filter that uses late fixes."""
 
 
 def followed(x: Any, rate: Any, dt: Any, first: Any) -> dict[str, Any]:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from insenv.core.model import Model
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
+from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mooring import mooring_of
 from insenv.evaluation.limits.recursion import Layout, Prior, recursion
-from insenv.evaluation.limits.states import unit_of, wander_of
+from insenv.evaluation.limits.states import receiver_of, unit_of, wander_of
 from insenv.evaluation.limits.steps import step_ends, steps_along
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ FLOOR = {
     **dict.fromkeys(POSITION, 1e-3),
 }
 """By channel: below it, the limit is that of the numbers that keep the recursion regular (a unit without noise, a velocity
-of 0 at rest), and a ratio to it tells nothing."""
+of 0 at rest), and a ratio to it has no meaning."""
 _ORDER = (*ATTITUDE, *VELOCITY, *POSITION)
 
 
@@ -63,7 +64,7 @@ def ratio(rms: float, limit: float | None, channel: str) -> float | None:
 
 
 def ratio_bounds(runs: int, probability: float = 0.95) -> tuple[float, float]:
-    """Between which rms/limit lies for an optimal estimator, by the chance of so many runs: sqrt(chi2_n / n).
+    """95 % bounds of rms/limit of an optimal estimator over so many runs: sqrt(chi2_n / n).
 
     The errors of a run are taken as one draw, because the biases of its unit are.
     """
@@ -82,14 +83,16 @@ def bound(
 ) -> Limit:
     """The limit along the trajectory of a plant.
 
-    model, rows: the plant and its parameters (SI, by row name), with the seed of the trajectory.  prior: what is told of the
-    start.  samples: inertial samples.  in_place: whether the vehicle stays where it is.  progress: called with the numbers
-    of samples done and in all.
+    model, rows: the plant and its parameters (SI, by row name), with the seed of the trajectory.  prior: the initial
+    uncertainty.  samples: inertial samples.  in_place: whether the vehicle stays where it is.  progress: called with the
+    numbers of samples done and in all.
     """
     interval = float(rows["sample_interval"])
     fixes = fixes_of(rows, interval)
     mooring = mooring_of(rows) if in_place else None
-    layout = Layout(unit_of(rows), wander_of(rows) if fixes is not None else None, fixes, mooring)
+    of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
+    own = tuple(source for source in of_fixes if source is not None)
+    layout = Layout(unit_of(rows), own, fixes, mooring, aids_of(rows, interval))
     ends = step_ends(samples, interval, fixes)
     steps = steps_along(model, model.parameters.pack(rows), interval, ends, layout.unit.C_bs)
     times, sigmas = [], []

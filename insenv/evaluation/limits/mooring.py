@@ -24,7 +24,7 @@ REST_SIGMA = 1e-5
 SWAY_SIGMA = 1e-4
 """Standard deviation of the displacement of a moored vehicle from its place and sway, m, in each step."""
 PLACE_SIGMA = 100.0
-"""Standard deviation of the place of a mooring, m: nothing is known of it but what is told of the position."""
+"""Standard deviation of the place of a mooring, m: nothing is known of it but the initial position."""
 _ANGLES, _DISPLACEMENTS = ("roll", "pitch", "yaw"), ("north", "east", "down")
 _LEAST_LENGTH, _LEAST_ANGLE = 1e-4, 1e-4
 """Smallest amplitudes, m and rad, of a frequency that counts as sway."""
@@ -53,7 +53,7 @@ def mooring_of(rows: Mapping[str, Any]) -> Mooring | None:
     """The sway of a vehicle that stays in place, from a plant's parameters by row name (SI); None if it rests.
 
     Frequencies are those of all its sinusoids (rows ``*_angular_frequency`` and ``*_amplitude``), of rotations too: a ship
-    that rolls at a frequency moves at it.  Were that frequency left out, the roll would tell accelerometer biases, which turn
+    that rolls at a frequency moves at it.  Without that frequency the limit would distinguish accelerometer biases, which turn
     with the ship, from tilts, which do not.
     """
     arm = float(np.linalg.norm(rows.get("imu_lever_arm_b", 0.0)))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.evaluation.limits.aids import Aid, view
 from insenv.evaluation.limits.fixes import Fixes
 from insenv.evaluation.limits.mechanization import (
     DR,
@@ -33,7 +34,7 @@ UNIFORM = np.pi / np.sqrt(3.0)
 
 @dataclass(frozen=True)
 class Prior:
-    """What is told of the start: standard deviations of roll, pitch and heading (3, rad), velocity (3, m/s) and position
+    """The initial uncertainty: standard deviations of roll, pitch and heading (3, rad), velocity (3, m/s) and position
     (3, m), in n."""
 
     attitude: Array
@@ -43,27 +44,29 @@ class Prior:
 
 @dataclass(frozen=True)
 class Layout:
-    """The states after the navigation errors: those of the unit, the wander of the fixes, and the mooring."""
+    """The states after the navigation errors: those of the unit, of the receiver, of the other instruments, and the mooring."""
 
     unit: Unit
-    wander: Source | None
+    receiver: tuple[Source, ...]
     fixes: Fixes | None
     mooring: Mooring | None
+    aids: tuple[Aid, ...] = ()
 
     @property
     def sources(self) -> tuple[Source, ...]:
         """All sources, in the order of their states."""
-        wander = () if self.wander is None else (self.wander,)
-        return (*self.unit.sources, *wander, *(() if self.mooring is None else self.mooring.sources()))
+        of_aids = (source for aid in self.aids for source in aid.sources)
+        moored = () if self.mooring is None else self.mooring.sources()
+        return (*self.unit.sources, *self.receiver, *of_aids, *moored)
 
-    def place(self, source: Source | None) -> slice:
-        """The states of a source; an empty slice for None."""
+    def place(self, source: Source) -> slice:
+        """The states of a source."""
         begin = NAVIGATION
         for own in self.sources:
-            if source is not None and own.name == source.name and own.triad == source.triad:
+            if own is source:
                 return slice(begin, begin + own.place.size)
             begin += own.place.size
-        return slice(begin, begin)
+        raise ValueError(f"no source {source.name!r}")
 
 
 def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable[tuple[Array, Array]]:
@@ -82,7 +85,7 @@ def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable
 
 
 class _Filter:
-    """The covariance, and what of it does not change from block to block."""
+    """The covariance, and the part of it that does not change from block to block."""
 
     def __init__(self, layout: Layout, prior: Prior, first: Steps) -> None:
         self.layout = layout
@@ -105,6 +108,7 @@ class _Filter:
         self.P[NAVIGATION:, NAVIGATION:] = np.diag(variance)
         self.without: Array | None = None  # the covariance without the fix that is not yet delivered
         self.due = 0  # sample of its delivery
+        self.last = 0  # sample that ended the block before
         rotation = np.sqrt(np.diag(told[PSI, PSI]))
         self.start = np.concatenate([np.minimum(prior.attitude, UNIFORM), prior.velocity, prior.position, rotation])[None]
 
@@ -123,7 +127,10 @@ class _Filter:
         grown = self.variance[self.decaying] * (1 - decay**2)
         walked = self.walk[self.walking] * steps.length[:, None]
         decaying, walking = self.decaying + NAVIGATION, self.walking + NAVIGATION
-        lever = np.zeros((count, 2, 3)) if layout.fixes is None else _lever(steps, layout.fixes.lever_arm)
+        antenna = None if layout.fixes is None else _antenna(steps, layout.fixes.lever_arm)
+        begins = np.concatenate([[self.last], steps.end[:-1]])
+        self.last = int(steps.end[-1])
+        aided = [(aid.epochs(begins, steps.end), *self._aid(aid, steps, C_en)) for aid in layout.aids]
         kept = np.empty((count, NAVIGATION, NAVIGATION))
         for k in range(count):
             for P in (self.P,) if self.without is None else (self.P, self.without):
@@ -137,13 +144,17 @@ class _Filter:
                     self._moored(P, float(steps.time[k]), C_en[k])
                 elif rest[k]:
                     _measure(P, P[:, DV].copy(), P[DV, DV].copy(), np.full(3, REST_SIGMA**2))
+            for number, H, variance in aided:
+                if number[k]:
+                    for P in (self.P,) if self.without is None else (self.P, self.without):
+                        _linear(P, H[k], variance / number[k])
             fixes = layout.fixes
-            if fixes is not None:
+            if fixes is not None and antenna is not None:
                 sample = int(steps.end[k])
                 if fixes.measured(sample):
                     self.without = self.P.copy() if fixes.latency else None
                     self.due = sample + fixes.latency
-                    self._fix(fixes, C_en[k], lever[k])
+                    self._fix(fixes, C_en[k], antenna.at(k))
                 if self.without is not None and sample >= self.due:
                     self.without = None
             kept[k] = (self.P if self.without is None else self.without)[:NAVIGATION, :NAVIGATION]
@@ -179,22 +190,28 @@ class _Filter:
         inside = C_en.T @ crossed[DR] - rows @ crossed[begin:]
         _measure(P, crossed, inside, np.full(3, SWAY_SIGMA**2))
 
-    def _fix(self, fixes: Fixes, C_en: Array, lever: Array) -> None:
+    def _aid(self, aid: Aid, steps: Steps, C_en: Array) -> tuple[Array, Array]:
+        """The measurement matrix (m, r, states) of an instrument at the end of each step, and its white variance (r,)."""
+        nav, own = aid.linear(view(steps, C_en))
+        H = np.zeros((*nav.shape[:2], len(self.P)))
+        H[:, :, :NAVIGATION] = nav
+        for source in aid.sources:
+            H[:, :, self.layout.place(source)] = own[source.name][:, :, source.place]
+        return H, aid.noise**2
+
+    def _fix(self, fixes: Fixes, C_en: Array, antenna: _Antenna) -> None:
         """Apply a fix: position and velocity of the antenna in n."""
         H = np.zeros((6, len(self.P)))
         C_ne = C_en.T
         # psi x a = -[a x] psi
-        H[:3, PSI], H[3:, PSI] = (-attitude.numeric.skew(arm) @ C_ne for arm in lever)
+        H[:3, PSI], H[3:, PSI] = (-attitude.numeric.skew(arm) @ C_ne for arm in (antenna.arm, antenna.turning))
         H[:3, DR], H[:3, DV], H[3:, DV] = C_ne, -fixes.offset * C_ne, C_ne
-        wander = self.layout.wander
-        if wander is not None:
-            span = self.layout.place(wander)
-            H[wander.place, np.arange(span.start, span.stop)] = 1.0
+        for source in self.layout.receiver:
+            H[:, self.layout.place(source)] = antenna.effect(source.name)[:, source.place]
         sigma = np.concatenate([fixes.position, fixes.velocity])
         H, sigma = H[np.isfinite(sigma)], sigma[np.isfinite(sigma)]
         if sigma.size:
-            crossed = self.P @ H.T
-            _measure(self.P, crossed, H @ crossed, sigma**2)
+            _linear(self.P, H, sigma**2)
 
 
 def _propagate(P: Array, both: Array, drive: Array) -> None:
@@ -215,6 +232,12 @@ def _measure(P: Array, crossed: Array, inside: Array, variance: Array) -> None:
     P *= 0.5
 
 
+def _linear(P: Array, H: Array, variance: Array) -> None:
+    """Measure H x with white noise of variances (r,), in place."""
+    crossed = P @ H.T
+    _measure(P, crossed, H @ crossed, variance)
+
+
 def _as_known(steps: Steps, rest: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Integral of the specific force (m, 3) and `Steps.force`, at rest those of gravity alone.
 
@@ -232,11 +255,38 @@ def _as_known(steps: Steps, rest: NDArray[np.bool_]) -> tuple[Array, Array]:
     )
 
 
-def _lever(steps: Steps, arm: Array) -> Array:
-    """The lever arm of the antenna (m) and its velocity by rotation (m/s) in n, (m, 2, 3)."""
+@dataclass(frozen=True)
+class _Antenna:
+    """The antenna in n: lever arm (m) and its velocity by rotation (m/s), angular rate (rad/s), velocity (m/s), acceleration
+    (m/s^2), (3,) each or (m, 3); C_nb (3, 3)."""
+
+    arm: Array
+    turning: Array
+    rate: Array
+    velocity: Array
+    acceleration: Array
+    C_nb: Array
+
+    def at(self, k: int) -> _Antenna:
+        """At one step of a block."""
+        return _Antenna(*(getattr(self, each.name)[k] for each in fields(self)))
+
+    def effect(self, name: str) -> Array:
+        """How a fix follows the states of a source of the receiver, (6, components)."""
+        if name == "lever arm":
+            return np.concatenate([self.C_nb, attitude.numeric.skew(self.rate) @ self.C_nb])
+        if name == "delay":
+            return np.concatenate([self.velocity + self.turning, self.acceleration])[:, None]
+        return np.eye(6, 3)
+
+
+def _antenna(steps: Steps, arm: Array) -> _Antenna:
+    """The antenna at the end of each step; the small acceleration by its rotation is left out."""
     C_nb = attitude.numeric.to_dcm(steps.q_nb)
     arm_n = (C_nb @ arm[:, None])[..., 0]
-    return np.stack([arm_n, np.cross(steps.rate_n, arm_n)], axis=1)
+    acceleration = steps.thrust / steps.length[:, None]
+    acceleration[:, 2] += geodesy.numeric.normal_gravity(np.sin(steps.latitude), steps.height)
+    return _Antenna(arm_n, np.cross(steps.rate_n, arm_n), steps.rate_n, steps.velocity_n, acceleration, C_nb)
 
 
 def _channels(P: Array, steps: Steps, C_en: Array) -> Array:

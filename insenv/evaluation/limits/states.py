@@ -68,19 +68,19 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
     shortest = 0.5 * float(rows.get("drift_interval", 1.0))  # the plant interpolates between values this far apart, twice
     for name, triad in _TRIADS:
         turn_on = row(f"{name}_bias", 3) ** 2 + row(f"{name}_bias_sigma", 3) ** 2
-        found.append(_source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
+        found.append(source("bias", triad, turn_on, walk=row(f"{name}_rate_random_walk", 3) ** 2))
         times = np.maximum(row(f"{name}_instability_time", 3), shortest)
-        found.append(_source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
+        found.append(source("in-run bias", triad, row(f"{name}_instability_sigma", 3) ** 2, time=times))
         floor = SIGMA * row(f"{name}_flicker", 3)
-        found += [_source(f"flicker {part}", triad, floor**2, time=np.full(3, TIMES[part])) for part in range(PARTS)]
-        found.append(_source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
+        found += [source(f"flicker {part}", triad, floor**2, time=np.full(3, TIMES[part])) for part in range(PARTS)]
+        found.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
         matrix = np.zeros(9)
         matrix[[0, 4, 8]] = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
         matrix[list(_OFF_DIAGONAL)] = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
-        found.append(_source("matrix", triad, matrix))
-    found.append(_source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
-    found.append(_source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
-    found.append(_source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
+        found.append(source("matrix", triad, matrix))
+    found.append(source("g-sensitivity", 0, row("gyro_g_sensitivity", 9) ** 2))
+    found.append(source("gravity", None, row("gravity_disturbance_n", 3) ** 2))
+    found.append(source("mounting", 2, row("mounting_error", 3) ** 2 + row("mounting_error_sigma", 3) ** 2))
     q_bs = np.asarray(rows.get("q_bs", (1.0, 0.0, 0.0, 0.0)), dtype=float)
     white = [
         np.maximum(np.abs(row("angle_random_walk", 3)), LEAST_ANGLE_NOISE),
@@ -98,19 +98,30 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
 def wander_of(rows: Mapping[str, Any]) -> Source | None:
     """The slowly varying error of the fixes (n, m), from a plant's parameters by row name; None if there is none."""
     sigma = np.broadcast_to(np.asarray(rows.get("gnss_wander_sigma", 0.0), dtype=float), 3)
-    return _source("wander", None, sigma**2, time=np.full(3, float(rows.get("gnss_wander_time", 1.0))))
+    return source("wander", None, sigma**2, time=np.full(3, float(rows.get("gnss_wander_time", 1.0))))
+
+
+def receiver_of(rows: Mapping[str, Any]) -> tuple[Source | None, Source | None]:
+    """The errors of the lever arm (b, m) and of the delay (s) of a receiver."""
+
+    def square(name: str, size: int) -> Array:
+        pair = (np.asarray(rows.get(f"{name}_{part}", 0.0), dtype=float) for part in ("error", "sigma"))
+        return np.asarray(sum(np.broadcast_to(each, size) ** 2 for each in pair))
+
+    return source("lever arm", None, square("antenna_lever_arm", 3)), source("delay", None, square("gnss_delay", 1))
 
 
 def constants(name: str, variance: Array) -> Source:
     """States that do not change, such as the place of a mooring; `variance` (k,) > 0."""
-    found = _source(name, None, variance)
+    found = source(name, None, variance)
     assert found is not None
     return found
 
 
-def _source(
+def source(
     name: str, triad: int | None, variance: Array, walk: Array | None = None, time: Array | None = None
 ) -> Source | None:
+    """The states of one kind, those of its components (k,) that vary; None if none does."""
     walk = np.zeros_like(variance) if walk is None else walk
     time = np.full_like(variance, np.inf) if time is None else time
     (place,) = np.nonzero((variance > 0.0) | (walk > 0.0))

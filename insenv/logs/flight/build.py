@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,14 @@ from insenv.logs.flight.parameters import lever_arm, settings, unit_rows
 from insenv.logs.flight.segments import longest, only, rows_of
 from insenv.logs.flight.series import AnySeries, FixSeries, Flight, FlightFormat, ImuSeries, SolutionSeries
 from insenv.logs.inertial import implausible, increments
+from insenv.logs.instruments import told
 from insenv.logs.motion import rest_until
+from insenv.logs.readings import Readings
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference, Source
 from insenv.logs.resources import read_bytes
 from insenv.logs.sampling import sampling
 from insenv.logs.units import Array, wrap
+from insenv.sensors.contract import Place
 
 USABLE_HZ = 20.0
 """Lowest rate at which the attitude can be propagated through a vehicle's turns."""
@@ -66,8 +70,12 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         notes.append(f"no GNSS: its times do not overlap those of the inertial unit, {span[0]:.3f} to {span[1]:.3f} s")
         gnss = None
     reference = None if solution is None else _reference(solution, span, undulation or 0.0, notes)
+    readings = _readings(flight, part, span, undulation or 0.0)
     arm, description = _lever_arm(flight, description, gnss is not None, notes)
     description = _placed(flight, description, gnss, notes)
+    place = _place(gnss, description)
+    if place is None:  # nothing tells the field of the Earth
+        readings = tuple(each for each in readings if each.id != "magnetometer")
     unit = None if description.grade else unit_rows(flight.parameters)
     tuned = settings(flight.parameters)
     if unit is not None:
@@ -87,7 +95,30 @@ def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
         description=_as_log_description(description, label, form, imu, fixes, rest),
         unit=unit,
         settings=tuned,
+        instruments=readings,
+        told={name: value for each in readings for name, value in told(each.id, None, place).items()},
     )
+
+
+def _readings(flight: Flight, part: int, span: tuple[float, float], undulation: float) -> tuple[Readings, ...]:
+    """The readings of the segment that is used, heights above the ellipsoid."""
+    found = []
+    for each in flight.readings:
+        own = only(each, part, each.id, [])
+        if own is None or own.time[-1] < span[0] or own.time[0] > span[1]:
+            continue
+        found.append(replace(own, values=own.values + undulation) if own.id == "barometer" else own)
+    return tuple(found)
+
+
+def _place(gnss: GnssFixes | None, description: FlightDescription) -> Place | None:
+    """The first fix, or the stated place; None if neither is there."""
+    initial = description.initial
+    if gnss is not None:
+        return Place(float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
+    if initial.latitude_deg is not None and initial.longitude_deg is not None:
+        return Place(radians(initial.latitude_deg), radians(initial.longitude_deg), initial.height_m or 0.0)
+    return None
 
 
 def _read(form: FlightFormat, label: str, data: bytes) -> Flight:

@@ -20,6 +20,7 @@ from insenv.errors import InputError
 from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.series import (
     FIX_3D,
+    GAUSS,
     FixSeries,
     Flight,
     FlightFormat,
@@ -29,9 +30,11 @@ from insenv.logs.flight.series import (
     instance_name,
     interpolated_angles,
     nearest_rows,
+    reading,
     three_sigmas,
 )
-from insenv.logs.units import Array
+from insenv.logs.readings import Readings
+from insenv.logs.units import Array, standard_height
 
 HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
@@ -51,9 +54,10 @@ def read_dataflash(label: str, data: bytes) -> Flight:
         rows = sum(len(offsets) for offsets in reader.offsets)
         parameters = tables.parameters()
         place = tables.place()
+        readings = tuple(each for each in tables.readings() if each is not None)
     late = "fixes are stamped at logging, after their time of validity: a negative gnss_time_offset_s corrects it"
     solutions = () if solution is None else (solution,)
-    return Flight(imus, tuple(fixes), solutions, (late,) if fixes else (), rows, others, parameters, place)
+    return Flight(imus, tuple(fixes), solutions, (late,) if fixes else (), rows, others, parameters, place, readings)
 
 
 FORMAT = FlightFormat(
@@ -237,6 +241,18 @@ class _Tables:
             velocity_n=course_velocity(table["Spd"], np.radians(table["GCrs"]), table["VZ"]),
             velocity_sigma=velocity_sigma,
         )
+
+    def readings(self) -> Iterator[Readings | None]:
+        """The first magnetometer, less its offsets as the autopilot logs it, and the first barometer, by its pressure."""
+        for base, id in (("MAG", "magnetometer"), ("BARO", "barometer")):
+            for name, instance in self.instances(base)[:1]:
+                table = self.select(name, instance)
+                if id == "magnetometer" and {"MagX", "MagY", "MagZ"} <= set(table):
+                    field = _three(table, "Mag") * 1e-3 * GAUSS
+                    yield reading(id, instance_name(name, instance), table["TimeUS"] * 1e-6, field)
+                if id == "barometer" and "Press" in table:
+                    height = standard_height(table["Press"])
+                    yield reading(id, instance_name(name, instance), table["TimeUS"] * 1e-6, height)
 
     def solution(self) -> SolutionSeries | None:
         """The autopilot's solution: attitude of ATT; position of POS and velocity of its first filter, if it has them."""

@@ -11,6 +11,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from insenv.logs.readings import Readings
 from insenv.logs.recorded import GnssFixes, Reference
 from insenv.logs.units import Array
 
@@ -64,7 +65,7 @@ class SolutionSeries(Reference):
     height_sea: bool = False
 
 
-AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries)
+AnySeries = TypeVar("AnySeries", ImuSeries, FixSeries, SolutionSeries, Readings)
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ class Flight:
     """A log: series in the order of preference, notes for the user, number of rows (messages).
 
     others: series in the log that cannot be used, each with the reason.  parameters: of the vehicle, by name.  place: where
-    the vehicle is if the log has no fixes, or None.
+    the vehicle is if the log has no fixes, or None.  readings: of magnetometer, barometer (heights above mean sea level) and
+    two-antenna heading, one series of each at most.
     """
 
     imus: tuple[ImuSeries, ...]
@@ -97,6 +99,7 @@ class Flight:
     others: tuple[str, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
     place: Place | None = None
+    readings: tuple[Readings, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,29 @@ class FlightFormat:
     read: Callable[[str, bytes], Flight]
 
 
+GAUSS = 1e-4
+"""T."""
+AZIMUTH_SIGMA = np.radians(2.0)
+"""Assumed of a two-antenna heading that states no accuracy, rad: an antenna distance of some decimetres."""
+
+
 # --- steps that readers share ------------------------------------------------------------------------
+
+
+def reading(id: str, name: str, time: Array, values: Array) -> Readings | None:
+    """The readings that are finite; None if there are none.
+
+    values: (n,) m above mean sea level of a barometer; (n, 3) T in b of a magnetometer; (n, 2) rad of a heading, the azimuth of
+    the body's x axis and its standard deviation.
+    """
+    rows = {
+        "barometer": ("barometer_height",),
+        "magnetometer": ("magnetometer_field_b",),
+        "heading": ("heading_azimuth", "heading_azimuth_sigma"),
+    }
+    table = np.asarray(values, dtype=np.float64).reshape(len(time), -1)
+    good = np.isfinite(table).all(axis=1)
+    return Readings(id, name, np.asarray(time)[good], table[good], rows[id]) if good.any() else None
 
 
 def instance_name(name: str, instance: int | None) -> str:

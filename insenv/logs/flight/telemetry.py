@@ -7,6 +7,7 @@ used. Units are those of the message definitions: degE7, mm, cm/s, milli-g.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.logs.course import NO_INFORMATION, course_velocity
 from insenv.logs.flight.records import TelemetryLog, messages
 from insenv.logs.flight.series import (
+    AZIMUTH_SIGMA,
     FIX_3D,
+    GAUSS,
     UNIX_US,
     FixSeries,
     Flight,
@@ -27,12 +30,17 @@ from insenv.logs.flight.series import (
     SolutionSeries,
     interpolated_angles,
     nearest_rows,
+    reading,
     three_sigmas,
 )
+from insenv.logs.readings import Readings
 from insenv.logs.units import Array
 
 _DEG_E7 = np.pi / 180.0 * 1e-7
+_DEG_E5 = np.pi / 180.0 * 1e-5
 _UNKNOWN = 65535
+_MAGNETOMETER, _PRESSURE_HEIGHT = 0b111 << 6, 1 << 11
+"""Bits of fields_updated."""
 _REAL32 = 9
 """MAV_PARAM_TYPE_REAL32."""
 
@@ -116,7 +124,15 @@ class _Tables:
         fixes = [f for f in (self._hil_gps(undulation, notes), self._gps_raw_int(undulation, clock, notes)) if f is not None]
         solutions = [s for s in (self._truth(), self._estimate()) if s is not None]
         return Flight(
-            imus, tuple(fixes), tuple(solutions), tuple(notes), records, others, self._parameters(), self._home(undulation)
+            imus,
+            tuple(fixes),
+            tuple(solutions),
+            tuple(notes),
+            records,
+            others,
+            self._parameters(),
+            self._home(undulation),
+            tuple(each for each in self._readings() if each is not None),
         )
 
     def _imus(self) -> tuple[tuple[ImuSeries, ...], tuple[str, ...]]:
@@ -140,6 +156,28 @@ class _Tables:
                 )
         others = ("RAW_IMU (counts of no stated unit)",) if "RAW_IMU" in self else ()
         return tuple(sorted(imus, key=lambda imu: -imu.rate_hz)), others
+
+    def _readings(self) -> Iterator[Readings | None]:
+        """Magnetometer and barometer of the unit's messages, where they are new, and the heading of the receiver."""
+        name = next((name for name in ("HIL_SENSOR", "HIGHRES_IMU") if name in self), None)
+        if name is not None:
+            rows = self.columns(name)
+            rows = rows[rows["id"] == 0] if "id" in (rows.dtype.names or ()) else rows
+            bits = rows["fields_updated"].astype(np.uint32)
+            field, air = rows[bits & _MAGNETOMETER == _MAGNETOMETER], rows[bits & _PRESSURE_HEIGHT == _PRESSURE_HEIGHT]
+            if len(field):
+                yield reading("magnetometer", name, self.seconds(field), _three(field, "mag") * GAUSS)
+            if len(air):
+                yield reading("barometer", name, self.seconds(air), air["pressure_alt"].astype(np.float64))
+        if "GPS_RAW_INT" in self:
+            rows = _each_once(self.columns("GPS_RAW_INT"))
+            rows = rows[(rows["yaw"] > 0) & (rows["yaw"] <= 36000)]  # 0: no such receiver, 65535: no heading now
+            if len(rows):
+                stated = rows["hdg_acc"] * _DEG_E5
+                azimuth = np.radians(rows["yaw"] * 1e-2)
+                sigma = np.where(stated > 0, stated, AZIMUTH_SIGMA)
+                wrapped = np.arctan2(np.sin(azimuth), np.cos(azimuth))
+                yield reading("heading", "GPS_RAW_INT", self.seconds(rows), np.stack([wrapped, sigma], axis=1))
 
     def _undulation(self) -> float | None:
         if "GPS_RAW_INT" not in self:
@@ -201,7 +239,7 @@ class _Tables:
         """Accuracies of position, horizontal and vertical (m), and of velocity (m/s) by the nearest GPS_RAW_INT; None if
         it states none.
 
-        Unlike the eph and epv of HIL_GPS they have a unit that everybody agrees on.
+        Unlike the eph and epv of HIL_GPS their unit is not in dispute.
         """
         if "GPS_RAW_INT" not in self:
             return None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from insenv import attitude, geodesy
 from insenv.errors import InputError
 from insenv.installing import install_package
 from insenv.logs.flight.series import (
+    AZIMUTH_SIGMA,
     FIX_3D,
+    GAUSS,
     UNIX_US,
     FixSeries,
     Flight,
@@ -25,8 +28,10 @@ from insenv.logs.flight.series import (
     SolutionSeries,
     instance_name,
     interpolated_angles,
+    reading,
     three_sigmas,
 )
+from insenv.logs.readings import Readings
 from insenv.logs.units import Array
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -48,6 +53,8 @@ _TOPICS = [
     "vehicle_attitude",
     "vehicle_local_position",
     "vehicle_global_position",
+    "vehicle_magnetometer",
+    "vehicle_air_data",
 ]
 
 Columns = dict[str, Any]
@@ -84,10 +91,11 @@ def read_ulog(label: str, data: bytes) -> Flight:
     notes += damage
     if log.file_corruption and not damage:
         notes.append("the file is damaged: its readable part is used")
+    readings = tuple(each for each in _readings(topics) if each is not None)
     rows = sum(len(table["timestamp"]) for table in topics.values())
     parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
     solutions = () if solution is None else (solution,)
-    return Flight(imus, tuple(fixes), solutions, tuple(notes), rows, (), parameters)
+    return Flight(imus, tuple(fixes), solutions, tuple(notes), rows, (), parameters, readings=readings)
 
 
 FORMAT = FlightFormat(
@@ -115,10 +123,12 @@ def whole_messages(data: bytes) -> tuple[bytes, list[str]]:
             at += 3 + size
     if at < end:
         notes.append(
-            f"the file is cut off: of its last message only {end - at} bytes are there, and what was logged later is missing"
+            f"the file is cut off within its last message, of which {end - at} bytes are there; later data are missing"
         )
     if lost:
-        notes.append(f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are no messages: skipped")
+        notes.append(
+            f"the file is damaged: {lost} bytes at {places} place{'s' if places > 1 else ''} are not messages and are skipped"
+        )
     if not lost or any(data[_APPENDED]):  # the places of appended data are offsets into the file
         return data, notes
     return b"".join([*pieces, data[begin:at]]), notes
@@ -224,6 +234,33 @@ def _fixes(name: str, table: Columns) -> FixSeries | None:
         velocity_n=velocity,
         velocity_sigma=velocity_sigma,
     )
+
+
+def _readings(topics: dict[tuple[str, int], Columns]) -> Iterator[Readings | None]:
+    """Magnetometer and barometer that PX4 selects, calibrated by it, and the heading of a receiver with two antennas.
+
+    PX4's heading is that of the body: its driver has removed the mounting of the antennas.
+    """
+    magnetometer, air = topics.get(("vehicle_magnetometer", 0)), topics.get(("vehicle_air_data", 0))
+    if magnetometer is not None and "magnetometer_ga[0]" in magnetometer:
+        field = _three(magnetometer, "magnetometer_ga") * GAUSS
+        yield reading("magnetometer", "vehicle_magnetometer", _sampled_at(magnetometer), field)
+    if air is not None and "baro_alt_meter" in air:
+        yield reading("barometer", "vehicle_air_data", _sampled_at(air), np.asarray(air["baro_alt_meter"], dtype=np.float64))
+    for name in ("vehicle_gps_position", "sensor_gps"):
+        table = topics.get((name, 0))
+        if table is not None and "heading" in table and np.isfinite(table["heading"]).any():
+            azimuth = np.asarray(table["heading"], dtype=np.float64)
+            stated = np.asarray(table.get("heading_accuracy", np.full(azimuth.shape, np.nan)), dtype=np.float64)
+            sigma = np.where(stated > 0.0, stated, AZIMUTH_SIGMA)
+            yield reading("heading", name, _seconds(table["timestamp"]), np.stack([azimuth, sigma], axis=1))
+            return
+
+
+def _sampled_at(table: Columns) -> Array:
+    """Time of validity (s): that of the sample where it is stated."""
+    stamp = table.get("timestamp_sample")
+    return _seconds(table["timestamp"] if stamp is None or not np.all(np.asarray(stamp) > 0) else stamp)
 
 
 def _solution(topics: dict[tuple[str, int], Columns], undulation: float) -> SolutionSeries | None:

@@ -1,7 +1,7 @@
 """How many samples one answer of an autopilot covers, and how long to wait for it.
 
-An autopilot whose controller runs at half the sample rate answers every second sample.  To wait for the others would
-cost the whole patience each time, so the number is learnt: an answer that comes early counts at once, one that comes
+An autopilot whose controller runs at half the sample rate answers every second sample.  Waiting for the others
+would cost the full timeout each time, so the number is learnt: an answer that comes early counts at once, one that comes
 late after two equal gaps.
 """
 
@@ -39,7 +39,7 @@ class Cadence:
         return min(self._patience, max(SHORTEST_WAIT_S, _MARGIN * self._slowest))
 
     def answered(self, waited_s: float | None = None) -> None:
-        """Count an answer.  waited_s: how long it took since its sample; None if nobody waited."""
+        """Count an answer.  waited_s: how long it took since its sample; None if the simulator did not wait."""
         if waited_s is not None:
             self._slowest = max(waited_s, _KEPT * (self._slowest or 0.0))
         gap, self._since = self._since, 0

@@ -13,7 +13,6 @@ import numpy as np
 
 from insenv.mavlink.messages.fields import CENTI_DEG, Message
 from insenv.mavlink.messages.view import View, by_name
-from insenv.mavlink.surroundings import GAS_CONSTANT
 
 _MAV_FRAME_LOCAL_NED, _MAV_FRAME_BODY_FRD, _MAV_ESTIMATOR_TYPE_GPS_INS, _MAV_ESTIMATOR_TYPE_AUTOPILOT = 1, 12, 5, 8
 _SEA_LEVEL_DENSITY = 1.225  # kg/m^3, of the standard atmosphere
@@ -84,7 +83,7 @@ def altitude(view: View) -> Message | None:
     height = view.estimated("height")
     relative = height - view.home[2]
     above_sea = height - view.undulation
-    monotonic = view.air.data.pressure_height
+    monotonic = view.air.pressure_height
     return view.fields.message("ALTITUDE", view.time_us, monotonic, above_sea, relative, relative, nan, nan)
 
 
@@ -120,8 +119,7 @@ def hil_state_quaternion(view: View) -> Message | None:
     truth, values, dt = view.truth, view.values, view.simulation.interval
     velocity = truth["velocity_n"]
     speed = float(np.sqrt(np.dot(velocity, velocity)))
-    air = view.air.data
-    density = air.pressure / (GAS_CONSTANT * air.temperature)
+    density = view.air.density
     force = truth["true_delta_velocity"] / dt * view.hil_acceleration
     return view.fields.message(
         "HIL_STATE_QUATERNION", view.time_us, truth["q_nb"].tolist(), *values["true_rate_nb_b"].tolist(),

@@ -73,8 +73,9 @@ class Schedule:
             self._begin(name, 0)
 
     def set(self, name: str, hz: float, sample: int) -> None:
-        """Set a rate from `sample` on; 0 stops the message.  Raises `InputError`."""
+        """Set a rate from `sample` on; 0 stops the message.  A rate above that of the samples is that.  Raises `InputError`."""
         check_rate(name, hz)
+        hz = hz if hz == DEFAULT_HZ[name] else min(hz, self._sample_hz)
         if hz != self.rates[name]:
             self.rates[name] = hz
             self._begin(name, sample)
@@ -105,16 +106,16 @@ class Schedule:
             heapq.heappush(self._due, (first, order, name, self._serial[name]))
 
 
-def check_rate(name: str, hz: float) -> None:
-    """Raise `InputError` unless `name` is a streamed message and `hz` an allowed rate."""
+def check_rate(name: str, hz: float, most: float = MAX_HZ) -> None:
+    """Raise `InputError` unless `name` is a streamed message and `hz` a rate from 0 to `most`."""
     if name not in DEFAULT_HZ:
-        raise InputError(f"no streamed message {name!r}{nearest(name, DEFAULT_HZ)}")
-    if not 0.0 <= hz <= MAX_HZ:
-        raise InputError(f"rate of {name} = {hz:g} Hz: allowed is 0 (never) to {MAX_HZ:g} Hz")
+        raise InputError(f"no streamed message {name!r}{nearest(name, DEFAULT_HZ, 'docs/mavlink.md')}")
+    if not 0.0 <= hz <= most:
+        raise InputError(f"rate of {name} = {hz:g} Hz: allowed is 0 (never) to {most:g} Hz")
 
 
-def parse_rates(texts: list[str]) -> dict[str, float]:
-    """Parse rates from ``MESSAGE=HZ`` texts.  Raises `InputError`."""
+def parse_rates(texts: list[str], sample_hz: float = MAX_HZ) -> dict[str, float]:
+    """Parse rates from ``MESSAGE=HZ`` texts; no message can be sent more often than samples come.  Raises `InputError`."""
     rates: dict[str, float] = {}
     for text in texts:
         name, sign, number = text.partition("=")
@@ -125,6 +126,8 @@ def parse_rates(texts: list[str]) -> dict[str, float]:
             hz = float("nan")
         if not sign or hz != hz:
             raise InputError(f"--rate {text!r}: allowed is MESSAGE=HZ, such as ATTITUDE=50")
-        check_rate(name, hz)
+        check_rate(name, hz, min(sample_hz, MAX_HZ))
+        if name in rates:
+            raise InputError(f"--rate {name} is given twice: {rates[name]:g} and {hz:g} Hz")
         rates[name] = hz
     return rates

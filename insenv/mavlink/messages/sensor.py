@@ -33,12 +33,12 @@ def hil_sensor(view: View) -> Message | None:
 
 def _imu(view: View, name: str) -> Message | None:
     rates, forces, updated = _means(view, name)
-    air = view.air.data
+    air, readings = view.air, view.simulation.readings
     seen = view.sent_air.get(name, (0, 0))
-    view.sent_air[name] = air.magnetometer_samples, air.barometer_samples
-    if air.magnetometer_samples != seen[0]:
+    view.sent_air[name] = readings["magnetometer"], readings["barometer"]
+    if readings["magnetometer"] != seen[0]:
         updated |= MAGNETOMETER
-    if air.barometer_samples != seen[1]:
+    if readings["barometer"] != seen[1]:
         updated |= STATIC | (DYNAMIC if view.traits.airspeed else 0)
     return view.fields.message(
         name, view.time_us, *forces.tolist(), *rates.tolist(), *(air.magnetic_b * _GAUSS).tolist(),
@@ -58,13 +58,13 @@ def scaled_imu(view: View) -> Message | None:
 
 def _milli(view: View, name: str) -> list[float]:
     rates, forces, _ = _means(view, name)
-    magnetic_mg = view.air.data.magnetic_b * _GAUSS * 1e3
+    magnetic_mg = view.air.magnetic_b * _GAUSS * 1e3
     return [*(forces * MILLI_G).tolist(), *(rates * 1e3).tolist(), *magnetic_mg.tolist()]
 
 
 def _temperature(view: View) -> float:
     """In 0.01 degrees Celsius; 0 would mean "unknown"."""
-    return round((view.air.data.temperature - _KELVIN) * 100.0) or 1
+    return round((view.air.temperature - _KELVIN) * 100.0) or 1
 
 
 def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
@@ -81,8 +81,10 @@ def _means(view: View, name: str) -> tuple[Vector, Vector, int]:
 
 
 def scaled_pressure(view: View) -> Message | None:
-    """SCALED_PRESSURE: the barometer."""
-    air = view.air.data
+    """SCALED_PRESSURE: the barometer; None before its first measurement."""
+    air = view.air
+    if not view.simulation.readings["barometer"]:
+        return None
     celsius = (air.temperature - _KELVIN) * 100.0
     return view.fields.message(
         "SCALED_PRESSURE", view.time_ms, air.pressure * _HPA, air.dynamic_pressure * _HPA, celsius, celsius

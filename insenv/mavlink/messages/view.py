@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import degrees, pi
+from math import degrees, pi, radians
 from typing import Any
 
 import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.core.tables import Vector
+from insenv.evaluation.contradiction import FIXES
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
 from insenv.mavlink.simulation import Fix, Simulation
-from insenv.mavlink.surroundings import Surroundings
+from insenv.mavlink.surroundings import AirData, Surroundings
 
 
 @dataclass(frozen=True)
 class Mode:
-    """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether nobody steers it."""
+    """What steers the vehicle.  number: MAVLink's custom mode.  automatic: whether it follows the script."""
 
     number: int
     name: str
@@ -40,6 +41,8 @@ class Thresholds:
     position: float = 20.0
 
 
+SURE = 3.0
+"""Number of standard deviations by which data must tell a wrong heading from the right one."""
 MILLI_G, MM_S2 = 1e3 / STANDARD_GRAVITY, 1e3
 """Units of accelerations in HIL_STATE_QUATERNION per m/s^2: of MAVLink's definition, and as PX4 reads them."""
 
@@ -76,7 +79,8 @@ class View:
         self._derived = Derived()
         self._derived.inputs["home"][:] = self.home
         self._derived_at = -1
-        self._air_at = -1
+        self._air: AirData | None = None
+        self._air_at = (-1, 0.0)
         self._rate_sigma = known.sensors.angle_random_walk / np.sqrt(simulation.interval)
 
     def forget(self) -> None:
@@ -158,13 +162,12 @@ class View:
         u["rate_sigma"][...] = self._rate_sigma
 
     @property
-    def air(self) -> Surroundings:
-        """Magnetometer and barometer at the present sample."""
-        if self._air_at != self.simulation.samples:
-            self._air_at = self.simulation.samples
-            height_msl = float(self.truth["height"]) - self.undulation
-            self.surroundings.update(self.simulation.time, self.truth, height_msl)
-        return self.surroundings
+    def air(self) -> AirData:
+        """Magnetometer, barometer and air at the present sample."""
+        if self._air is None or self._air_at != (self.simulation.samples, self.undulation):
+            self._air_at = self.simulation.samples, self.undulation
+            self._air = self.surroundings.data(self.truth, self.undulation, self.simulation.readings["barometer"])
+        return self._air
 
     def place(self, latitude: float, longitude: float, height: float) -> tuple[float, float, float]:
         """Latitude and longitude (1e-7 deg) and height above mean sea level (mm), the units of MAVLink."""
@@ -211,7 +214,7 @@ class View:
 
     @property
     def aligned(self) -> bool:
-        """Whether the stated sigmas of tilt and heading are below `thresholds`, and the estimator has no note against them.
+        """Whether the stated sigmas of tilt and heading are below `thresholds`, and nothing speaks against them (`doubt`).
 
         True if none are stated: such an estimator navigates from a known attitude.
         """
@@ -220,7 +223,30 @@ class View:
         if "attitude_sigma" not in self.estimate:
             return True
         small = self.tilt_sigma_deg < self.thresholds.tilt_deg and self.heading_sigma_deg < self.thresholds.heading_deg
-        return small and not self.simulation.notes()
+        return small and not self.doubt
+
+    @property
+    def doubt(self) -> str:
+        """Why the estimate may not be trusted whatever sigmas it states; empty if nothing speaks against it.
+
+        A filter with fixes is also in doubt while its innovations are not as it states, and until fixes could contradict a
+        reported heading: until the changes of velocity alone would give a heading that is off by the threshold away.
+        """
+        notes = self.simulation.notes()
+        if notes:
+            return notes[0]
+        health = self.simulation.health
+        if health is None:
+            return ""
+        if health.verdict != "consistent":
+            return f"filter {health.verdict}: its innovations are larger than stated"
+        if health.contradicted:
+            return "fixes contradict the estimate"
+        threshold = radians(self.thresholds.heading_deg)
+        is_believed = self.simulation.reported_heading_sigma < SURE * threshold
+        if health.fixes < FIXES or (is_believed and SURE * health.heading_sigma > threshold):
+            return "heading as reported; no fix can contradict it before the vehicle accelerates or turns"
+        return "" if health.consistent else "filter overconfident: its innovations were larger than stated seconds ago"
 
     @property
     def errors(self) -> dict[str, float]:

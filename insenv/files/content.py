@@ -1,0 +1,46 @@
+"""What the bytes of a file are, for the message to someone who gave the wrong file."""
+
+from __future__ import annotations
+
+import re
+
+ARCHIVE, BINARY, EMPTY, TABLE, UTF16 = "an archive", "a binary file", "empty", "a table of numbers", "text in UTF-16"
+_ARCHIVES = (b"\x1f\x8b", b"PK\x03\x04", b"\xfd7zXZ\x00", b"BZh", b"7z\xbc\xaf")
+_SEPARATORS = re.compile(r"[,;\t]| +")
+_LINES = 20
+_BYTES = 65536
+
+
+def content_of(raw: bytes) -> str:
+    """One of the constants above if the bytes are plainly that; "" for any other text."""
+    if not raw.strip():
+        return EMPTY
+    if raw.startswith(_ARCHIVES):
+        return ARCHIVE
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return UTF16
+    if b"\0" in raw or _share_of_controls(raw) > 0.02:
+        return BINARY
+    return TABLE if _has_row_of_numbers(raw[:_BYTES].decode("utf-8", errors="replace")) else ""
+
+
+def _share_of_controls(raw: bytes) -> float:
+    """Share of the bytes that no text has, in any encoding of 8 bits."""
+    part = raw[:_BYTES]
+    return sum(byte < 32 and byte not in b"\t\n\r\f\x1b" for byte in part) / len(part)
+
+
+def _has_row_of_numbers(text: str) -> bool:
+    for line in [line.strip() for line in text.splitlines() if line.strip()][:_LINES]:
+        fields = [field for field in _SEPARATORS.split(line) if field]
+        if len(fields) > 1 and all(map(_is_number, fields)):
+            return True
+    return False
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.strip('"'))
+    except ValueError:
+        return False
+    return True

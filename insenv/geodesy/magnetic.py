@@ -1,0 +1,105 @@
+"""The magnetic field of the Earth along a way: the World Magnetic Model at one place and date, and its gradient there.
+
+The model is evaluated in NumPy by a package, once before a run.  Equations use the field at the place and its gradient, which
+are plain numbers: the components in the local north, east and down, each linear in the way along the curved Earth.  100 km
+from the place the linear field is wrong by about 20 nT, 1000 km from it by about 2 uT.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import cos, degrees
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.elementary import Scalar, sin_cos, wrap_angle
+from insenv.errors import InputError
+from insenv.geodesy.wgs84 import radii
+
+Array = NDArray[np.float64]
+
+_TESLA_PER_NT = 1e-9
+_HALF_WAY = 10e3
+"""Half of the way over which the gradient is a difference quotient, m."""
+_LARGEST_TURN = 0.01
+"""Largest change of longitude for it, rad: near a pole 10 km east are several turns."""
+
+
+def magnetic_field(
+    field_n: Any,
+    gradient: Any,
+    latitude: Scalar,
+    longitude: Scalar,
+    height: Scalar,
+    latitude0: Scalar,
+    longitude0: Scalar,
+    height0: Scalar,
+) -> ca.SX:
+    """Field (3x1, T) in the n of a place, from the field (3x1, T) and the gradient (3x3, T/m) at another place (index 0).
+
+    The way from there is (R_M + h) d(latitude), (R_N + h) cos(latitude) d(longitude), -d(height).
+    """
+    s, c = sin_cos(latitude)
+    R_M, R_N = radii(s)
+    north = (latitude - latitude0) * (R_M + height)
+    east = wrap_angle(longitude - longitude0) * (R_N + height) * c
+    return field_n + gradient @ ca.vertcat(north, east, height0 - height)
+
+
+def world_magnetic_model(latitude: float, longitude: float, height: float, year: float) -> tuple[Array, Array]:
+    """Field (3, T, n) and gradient (3, 3; T/m) at a place (rad, m above the ellipsoid) and a decimal year.
+
+    Raises `InputError` for a year beyond the five years of the newest coefficients.
+    """
+    _, first, last = _model()
+    if not first <= year <= last:
+        raise InputError(f"year = {year:g}: allowed is {first:g} to {last:g}, the time of the World Magnetic Model")
+    field, gradient = _evaluated(latitude, longitude, height, year)
+    return field.copy(), gradient.copy()
+
+
+@lru_cache(maxsize=64)
+def _evaluated(latitude: float, longitude: float, height: float, year: float) -> tuple[Array, Array]:
+    """Kept: the package takes milliseconds, and the plants of a scenario are at one place."""
+    model = _model()[0]
+    north, east = _HALF_WAY / 6.37e6, min(_HALF_WAY / (6.37e6 * cos(latitude)), _LARGEST_TURN)
+    s = np.sin(latitude)
+    R_M, R_N = (float(radius) for radius in radii(s))
+    steps = (
+        ((north, 0.0, 0.0), north * (R_M + height)),
+        ((0.0, east, 0.0), east * (R_N + height) * cos(latitude)),
+        ((0.0, 0.0, -_HALF_WAY), _HALF_WAY),
+    )
+    columns = []
+    for (dlat, dlon, dh), way in steps:
+        ahead = _field(model, latitude + dlat, longitude + dlon, height + dh, year)
+        behind = _field(model, latitude - dlat, longitude - dlon, height - dh, year)
+        columns.append((ahead - behind) / (2.0 * way))
+    return _field(model, latitude, longitude, height, year), np.stack(columns, axis=1)
+
+
+def world_magnetic_years() -> tuple[float, float]:
+    """The decimal years of the newest coefficients."""
+    return _model()[1:]
+
+
+def _field(model: Any, latitude: float, longitude: float, height: float, year: float) -> Array:
+    if abs(latitude) > np.pi / 2:  # beyond the pole: there north and east point back
+        found = _field(model, np.copysign(np.pi, latitude) - latitude, longitude + np.pi, height, year)
+        return found * np.array([-1.0, -1.0, 1.0])
+    east = (degrees(longitude) + 180.0) % 360.0 - 180.0
+    found = model.calculate(degrees(latitude), east, height / 1e3, year, allow_date_outside_lifespan=True)
+    return np.array([found.x, found.y, found.z]) * _TESLA_PER_NT
+
+
+@lru_cache(maxsize=1)
+def _model() -> tuple[Any, float, float]:
+    """The World Magnetic Model with the newest coefficients of the package, and the years of its validity."""
+    from pygeomag import GeoMag
+
+    model = GeoMag()
+    first, last = model.life_span
+    return model, float(first), float(last)

@@ -1,0 +1,61 @@
+"""Keys that every table of a log has: its files, how they are written, the column and unit of the time; types of columns."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Strict
+
+from insenv.files.toml import Number, Positive, Section, check_three, key
+
+
+def _check_column(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, (str, int)) or (isinstance(value, int) and value < 0):
+        raise ValueError("must be a column name in quotes or a column number, counted from 0")
+    return value
+
+
+def _as_tuple(value: object) -> object:
+    files = [value] if isinstance(value, str) else value
+    if not isinstance(files, (list, tuple)) or not files or not all(isinstance(f, str) and f for f in files):
+        raise ValueError("must be a path or a list of paths, in quotes")
+    return tuple(files)
+
+
+Column = Annotated[str | int, BeforeValidator(_check_column)]
+Columns3 = Annotated[tuple[Column, Column, Column], BeforeValidator(check_three)]
+Sigma3 = Annotated[tuple[Positive, Positive, Positive], BeforeValidator(check_three)]
+Files = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
+AngleUnit = Literal["deg", "rad"]
+
+
+class FileSection(Section):
+    """The files of a section: how they are written, and the column and unit of the time."""
+
+    file: Files = key(
+        ...,
+        "path (relative to this TOML file), or package:NAME/path for a file inside an installed Python package; .gz and "
+        ".zip with one file are unpacked; a list of files joins their columns by time",
+    )
+    format: Literal["csv", "kf-gins"] = key(
+        "csv", "csv: any text table, columns as named below; kf-gins: a text file of KF-GINS, which sets all keys but file"
+    )
+    delimiter: Literal["auto", ",", ";", "tab", "space"] = key("auto", "separator of the fields; space: blanks and tabs")
+    header_rows: Annotated[int, Strict()] | None = key(
+        None,
+        "lines before the first row; the last of them holds the column names; absent: detected",
+        "lines",
+        ge=0,
+        le=1000,
+    )
+    comment: str = key("#", "lines that start with this character are skipped", min_length=1, max_length=1)
+    keep_where: dict[str, Number | list[Number]] = key(
+        {}, "use only the rows in which this column has this value (or one of these values)"
+    )
+    skip_empty: bool = key(
+        False, "skip rows in which one of the columns is empty, nan or null (GNSS columns in a file at IMU rate)", strict=True
+    )
+    time: Column = key(..., "column of the time stamp")
+    time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
+    time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
+    time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")

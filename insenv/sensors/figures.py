@@ -1,0 +1,140 @@
+"""Figures of an aiding instrument: grades in data-sheet units with their sources, and the keys of a section that replace
+them.
+
+The names of the figures are the keys; each shows its unit (``noise_m``).  A figure that a grade omits is the start value of
+its parameter row, which means "no such error".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import create_model, field_validator
+
+from insenv.core.tables import Table
+from insenv.errors import nearest
+from insenv.files.toml import Number, Section, key
+from insenv.files.values import PerAxis, Window, one_of, within
+from insenv.sensors.contract import SensorSection
+from insenv.sensors.sampled import OUTAGES, check_times
+
+LARGEST = 1e9
+"""Bound of every figure, in its data-sheet unit."""
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure: the parameter row that it sets, its unit and conversion to SI; vector: of three, one for each axis."""
+
+    row: str
+    unit: str = ""
+    convert: Callable[[Any], Any] = _same
+    vector: bool = False
+
+
+@dataclass(frozen=True)
+class Grade:
+    """A grade of an instrument: figures by name, in data-sheet units, and their sources by name ("": of all others)."""
+
+    name: str
+    title: str
+    sources: Mapping[str, str] = field(default_factory=dict)
+    figures: Mapping[str, Any] = field(default_factory=dict)
+
+    def source(self, figure: str) -> str:
+        """The source of a figure."""
+        return self.sources.get(figure, self.sources.get("", ""))
+
+
+def by_name(*grades: Grade) -> dict[str, Grade]:
+    """Grades by name."""
+    return {grade.name: grade for grade in grades}
+
+
+class FiguresSection(Section):
+    """Keys of a section of a scenario or of a log description that state the errors of an instrument."""
+
+    grades: ClassVar[Mapping[str, Grade]]
+    figures: ClassVar[Mapping[str, Figure]]
+    grade: str
+
+    @field_validator("grade", check_fields=False)
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value not in cls.grades:
+            raise ValueError(f"{value!r}: unknown{nearest(value, cls.grades)}")
+        return value
+
+    def error_rows(self) -> dict[str, Any]:
+        """Parameter rows (SI) of the grade's figures and of those that replace them."""
+        own = {name: getattr(self, name) for name in self.figures if getattr(self, name) is not None}
+        found = {**self.grades[self.grade].figures, **own}
+        return {self.figures[name].row: self.figures[name].convert(np.asarray(value)) for name, value in found.items()}
+
+
+def figures_section(
+    name: str, parameters: Table, grades: Mapping[str, Grade], figures: Mapping[str, Figure], default: str = "perfect"
+) -> type[FiguresSection]:
+    """The keys of an instrument: ``grade``, and one key for each figure; meanings and limits are those of the rows."""
+    keys: dict[str, Any] = {
+        "grade": (Annotated[str, one_of(grades)], key(default, "grade of the catalogue (docs/instruments.md)")),
+    }
+    for each, figure in figures.items():
+        row = parameters[figure.row]
+        meaning = f"{row.meaning[0].lower()}{row.meaning[1:]}; the grade's if absent"
+        lowest = 0.0 if row.lower >= 0.0 else -LARGEST
+        if figure.vector:
+            keys[each] = (Annotated[PerAxis, within(lowest, LARGEST)] | None, key(None, meaning, figure.unit))
+        else:
+            limits = {"gt": 0.0} if row.lower > 0.0 else {"ge": lowest}
+            keys[each] = (Number | None, key(None, meaning, figure.unit, le=LARGEST, **limits))
+    made = create_model(name, __base__=FiguresSection, **keys)
+    made.grades, made.figures = grades, figures
+    return made
+
+
+class TimedSection(SensorSection):
+    """The keys of the timing of an instrument in a scenario."""
+
+    interval_s: Number = key(1.0, "interval between measurements, a whole number of samples", "s", gt=0, le=3600)
+    latency_s: Number = key(0.0, "delay of a measurement, a whole number of samples, below the interval", "s", ge=0, le=3600)
+    outages_s: tuple[Window, ...] = key((), "intervals without measurements, pairs of begin and end", "s", max_length=OUTAGES)
+
+    @field_validator("outages_s")
+    @classmethod
+    def _windows(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        return checked_windows(value)
+
+    def timing(self, rate_hz: float) -> dict[str, Any]:
+        """Parameter rows of the timing.  Raises `InputError` for times that do not fit the samples."""
+        id = self.sensor.id
+        check_times(id, 1.0 / rate_hz, self.interval_s, self.latency_s)
+        begin, end = window_rows(self.outages_s)
+        return {
+            f"{id}_interval": self.interval_s,
+            f"{id}_latency": self.latency_s,
+            f"{id}_outage_start": begin,
+            f"{id}_outage_end": end,
+        }
+
+
+def checked_windows(value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Outage windows; raises ValueError for one that does not begin at 0 or later and end after it begins."""
+    for begin, end in value:
+        if not 0.0 <= begin < end:
+            raise ValueError(f"the outage from {begin:g} s to {end:g} s must begin at 0 or later and end after it begins")
+    return value
+
+
+def window_rows(windows: tuple[tuple[float, float], ...]) -> tuple[Any, Any]:
+    """Begins and ends (OUTAGES,) of outage windows, empty ones behind."""
+    rows = np.zeros((2, OUTAGES))
+    rows[:, : len(windows)] = np.array(windows).reshape(-1, 2).T
+    return rows[0], rows[1]

@@ -1,0 +1,149 @@
+"""Multirotor: hovering, climbing, flying and turning, by script or command.
+
+Velocities along and across the heading, the rate of climb and the yaw rate follow their commands.  The body tilts as its thrust
+must: forward to accelerate and against the drag, sideways likewise, with a bandwidth of its own.  Turbulence is a small
+Gauss-Markov disturbance of attitude and velocity; nothing holds the position against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from insenv.core.elementary import clamp
+from insenv.core.model import Values
+from insenv.core.tables import Row, Table
+from insenv.geodesy import STANDARD_GRAVITY
+from insenv.vehicles.gusts import Gusts
+from insenv.vehicles.nodes import PLACES
+from insenv.vehicles.phasors import Phasors
+from insenv.vehicles.script import Script
+from insenv.vehicles.tracker import Tracker, along_all, derivative_all
+from insenv.vehicles.traits import StickCommand, VehicleTraits
+from insenv.vehicles.truth import SineCosine, Vehicle
+
+SCRIPT = Script((
+    Row("forward", "Velocity to reach along the heading", "m/s", lower=-50.0, upper=50.0),
+    Row("right", "Velocity to reach to the right of the heading", "m/s", lower=-50.0, upper=50.0),
+    Row("climb_rate", "Rate of climb to reach", "m/s", lower=-20.0, upper=20.0),
+    Row("yaw_rate", "Yaw rate to reach", "rad/s", lower=-4.0, upper=4.0),
+))  # fmt: skip
+
+MULTIROTOR_TRAITS = VehicleTraits(
+    mavlink_type=2,  # MAV_TYPE_QUADROTOR
+    airspeed=False,
+    sticks=(
+        StickCommand("forward", "FORWARD", "Forward speed", ("x",), 5.0, 50.0, "m/s"),
+        StickCommand("right", "RIGHT", "Speed to the right", ("y",), 5.0, 50.0, "m/s"),
+        StickCommand("climb_rate", "CLIMB", "Climb rate", ("z",), 3.0, 20.0, "m/s"),
+        StickCommand("yaw_rate", "TURN", "Turn rate", ("r",), 45.0, 200.0, "deg/s"),
+    ),
+)
+
+_FORWARD = Tracker(("forward", "forward_rate", "forward_second"), "Velocity along the heading", "m/s")
+_RIGHT = Tracker(("right", "right_rate", "right_second"), "Velocity to the right of the heading", "m/s")
+_CLIMB = Tracker(("climb", "climb_rate", "climb_second"), "Rate of climb", "m/s")
+_YAW = Tracker(("yaw_rate", "yaw_acceleration", "yaw_second"), "Yaw rate", "rad/s")
+_ROLL = Tracker(("tilt_roll", "tilt_roll_rate", "tilt_roll_second"), "Roll by which the thrust is inclined", "rad")
+_PITCH = Tracker(("tilt_pitch", "tilt_pitch_rate", "tilt_pitch_second"), "Pitch by which the thrust is inclined", "rad")
+_GUSTS = Gusts("gust", (
+    ("gust_roll", "rad"), ("gust_pitch", "rad"), ("gust_yaw", "rad"),
+    ("gust_north", "m/s"), ("gust_east", "m/s"), ("gust_down", "m/s"),
+))  # fmt: skip
+_TRACKERS = (_FORWARD, _RIGHT, _CLIMB, _YAW, _ROLL, _PITCH)
+_MOVING = (*_TRACKERS, *_GUSTS.trackers)
+
+PARAMETERS = Table((
+    Row("mean_roll", "Roll of the unit's frame while the thrust is vertical", "rad", lower=-0.5, upper=0.5),
+    Row("mean_pitch", "Pitch of the unit's frame while the thrust is vertical", "rad", lower=-0.5, upper=0.5),
+    Row("start_heading", "Heading at time 0", "rad"),
+    Row("velocity_bandwidth", "Bandwidth of the velocity loops", "rad/s", start=1.5, lower=1e-2, upper=20.0),
+    Row("yaw_bandwidth", "Bandwidth of the yaw rate loop", "rad/s", start=4.0, lower=1e-2, upper=20.0),
+    Row("tilt_bandwidth", "Bandwidth of the attitude loop", "rad/s", start=8.0, lower=1e-1, upper=60.0),
+    Row("gust_bandwidth", "Bandwidth with which the motion follows gusts", "rad/s", start=4.0, lower=1e-1, upper=60.0),
+    Row("acceleration_limit", "Largest acceleration of each velocity", "m/s^2", start=3.0, lower=1e-2, upper=20.0),
+    Row("drag", "Deceleration by drag per speed", "1/s", start=0.15, lower=0.0, upper=5.0),
+    Row("tilt_limit", "Largest roll and pitch of the thrust", "rad", start=0.6, lower=0.0, upper=1.2),
+))  # fmt: skip
+
+
+def multirotor(rotor_components: int = 1) -> Vehicle:
+    """A multirotor.
+
+    rotor_components: number of angular frequencies of the rotors' vibration in roll, pitch (rad) and down (m).
+
+    Parameters: those of `PARAMETERS`, ``engine_angular_frequency`` and ``engine_<roll|pitch|down>_amplitude``, ``_phase``,
+    turbulence (``gust_time_constant``, ``gust_<roll|pitch|yaw>_sigma`` rad, ``gust_<north|east|down>_sigma`` m/s), script
+    (``segments``, ``segments_repeat``).
+    """
+    rotors = Phasors("engine", {"roll": "rad", "pitch": "rad", "down": "m"}, rotor_components)
+    state = Table((Row("yaw", "Heading without gusts, not wrapped", "rad"),)) + rotors.state + _GUSTS.state + SCRIPT.state
+    state = sum((tracker.state for tracker in _TRACKERS), state)
+
+    def start(p: Values, r: Any) -> dict[str, Any]:
+        return {"yaw": p.start_heading} | rotors.start(p) | _GUSTS.start(p, r) | SCRIPT.start(p, {})
+
+    def along(p: Values, x: Values) -> list[dict[str, Any]]:
+        places = rotors.along(x)
+        for rows, place in zip(places, PLACES, strict=True):
+            t = place * p.sample_interval
+            rows |= along_all(_MOVING, x, t)
+            rows["yaw"] = x.yaw + _YAW.integral(x, t)
+        return places
+
+    def derivative(p: Values, x: Values) -> dict[str, Any]:
+        return {**rotors.derivative(p, x), **derivative_all(_MOVING, x), "yaw": x.yaw_rate}
+
+    def angles(p: Values, x: Values) -> list[Any]:
+        return [
+            p.mean_roll + x.tilt_roll + x.gust_roll + rotors.value(x, "roll"),
+            p.mean_pitch + x.tilt_pitch + x.gust_pitch + rotors.value(x, "pitch"),
+            x.yaw + x.gust_yaw,
+            x.yaw,
+        ]
+
+    def velocity_n(p: Values, x: Values, pairs: Sequence[SineCosine]) -> Any:
+        sine, cosine = pairs[3]
+        return ca.vertcat(
+            x.forward * cosine - x.right * sine + x.gust_north,
+            x.forward * sine + x.right * cosine + x.gust_east,
+            x.gust_down - x.climb + rotors.rate(p, x, "down"),
+        )
+
+    return Vehicle(
+        id="multirotor",
+        title="Multirotor",
+        parameters=PARAMETERS + rotors.parameters + _GUSTS.parameters + SCRIPT.parameters,
+        state=state,
+        along=along,
+        derivative=derivative,
+        angles=angles,
+        velocity_n=velocity_n,
+        start=start,
+        start_uniforms=_GUSTS.uniforms,
+        hold=_hold,
+        hold_uniforms=_GUSTS.uniforms,
+        inputs=SCRIPT.inputs,
+        steps=SCRIPT.steps,
+    )
+
+
+def _hold(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
+    h, most = p.sample_interval, p.acceleration_limit
+    ahead = x.forward_rate - x.yaw_rate * x.right + p.drag * x.forward
+    aside = x.right_rate + x.yaw_rate * x.forward + p.drag * x.right
+    pitch, roll = (
+        clamp(sign * wanted / STANDARD_GRAVITY, -p.tilt_limit, p.tilt_limit) for sign, wanted in ((-1.0, ahead), (1.0, aside))
+    )
+    return {
+        **_FORWARD.hold(x, h, x.commanded_forward, p.velocity_bandwidth, most),
+        **_RIGHT.hold(x, h, x.commanded_right, p.velocity_bandwidth, most),
+        **_CLIMB.hold(x, h, x.commanded_climb_rate, p.velocity_bandwidth, most),
+        **_YAW.hold(x, h, x.commanded_yaw_rate, p.yaw_bandwidth),
+        **_PITCH.hold(x, h, pitch, p.tilt_bandwidth),
+        **_ROLL.hold(x, h, roll, p.tilt_bandwidth),
+        **_GUSTS.hold(p, x, p.gust_bandwidth, r),
+        **SCRIPT.count(p, x),
+    }

@@ -1,0 +1,72 @@
+"""`insenv examples` and `insenv new`: files that run as they are written, and overwrite nothing."""
+
+import pytest
+from command_line import call, refused, strict
+from places import ROOT
+
+from insenv.files.toml import read_toml
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def contents(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_examples_copies_all_of_them(folder):
+    status, out, err = call("examples")
+    assert (status, err) == (0, "") and "insenv replay examples/logs/plain.toml -e loosely-coupled" in out
+    original = {name: text for name, text in contents(ROOT / "examples").items() if "__pycache__" not in name}
+    assert contents(folder / "examples") == original
+    found = strict(call("examples", "other/place", "--json")[1])
+    assert contents(folder / "other" / "place") == original and len(found["files"]) == len(original)
+
+
+def test_every_command_that_is_advised_runs(folder):
+    for arguments in (("examples",), ("new", "scenario", "boat.toml"), ("new", "log", "drive.toml")):
+        advised = [line.split() for line in call(*arguments)[1].splitlines() if line.startswith("  insenv ")]
+        assert advised
+        for command in advised:
+            status, out, err = call(*command[1:])
+            assert (status, err) == (0, "") and "heading [deg]" in out
+
+
+def test_examples_overwrites_nothing(folder):
+    (folder / "examples" / "logs").mkdir(parents=True)
+    (folder / "examples" / "logs" / "plain.toml").write_text("mine")
+    refused(call("examples"), "plain.toml' exists", "no file is overwritten")
+    assert contents(folder) == {"examples/logs/plain.toml": b"mine"}
+
+
+def test_a_new_scenario_is_commented_and_names_itself(folder):
+    assert call("new", "scenario", "boat.toml")[0] == 0
+    text = (folder / "boat.toml").read_text("utf-8")
+    assert "insenv run boat.toml" in text and "own_scenario" not in text and text.count("#") > 10
+    assert read_toml("boat.toml")["estimators"] == ["q-method"]
+
+
+def test_a_new_log_has_its_samples_beside_it(folder):
+    (folder / "deep").mkdir()
+    found = strict(call("new", "log", "deep/drive.toml", "--json")[1])
+    names = {"drive.toml", "drive-imu.csv", "drive-gnss.csv", "drive-reference.csv"}
+    assert set(contents(folder / "deep")) == names and {path.split("/")[-1] for path in found["files"]} == names
+    assert read_toml("deep/drive.toml")["imu"]["file"] == "drive-imu.csv"
+    assert "insenv replay deep/drive.toml" in (folder / "deep" / "drive.toml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(("kind", "there"), [("scenario", "mine.toml"), ("log", "mine.toml"), ("log", "mine-gnss.csv")])
+def test_new_overwrites_nothing(folder, kind, there):
+    (folder / there).write_text("mine")
+    refused(call("new", kind, "mine.toml"), f"'{there}' exists", "no file is overwritten")
+    assert contents(folder) == {there: b"mine"}
+
+
+def test_where_no_file_can_be_written():
+    refused(call("new", "log", "mine"), "'mine'", "ends in .toml")
+    refused(call("new", "log", "gone/mine.toml"), "no folder 'gone'")
+    refused(call("new", "thing", "mine.toml"), "'thing'", "allowed is one of 'scenario', 'log'")
+    refused(call("examples", "/dev/null/x"), "/dev/null", "Not a directory")

@@ -1,0 +1,72 @@
+"""`insenv list`: a screen of names, and each kind with its titles."""
+
+import os
+import re
+import sys
+
+import pytest
+from command_line import call, refused, strict
+from places import ROOT
+
+from insenv.cli.lists import What, real_first
+from insenv.sensors import GNSS_GRADES, IMU_GRADES
+
+SCREEN = 24
+
+
+def test_the_names_fit_a_screen():
+    status, out, err = call("list")
+    lines = out.splitlines()
+    assert (status, err) == (0, "") and len(lines) < SCREEN and max(map(len, lines)) <= 80
+    names = re.split(r"[\s,]+", out)
+    assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(names)
+    assert set(IMU_GRADES) | set(GNSS_GRADES) <= set(names)
+
+
+def test_grades_of_real_units_come_first():
+    listed = strict(call("list", "grades", "--json")[1])
+    assert set(listed) == {"imu_grades", "gnss_grades"}
+    names = [row["name"] for row in listed["imu_grades"]]
+    assert set(names) == set(IMU_GRADES) and names == real_first(IMU_GRADES)
+    of_papers = [name.startswith("paper-") for name in names]
+    assert of_papers == sorted(of_papers) and any(of_papers)
+    assert names.index("tactical") < names.index("perfect") < names.index("paper-ecef")
+    assert all(row["title"] for rows in listed.values() for row in rows)
+
+
+@pytest.mark.parametrize("what", list(What))
+def test_each_kind_with_its_titles(what):
+    status, out, err = call("list", what.value)
+    listed = strict(call("list", what.value, "--json")[1])
+    assert (status, err) == (0, "") and max(map(len, out.splitlines())) <= 80
+    whole = strict(call("list", "--json")[1])
+    flat = re.sub(r"\s+", "", out)
+    for key, rows in listed.items():
+        assert rows and whole[key] == rows
+        for row in rows:
+            assert next(str(row[name]) for name in ("name", "id", "kind") if name in row) in out
+            assert re.sub(r"\s+", "", row["title"])[:12] in flat
+
+
+def test_an_unknown_kind():
+    refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="terminals of POSIX")
+def test_tables_follow_the_width_of_the_terminal():
+    from terminal import at_terminal
+
+    def shown(columns, *arguments):
+        command = [sys.executable, "-m", "insenv", *arguments]
+        text, status = at_terminal(command, columns, environment={"PYTHONPATH": str(ROOT)})
+        assert status == 0, text
+        return [re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", line).rstrip() for line in text.splitlines()]
+
+    narrow, wide = (shown(columns, "list", "estimators") for columns in (70, 160))
+    assert max(map(len, narrow)) == 70 and 100 < max(map(len, wide)) <= 160 and len(wide) < len(narrow)
+    for columns in (50, 80, 160):
+        lines = shown(columns, "run", "car-city-drive", "--duration", "5", "-e", "wander-sins")
+        row = next(line for line in lines if line.startswith("heading [deg]"))
+        assert "…" not in row and len(row.split()) >= 6  # no digit is cut off
+        text = [line for line in lines if line.startswith(("final", "time", "note"))]
+        assert max(map(len, text)) <= columns

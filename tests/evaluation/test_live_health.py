@@ -1,0 +1,79 @@
+"""Health of a running filter: the same verdict as over the recorded run, and what its changes of velocity could tell."""
+
+import numpy as np
+import pytest
+
+from insenv.estimators.parts.rows import FIX_HEALTH
+from insenv.evaluation.health import health
+from insenv.evaluation.live_health import HOLD_S, LiveHealth
+
+SIGMA = 0.1
+"""Of fix and filter together, one axis, m/s."""
+
+
+def outputs(k, square=1.0, velocity=(0.0, 0.0, 0.0), ratio=0.0):
+    """Of a filter after k fixes of three positions and velocities with this mean NIS."""
+    rows = {
+        "fix_count": k, "fix_refused_count": 0, "nis_used": np.full(2, 3.0 * square * k), "nis_used_count": np.full(2, 3.0 * k),
+        "nis_refused": np.zeros(2), "nis_refused_count": np.zeros(2),
+    }  # fmt: skip
+    sigma = np.full(3, SIGMA / np.sqrt(2.0))
+    return {**rows, "velocity_n": np.array(velocity), "velocity_sigma": sigma, "test_ratio": np.full(6, ratio)}
+
+
+def fed(velocities, every=1.0):
+    """Health after fixes with these velocities north, m/s."""
+    live = LiveHealth()
+    for k, speed in enumerate(velocities):
+        live.take(every * k, outputs(k + 1, velocity=(speed, 0.0, 0.0)), np.full(3, SIGMA / np.sqrt(2.0)))
+    return live
+
+
+def test_a_change_of_velocity_gives_the_heading_to_its_noise_over_it():
+    assert fed([0.0, 5.0]).heading_sigma == pytest.approx(np.sqrt(2.0) * SIGMA / 5.0, rel=1e-9)
+    assert fed([0.0, 5.0, 5.0, 10.0]).heading_sigma == pytest.approx(SIGMA / 5.0, rel=1e-9)
+
+
+def test_uniform_motion_and_noise_tell_nothing_of_the_heading():
+    drawn = np.random.default_rng(1).normal(20.0, SIGMA, 20_000)
+    assert np.degrees(fed(drawn).heading_sigma) > 1.0
+    assert fed(np.full(100, 20.0)).heading_sigma == np.inf
+
+
+def test_a_slow_change_counts_within_ten_seconds_and_not_across_an_outage():
+    assert fed(0.1 * np.arange(100)).heading_sigma < 0.1
+    assert fed([0.0, 50.0], every=30.0).heading_sigma == np.inf
+    # fixes at 20 Hz count as one within a second
+    assert fed(2.0 * 0.05 * np.arange(101), every=0.05).heading_sigma == pytest.approx(
+        np.sqrt(2.0 / 5.0) * SIGMA / 2.0, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(("square", "verdict"), [(1.0, "consistent"), (1.3, "overconfident")])
+def test_the_verdict_is_that_of_the_recorded_run_however_long_it_is(square, verdict):
+    live, rows = LiveHealth(), [outputs(k, square) for k in range(1, 3001)]
+    for k, row in enumerate(rows):
+        live.take(float(k), row, None)
+    found = health({name: np.array([row[name] for row in rows], dtype=float) for name in FIX_HEALTH.names})
+    assert live.verdict == found.verdict == verdict
+    assert live.consistent == (verdict == "consistent")
+
+
+def test_a_verdict_must_have_been_good_for_some_seconds():
+    live, states = LiveHealth(), []
+    for n in range(1, 41):
+        live.take(float(n), outputs(n, square=4.0 if n <= 10 else 0.8), None)
+        states.append((live.verdict, live.consistent))
+    assert states[9] == ("overconfident", False)
+    assert states[10] == ("consistent", False)
+    assert [consistent for _, consistent in states].index(True, 10) + 1 == 10 + HOLD_S
+
+
+def test_the_median_of_the_latest_fixes_contradicts():
+    live = LiveHealth()
+    for n, ratio in enumerate([0.0] * 10 + [9.0, 9.0, 0.0, 0.0, 0.0]):
+        live.take(float(n), outputs(n + 1, ratio=ratio), None)
+        assert not live.contradicted  # single outliers do not
+    for n in range(15, 20):
+        live.take(float(n), outputs(n + 1, ratio=4.0), None)
+    assert live.contradicted

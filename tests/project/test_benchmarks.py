@@ -1,0 +1,54 @@
+"""The figures of docs/benchmarks.md are those of the code; its times name figures that `insenv bench` measures."""
+
+from importlib.util import find_spec
+
+import benchmarks
+import pytest
+
+from insenv.bench.figures import _measurements
+
+LAST_DIGIT = 1.01 * 10.0 ** (1 - benchmarks.DIGITS)
+"""What rounding to the stored digits, and that of sums on another machine, can change."""
+
+
+def test_the_drifts_are_those_of_the_code():
+    assert benchmarks.drifts() == pytest.approx(benchmarks.stored()["drift"], rel=LAST_DIGIT), (
+        "python tools/benchmarks.py accuracy"
+    )
+
+
+@pytest.mark.skipif(find_spec("pyins") is None, reason="pyins is not installed (pip install '.[bench]')")
+def test_the_drifts_of_the_peer():
+    from insenv.bench import truth
+
+    for name in benchmarks.DRIFTS:
+        assert truth.drift(name).peer[1] == pytest.approx(benchmarks.stored()["peer"][name], rel=0.05)
+
+
+@pytest.mark.skipif(find_spec("onavdata") is None, reason="onavdata is not installed (pip install onavdata==0.2.5)")
+def test_the_errors_on_the_recorded_log_are_those_of_the_code():
+    expected, found = benchmarks.stored()["log"], benchmarks.log_rows()
+    assert list(found) == list(expected) == list(benchmarks.LOGS)
+    for name, rms in expected.items():
+        assert found[name] == pytest.approx(rms, rel=LAST_DIGIT), f"{name}: python tools/benchmarks.py accuracy"
+
+
+def test_the_times_are_of_figures_that_are_measured():
+    names = [row["name"] for row in benchmarks.stored()["speed"]["figures"]]
+    assert names and set(names) <= set(_measurements()) and len(set(names)) == len(names)
+
+
+def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatch):
+    import json
+
+    table, document = tmp_path / "table.json", tmp_path / "bench.json"
+    table.write_text(benchmarks.TABLE.read_text("utf-8"))
+    monkeypatch.setattr(benchmarks, "TABLE", table)
+    figure = {"name": "env.single", "value": 151234.0, "unit": "steps/s", "floor": 1e6, "n": 9, "note": ""}
+    document.write_text(json.dumps({"machine": {"processor": "P", "cores": 2}, "figures": [figure]}))
+    benchmarks.main(["speed", str(document)])
+    speed = json.loads(table.read_text())["speed"]
+    (row,) = [row for row in speed["figures"] if row["name"] == "env.single"]
+    assert (row["value"], row["floor"], row["target"]) == (151000.0, 1e6, 150000) and speed["machine"] == "P, 2"
+    with pytest.raises(SystemExit):
+        benchmarks.main(["nonesuch"])

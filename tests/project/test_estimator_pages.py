@@ -1,0 +1,107 @@
+"""The pages of docs/estimators: one form, examples that print what they show, accuracy that the code still has."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import accuracy
+import estimator_pages
+import pytest
+from places import ROOT
+
+from insenv import estimators
+
+FOLDER = ROOT / "docs" / "estimators"
+PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
+FORM = ("When to use", "Example", "Parameters", "Equations", "Accuracy", "(Notes|Health)")
+"""Headings of every page, in this order; a page about a method of a paper has "What differs from the paper" too."""
+QUICK = [
+    case
+    for case in accuracy.CASES
+    if (case.estimator, case.scenario) in (("analytic", "car-parked"), ("q-method", "static-ecef"))
+]
+TIMING = re.compile(r", \S+ us a sample")
+
+
+def text_of(page: str) -> str:
+    return (FOLDER / f"{page}.md").read_text(encoding="utf-8")
+
+
+def examples(page: str) -> list[tuple[str, list[str]]]:
+    """Commands ``$ insenv run`` with the lines that the page shows below each."""
+    blocks = re.findall(r"^```console\n\$ (insenv run [^\n]*)\n(.*?)^```$", text_of(page), re.MULTILINE | re.DOTALL)
+    return [(command, shown.splitlines()) for command, shown in blocks]
+
+
+def test_every_estimator_has_a_page():
+    named = {id for page in PAGES for id in re.findall(r"`([\w-]+)`", text_of(page).splitlines()[0])}
+    assert named == set(estimators.registered())
+    assert set(PAGES) == set(estimator_pages.ON_PAGE)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_has_the_form(page):
+    headings = re.findall(r"^## (.*)$", text_of(page), re.MULTILINE)
+    places = [next((k for k, heading in enumerate(headings) if re.match(part, heading)), -1) for part in FORM]
+    assert -1 not in places and places == sorted(places), headings
+    assert re.search(r"^Sources?: ", text_of(page), re.MULTILINE) and re.search(r"^Code: `insenv/", text_of(page), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_code_that_a_page_names_exists(page):
+    for path in re.findall(r"`(insenv/[\w/]+(?:\.\w+)?/?)`", text_of(page)):
+        assert (ROOT / path).exists(), path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_an_example_prints_what_the_page_shows(page):
+    found = examples(page)
+    assert found
+    for command, shown in found:
+        assert any("[deg]" in line for line in shown), command
+        done = subprocess.run(
+            [sys.executable, "-m", *command.split()],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "COLUMNS": "120", "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"},
+            encoding="utf-8",
+            timeout=300,
+        )
+        assert done.returncode == 0, done.stderr
+        printed = TIMING.sub("", done.stdout).splitlines()
+        assert [line for line in shown if line not in printed] == [], command
+
+
+def test_the_accuracy_of_every_case_is_stored():
+    rows = accuracy.stored()
+    assert json.loads(accuracy.text(rows)) == rows
+    assert [(row["estimator"], row["case"]) for row in rows] == [(case.estimator, case.label) for case in accuracy.CASES]
+    assert {row["estimator"] for row in rows} == set(estimators.registered()) - {"smoother"}
+
+
+def check(case: accuracy.Case) -> None:
+    (expected,) = [
+        row
+        for row in accuracy.stored()
+        if (row["estimator"], row["case"]) == (case.estimator, case.label) and case.duration_s in (None, row["at_s"])
+    ]
+    found = accuracy.row(case)
+    for kind in ("rms", "stated", "limit"):
+        assert found.get(kind, {}) == pytest.approx(expected.get(kind, {}), rel=1e-2), (kind, "run: python tools/accuracy.py")
+    assert found.get("beyond", {}) == pytest.approx(expected.get("beyond", {}), abs=2e-3)
+    assert found["seeds"] == expected["seeds"]
+
+
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: f"{case.estimator}-{case.scenario}")
+def test_the_accuracy_shown_is_that_of_the_code(case):
+    check(case)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", accuracy.CASES, ids=lambda case: f"{case.estimator}-{case.label}-{case.duration_s}")
+def test_all_accuracy_shown_is_that_of_the_code(case):
+    if case.estimator == "aqe-ekf" and case.scenario == "large-misalignment-extreme":
+        pytest.skip("it diverges: errors of another machine's rounding grow without bound")
+    check(case)

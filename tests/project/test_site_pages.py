@@ -1,0 +1,99 @@
+"""The generated pages of the site can be made, and say what the tables say; `make docs` builds them."""
+
+import re
+
+import pytest
+import site_docstrings
+import site_pages
+import site_sources
+import site_tables
+from places import ROOT
+
+import insenv
+from insenv import estimators
+from insenv.registration import SPECS
+from insenv.scenario import summaries
+from insenv.sensors import GNSS_GRADES, IMU_GRADES
+
+PAGES = site_pages.all_pages()
+
+
+def test_everything_has_a_page():
+    wanted = {f"environments/{site_pages.slug(id)}.md" for id in SPECS}
+    wanted |= {f"scenarios/{entry['name']}.md" for entry in summaries()}
+    wanted |= {f"grades/{name}.md" for name in IMU_GRADES} | {f"grades/gnss-{name}.md" for name in GNSS_GRADES}
+    wanted |= {f"api/{name}.rst" for name in insenv.__all__} | {"sensors/imu.md", "sensors/gnss.md", "conventions.rst"}
+    assert wanted <= set(PAGES)
+
+
+@pytest.mark.parametrize("id", SPECS)
+def test_an_environment_has_its_rows_and_baselines(id):
+    page = PAGES[f"environments/{site_pages.slug(id)}.md"]
+    for heading in ("## The action", "## The observation", "## The info", "## Baselines"):
+        assert f"\n{heading}" in page
+    assert "| `q_nb` |" in page and "| `time` |" in page
+    scores = page.partition("## Baselines")[2]
+    assert len(re.findall(r"^\|.*-?\d\.\d\d \+- \d\.\d\d", scores, re.MULTILINE)) >= 4
+
+
+@pytest.mark.parametrize("id", estimators.registered())
+def test_the_page_of_an_estimator_ends_with_its_tables(id):
+    estimator = estimators.get(id)
+    name = f"estimators/{site_tables.estimator_pages()[id].removesuffix('.md')}"
+    written = (ROOT / "docs" / f"{name}.md").read_text("utf-8")
+    tables = site_sources.extended(name, written).partition(f"## Interface of `{id}`\n")[2]
+    wanted = [("Inputs", "inputs"), ("Outputs", "outputs")]
+    wanted += [] if "<!-- begin parameters" in written else [("Parameters", "parameters")]
+    for heading, table in wanted:
+        part = re.split(r"\n#+ ", tables.partition(f"### {heading} of `{id}`\n")[2])[0]
+        assert re.findall(r"^\| `(\w+)` \|", part, re.MULTILINE) == list(getattr(estimator.model, table).names)
+
+
+def test_a_key_of_a_parameter_is_one_that_is_taken():
+    tables = site_tables.estimator_tables("# `loosely-coupled`\n")
+    assert "`arw_deg_sqrt_h`" in tables and "`innovation_gate`" in tables
+    report = insenv.run("car-city-drive", duration_s=2.0, settings={"loosely-coupled": {"arw_deg_sqrt_h": 0.2}})
+    assert report.results[0].estimator == "loosely-coupled"
+
+
+def test_links_to_an_anchor_lead_to_the_heading_below_it():
+    text = site_sources.extended("logs", "see [health](consistency.md#health) and [axes](#axes)")
+    assert text == "see [health](consistency.md#in-a-single-run-health) and [axes](#axes)"
+
+
+def test_a_page_that_no_table_of_contents_names_is_below_the_reference(tmp_path, monkeypatch):
+    (tmp_path / "concepts").mkdir()
+    (tmp_path / "concepts" / "index.md").write_text("```{toctree}\n:hidden:\n\n../limits\n```\n")
+    for name in ("index", "limits", "benchmarks"):
+        (tmp_path / f"{name}.md").write_text("# Title\n")
+    monkeypatch.setattr(site_sources, "DOCS", tmp_path)
+    assert site_sources.unlisted() == ["benchmarks"]
+
+
+def test_the_biases_of_a_grade_as_errors_of_an_alignment():
+    page = PAGES["grades/marine.md"]  # 0.001 deg/h, 10 ug: heading 0.001 / (15.041 cos 45 deg) rad, tilt 1e-5 rad
+    assert "| 0.00057 deg | 0.0054 deg |" in page
+    assert "none: its bias hides the rotation of the Earth" in PAGES["grades/consumer.md"]
+
+
+def test_a_docstring_becomes_definitions_links_and_code():
+    lines = [
+        "What `run` gives.  Half * done.",
+        "",
+        "one, two: first text",
+        "    of `x_` and `Report`.  three: ``3``.",
+        "",
+        "    code()",
+    ]
+    assert site_docstrings.as_rst(lines, {"one", "two", "three"}) == [
+        "What :py:obj:`~insenv.run` gives.  Half \\* done.", "",
+        "``one``, ``two``", "    first text of ``x_`` and :py:obj:`~insenv.Report`.", "",
+        "``three``", "    ``3``.", "",
+        ".. code-block:: python", "", "    code()", "",
+    ]  # fmt: skip
+
+
+def test_parameters_of_a_docstring_begin_lines():
+    doc = ["Parameters", "----------", "one: see two: it", "goes on.", "two: 2"]
+    found = site_docstrings.as_rst(doc, set())
+    assert found[2:] == ["``one``", "    see two: it goes on.", "", "``two``", "    2", ""]

@@ -1,0 +1,203 @@
+"""Pages of the documentation site that are made from the tables: `docs/conf.py` writes them into docs/generated/ at each build.
+
+One page per environment, sensor, grade, scenario, paper and public name. The tables of parameters, inputs and outputs of an
+estimator are appended to its own page, `docs/estimators/`. All are Markdown except the reference, which is reStructuredText.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Iterable, Mapping
+
+import gymnasium
+from pages import ROOT, markdown
+from site_sensors import grades, sensor_pages
+from site_tables import DOCS, Pages, estimator_pages, overview, rows_with_bounds, sentence
+
+import insenv
+from insenv.registration import SPECS, titles
+from insenv.reproduce import PAPERS
+from insenv.scenario import load, summaries
+
+
+def all_pages() -> Pages:
+    """Every generated page."""
+    return {**environments(), **sensor_pages(), **grades(), **scenarios(), **papers(), **reference()}
+
+
+# --- environments ------------------------------------------------------------------------------------
+
+
+def environments() -> Pages:
+    """A page per environment: its docstring, its rows as declared, the scores of baselines that stand in docs/."""
+    pages = {f"environments/{slug(id)}.md": environment(id) for id in SPECS}
+    rows = [[f"[`{id}`]({slug(id)}.md)", title] for id, title in titles().items()]
+    intro = (
+        "Each page has the action, the observation and the info, row by row, and the scores of the baselines. "
+        "How to use them: [environments](../../environments.md), [tuning and manoeuvres](../../tuning-and-manoeuvre.md)."
+    )
+    pages["environments/index.md"] = overview(
+        "All environments", intro, ("environment", "task"), rows, [f"{slug(id)}" for id in SPECS]
+    )
+    return pages
+
+
+def environment(id: str) -> str:
+    """The page of one environment."""
+    env = gymnasium.make(id, backend="interpreter").unwrapped
+    setup = env.setup  # type: ignore[attr-defined]
+    text = re.sub(r"\bdocs/([\w-]+)\.md\b", r"[\1](../../\1.md)", inspect.getdoc(type(env)) or "")
+    scenario = str(SPECS[id][1]["scenario"])
+    parts = (
+        ("The action, row by row", setup.task.actions, "All components in [-1, 1]; the units are those of the table above."),
+        ("The observation, row by row", setup.layout, f"With the default of {setup.samples} inertial samples per step."),
+        ("The info, row by row", setup.task.info, "Only the info has the truth."),
+    )
+    declared = "\n\n".join(f"## {title}\n{note}\n\n{rows_with_bounds(table)}" for title, table, note in parts)
+    return (
+        f"# `{id}`\n\n{sentence(titles()[id])} Episodes of {setup.decisions} steps by default. "
+        f"Default scenario: [`{scenario}`](../scenarios/{scenario}.md).\n\n{text}\n\n{declared}\n\n"
+        f"## Baselines\n\n{baselines(id)}\n"
+    )
+
+
+def baselines(id: str) -> str:
+    """The scores of an environment that stand in the hand-written pages, with a link to their conditions."""
+    kind = str(SPECS[id][0])
+    if kind in ("Alignment", "Navigation"):
+        where, anchor, heading = "environments", "ranking-of-policies", "Ranking of policies"
+        head, *rows = tables_below(where, heading)[kind == "Navigation"]
+        column = head.index(str(SPECS[id][1]["vehicle"]))
+        head, rows = ["policy", "score"], [[row[0], row[column]] for row in rows]
+    else:
+        where = "tuning-and-manoeuvre"
+        heading = {"Tuning": "A trained tuner", "Manoeuvre": "Active alignment"}[kind]
+        anchor = heading.lower().replace(" ", "-")
+        head, *rows = tables_below(where, heading)[-1]
+    return f"{markdown(head, rows)}\n\nConditions, seeds and how to repeat them: [{heading}](../../{where}.md#{anchor})."
+
+
+def tables_below(page: str, heading: str) -> list[list[list[str]]]:
+    """The Markdown tables below a heading of a page in docs/: tables of rows of cells, without the rule.
+
+    Raises ValueError if there is none.
+    """
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    section = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"(?:^\|.*\n?)+", section[1], re.MULTILINE) if section else []
+    if not blocks:
+        raise ValueError(f"docs/{page}.md must have a table below the heading {heading!r}: the environments' pages show it")
+    return [
+        [[c.strip() for c in line.strip("| \n").split("|")] for k, line in enumerate(b.splitlines()) if k != 1] for b in blocks
+    ]
+
+
+# --- scenarios, papers, public names -----------------------------------------------------------------
+
+
+def scenarios() -> Pages:
+    """A page per scenario: what it is, and its file."""
+    pages = {f"scenarios/{entry['name']}.md": scenario(entry["name"]) for entry in summaries()}
+    rows = [[f"[`{s['name']}`]({s['name']}.md)", s["vehicle"], f"{s['duration_s']:g} s", s["title"]] for s in summaries()]
+    intro = "How to write your own, and every key: [scenarios](../../scenarios.md)."
+    names = [s["name"] for s in summaries()]
+    pages["scenarios/index.md"] = overview("All scenarios", intro, ("scenario", "vehicle", "duration", "title"), rows, names)
+    return pages
+
+
+def scenario(name: str) -> str:
+    """The page of one scenario."""
+    found = load(name)
+    text = (ROOT / "scenarios" / f"{name}.toml").read_text(encoding="utf-8").rstrip()
+    pages = estimator_pages()
+    chosen = ", ".join(f"[`{id}`](../../estimators/{pages[id]})" for id in found.estimators)
+    gnss = found.sensors.get("gnss")
+    grade = getattr(gnss, "grade", "")
+    rows = [
+        ["vehicle", f"{found.vehicle.kind}, {'in place' if found.vehicle.in_place else 'moving'}"],
+        ["duration, rate", f"{found.duration_s:g} s, {found.rate_hz:g} Hz"],
+        ["start", f"latitude {found.start.latitude_deg:g} deg, heading {found.start.heading_deg:g} deg"],
+        ["inertial unit", f"[`{found.imu.grade}`](../grades/{found.imu.grade}.md)"],
+        ["GNSS", f"[`{grade}`](../grades/gnss-{grade}.md)" if gnss else "none"],
+        ["other sensors", ", ".join(f"[`{id}`](../sensors/{id}.md)" for id in found.sensors if id != "gnss") or "none"],
+        ["estimators", chosen or "none"],
+    ]
+    return (
+        f"# `{name}`\n\n**{found.title}**\n\n{found.description.strip()}\n\n{markdown(('', ''), rows)}\n\n"
+        f"```console\n$ insenv run {name}\n```\n\n## The file\n\n```toml\n{text}\n```\n"
+    )
+
+
+PAGE_OF_PAPER = {
+    "ecef": "ecef-kf",
+    "navigation": "smoother",
+    "swaying": "inertial-fir",
+    "quaternion": "qakf",
+    "large-misalignment": "aqe",
+}
+"""Of each paper the page of its estimators."""
+
+
+def papers() -> Pages:
+    """A page per paper: each published figure beside ours and the limit, from the table that the tests compare."""
+    stored = json.loads((ROOT / "tests" / "reproduce" / "rows.json").read_text(encoding="utf-8"))
+    pages = {f"papers/{name}.md": paper(name, title, stored[name]) for name, title in PAPERS.items()}
+    rows = [[f"[{name}]({name}.md)", title, str(len(stored[name]))] for name, title in PAPERS.items()]
+    intro = (
+        "The estimators come from five papers. `insenv reproduce` repeats their tests; each page has the figure published, the "
+        "one computed here and the theoretical limit. A test compares the tables with the code."
+    )
+    pages["papers/index.md"] = overview("The papers", intro, ("paper", "subject", "rows"), rows, PAPERS)
+    return pages
+
+
+def paper(name: str, title: str, rows: Iterable[Mapping[str, object]]) -> str:
+    """The page of one paper."""
+    page = PAGE_OF_PAPER[name]
+    figure = figure_of(name, page)
+
+    def number(value: object) -> str:
+        return "" if value is None else f"{float(value):.3g}"  # type: ignore[arg-type]
+
+    cells = [
+        [str(row["quantity"]), str(row["unit"]), *(number(row[n]) for n in ("published", "ours", "limit")), str(row["seeds"])]
+        for row in rows
+    ]
+    table = markdown(("quantity", "unit", "published", "ours", "limit", "seeds"), cells)
+    return (
+        f"# Paper: {name}\n\n**{title[0].upper()}{title[1:]}**\n\n"
+        f"The method, its equations and what was corrected: [{page}](../../estimators/{page}.md).\n\n"
+        f"```console\n$ insenv reproduce {name}\n```\n\n![The tests of the paper](../../figures/{figure})\n\n{table}\n"
+    )
+
+
+def figure_of(paper: str, page: str) -> str:
+    """The figure that `insenv reproduce` draws of a paper, or else the first on the page of its estimators."""
+    if (DOCS / "figures" / f"reproduce-{paper}.png").is_file():
+        return f"reproduce-{paper}.png"
+    return re.findall(r"\]\(\.\./figures/([\w.-]+)\)", (DOCS / "estimators" / f"{page}.md").read_text(encoding="utf-8"))[0]
+
+
+def reference() -> Pages:
+    """A page per public name, from its docstring, and the conventions, which are the docstring of insenv."""
+    pages = {}
+    for name in insenv.__all__:
+        thing = getattr(insenv, name)
+        if inspect.ismodule(thing):
+            body = f".. automodule:: {thing.__name__}\n   :members:\n"
+        elif inspect.isclass(thing):
+            body = f".. autoclass:: insenv.{name}\n   :members:\n"
+            body += "\nKeys, units and defaults: :doc:`/scenarios`.\n" if hasattr(thing, "model_fields") else ""
+        else:
+            body = f".. autofunction:: insenv.{name}\n"
+        pages[f"api/{name}.rst"] = f"insenv.{name}\n{'=' * (7 + len(name))}\n\n{body}"
+    rest = (inspect.getdoc(insenv) or "").partition("\n")[2]
+    pages["conventions.rst"] = f"Conventions\n===========\n\n{rest.strip().replace('`', '``').replace('````', '``')}\n"
+    return pages
+
+
+def slug(id: str) -> str:
+    """``insenv/ShipAlignment-v0`` as the name of a file: ``ship-alignment``."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "-", id.removeprefix("insenv/").removesuffix("-v0")).lower()

@@ -1,0 +1,63 @@
+"""What the site changes in a page of docs/ before it is read: the repository shows the same files without it.
+
+The tables of an estimator are appended to its page, the public names of docs/api.md become links, and links to an anchor
+``<a id="health"></a>`` become links to the heading below it, because Sphinx knows headings alone.  A page that no table of
+contents names stands below the reference.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from functools import lru_cache
+
+import site_tables
+from pages import ROOT
+
+import insenv
+
+DOCS = ROOT / "docs"
+TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+ANCHOR = re.compile(r'^<a id="(?P<id>[\w-]+)"></a>\n+#+ (?P<heading>.*)$', re.MULTILINE)
+LINK = re.compile(r"\]\((?P<page>[\w./-]*)#(?P<id>[\w-]+)\)")
+
+
+def extended(name: str, text: str) -> str:
+    """The source of page `name` (its path in docs/ without suffix) as the site reads it."""
+    if name.startswith("estimators/") and site_tables.estimators_on(text):
+        text = f"{text.rstrip()}\n\n{site_tables.estimator_tables(text)}"
+    if name == "api":
+        for public in insenv.__all__:
+            text = text.replace(f"| `insenv.{public}` |", f"| [`insenv.{public}`](generated/api/{public}.rst) |")
+        text += "\n```{toctree}\n:hidden:\n:glob:\n\ngenerated/api/*\n```\n"
+    if name == "reference" and (others := unlisted()):
+        text += "\n```{toctree}\n:hidden:\n\n" + "\n".join(others) + "\n```\n"
+    return LINK.sub(lambda match: f"]({match['page']}#{_heading(name, match['page'], match['id'])})", text)
+
+
+def unlisted() -> list[str]:
+    """The pages directly in docs/ that no table of contents names: the site has them below the reference."""
+    listed = {"index"}
+    for path in (path for path in DOCS.rglob("*.md") if "generated" not in path.parts):
+        for block in TOCTREE.findall(path.read_text(encoding="utf-8")):
+            folder = path.parent.relative_to(DOCS).as_posix()
+            listed |= {posixpath.normpath(posixpath.join(folder, line.strip())) for line in block.splitlines()}
+    return sorted(path.stem for path in DOCS.glob("*.md") if path.stem not in listed)
+
+
+def _heading(name: str, page: str, id: str) -> str:
+    """The anchor of the heading that a link of page `name` means: that below the anchor `id`, or `id` itself."""
+    target = posixpath.normpath(posixpath.join(posixpath.dirname(name), page)) if page else f"{name}.md"
+    return _anchors(target).get(id, id)
+
+
+@lru_cache
+def _anchors(path: str) -> dict[str, str]:
+    file = DOCS / path
+    text = file.read_text(encoding="utf-8") if file.is_file() else ""
+    return {match["id"]: _slug(match["heading"]) for match in ANCHOR.finditer(text)}
+
+
+def _slug(heading: str) -> str:
+    """The anchor of a heading, as MyST and the usual hosts of repositories make it."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
