@@ -97,6 +97,17 @@ class Knowledge:
         """The values of those rows of a table that are in `rows`."""
         return {name: self.rows[name] for name in table.names if name in self.rows}
 
+    @staticmethod
+    def field_of(row: str) -> str:
+        """The name of the field whose value `rows` has under the name `row`; empty if there is none, or if it is told."""
+        own = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
+        if row in TOLD:
+            return ""
+        if row in own or row in {f.name for f in fields(SensorNotes)}:
+            return row
+        field = row.removeprefix("start_")
+        return field if field in own else ""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -240,6 +251,17 @@ class Estimator:
         """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
         tunings = tunings or {}
         return {**self._from(known), **tunings.get(self.smooths, {}), **tunings.get(self.id, {}), **(rows or {})}
+
+    def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
+        """The fields of `Knowledge` and `SensorNotes` that `parameters` copies, by row name; None if `prepare` computes.
+
+        Many starts can then be had by copying columns.
+        """
+        if self.prepare is not None:
+            return None
+        tuned = {*tunings.get(self.smooths, {}), *tunings.get(self.id, {})}
+        names = {name: Knowledge.field_of(name) for name in self.model.parameters.names if name not in tuned}
+        return {name: field for name, field in names.items() if field}
 
     def _from(self, known: Knowledge) -> Mapping[str, Any]:
         if self.prepare is not None:

@@ -30,6 +30,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.evaluation.chi_square import quantile
+
 Array = NDArray[np.float64]
 Verdict = Literal["consistent", "overconfident", "diverged"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -171,8 +173,6 @@ def _edges(count: Array) -> NDArray[np.intp]:
 
 def _nis(square: Array, number: Array, edges: NDArray[np.intp]) -> Nis:
     """Mean NIS and bounds from the recorded sums of squares and components (records,)."""
-    from scipy.stats import chi2
-
     total = float(number[-1])
     if not total:
         return Nis(float("nan"), float("nan"), float("nan"))
@@ -183,7 +183,7 @@ def _nis(square: Array, number: Array, edges: NDArray[np.intp]) -> Nis:
         white = 2 * mean**2 * float(numbers.mean())
         dependence = max(1.0, float(np.sum((squares - mean * numbers) ** 2)) / (len(edges) - 1) / white)
     degrees = total / dependence
-    low, high = (float(bound) / degrees for bound in chi2.ppf(PROBABILITIES, degrees))
+    low, high = (float(bound) / degrees for bound in quantile(PROBABILITIES, degrees))
     return Nis(mean, low, high)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.progress import Progress, check_progress
-from insenv.core.runner import make_runner
+from insenv.core.runner import make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
 from insenv.evaluation.limits import Limit
@@ -61,6 +61,7 @@ def run(
     every = recording_interval(plant.samples)
     rows = setting_rows(settings, chosen)
     started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
+    prepare([plant.model, *(estimator.model for estimator in chosen)])
     runner = make_runner(plant.model, plant.parameters)
     followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]
 

@@ -26,7 +26,7 @@ from insenv.estimators.parts import quaternion_error
 from insenv.estimators.parts.quaternion_error import Y
 from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
-from insenv.scenario import limit, limit_of, load
+from insenv.scenario import limit_of, load
 
 
 @pytest.fixture(autouse=True)

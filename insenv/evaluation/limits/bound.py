@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from insenv.core.model import Model
 from insenv.errors import InputError
+from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.fixes import fixes_of
@@ -88,9 +89,7 @@ def ratio_bounds(runs: int, probability: float = 0.95) -> tuple[float, float]:
 
     The errors of a run are taken as one draw, because the biases of its unit are.
     """
-    from scipy.stats import chi2
-
-    low, high = chi2.ppf(((1 - probability) / 2, (1 + probability) / 2), runs)
+    low, high = quantile(((1 - probability) / 2, (1 + probability) / 2), runs)
     return float(np.sqrt(low / runs)), float(np.sqrt(high / runs))
 
 
