@@ -3,7 +3,8 @@
 The faults are listed in `tools/mutants.toml`: for each file the tests that concern it and pairs of an exact text and what
 replaces it. Nothing is changed in the checkout: every worker has a copy of the tree in a temporary folder, in which one
 fault at a time is made and the tests run until the first fails. A text that does not stand exactly once in its file is an
-error, and so is a test that fails, or finds nothing to run, without a fault.
+error, and so is a test that fails, or finds nothing to run, without a fault.  With `--resume FILE` the outcomes go to a file
+too, and the faults that it says were killed are not tried again.
 
 Outcomes: `killed` (a test failed), `survived`, `timeout` and `broken` (the tests could not be collected: the fault is no
 program). Only the first counts.
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import json
 import os
 import shutil
 import subprocess
@@ -159,15 +161,32 @@ def sound(mutants: list[Mutant], tree: Path) -> None:
     print(f"without a fault the tests pass in {time.monotonic() - begun:.0f} s", flush=True)
 
 
-def all_tried(mutants: list[Mutant], workers: int, limit_s: float) -> list[Outcome]:
-    """Try every fault, some at a time; prints each outcome as it comes."""
-    outcomes = []
+def killed_before(mutants: list[Mutant], file: Path | None) -> list[Outcome]:
+    """The outcomes of those faults that the file of an earlier run says were killed.  A changed fault is another fault."""
+    if file is None or not file.exists():
+        return []
+    rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    killed = {row["mutant"]: row for row in rows if row["said"] == "killed"}
+    return [
+        Outcome(mutant, "killed", killed[str(mutant)]["found_by"], killed[str(mutant)]["seconds"])
+        for mutant in mutants
+        if str(mutant) in killed
+    ]
+
+
+def all_tried(mutants: list[Mutant], workers: int, limit_s: float, file: Path | None = None) -> list[Outcome]:
+    """Try every fault, some at a time; prints each outcome as it comes, and adds it to `file`."""
+    outcomes = killed_before(mutants, file)
+    known = {outcome.mutant for outcome in outcomes}
+    left = [mutant for mutant in mutants if mutant not in known]
+    if not left:
+        return outcomes
     with tempfile.TemporaryDirectory(prefix="insenv-mutants-") as name:
         trees: Queue[Path] = Queue()
         for _ in range(workers):
             trees.put(copied(Path(name)))
         tree = trees.get()
-        sound(mutants, tree)
+        sound(left, tree)
         trees.put(tree)
 
         def one(mutant: Mutant) -> Outcome:
@@ -178,11 +197,15 @@ def all_tried(mutants: list[Mutant], workers: int, limit_s: float) -> list[Outco
                 trees.put(tree)
 
         with ThreadPoolExecutor(workers) as pool:
-            for number, future in enumerate(as_completed([pool.submit(one, mutant) for mutant in mutants]), 1):
+            for number, future in enumerate(as_completed([pool.submit(one, mutant) for mutant in left]), 1):
                 outcome = future.result()
                 outcomes.append(outcome)
+                if file is not None:
+                    row = {"mutant": str(outcome.mutant), "said": outcome.said, "found_by": outcome.found_by}
+                    with file.open("a", encoding="utf-8") as stream:
+                        stream.write(json.dumps({**row, "seconds": round(outcome.seconds)}) + "\n")
                 by = f"  by {outcome.found_by}" if outcome.said == "killed" else ""
-                print(f"{number:4}/{len(mutants)} {outcome.said:8} {outcome.seconds:5.0f} s  {outcome.mutant}{by}", flush=True)
+                print(f"{number:4}/{len(left)} {outcome.said:8} {outcome.seconds:5.0f} s  {outcome.mutant}{by}", flush=True)
     return outcomes
 
 
@@ -192,6 +215,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("files", nargs="*", help="only the faults of files whose path contains one of these")
     parser.add_argument("-j", "--workers", type=int, default=2, help="faults tried at a time")
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="time limit of one fault, s")
+    parser.add_argument("--resume", type=Path, help="file of outcomes: what it says was killed is not tried again")
     parser.add_argument("--list", action="store_true", help="check the list and print it")
     given = parser.parse_args(arguments)
     mutants = listed(given.files)
@@ -202,7 +226,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not mutants:
         raise SystemExit("no fault is listed for these files")
     begun = time.monotonic()
-    outcomes = all_tried(mutants, given.workers, given.limit)
+    outcomes = all_tried(mutants, given.workers, given.limit, given.resume)
     left = [outcome for outcome in outcomes if outcome.said != "killed"]
     share = 1.0 - len(left) / len(outcomes)
     for outcome in left:

@@ -20,10 +20,13 @@ from insenv.envs import AlignmentEnv, agents
 ID = "insenv/ShipAlignment-v0"
 REPETITIONS = 9
 ROWS = 1024
+FEW = 8
+STARTED = 64
 SAMPLES = 100
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
-LONG = 86_400.0
-"""Length of an episode, s: no episode ends during a measurement."""
+LONG = 3600.0
+"""Length of an episode, s: no episode ends during a measurement.  Its limit, computed at the first reset, takes the longer the
+longer it is."""
 
 
 class Constant(gymnasium.Env[Any, Any]):
@@ -79,8 +82,33 @@ def _classic(id: str, action: Any) -> float:
     return median_time(step, REPETITIONS, 3000)
 
 
-def _vector(samples: int) -> Any:
-    venv = gymnasium.make_vec(ID, ROWS, samples_per_step=samples, duration_s=LONG)
+def small() -> Figure:
+    """A step of few rows and one sample: what is the same for any number of rows."""
+    venv, actions = _vector(1, FEW), np.tile(LEVEL, (FEW, 1))
+    cart = gymnasium.make_vec("CartPole-v1", FEW, vectorization_mode="vector_entry_point")
+    cart.reset(seed=1)
+    push = np.zeros(FEW, dtype=np.int64)
+    empty, _ = make_batch(EMPTY, FEW).cycle("sample", EMPTY.state.names, 1)
+    value, peer, least = (
+        median_time(call, REPETITIONS, 1000) * 1e6 for call in (lambda: venv.step(actions), lambda: cart.step(push), empty)
+    )
+    note = f"make_vec, {FEW} rows, 1 sample per step; floor: the batch of an empty model"
+    return Figure("vector.small", value, "us", least, REPETITIONS, note, ("CartPole-v1 of Gymnasium", peer))
+
+
+def resetting(name: str, id: str) -> Figure:
+    """The start of a row of a batch; the floor is what its own random generator takes."""
+    venv = gymnasium.make_vec(id, STARTED)
+    venv.reset(seed=1)
+    generators = [np.random.default_rng(seed) for seed in range(STARTED)]
+    value = median_time(venv.reset, REPETITIONS, 3) / STARTED * 1e6
+    least = median_time(lambda: [(g.integers(0, 2**53), g.random(3)) for g in generators], REPETITIONS) / STARTED * 1e6
+    note = f"reset of {STARTED} rows of {id}, a row; floor: a whole number and three uniforms of its generator"
+    return Figure(f"vector.reset.{name}", value, "us", least, REPETITIONS, note)
+
+
+def _vector(samples: int, rows: int = ROWS) -> Any:
+    venv = gymnasium.make_vec(ID, rows, samples_per_step=samples, duration_s=LONG)
     venv.reset(seed=1)
     return venv
 

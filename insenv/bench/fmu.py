@@ -51,22 +51,26 @@ REPETITIONS = 9
 def c_host() -> Figure:
     """A step of fmu/examples/host.c; the floor is the compiled loop of the model over the same inputs with all outputs."""
     columns, interval = _columns()
+    estimator = subject(ESTIMATOR, {})
+    rows = input_rows(estimator.model, columns, len(columns["dt"]))
     with _folder() as folder:
-        fmu, host, table = _exported(folder), _host(folder), folder / "input.csv"
-        with ZipFile(fmu) as archive:
-            archive.extractall(folder / "fmu")
-        _write(table, columns, interval)
-        command = [str(host), str(folder / "fmu"), str(table), repr(interval), str(folder / "out.csv"), "6"]
-        hosted, bare = [], []
-        estimator = subject(ESTIMATOR, {})
-        rows = input_rows(estimator.model, columns, len(columns["dt"]))
-        for _ in range(REPETITIONS):  # alternately, so that both run under the same load
-            printed = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-            hosted += [float(us) for us in re.findall(r"([\d.]+) us a step", printed)[1:]]  # the first run warms the caches
-            bare += _bare(estimator, rows)
+        hosted, bare = _hosted(folder, _exported(folder), columns, interval, estimator, rows)
     value, floor = statistics.median(hosted), statistics.median(bare)
     note = f"{ESTIMATOR}, C host, FMI 2, {value / floor:.2f} x the floor: the bare model in a C loop"
     return Figure("fmu.c-host", value, "us", floor, len(hosted), note)
+
+
+def loop() -> Figure:
+    """A step of plant and estimator in one FMU in the C host; the floor is the compiled loop of both as one model."""
+    both = subject(SCENARIO, {}, ESTIMATOR)
+    steps = round(DURATION_S / both.sample_interval)
+    with _folder() as folder:
+        fmu = export_fmu(SCENARIO, folder / "loop.fmu", estimator=ESTIMATOR)
+        rows = np.zeros((steps, both.model.inputs.size))
+        hosted, bare = _hosted(folder, fmu, {}, both.sample_interval, both, rows)
+    value, floor = statistics.median(hosted), statistics.median(bare)
+    note = f"{ESTIMATOR} and {SCENARIO} in one FMU, C host, {value / floor:.2f} x the floor: the bare model of both in a C loop"
+    return Figure("fmu.loop", value, "us", floor, len(hosted), note)
 
 
 def fmpy() -> Figure:
@@ -180,6 +184,23 @@ def _bare(of: Subject, rows: Array) -> list[float]:
     return taken[1:]
 
 
+def _hosted(
+    folder: Path, fmu: Path, columns: dict[str, Array], interval: float, of: Subject, rows: Array
+) -> tuple[list[float], list[float]]:
+    """Times of a step in the C host and in the bare loop of the model, us, of several runs."""
+    host, table = _host(folder), folder / "input.csv"
+    with ZipFile(fmu) as archive:
+        archive.extractall(folder / "fmu")
+    _write(table, columns, len(rows), interval)
+    command = [str(host), str(folder / "fmu"), str(table), repr(interval), str(folder / "out.csv"), "6"]
+    hosted, bare = [], []
+    for _ in range(REPETITIONS):  # alternately, so that both run under the same load
+        printed = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+        hosted += [float(us) for us in re.findall(r"([\d.]+) us a step", printed)[1:]]  # the first run warms the caches
+        bare += _bare(of, rows)
+    return hosted, bare
+
+
 def _step_time(fmu: Path, columns: dict[str, Array], interval: float) -> float:
     """Processor time of a step in the loop of `insenv.fmu.run`, us."""
     inputs, taken = flattened(columns), []
@@ -212,12 +233,12 @@ def _host(folder: Path) -> Path:
     return binary
 
 
-def _write(path: Path, columns: dict[str, Array], interval: float) -> None:
+def _write(path: Path, columns: dict[str, Array], steps: int, interval: float) -> None:
     flat = flattened(columns)
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(["time", *flat])
-        values = np.array(list(flat.values())).T.tolist()
+        values = np.array(list(flat.values())).reshape(len(flat), steps).T.tolist()
         writer.writerows([repr(k * interval), *map(repr, row)] for k, row in enumerate(values))
 
 

@@ -1,9 +1,13 @@
-"""Speed of one inertial sample of the 15-state filter, sample by sample and in a batch; time of the import."""
+"""Speed of one inertial sample of the 15-state filter, sample by sample and in a batch; the import; a first run."""
 
 from __future__ import annotations
 
+import os
+import statistics
 import subprocess
 import sys
+import tempfile
+import time
 
 import numpy as np
 
@@ -19,6 +23,7 @@ REPETITIONS = 15
 SAMPLES = 4000  # calls in a repetition
 ROWS = 1024
 STARTS = 7  # repetitions of the import
+FIRST_RUNS = 3
 
 
 def single(backend: str, covariance_interval: float) -> Figure:
@@ -45,6 +50,24 @@ def batch(covariance_interval: float) -> Figure:
     lanes = getattr(rows, "lanes", 1)
     note = f"{ROWS} rows, one core, {lanes} lanes; {_covariance_note(covariance_interval)}"
     return Figure(_name("batch", covariance_interval), value, "ns", floor, REPETITIONS, note)
+
+
+def first_run(name: str, *arguments: str) -> Figure:
+    """`insenv run` of a new user: nothing is compiled; the floor is the same run once more."""
+    command = [sys.executable, "-m", "insenv", "run", *arguments, "--no-figure"]
+
+    def taken(folder: str) -> float:
+        begin = time.perf_counter()
+        subprocess.run(command, check=True, capture_output=True, env={**os.environ, "INSENV_CACHE_DIR": folder})
+        return time.perf_counter() - begin
+
+    cold, warm = [], []
+    for _ in range(FIRST_RUNS):
+        with tempfile.TemporaryDirectory(prefix="insenv-bench-") as folder:
+            cold.append(taken(folder))
+            warm.append(taken(folder))
+    note = f"insenv run {' '.join(arguments)} with an empty cache, whole process; floor: the same with a full one"
+    return Figure(f"first.run.{name}", statistics.median(cold), "s", statistics.median(warm), FIRST_RUNS, note)
 
 
 def import_time() -> Figure:

@@ -15,6 +15,7 @@ from insenv.campaigns.plan import Plan
 from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.estimators.parts.rows import FIX_HEALTH
+from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.health import Health, health
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import require_matplotlib
@@ -139,11 +140,9 @@ def _percentiles(error: Array, finite: NDArray[np.bool_]) -> Array:
 def _nees(measured: Measured, columns: Columns) -> NeesCourse | None:
     if not measured.degrees:
         return None
-    from scipy.stats import chi2
-
     nees = np.concatenate(columns("nees"))
     whole = nees[np.isfinite(nees).all(axis=1)]
     count = max(len(whole), 1)
-    low, high = chi2.ppf(BOUNDS, measured.degrees * count) / count
+    low, high = quantile(BOUNDS, measured.degrees * count) / count
     mean = np.mean(whole, axis=0) if len(whole) else np.full(nees.shape[1], np.nan)
     return NeesCourse(mean, measured.degrees, float(low), float(high))

@@ -41,7 +41,7 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="ID.KEY=VALUE",
-        help="Set a parameter of an estimator, with a key of [estimator.ID]; may be given more than once.",
+        help="Set a parameter of an estimator, by a key of the scenario's table estimator.ID; may be given more than once.",
     ),
 ]
 Out = Annotated[

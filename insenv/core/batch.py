@@ -76,11 +76,12 @@ class Batch:
         """Set the parameters p (k, parameters.size) of some rows and keep their states."""
         raise NotImplementedError
 
-    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        """Run `step` in every row regardless of its condition, then advance n times with constant inputs.
+    def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], Vector], Vector]:
+        """A function to call repeatedly, and the buffer (rows, inputs.size) to write its inputs to before each call.
 
-        Returns (rows, n * watched elements + outputs.size): the state rows `watched` after each advance, then the
-        outputs.
+        Each call runs `step` in every row regardless of its condition, then advances n times with these inputs.  It returns
+        a new array (rows, n * watched elements + outputs.size): the state rows `watched` after each advance, then the
+        outputs.  The inputs must be finite.
         """
         raise NotImplementedError
 
@@ -130,6 +131,9 @@ class NativeBatch(Batch):
         self._library = load(batch_library_path(model, lanes))
         self.lanes = int(self._library.insenv_lanes())
         self._blocks = -(-self.rows // self.lanes)
+        blocks = np.linspace(0, self._blocks, min(threads, self._blocks) + 1).astype(int)
+        edges = np.minimum(blocks * self.lanes, self.rows).tolist()
+        self._shares = list(zip(blocks[:-1].tolist(), edges[:-1], edges[1:], strict=True))
         self._p = self._into_lanes(p)
         self._x = np.zeros((self._blocks, model.state.size, self.lanes))
         self.start()
@@ -162,27 +166,33 @@ class NativeBatch(Batch):
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
         self._p[rows // self.lanes, :, rows % self.lanes] = p
 
-    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        u, number = np.ascontiguousarray(self._held(n, inputs)[:, 0]), list(self.model.steps).index(step)
-        spans, size = watched_spans(self.model, watched), cycle_size(self.model, watched, n)
-        y = np.empty((self.rows, size))
+    def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], Vector], Vector]:
+        u, spans = np.zeros((self.rows, self.model.inputs.size)), watched_spans(self.model, watched)
+        rows, size, number = self.rows, cycle_size(self.model, watched, n), list(self.model.steps).index(step)
+        p, x, given, which = (array.ctypes.data for array in (self._p, self._x, u, spans))
+        run, width, count = self._library.insenv_cycle, u.shape[1], len(spans)
+        of_p, of_x, of_u, of_y = (8 * self.lanes * elements for elements in (self._p.shape[1], self._x.shape[1], width, size))
 
-        def work(block: int, first: int, last: int) -> None:
-            p, x, given, shown = (pointer(array) for array in (self._p[block:], self._x[block:], u[first:], y[first:]))
-            width, which = u.shape[1], spans.ctypes.data
-            self._library.insenv_cycle(last - first, number, p, x, given, width, which, len(spans), n, shown, size)
+        def call() -> Vector:
+            y = np.empty((rows, size))
+            shown = pointer(y)
 
-        self._shared(work)
-        return y
+            def work(block: int, first: int, last: int) -> None:
+                at = p + block * of_p, x + block * of_x, given + block * of_u
+                run(last - first, number, *at, width, which, count, n, shown + block * of_y, size)
+
+            self._shared(work)
+            return y
+
+        call.kept = u, spans  # type: ignore[attr-defined]  # their addresses must stay valid as long as the call
+        return call, u
 
     def _shared(self, work: Callable[[int, int, int], None]) -> None:
         """Call `work(block, first, last)` for half-open ranges of rows that begin with a block, one per thread."""
-        blocks = np.linspace(0, self._blocks, min(self.threads, self._blocks) + 1).astype(int)
-        edges = np.minimum(blocks * self.lanes, self.rows).tolist()
-        if len(edges) == 2:
-            work(0, *edges)
+        if len(self._shares) == 1:
+            work(*self._shares[0])
         else:
-            list(_pool(self.threads).map(work, blocks[:-1].tolist(), edges[:-1], edges[1:]))
+            list(_pool(self.threads).map(work, *zip(*self._shares, strict=True)))
 
     def output(self) -> Vector:
         y = np.empty((self._blocks, self.model.outputs.size, self.lanes))
@@ -233,14 +243,19 @@ class InterpreterBatch(Batch):
         for row, values in zip(rows, p, strict=True):
             self._runners[row].p[:] = values
 
-    def cycle(self, step: str, watched: Sequence[str], n: int, inputs: Vector | None = None) -> Vector:
-        found = np.empty((self.rows, cycle_size(self.model, watched, n)))
-        for runner, u, y in zip(self._runners, self._held(n, inputs), found, strict=True):
-            call, buffer = runner.cycle(step, watched, n)
-            runner._set_inputs(u[0])
-            call()
-            y[:] = buffer
-        return found
+    def cycle(self, step: str, watched: Sequence[str], n: int) -> tuple[Callable[[], Vector], Vector]:
+        inputs, size = np.zeros((self.rows, self.model.inputs.size)), cycle_size(self.model, watched, n)
+        cycles = [runner.cycle(step, watched, n) for runner in self._runners]
+
+        def call() -> Vector:
+            found = np.empty((self.rows, size))
+            for runner, (run, buffer), u, y in zip(self._runners, cycles, inputs, found, strict=True):
+                runner._u[:] = u
+                run()
+                y[:] = buffer
+            return found
+
+        return call, inputs
 
     def run(self, n: int, inputs: Vector | None = None, every: int = 0) -> Vector:
         held = self._held(n, inputs)

@@ -98,8 +98,9 @@ def _function_text(name: str, kernel: Kernel, arguments: str, in_place: bool) ->
         else:
             lines.append(f"  const real v{k} = {_expression(step, name, arguments)};")
     signature = ", ".join(f"{'' if in_place and letter == 'x' else 'const '}real *{letter}" for letter in arguments)
-    once = "ONCE " if name == "start" else ""
-    head = f"static {once}void {name}({signature}{'' if in_place else ', real *y'}) {{"
+    often = arguments == "px" or in_place
+    level = "ONCE " if name == "start" else "" if often else "SELDOM "
+    head = f"static {level}void {name}({signature}{'' if in_place else ', real *y'}) {{"
     return "\n".join([head, *lines, "}\n"])
 
 

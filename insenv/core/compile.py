@@ -21,6 +21,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +32,7 @@ from insenv.core.codegen import batch_source, native_source
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InsenvError
+from insenv.files.lock import LockedError, exclusive
 
 # compilers for other processors may not support it, and gain little from it
 _OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
@@ -47,6 +51,8 @@ _FLAGS = (
 )
 
 
+POLLING_S = 0.02
+"""Time between two looks whether another process has built an entry."""
 LOG = logging.getLogger(__name__)
 """Tells, at level INFO, when a compilation begins (`COMPILING`, or `COMPILING_HERE` for this process alone) and ends."""
 COMPILING, COMPILING_HERE, COMPILED = "compiling, once", "compiling", "compiled"
@@ -109,9 +115,28 @@ def _library_in(cache: Path, source: str, compiler: Compiler) -> Path:
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
     entry = cache / key
     library = entry / "model.so"
-    if _is_intact(entry):
-        return library
+    with _alone(cache / f"{key}.lock", entry):
+        if not _is_intact(entry):
+            _build(source, compiler, cache, entry)
+    return library
 
+
+@contextlib.contextmanager
+def _alone(lock: Path, entry: Path) -> Iterator[None]:
+    """Wait while another thread or process builds the entry: it would take the same time twice."""
+    with contextlib.ExitStack() as held:
+        while not _is_intact(entry):
+            try:
+                held.enter_context(exclusive(lock))
+                break
+            except LockedError:
+                time.sleep(POLLING_S)
+            except OSError:  # a file system without locks
+                break
+        yield
+
+
+def _build(source: str, compiler: Compiler, cache: Path, entry: Path) -> None:
     with tempfile.TemporaryDirectory(dir=cache, prefix="build-", ignore_cleanup_errors=True) as name:
         build = Path(name) / "entry"
         build.mkdir(mode=0o700)
@@ -132,7 +157,6 @@ def _library_in(cache: Path, source: str, compiler: Compiler) -> Path:
                 build.rename(entry)
     if not _is_intact(entry):
         raise CompileError(f"cannot keep a compiled model in {cache}: is the folder writable?")
-    return library
 
 
 def _compile(source: str, compiler: Compiler, build: Path) -> None:
@@ -170,10 +194,43 @@ def _processor() -> str:
     return "\n".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
 
 
-@functools.lru_cache(maxsize=64)
+class _Library:
+    """A model's library for one row: its compiler may run while its caller does other work."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._path = model, ""
+        self._begun: Future[str] | None = None
+
+    def begin(self) -> None:
+        """Start the compiler unless it has been started."""
+        if not self._path and self._begun is None:
+            self._begun = _pool().submit(_compiled, native_source(self._model))
+
+    def path(self) -> str:
+        """Path of the library, once it is compiled."""
+        if not self._path:
+            begun, self._begun = self._begun, None  # after a failure the next call tries again
+            self._path = begun.result() if begun is not None else _compiled(native_source(self._model))
+        return self._path
+
+
+_library = functools.lru_cache(maxsize=64)(_Library)
+
+
+def begin_libraries(models: Iterable[Model]) -> None:
+    """Start to compile models that are about to be run, each in a process of its own; returns without waiting."""
+    for model in models:
+        _library(model).begin()
+
+
 def library_path(model: Model) -> str:
     """Path of a model's library for one row, taken from the cache or compiled at the first call."""
-    return _compiled(native_source(model))
+    return _library(model).path()
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="insenv-compile")
 
 
 @functools.lru_cache(maxsize=64)

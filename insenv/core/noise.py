@@ -18,33 +18,29 @@ from numpy.typing import ArrayLike, NDArray
 
 START_STREAM = 0xFFFFFFFF
 
-_MULTIPLIER = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
-_WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
+_ROUNDS = 10
+_MULTIPLIERS = np.array([0xD2511F53, 0xCD9E8D57], dtype=np.uint64)
+_WEYL = np.arange(_ROUNDS, dtype=np.uint64)[:, None] * np.array([0x9E3779B9, 0xBB67AE85], dtype=np.uint64)
 _LOW = np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(32)
 
 
 def philox(key: tuple[ArrayLike, ArrayLike], counter: tuple[ArrayLike, ...]) -> list[NDArray[np.uint64]]:
     """The four 32-bit words (in uint64) of Philox 4x32-10 for a key of two and a counter of four words, broadcast."""
-    words = [np.asarray(w, dtype=np.uint64) for w in (*key, *counter)]
-    key0, key1, a, b, c, d = np.broadcast_arrays(*words)
-    for _ in range(10):
-        product0, product1 = _MULTIPLIER[0] * a, _MULTIPLIER[1] * c
-        a, b, c, d = (
-            (product1 >> _SHIFT) ^ b ^ key0,
-            product1 & _LOW,
-            (product0 >> _SHIFT) ^ d ^ key1,
-            product0 & _LOW,
-        )
-        key0, key1 = (key0 + _WEYL[0]) & _LOW, (key1 + _WEYL[1]) & _LOW
-    return [a, b, c, d]
+    a, b, c, d, *keys = np.broadcast_arrays(*(np.asarray(word, dtype=np.uint64) for word in (*counter, *key)))
+    alone = [1] * a.ndim
+    multipliers, even, odd = _MULTIPLIERS.reshape(2, *alone), np.stack([a, c]), np.stack([b, d])
+    for added in (np.stack(keys) + _WEYL.reshape(_ROUNDS, 2, *alone)) & _LOW:
+        products = (multipliers * even)[::-1]
+        even, odd = (products >> _SHIFT) ^ odd ^ added, products & _LOW
+    return [even[0], odd[0], even[1], odd[1]]
 
 
-def uniforms(seed: float, step: ArrayLike, stream: int, count: int) -> NDArray[np.float64]:
-    """`count` uniforms in (0, 1) for each step number: shape ``step.shape + (count,)``."""
-    step = np.asarray(step).astype(np.uint64)[..., None]
+def uniforms(seed: ArrayLike, step: ArrayLike, stream: int, count: int) -> NDArray[np.float64]:
+    """`count` uniforms in (0, 1) for each seed and step number, which broadcast: shape ``(..., count)``."""
+    seed, step = (np.asarray(number).astype(np.uint64)[..., None] for number in (seed, step))
     block = np.arange(-(-count // 4), dtype=np.uint64)
-    key = (np.uint64(int(seed) & 0xFFFFFFFF), np.uint64(int(seed) >> 32))
+    key = (seed & _LOW, seed >> _SHIFT)
     words = philox(key, (step & _LOW, step >> _SHIFT, np.uint64(stream), block))
     numbers = (np.stack(words, axis=-1).astype(np.float64) + 0.5) * 2.0**-32
     return numbers.reshape(*numbers.shape[:-2], -1)[..., :count]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, wraps
+from functools import cache, lru_cache, wraps
 from math import prod
 from typing import Any
 
@@ -37,6 +37,10 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
         graph = ca.Function("vectorized", flat, [ca.densify(ca.vec(result.T)) for result in results])
         return graph, [_numpy_shape(result) for result in results], is_tuple
 
+    @lru_cache(maxsize=4)
+    def mapped(count: int) -> ca.Function:
+        return traced()[0].map(count)
+
     @wraps(function)
     def call(*arguments: Any) -> Any:
         if len(arguments) != len(own):
@@ -49,7 +53,7 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
                 raise ValueError(f"{name}: argument {i} has shape {array.shape}, not {('...', *shape)}")
             leading.append(array.shape[:split])
         lead = np.broadcast_shapes(*leading)
-        graph, result_shapes, is_tuple = traced()
+        _, result_shapes, is_tuple = traced()
         results = [np.empty(lead + shape) for shape in result_shapes]
         count = prod(lead)
         if count:
@@ -59,7 +63,7 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
                 for array, shape in zip(arrays, own, strict=True)
             ]
             buffer: Any  # the type stub of CasADi lacks memoryview
-            buffer, evaluate = graph.map(count).buffer()
+            buffer, evaluate = mapped(count).buffer()
             for i, row in enumerate(rows):
                 buffer.set_arg(i, row.data)
             for i, result in enumerate(results):

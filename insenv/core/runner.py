@@ -11,14 +11,14 @@ import ctypes
 import functools
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core import noise
-from insenv.core.compile import NoRoomError, find_compiler, library_path, load, pointer
+from insenv.core.compile import NoRoomError, begin_libraries, find_compiler, library_path, load, pointer
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InputError, nearest
@@ -63,6 +63,12 @@ def made(native: Callable[..., Made], interpreter: Callable[..., Made], backend:
 def _asked(backend: str | None) -> str:
     """The backend that the caller or the environment asks for; "" if neither does."""
     return backend or os.environ.get("INSENV_BACKEND") or ""
+
+
+def prepare(models: Iterable[Model], backend: str | None = None) -> None:
+    """Announce models that runners will be made of: natively, they are then compiled at the same time."""
+    if resolve_backend(backend) == "native":
+        begin_libraries(models)
 
 
 def resolve_backend(backend: str | None = None) -> str:

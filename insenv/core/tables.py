@@ -10,7 +10,7 @@ Layout: the rows follow one another in the given order; a matrix is stored row b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -109,7 +109,10 @@ class Table:
     """An ordered set of rows and the layout of their flat vector."""
 
     rows: tuple[Row, ...] = ()
+    size: int = field(init=False, repr=False, compare=False)
+    """Length of the flat vector."""
     _slices: dict[str, slice] = field(init=False, repr=False, compare=False)
+    _named: dict[str, Row] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.rows, (tuple, list)) or not all(isinstance(row, Row) for row in self.rows):
@@ -121,7 +124,9 @@ class Table:
                 raise InputError(f"two rows are named {row.name!r}: the names of the rows of a table must differ")
             slices[row.name] = slice(position, position + row.size)
             position += row.size
+        object.__setattr__(self, "size", position)
         object.__setattr__(self, "_slices", slices)
+        object.__setattr__(self, "_named", {row.name: row for row in self.rows})
 
     def __iter__(self) -> Iterator[Row]:
         return iter(self.rows)
@@ -131,15 +136,10 @@ class Table:
 
     def __getitem__(self, name: str) -> Row:
         self.slice(name)
-        return next(row for row in self.rows if row.name == name)
+        return self._named[name]
 
     def __add__(self, other: Table) -> Table:
         return Table(self.rows + other.rows)
-
-    @property
-    def size(self) -> int:
-        """Length of the flat vector."""
-        return sum(row.size for row in self.rows)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -174,12 +174,13 @@ class Table:
             vector[part] = array.ravel()
         return vector
 
-    def unpack(self, vector: Vector) -> dict[str, Any]:
-        """Values by name from a flat vector, or from an array of them along the last axis."""
+    def unpack(self, vector: Vector, names: Iterable[str] | None = None) -> dict[str, Any]:
+        """Values by name from a flat vector, or from an array of them along the last axis; only those of `names`."""
         vector = np.asarray(vector)
         if vector.shape[-1] != self.size:
             raise InputError(f"vector of length {vector.shape[-1]}: this table has {self.size} elements")
-        return {row.name: vector[..., self._slices[row.name]].reshape(vector.shape[:-1] + row.shape) for row in self.rows}
+        rows = self.rows if names is None else [self[name] for name in names]
+        return {row.name: vector[..., self._slices[row.name]].reshape(vector.shape[:-1] + row.shape) for row in rows}
 
     def symbols(self, flat: Any) -> SimpleNamespace:
         """CasADi symbols by name, taken from the flat symbol vector: scalars, columns or matrices."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,13 +27,14 @@ and a tactical grade, within 10 % between a marine and an industrial one."""
 
 
 def episode_limits(
-    task: Task, plant: Model, scenario: Scenario, bases: tuple[Array, ...], vectors: Array, duration: float
-) -> Array:
-    """Return the 1-sigma limits of the error components of k episodes, (k, components).
+    task: Task, plant: Model, scenario: Scenario, bases: tuple[Array, ...], duration: float
+) -> Callable[[Array], Array]:
+    """Return a function of the plant's parameters of k episodes (k, parameters) that returns the 1-sigma limits of their
+    error components, (k, components).
 
-    bases: the plant's parameters, or those of the two grades between which units are drawn.  vectors (k, parameters): of the
-    episodes.  duration: of an episode, s.  Alignment: attitude (rad, rotation about n) at the end.  Navigation: the root mean
-    square over the episode of attitude (rad), velocity (m/s) and position (m).
+    bases: the plant's parameters, or those of the two grades between which units are drawn.  duration: of an episode, s.
+    Alignment: attitude (rad, rotation about n) at the end.  Navigation: the root mean square over the episode of attitude
+    (rad), velocity (m/s) and position (m).
 
     The trajectory, its heading and the mounting are those of the scenario: the limits of an alignment hardly depend on them.
     """
@@ -45,15 +48,17 @@ def episode_limits(
     from scipy.interpolate import PchipInterpolator
 
     if len(bases) == 1:
-        return np.tile(limit(bases[0]), (len(vectors), 1))
+        same = limit(bases[0])
+        return lambda vectors: np.tile(same, (len(vectors), 1))
     low, high = bases
     begin, end = _stretched(np.array([0.0, 1.0])).tolist()
     nodes = np.linspace(begin, end, NODES)
     odds = np.exp(nodes)
     fractions = np.clip((odds * (1 + EDGE) - EDGE) / (1 + odds), 0.0, 1.0)
-    logarithms = np.log([limit(between(low, high, fraction, plant.parameters)) for fraction in fractions])
-    drawn = np.array([_fraction(low, high, vector, plant.parameters) for vector in vectors])
-    return np.exp(np.asarray(PchipInterpolator(nodes, logarithms)(_stretched(drawn))))
+    logarithms = np.log([limit(rows) for rows in between(low, high, fractions, plant.parameters)])
+    level = PchipInterpolator(nodes, logarithms)
+    fraction = _fraction_of(low, high, plant.parameters)
+    return lambda vectors: np.exp(np.asarray(level(_stretched(fraction(vectors)))))
 
 
 def _over_the_episode(found: Limit) -> Array:
@@ -69,29 +74,33 @@ def _stretched(fractions: Array) -> Array:
     return np.log((fractions + EDGE) / (1.0 - fractions + EDGE))
 
 
-def between(low: Array, high: Array, fraction: float, parameters: Table) -> Array:
+def between(low: Array, high: Array, fractions: Array, parameters: Table) -> Array:
     """Interpolate the inertial figures of two grades: in the logarithm where both are positive, else linearly.
 
-    low, high (parameters.size,): of the plant.  All other parameters are those of `low`.
+    low, high (parameters.size,): of the plant.  fractions (k,): of the way.  Returns (k, parameters.size), with all other
+    parameters as in `low`.
     """
-    found = low.copy()
-    for name in IMU_PARAMETERS.names:
-        if name not in parameters:
-            continue
-        part = parameters.slice(name)
-        a, b = low[part], high[part]
-        positive = (a > 0.0) & (b > 0.0)
-        mixed = a + (b - a) * fraction
-        mixed[positive] = a[positive] * (b[positive] / a[positive]) ** fraction
-        found[part] = mixed
+    found, fractions = np.tile(low, (len(fractions), 1)), np.asarray(fractions)[:, None]
+    places = _figures(parameters)
+    a, b = low[places], high[places]
+    found[:, places] = a + (b - a) * fractions
+    positive = places[(a > 0.0) & (b > 0.0)]
+    found[:, positive] = low[positive] * (high[positive] / low[positive]) ** fractions
     return found
 
 
-def _fraction(low: Array, high: Array, vector: Array, parameters: Table) -> float:
-    """The fraction with which `between` gives the inertial figures of `vector`."""
-    for name in IMU_PARAMETERS.names:
-        part = parameters.slice(name)
-        for a, b, value in zip(low[part], high[part], vector[part], strict=True):
-            if a > 0.0 and b > 0.0 and a != b:
-                return float(np.log(value / a) / np.log(b / a))
-    return 0.0
+def _fraction_of(low: Array, high: Array, parameters: Table) -> Callable[[Array], Array]:
+    """The function of parameters (k, parameters.size) that returns the fractions (k,) from which `between` made them."""
+    places = _figures(parameters)
+    a, b = low[places], high[places]
+    telling = places[(a > 0.0) & (b > 0.0) & (a != b)]
+    if not len(telling):
+        return lambda vectors: np.zeros(len(vectors))
+    start, whole = low[telling[0]], np.log(high[telling[0]] / low[telling[0]])
+    return lambda vectors: np.log(vectors[:, telling[0]] / start) / whole
+
+
+def _figures(parameters: Table) -> NDArray[np.intp]:
+    """Places of the inertial figures in a plant's parameters."""
+    parts = [parameters.slice(name) for name in IMU_PARAMETERS.names if name in parameters]
+    return np.array([place for part in parts for place in range(part.start, part.stop)])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.core.model import Model
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge, SensorNotes
 from insenv.geodesy.rows import bounded_place_rows
@@ -39,19 +40,19 @@ KNOWN = Table((
 """Rows of the initial knowledge."""
 
 
-def known_rows(
-    scenario: Scenario, parameters: Mapping[str, Array], state: Mapping[str, Array], notes: list[SensorNotes]
-) -> Array:
+def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Mapping[str, Array]) -> Array:
     """Return the values of `KNOWN` for k episodes at their start, (k, KNOWN.size).
 
-    parameters, state: rows of the plant by name, with the episodes along the first axis.  notes: the data sheet of each
-    episode.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
+    model: of a plant.  p (k, parameters), x (k, state): its vectors.  sheets: the data sheets of the episodes, (k,) or (1,)
+    by field of `SensorNotes`.  The initial errors are those that `insenv.scenario.build` draws for the same seeds.
     """
     section = scenario.knowledge
-    error = np.array([start_errors(section, int(seed)) for seed in parameters["seed"].ravel()])
+    told = [name for name in ("seed", "sample_interval", "antenna_lever_arm_b") if name in model.parameters]
+    parameters = model.parameters.unpack(p, told)
+    state = model.state.unpack(x, ("latitude", "longitude", "height", "velocity_n", "q_nb"))
+    error = start_errors(section, parameters["seed"].ravel())
     place = (state[name].ravel() for name in ("latitude", "longitude", "height"))
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(error[:, 3:6], *place)
-    sheets = np.array([[getattr(sheet, name) for name in _SHEET] for sheet in notes])
     k = len(error)
     lever_arm = parameters["antenna_lever_arm_b"] if "antenna_lever_arm_b" in parameters else np.zeros((k, 3))
     columns = (
@@ -63,7 +64,7 @@ def known_rows(
         reported_attitude(np.stack(attitude.numeric.to_euler(state["q_nb"]), axis=1), error[:, 0:3]),
         np.tile(np.radians([section.tilt_sigma_deg, section.heading_sigma_deg]), (k, 1)),
         lever_arm,
-        np.broadcast_to(sheets, (k, sheets.shape[1])),
+        *(np.broadcast_to(sheets[name], k)[:, None] for name in _SHEET),
     )
     return np.concatenate(columns, axis=1)
 
@@ -73,11 +74,17 @@ def knowledge_of(known: Mapping[str, Any], instruments: Mapping[str, Any] | None
 
     instruments: what is told of the aiding instruments (`Knowledge.instruments`), which is the same in all episodes.
     """
-    values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
-    values = {name: np.array(value) if np.ndim(value) else float(value) for name, value in values.items()}
-    roll, pitch, heading = (float(angle) for angle in values.pop("attitude"))
+    told = fields_known(known).items()
+    values: dict[str, Any] = {name: np.array(value) if np.ndim(value) else float(value) for name, value in told}
     sheet = SensorNotes(**{name: values.pop(name) for name in _SHEET})
-    return Knowledge(**values, roll=roll, pitch=pitch, heading=heading, sensors=sheet, instruments=instruments or {})
+    return Knowledge(**values, sensors=sheet, instruments=instruments or {})
+
+
+def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of the rows of `KNOWN`, (...) or (..., 3), by the names of the fields of `Knowledge`."""
+    values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
+    angles = np.asarray(values.pop("attitude"))
+    return {**values, **{name: angles[..., k] for k, name in enumerate(("roll", "pitch", "heading"))}}
 
 
 _SHEET = tuple(field.name for field in fields(SensorNotes))

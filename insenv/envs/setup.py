@@ -108,9 +108,9 @@ def checked_action(action: Any, shape: tuple[int, ...]) -> Array:
 
     Raises `InputError` for a wrong shape.
     """
+    plain = type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape
     # a sum is fast for a short row, and not finite if an element is not
-    plain = type(action) is np.ndarray and action.dtype is FLOAT64 and action.shape == shape and len(shape) == 1
-    if plain and isfinite(sum(action.tolist())):
+    if plain and (isfinite(sum(action.tolist())) if len(shape) == 1 else np.isfinite(action).all()):
         return action
     try:
         if np.asarray(action).dtype.kind in _NOT_REAL:

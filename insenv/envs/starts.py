@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import pi, radians
 from typing import Any
@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.core.seeding import first_uniforms
 from insenv.core.tables import Table
 from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
 from insenv.envs.episode_limits import between, episode_limits
 from insenv.envs.filter_inside import Inner
-from insenv.envs.knowledge import KNOWN, knowledge_of, known_rows
+from insenv.envs.knowledge import KNOWN, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
 from insenv.errors import InputError, nearest
 from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import check_speed_of_sinusoids, told_of
 from insenv.scenario.description import MAX_SEED
-from insenv.scenario.sensor_notes import sensor_notes
+from insenv.scenario.sensor_notes import data_sheets, sensor_notes
 from insenv.sensors import imu_grade
 from insenv.sensors.gnss import OUTAGES
 from insenv.sensors.imu_tables import IMU_PARAMETERS
@@ -128,6 +129,9 @@ class Starts:
             _scale(rows, self._vehicle, ranges.sea_state[1])
             check_speed_of_sinusoids(rows, 1.0 / scenario.rate_hz)
         self._base = self._bases(ranges)
+        # of episodes without options; they do not change unless each episode draws its unit
+        self._limits: Callable[[Array], Array] | None = None
+        self._sheets: Mapping[str, Array] | None = None
         self._check_units(ranges)
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
@@ -136,39 +140,44 @@ class Starts:
         if options:
             ranges = self.ranges.overridden(options)
             bases = self._bases(ranges)
-        parameters, vectors = self._plant.parameters, np.empty((len(generators), bases[0].size))
-        for vector, generator in zip(vectors, generators, strict=True):
-            seed, grade, heading, sea = int(generator.integers(0, MAX_SEED)), *generator.uniform(size=3)
-            vector[:] = bases[0] if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
-            vector[parameters.slice("seed")] = seed
-            if ranges.heading_deg is not None:
-                vector[parameters.slice("start_heading")] = radians(_at(ranges.heading_deg, heading))
-            if ranges.sea_state is not None:
-                rows = {name: vector[parameters.slice(name)] for name in self._vehicle.names}
-                _scale(rows, self._vehicle, _at(ranges.sea_state, sea))
-            self._draw_start(vector, np.random.default_rng(seed), ranges)
+        parameters, count = self._plant.parameters, len(generators)
+        seeds = [int(generator.integers(0, MAX_SEED)) for generator in generators]
+        drawn = np.array([generator.random(3) for generator in generators])
+        grade, heading, sea = drawn.reshape(count, 3).T
+        vectors = np.tile(bases[0], (count, 1)) if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
+        vectors[:, parameters.slice("seed").start] = seeds
+        if ranges.heading_deg is not None:
+            vectors[:, parameters.slice("start_heading").start] = np.radians(_at(ranges.heading_deg, heading))
+        if ranges.sea_state is not None:
+            rows = {name: vectors[:, parameters.slice(name)] for name in self._vehicle.names}
+            _scale(rows, self._vehicle, _at(ranges.sea_state, sea)[:, None])
+        self._draw_start(vectors, seeds, ranges)
         if options and "run_seed" in options:
-            vectors[:, parameters.slice("seed")] = _run_seeds(options["run_seed"], len(vectors))[:, None]
-        p = np.tile(self._constants, (len(vectors), 1))
+            vectors[:, parameters.slice("seed").start] = _run_seeds(options["run_seed"], count)
+        p = np.tile(self._constants, (count, 1))
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
         return p
 
-    def _draw_start(self, vector: Array, generator: np.random.Generator, ranges: Ranges) -> None:
-        """Draw mounting, start speed and phases into the plant's parameters, from a generator of the run's seed."""
-        parameters = self._plant.parameters
-        tilts, speed = generator.uniform(-1.0, 1.0, size=2), generator.uniform()
-        if ranges.mounting_deg is not None:
-            for name, tilt in zip(("mean_roll", "mean_pitch"), tilts, strict=True):
+    def _draw_start(self, vectors: Array, seeds: Sequence[int], ranges: Ranges) -> None:
+        """Draw mounting, start speed and phases into the plant's parameters, from generators of the runs' seeds."""
+        parameters, mounting = self._plant.parameters, ranges.mounting_deg
+        speed = ranges.start_speed_mps if "start_speed" in self._vehicle and not self.scenario.vehicle.in_place else None
+        phases = [row for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
+        if mounting is None and speed is None and not phases:
+            return
+        numbers = first_uniforms(seeds, 3 + sum(row.size for row in phases))
+        if mounting is not None:
+            for name, number in zip(("mean_roll", "mean_pitch"), numbers[:, :2].T, strict=True):
                 if name in self._vehicle:
-                    row, place = self._vehicle[name], parameters.slice(name)
-                    most = min(radians(ranges.mounting_deg), row.upper - vector[place][0], vector[place][0] - row.lower)
-                    vector[place] += most * tilt
-        if ranges.start_speed_mps is not None and "start_speed" in self._vehicle and not self.scenario.vehicle.in_place:
-            vector[parameters.slice("start_speed")] = _at(ranges.start_speed_mps, speed)
-        if ranges.sway_phases:
-            for row in self._vehicle:
-                if row.name.endswith("_phase"):
-                    vector[parameters.slice(row.name)] = generator.uniform(0.0, 2.0 * pi, size=row.size)
+                    row, place = self._vehicle[name], parameters.slice(name).start
+                    room = np.minimum(row.upper - vectors[:, place], vectors[:, place] - row.lower)
+                    vectors[:, place] += np.minimum(radians(mounting), room) * (-1.0 + 2.0 * number)
+        if speed is not None:
+            vectors[:, parameters.slice("start_speed").start] = _at(speed, numbers[:, 2])
+        used = 3
+        for row in phases:
+            vectors[:, parameters.slice(row.name)] = 2.0 * pi * numbers[:, used : used + row.size]
+            used += row.size
 
     def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
         """Write the initial knowledge for start states x (k, state.size), and the limits, into p; return p."""
@@ -178,22 +187,22 @@ class Starts:
             tilt, heading = ranges.initial_error
             sigmas = {"tilt_sigma_deg": tilt, "heading_sigma_deg": heading}
             scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=sigmas)})
-        rows = model.parameters.unpack(p)
-        sheets = [self._sheet(rows, i) for i in (range(len(p)) if ranges.imu == "random" else (0,))]
-        notes = sheets if len(sheets) == len(p) else sheets * len(p)
-        first, last = model.parameters.slice(KNOWN.names[0]), model.parameters.slice(KNOWN.names[-1])
-        p[:, first.start : last.stop] = known_rows(scenario, rows, model.state.unpack(x), notes)
+        sheets = self._sheets
+        if options or sheets is None or ranges.imu == "random":
+            unlike = p if ranges.imu == "random" else p[:1]
+            sheets = data_sheets(model.parameters.unpack(unlike, IMU_PARAMETERS.names), scenario.vehicle.in_place)
+        p[:, _span(model.parameters, KNOWN.names)] = known_rows(scenario, model, p, x, sheets)
         if "limit" in model.parameters:
-            bases = self._bases(ranges) if options else self._base
-            vectors = p[:, : bases[0].size]
-            p[:, model.parameters.slice("limit")] = episode_limits(
-                self.task, self._plant, scenario, bases, vectors, self.duration
-            )
+            limits = self._limits
+            if options or limits is None:
+                bases = self._bases(ranges) if options else self._base
+                limits = episode_limits(self.task, self._plant, scenario, bases, self.duration)
+            p[:, model.parameters.slice("limit")] = limits(p[:, : self._plant.parameters.size])
+            if not options:
+                self._limits = limits
+        if not options:
+            self._sheets = sheets
         return p
-
-    def _sheet(self, rows: Mapping[str, Array], i: int) -> Any:
-        plant = {name: rows[name][i] for name in IMU_PARAMETERS.names}
-        return sensor_notes(plant, self.scenario.vehicle.in_place)
 
     def _check_units(self, ranges: Ranges) -> None:
         """Raise `InputError` for a range that is never drawn from, and for one whose second unit is the better one."""
@@ -243,8 +252,27 @@ class InnerStarts(Starts):
         super().__init__(scenario, task, ranges, constants, duration)
         self.mistuning, self._estimator = mistuning, inner.estimator
         self._tunings, self._told = scenario.tunings, told_of(scenario)
-        first, last = (task.model.parameters.slice(PREFIX + inner.estimator.model.parameters.names[k]) for k in (0, -1))
-        self._place = slice(first.start, last.stop)
+        table = inner.estimator.model.parameters
+        self._place = _span(task.model.parameters, [PREFIX + name for name in table.names])
+        self._columns = self._copied(task.model.parameters)
+        self._bounds = [np.repeat([getattr(row, b) for row in table], [row.size for row in table]) for b in ("lower", "upper")]
+
+    def _copied(self, parameters: Table) -> tuple[list[int], list[int]] | None:
+        """Places of the filter's parameters that are copies of the initial knowledge, and those of the originals.
+
+        None if a function of the filter computes its parameters: then each episode calls it.
+        """
+        table, copied = self._estimator.model.parameters, self._estimator.copied(self._tunings)
+        if copied is None:
+            return None
+        known = np.arange(float(parameters.size))[_span(parameters, KNOWN.names)]
+        originals, own, told = fields_known(KNOWN.unpack(known)), list[int](), list[int]()
+        for name, field in copied.items():
+            if field in originals:
+                place = table.slice(name)
+                own.extend(range(place.start, place.stop))
+                told.extend(map(int, np.broadcast_to(originals[field], table[name].shape).flat))
+        return own, told
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
         p = super().draw(generators, options)
@@ -256,20 +284,32 @@ class InnerStarts(Starts):
 
     def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
         p = super().complete(p, x, options)
-        parameters, estimator = self.task.model.parameters, self._estimator
-        for row in p:
-            known = {name: row[parameters.slice(name)].reshape(parameters[name].shape) for name in KNOWN.names}
-            row[self._place] = estimator.model.parameters.pack(
-                estimator.parameters(knowledge_of(known, self._told), self._tunings)
-            )
+        table, own = self._estimator.model.parameters, p[:, self._place]
+        columns = self._columns
+        for row, given in zip(own[:1] if columns else own, p, strict=False):
+            known = KNOWN.unpack(given[_span(self.task.model.parameters, KNOWN.names)])
+            told = knowledge_of(known, self._told)
+            row[:] = table.pack(self._estimator.parameters(told, self._tunings))
+        if columns:
+            own[1:] = own[:1]
+            own[:, columns[0]] = p[:, columns[1]]
+            lower, upper = self._bounds
+            if not np.all((own >= lower) & (own <= upper)):
+                for row in own:
+                    table.pack(table.unpack(row))  # raises the error that names the value
         return p
 
 
-def _at(bounds: Range, fraction: float) -> float:
+def _at(bounds: Range, fraction: Array) -> Array:
     return bounds[0] + (bounds[1] - bounds[0]) * fraction
 
 
-def _scale(rows: dict[str, Array], vehicle: Table, factor: float) -> None:
+def _span(table: Table, names: Sequence[str]) -> slice:
+    """Place of rows that follow one another."""
+    return slice(table.slice(names[0]).start, table.slice(names[-1]).stop)
+
+
+def _scale(rows: dict[str, Array], vehicle: Table, factor: Any) -> None:
     """Multiply the vehicle's amplitudes and standard deviations in place."""
     for name in vehicle.names:
         if name in rows and name.endswith(("_amplitude", "_sigma")):

@@ -60,9 +60,15 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             task.model, self.num_envs, base, threads=check_whole("threads", threads), backend=backend
         )
         self._places = places_of(setup)
-        self._observed = self._places["reward"].start
+        self._reward, self._terminated, self._truncated = (
+            self._places[name].start for name in ("reward", "terminated", "truncated")
+        )
+        self._observed = self._reward
+        self._info_places = [(row.name, f"_{row.name}", self._places[row.name], bool(row.shape)) for row in task.info]
         self._outputs = slice(task.watched.size * setup.samples, None)
-        self._inputs = np.tile(task.model.inputs.start_vector(), (self.num_envs, 1))
+        self._call, self._inputs = self._batch.cycle(task.judge, task.watched.names, setup.samples)
+        self._inputs[:] = task.model.inputs.start_vector()
+        self._actions = self._inputs[:, task.place]
         self._over: NDArray[np.bool_] | None = None
         self._generators: list[np.random.Generator] = []
         self._generator_seeds: list[int] = [-1] * self.num_envs
@@ -111,22 +117,21 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
         """Judge each row's action, then advance to the next decision; `autoreset_mode` decides about ended rows."""
         if self._over is None:
             raise ResetNeeded("step() before reset(): call reset() first")
-        self._inputs[:, self.setup.task.place] = checked_action(actions, self.action_space.shape)  # type: ignore[arg-type]
-        over = np.flatnonzero(self._over)
+        self._actions[:] = checked_action(actions, self._actions.shape)
+        over = self._over.nonzero()[0]
         if len(over) and self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
             raise ResetNeeded(f'rows {over[:8].tolist()} have ended: reset(options={{"reset_mask": mask}}) starts them again')
-        task = self.setup.task
-        shown = self._batch.cycle(task.judge, task.watched.names, self.setup.samples, self._inputs)
+        shown = self._call()
         self._elapsed += 1
         if len(over):  # NEXT_STEP: the new episode has no score yet
             self._show_starts(over, shown)
-            shown[over, self._places["reward"].start : self._places["truncated"].stop] = 0.0
-        reward, terminated, truncated = (shown[:, self._places[name].start] for name in ("reward", "terminated", "truncated"))
+            shown[over, self._reward : self._truncated + 1] = 0.0
+        reward, terminated, truncated = shown[:, self._reward].copy(), shown[:, self._terminated], shown[:, self._truncated]
         # as the wrapper TimeLimit does for a single environment
         terminated, truncated = terminated != 0.0, (truncated != 0.0) | (self._elapsed >= self._most)
-        self._over, reward = terminated | truncated, reward.copy()
+        self._over = terminated | truncated
         final: Infos = {}
-        ended = np.flatnonzero(self._over)
+        ended = self._over.nonzero()[0]
         if len(ended) and self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP:
             final = self._final(ended, shown)
             self._show_starts(ended, shown)
@@ -171,10 +176,9 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
     def _info(self, shown: Array) -> Infos:
         infos: Infos = {}
         every = np.ones(self.num_envs, dtype=bool)
-        for row in self.setup.task.info:
-            place = self._places[row.name]
-            infos[row.name] = shown[:, place] if row.shape else shown[:, place.start]
-            infos[f"_{row.name}"] = every
+        for name, mask, place, several in self._info_places:
+            infos[name] = shown[:, place] if several else shown[:, place.start]
+            infos[mask] = every
         return infos
 
     def _seeds(self, seed: Any) -> list[int | None]:

@@ -11,7 +11,8 @@ enter the means directly, and the noise of heading falls only as the square root
 
 Stated accuracy: biases, white noise and the motion itself. The integrals of rate and specific force of a vehicle at
 rest are straight lines, so their scatter about a straight line (`spread`) is motion and noise: the attitude of now
-differs from the mean by that of the angle, and either mean is wrong by the scatter at both ends over the time. The
+differs from the mean by that of the angle, and either mean is wrong by the scatter at both ends over the time. Where the
+path ends further from that line than its scatter (`departure`: somebody has just stepped in), this distance counts. The
 latitude is used by the stated accuracy only.
 """
 
@@ -65,9 +66,19 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def spread(x: Any) -> Any:
     """Variance of the angle (3, rad^2, b) and of the velocity (3, m^2/s^2, b) about straight lines over the run."""
-    time = maximum(x.time, 1e-6)
-    mean, slope = x.path / time, (x.path_moment - x.path * time / 2) * (12 / time**3)
+    time, mean, slope = _line(x)
     return maximum(x.path_square / time - mean**2 - slope**2 * time**2 / 12, 0.0)
+
+
+def departure(x: Any) -> Any:
+    """The angle (3, rad, b) and the velocity (3, m/s, b) now less those straight lines."""
+    time, mean, slope = _line(x)
+    return ca.vertcat(x.angle, x.velocity) - x.first * time - mean - slope * time / 2
+
+
+def _line(x: Any) -> tuple[Any, Any, Any]:
+    time = maximum(x.time, 1e-6)
+    return time, x.path / time, (x.path_moment - x.path * time / 2) * (12 / time**3)
 
 
 def triad(force_b: Any, rate_b: Any) -> Any:
@@ -84,16 +95,16 @@ def _unit(v: Any) -> Any:
 
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude from the means so far."""
-    time, g, scatter = maximum(x.time, 1e-6), geodesy.NOMINAL_GRAVITY, spread(x)
+    time, g, scatter, end = maximum(x.time, 1e-6), geodesy.NOMINAL_GRAVITY, spread(x), departure(x)
     C_nb = triad(x.velocity, x.angle)
-    angle, velocity = (C_nb * C_nb) @ scatter[:3], (C_nb * C_nb) @ scatter[3:]  # n
+    turned = maximum((C_nb * C_nb) @ scatter[:3], (C_nb @ end[:3]) ** 2 / TURN)  # n
+    pushed = maximum((C_nb * C_nb) @ scatter[3:], (C_nb @ end[3:]) ** 2 / TURN)
     ends = ENDS / time**2
-    pushed = (velocity[0] + velocity[1]) / 2
-    tilt = (p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time + ends * pushed) / g**2
-    rate = p.gyro_bias_sigma**2 + p.angle_random_walk**2 / time + ends * angle[1]
+    tilt = (p.accel_bias_sigma**2 + p.velocity_random_walk**2 / time + ends * (pushed[0] + pushed[1]) / 2) / g**2
+    rate = p.gyro_bias_sigma**2 + p.angle_random_walk**2 / time + ends * turned[1]
     earth_rate = geodesy.OMEGA_IE * maximum(ca.fabs(cos(p.latitude)), 1e-9)
     heading = (rate + tilt * (geodesy.OMEGA_IE * sin(p.latitude)) ** 2) / earth_rate**2
-    variance = ca.vertcat(tilt, tilt, heading) + TURN * angle
+    variance = ca.vertcat(tilt, tilt, heading) + TURN * turned
     return {
         "q_nb": attitude.from_dcm(C_nb),
         "attitude_sigma": minimum(ca.sqrt(variance), LARGEST_SIGMA),

@@ -41,7 +41,7 @@ from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Notes
 from insenv.estimators.parts import gnss_fix, lever_arm, motion_errors, rows, strapdown
-from insenv.estimators.parts.applicability import linear_start
+from insenv.estimators.parts.applicability import linear_start, together, unmodelled_motion, unseen_heading
 from insenv.estimators.parts.gauss_markov import decays
 from insenv.estimators.parts.increments import compensated
 from insenv.estimators.parts.kalman import measure_joseph
@@ -129,6 +129,11 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """The time update over the samples since the last one."""
+    return {**_updated(p, x, spread), **_interval_start(x.q_wb)}
+
+
+def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
+    """State rows of a time update, without those of the interval."""
     P = symmetric.full(x.covariance, N)
     part = spread(x.stretch_q_wb, P[DQ, DQ], x.stretch_velocity, x.stretch_distance)
     Phi = decayed(p, transition(x, part), x.stretch)
@@ -143,8 +148,12 @@ def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
         "gyro_bias": gyro_decay * x.gyro_bias,
         "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
-        **_interval_start(x.q_wb),
     }
+
+
+def at_sample(p: Any, x: Any, spread: Spread) -> Any:
+    """The state with its time update up to the last sample: what the filter knows between two time updates."""
+    return Values(**{**vars(x), **_updated(p, x, spread)})
 
 
 def linearised(q_hat: Any, P: Any, velocity: Any, distance: Any) -> Nonlinear:
@@ -310,8 +319,9 @@ def _placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
     return {"velocity_w": velocity_w, "q_ew": attitude.normalize(q_ew), "height": x.height - move_w[2]}
 
 
-def output(p: Any, x: Any) -> dict[str, Any]:
+def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """Navigation in n, and standard deviations; the misalignment about n is 2 Y^T(Q_hat) dQ to first order."""
+    x = at_sample(p, x, spread)
     C_nw = strapdown.C_nw(x.q_ew)
     P = symmetric.full(x.covariance, N)
     tilt = 2 * C_nw @ Y(x.q_wb).T
@@ -340,7 +350,7 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
     return ca.vertcat(velocity, offset, turn - theta), selected @ P @ selected.T
 
 
-def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None) -> Estimator:
+def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None, caveats: Notes) -> Estimator:
     model = Model(
         id=id,
         title=title,
@@ -354,14 +364,27 @@ def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None)
             "gnss": Step(gnss, when="gnss_valid"),
             "zero_velocity": Step(zero_velocity, when="standing"),
         },
-        output=output,
+        output=lambda p, x: output(p, x, spread),
         start=start,
     )
-    return Estimator(model, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability)
+    return Estimator(
+        model,
+        kind="navigation",
+        sensors=("gnss",),
+        error=consistency_error,
+        applicability=applicability,
+        caveats=caveats,
+    )
 
 
 _TITLE = "large misalignment: additive quaternion error"
 ESTIMATORS = (
-    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start),
-    _estimator("aqe-sukf", f"{_TITLE}, simplified unscented Kalman filter", unscented, None),
+    _estimator("aqe-ekf", f"{_TITLE}, extended Kalman filter", linearised, linear_start, unmodelled_motion),
+    _estimator(
+        "aqe-sukf",
+        f"{_TITLE}, simplified unscented Kalman filter",
+        unscented,
+        None,
+        together(unseen_heading, unmodelled_motion),
+    ),
 )

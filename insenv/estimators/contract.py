@@ -109,6 +109,17 @@ class Knowledge:
         """The values of those rows of a table that are in `rows`."""
         return {name: self.rows[name] for name in table.names if name in self.rows}
 
+    @staticmethod
+    def field_of(row: str) -> str:
+        """The name of the field whose value `rows` has under the name `row`; empty if there is none, or if it is told."""
+        own = {f.name for f in fields(Knowledge)} - {"sensors", "instruments"}
+        if row in TOLD:
+            return ""
+        if row in own or row in {f.name for f in fields(SensorNotes)}:
+            return row
+        field = row.removeprefix("start_")
+        return field if field in own else ""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -117,6 +128,7 @@ class Drive:
     where: in messages (``"scenario 'ship-swaying'"``).  sensors: ids of those beside the inertial unit.  in_place: whether
     the vehicle stays where it is; None: unknown.  whole: whether the run can be gone through again from its end.
     vehicle: its kind ("car", "ship", ...); empty: unknown.
+    motion: where it does not stay, what shows that, for messages.
     """
 
     where: str
@@ -124,6 +136,7 @@ class Drive:
     in_place: bool | None = None
     whole: bool = True
     vehicle: str = ""
+    motion: str = ""
 
 
 Choices = Mapping[str, tuple[str, ...]]
@@ -152,6 +165,8 @@ class Estimator:
     needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
         limit.  None: 0.
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
+        While there is one, the estimate does not count as aligned.
+    caveats: the same about what its stated standard deviations do not cover.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
@@ -172,6 +187,7 @@ class Estimator:
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
     needs: Callable[[Mapping[str, Any]], float] | None = None
     applicability: Notes | None = None
+    caveats: Notes | None = None
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
     smoothing: Smoothing | None = None
@@ -250,7 +266,7 @@ class Estimator:
             if sensor not in drive.sensors:
                 return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
         if self.motion == "in place" and drive.in_place is False and not follows:
-            return f"{this} aligns a vehicle in place: that of {drive.where} moves"
+            return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
         return ""
@@ -271,6 +287,17 @@ class Estimator:
             if name not in self.model.parameters:
                 raise InputError(f"estimator {self.id!r}: {name} is set, and this filter has none: it is of {self.title}")
         return {**self._from(known), **given}
+
+    def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
+        """The fields of `Knowledge` and `SensorNotes` that `parameters` copies, by row name; None if `prepare` computes.
+
+        Many starts can then be had by copying columns.
+        """
+        if self.prepare is not None:
+            return None
+        tuned = {*tunings.get(self.smooths, {}), *tunings.get(self.id, {})}
+        names = {name: Knowledge.field_of(name) for name in self.model.parameters.names if name not in tuned}
+        return {name: field for name, field in names.items() if field}
 
     def _from(self, known: Knowledge) -> Mapping[str, Any]:
         if self.prepare is not None:
@@ -315,16 +342,24 @@ class Estimator:
         if self.needs is None or duration_s > needed * (1 - 1e-9):
             return ""
         return (
-            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s; until then its errors have not settled and "
-            "are not compared with a limit"
+            f"too short: {duration_s:g} s of data, {self.id} needs {needed:.3g} s to converge; its errors before that time do "
+            "not show its accuracy"
         )
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
-        if self.applicability is None:
+        return (*self.objections(parameters, duration_s), *self._said("caveats", parameters, duration_s))
+
+    def objections(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+        """Those of `notes` with which its estimate does not count as aligned."""
+        return self._said("applicability", parameters, duration_s)
+
+    def _said(self, kind: str, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+        of_kind: Notes | None = getattr(self, kind)
+        if of_kind is None:
             return ()
-        with naming(f"estimator {self.id!r}, applicability"):
-            return self.applicability(parameters, duration_s)
+        with naming(f"estimator {self.id!r}, {kind}"):
+            return of_kind(parameters, duration_s)
 
 
 _OUTPUTS = {"alignment": ("q_nb",), "navigation": ("q_nb", "velocity_n", "latitude", "longitude", "height")}

@@ -22,7 +22,7 @@ from typing import Any
 
 import casadi as ca
 
-from insenv.core.elementary import PI, clamp, minimum, select
+from insenv.core.elementary import PI, atan2, clamp, cos, minimum, select, sin
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
@@ -30,6 +30,7 @@ from insenv.estimators.parts import applicability, frozen_frame, rows
 
 LEAK, LEARNING = 10.0, 60.0  # s: of the integral of velocity, and of the mean square of the displacement
 UNLEVEL = 0.05  # rad: level by the first sample of a base that sways
+LARGEST_HALF = 1.5  # rad: half of a start heading error whose decay can be stated
 SWAY = 2.0  # the leak and the phase take a part of the displacement
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((
@@ -96,7 +97,9 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     levelling = x.time <= p.levelling_time
     s = select(levelling, 0.0, (x.time - p.levelling_time) / tau)
     left = (1 + s + s * s / 2) * decayed(s)
-    rest = p.start_heading_sigma * left
+    # the loop turns by the sine of the error, so the tangent of its half decays: a large error takes longer
+    half = minimum(p.start_heading_sigma / 2, LARGEST_HALF)
+    rest = 2 * atan2(sin(half) * left, cos(half))
     heading = minimum(ca.sqrt(square + rest * rest), PI)
     # of the first sample's level, by a double pole, then of the sway at the end of levelling, by the triple pole
     fine = p.levelling_constant
@@ -141,4 +144,11 @@ def needs(parameters: Mapping[str, Any]) -> float:
     return float(parameters["levelling_time"]) + SETTLING * float(parameters["heading_constant"])
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", prepare=prepare, needs=needs, applicability=applicability.notes)
+ESTIMATOR = Estimator(
+    MODEL,
+    kind="alignment",
+    prepare=prepare,
+    needs=needs,
+    applicability=applicability.notes,
+    caveats=applicability.far_heading,
+)

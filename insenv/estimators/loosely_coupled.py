@@ -312,5 +312,10 @@ MODEL = Model(
 )
 
 ESTIMATOR = Estimator(
-    MODEL, kind="navigation", sensors=("gnss",), error=consistency_error, applicability=applicability.linear_start
+    MODEL,
+    kind="navigation",
+    sensors=("gnss",),
+    error=consistency_error,
+    applicability=applicability.linear_start,
+    caveats=applicability.together(applicability.unmodelled_motion, applicability.noiseless),
 )

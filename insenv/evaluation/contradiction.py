@@ -5,7 +5,8 @@ Two signs in the innovations of a filter, which are independent if it is consist
 - the median of `FIXES` successive test ratios is beyond `RATIO`: estimate and fixes differ by more than both state;
 - their velocity jumps from one fix to the next by far more than it usually varies: the inertial unit has missed an impact,
   such as the touch-down of a drone, or the receiver has jumped. The estimate is wrong for some time after it, without a sign
-  in the test ratios if the receiver is much better than it states.
+  in the test ratios if the receiver is much better than it states. Of an estimate that is wrong already, or uncertain by as
+  much, the jump is its own.
 
 A verdict over a whole run sees neither.
 """
@@ -30,6 +31,10 @@ JUMP = 10.0
 """Jump of a velocity in units of its usual variation from one group of `FIXES` to the next (robust standard deviation)."""
 LEAST_JUMP = 0.3
 """Smaller jumps (m/s) are not reported."""
+COVERED = 4.0
+"""A jump of fewer standard deviations of the estimate's velocity is covered by what the filter states."""
+UNKNOWN = 50.0
+"""Standard deviation of an innovation (m/s) from which the receiver does not measure this component."""
 COMPONENTS = ("north", "east", "down", "vn", "ve", "vd")
 
 
@@ -78,17 +83,20 @@ def contradiction_notes(time: Vector, outputs: Mapping[str, NDArray[np.float64]]
     """The worst contradiction and the largest jump, a sentence each.
 
     time (n,) s; outputs: `innovation` (n, 6) and `test_ratio` (n, 6), position and velocity in n, of the last fix; there are
-    none for an estimator without them.
+    none for an estimator without them. `velocity_sigma` (n, 3) m/s, where there is one.
     """
     parted, jumped = contradictions(time, outputs), jumps(time, outputs)
+    jumped = [one for one in jumped if not any(other.begin <= one.before for other in parted)]
     notes = []
     if parted:
-        more = f" ({len(parted) - 1} more such times)" if len(parted) > 1 else ""
-        notes.append(max(parted, key=lambda one: one.ratio).note() + more)
+        notes.append(max(parted, key=lambda one: one.ratio).note() + _more(len(parted) - 1, "time"))
     if jumped:
-        more = f" ({len(jumped) - 1} more such jumps)" if len(jumped) > 1 else ""
-        notes.append(max(jumped, key=lambda one: abs(one.size)).note() + more)
+        notes.append(max(jumped, key=lambda one: abs(one.size)).note() + _more(len(jumped) - 1, "jump"))
     return tuple(notes)
+
+
+def _more(count: int, what: str) -> str:
+    return "" if not count else f" ({count} more such {what}{'s' if count > 1 else ''})"
 
 
 def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Contradiction]:
@@ -120,9 +128,12 @@ def contradictions(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> 
 
 def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump]:
     """The jumps of the velocity, in order.  Arguments: see `contradiction_notes`."""
-    time, innovations, _ = _fixes(time, outputs)
+    records, stated = time, outputs.get("velocity_sigma")
+    time, innovations, ratios = _fixes(time, outputs)
     if len(time) < 4 * FIXES:
         return []
+    usual_size, usual_ratio = (np.median(np.abs(values), axis=0) for values in (innovations, ratios))
+    innovations = innovations * (usual_size < UNKNOWN * usual_ratio)
     median = _medians(innovations[:, 3:], FIXES)
     step = median[FIXES:] - median[:-FIXES]  # between the fixes FIXES - 1 + k and FIXES + k
     usual = 1.4826 * np.median(np.abs(step), axis=0)
@@ -139,6 +150,9 @@ def jumps(time: Vector, outputs: Mapping[str, NDArray[np.float64]]) -> list[Jump
         window, component = np.unravel_index(int(np.argmax(np.abs(step[group] * large[group]))), (len(group), 3))
         first = int(group[window]) + FIXES - 1
         size = float(step[group[window], component])
+        own = 0.0 if stated is None else float(stated[np.searchsorted(records, time[first + 1]) - 1, component])
+        if abs(size) < COVERED * own:
+            continue
         found.append(Jump(float(time[first]), float(time[first + 1]), COMPONENTS[3 + component], size))
     return found
 

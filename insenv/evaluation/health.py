@@ -30,6 +30,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.evaluation.chi_square import quantile
+
 Array = NDArray[np.float64]
 Verdict = Literal["consistent", "overconfident", "diverged"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
@@ -110,8 +112,8 @@ class Health:
     def summary(self) -> str:
         """One line: share refused, NIS with bounds, verdict."""
         share = f"{100 * self.refused / self.fixes:.2g} % of {self.fixes} fixes refused"
-        nis = f"NIS {self.nis.mean:.3g} ({self.nis.low:.3g} to {self.nis.high:.3g})" if self.nis.mean >= 0 else "none used"
-        factor = "" if self.verdict == "consistent" else f", factor {self.factor:.3g}"
+        nis = f"NIS {_figure(self.nis.mean)} ({self.nis.low:.3g} to {self.nis.high:.3g})" if self.nis.mean >= 0 else "none used"
+        factor = "" if self.verdict == "consistent" else f", factor {_figure(self.factor)}"
         return f"{self.verdict}{factor}: {share}, {nis}"
 
     def notes(self, models_slow_errors: bool = False) -> tuple[str, ...]:
@@ -122,8 +124,8 @@ class Health:
         if self.verdict != "consistent":
             state = "the filter has diverged from its fixes" if self.verdict == "diverged" else "the filter is overconfident"
             return (
-                f"{state}: its innovations are {self.factor:.3g} times as large as stated, and it refused {self.refused} of "
-                f"{self.fixes} fixes. The errors may exceed the stated sigmas by more than that. Look at the grade of the "
+                f"{state}: its innovations are {_figure(self.factor)} times as large as stated, and it refused {self.refused} "
+                f"of {self.fixes} fixes. The errors may exceed the stated sigmas by more than that. Look at the grade of the "
                 "inertial unit, the lever arm of the antenna, the time offset of the fixes, their stated sigmas and the start",
             )
         position = self.groups["position"]
@@ -171,8 +173,6 @@ def _edges(count: Array) -> NDArray[np.intp]:
 
 def _nis(square: Array, number: Array, edges: NDArray[np.intp]) -> Nis:
     """Mean NIS and bounds from the recorded sums of squares and components (records,)."""
-    from scipy.stats import chi2
-
     total = float(number[-1])
     if not total:
         return Nis(float("nan"), float("nan"), float("nan"))
@@ -183,7 +183,7 @@ def _nis(square: Array, number: Array, edges: NDArray[np.intp]) -> Nis:
         white = 2 * mean**2 * float(numbers.mean())
         dependence = max(1.0, float(np.sum((squares - mean * numbers) ** 2)) / (len(edges) - 1) / white)
     degrees = total / dependence
-    low, high = (float(bound) / degrees for bound in chi2.ppf(PROBABILITIES, degrees))
+    low, high = (float(bound) / degrees for bound in quantile(PROBABILITIES, degrees))
     return Nis(mean, low, high)
 
 
@@ -203,6 +203,11 @@ def _factor(outputs: Mapping[str, Array]) -> float:
     square = outputs["nis_used"][-1] + outputs["nis_refused"][-1]
     number = outputs["nis_used_count"][-1] + outputs["nis_refused_count"][-1]
     return sqrt(float(np.max(square / np.maximum(number, 1.0))))
+
+
+def _figure(value: float) -> str:
+    """Three digits, and no exponent of a large value."""
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
 def _as_json(nis: Nis) -> dict[str, Any]:

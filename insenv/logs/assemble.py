@@ -106,6 +106,29 @@ class LogReader:
         return table.select(inside), time[inside]
 
 
+def check_columns(section: Mapping[str, Any], keys: Sequence[str], folder: Path) -> None:
+    """Raise one `InputError` for all columns named in a section that its files do not have, whatever else is wrong with it.
+
+    section: its TOML values, unchecked; keys: those that name columns.
+    """
+    files = section.get("file")
+    files = [files] if isinstance(files, str) else files
+    if section.get("format", "csv") != "csv" or not isinstance(files, list) or not all(isinstance(f, str) for f in files):
+        return
+    layout: dict[str, Any] = {}
+    if isinstance(section.get("header_rows"), int):
+        layout["header_rows"] = section["header_rows"]
+    if section.get("delimiter") in (",", ";", "tab", "space"):
+        layout["delimiter"] = section["delimiter"]
+    loaded = all_of(lambda file: read_bytes(file, folder), files)
+    known = [name for label, raw in loaded for name in column_names(label, raw, **layout)]
+    wanted = [one for key in keys for one in (section[key] if isinstance(section.get(key), list) else [section.get(key)])]
+    missing = [name for name in wanted if isinstance(name, str) and name not in known]
+    if known and missing:
+        labels = ", ".join(label for label, _ in loaded)
+        raise InputError("\n".join(f"{labels}: no column {name!r}{nearest(name, known)}" for name in missing))
+
+
 def checked_position(name: str, section: PositionSection, table: TextTable, notes: list[str]) -> tuple[Array, Array]:
     """Latitude and longitude [rad]. Raises InputError if out of range; adds a note if degrees look like radians."""
     unit = section.position_unit

@@ -24,7 +24,7 @@ from insenv.logs.readers import TextTable
 from insenv.logs.readings import Readings
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
 from insenv.logs.repeats import repeats
-from insenv.logs.sampling import sampling
+from insenv.logs.sampling import covered_steps, sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors.contract import Place
 
@@ -98,7 +98,15 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     gyro = table.columns(section.gyro) @ section.gyro_matrix().T
     accel = table.columns(section.accel) @ section.accel_matrix().T
     samples = np.hstack([gyro, accel])
-    found = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s)
+    covered = None
+    if section.kind == "increment":
+        covered = covered_steps(stamps, accel, sampled, section.stamp)
+        if covered.any():
+            reader.notes.append(
+                f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
+                " since the one before"
+            )
+    found = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered)
     reader.notes += implausible(found)
     return found
 
@@ -132,15 +140,24 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
             " its first row"
         )
         table, time = table.select(repeated.rows), time[repeated.rows]
-    latitude, longitude = checked_position("gnss", section, table, reader.notes)
-    height, velocity = table.column(section.height) + section.height_offset_m, _velocity(section, table)
-    position_sigma = _sigma(table, section.position_sigma, section.position_sigma_m, "m")
-    velocity_sigma = None
-    if velocity is not None:
-        velocity_sigma = _sigma(table, section.velocity_sigma, section.velocity_sigma_mps, "m/s")
+    faults = Faults()
+    place = faults.attempt(lambda: checked_position("gnss", section, table, reader.notes))
+    height = table.column(section.height) + section.height_offset_m
+    position_sigma = faults.attempt(lambda: _sigma(table, section.position_sigma, section.position_sigma_m, "m"))
+    motion = faults.attempt(lambda: _motion(section, table))
+    faults.check()
+    assert place is not None and position_sigma is not None and motion is not None
+    return GnssFixes(time, place[0], wrap(place[1]), height, position_sigma, *motion)
+
+
+def _motion(section: GnssSection, table: TextTable) -> tuple[Array | None, Array | None]:
+    """Velocity (m, 3) m/s and its standard deviation, or None of both."""
     if section.speed is not None and section.course is not None:
-        velocity, velocity_sigma = _from_course(section, section.speed, section.course, table)
-    return GnssFixes(time, latitude, wrap(longitude), height, position_sigma, velocity, velocity_sigma)
+        return _from_course(section, section.speed, section.course, table)
+    velocity = _velocity(section, table)
+    if velocity is None:
+        return None, None
+    return velocity, _sigma(table, section.velocity_sigma, section.velocity_sigma_mps, "m/s")
 
 
 def _from_course(section: GnssSection, speed: str | int, course: str | int, table: TextTable) -> tuple[Array, Array]:

@@ -30,6 +30,11 @@ def _check_grade(value: str) -> str:
 Grade = Annotated[str, AfterValidator(_check_grade)]
 
 
+def columns_of(model: type[FileSection]) -> tuple[str, ...]:
+    """The keys of a section that name columns."""
+    return tuple(name for name, field in model.model_fields.items() if (field.description or "").startswith("column"))
+
+
 class ImuSection(FileSection):
     """The inertial sensor."""
 
@@ -200,9 +205,9 @@ class GnssSection(PositionSection):
 class ReferenceSection(PositionSection):
     """A reference solution at the IMU, for comparison and as an optional start: position, velocity and attitude, or some."""
 
-    roll: Column | None = key(None, "column of the roll (right side down positive)")
-    pitch: Column | None = key(None, "column of the pitch (nose up positive)")
-    heading: Column | None = key(None, "column of the heading (clockwise from north)")
+    roll: Column | None = key(None, "column of the roll (right side down positive); with pitch, heading and attitude_unit")
+    pitch: Column | None = key(None, "column of the pitch (nose up positive); with roll and heading")
+    heading: Column | None = key(None, "column of the heading (clockwise from north); with roll and pitch")
     attitude_unit: AngleUnit | None = key(None, "unit of roll, pitch, heading", validate_default=True)
 
     @model_validator(mode="before")
@@ -261,6 +266,14 @@ class EvaluationSection(Section):
     from_s: Number | None = key(None, "start of the evaluation", "s")
     to_s: Number | None = key(None, "end of the evaluation", "s")
     published: tuple[PublishedSection, ...] = key((), "published results for the same log")
+
+    @field_validator("to_s")
+    @classmethod
+    def _after_from(cls, value: float | None, info: ValidationInfo) -> float | None:
+        begin = info.data.get("from_s")
+        if begin is not None and value is not None and value <= begin:
+            raise ValueError(f"must be after from_s = {begin:g} s")
+        return value
 
 
 class AnyLog(Section):

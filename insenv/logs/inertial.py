@@ -55,18 +55,28 @@ class Bridged:
 
 
 def increments(
-    stamps: Array, samples: Array, sampled: Sampling, kind: str, stamp: str, max_gap_s: float, label: str = "imu"
+    stamps: Array,
+    samples: Array,
+    sampled: Sampling,
+    kind: str,
+    stamp: str,
+    max_gap_s: float,
+    label: str = "imu",
+    covered: np.ndarray | None = None,
 ) -> InertialSamples:
     """Bridge the gaps and integrate rates over the sample intervals.
 
+    The outermost of increments that cover intervals of different lengths is left out, because its length is not known.
+
     stamps (m,) s, strictly increasing; samples (m, 6): gyro and accelerometer in SI and body FRD; sampled: how; kind, stamp,
-    max_gap_s: see the keys of a log's [imu]; label: the unit, in messages. Raises InputError for a longer gap.
+    max_gap_s: see the keys of a log's [imu]; label: the unit, in messages; covered (m - 1,): long steps that increments cover
+    (`covered_steps`). Raises InputError for a longer gap.
     """
     is_rate, interval = kind == "rate", sampled.interval
-    rates = samples
+    rates, unequal = samples, not is_rate and (sampled.gap_s is not None or (covered is not None and bool(covered.any())))
     if not is_rate:
-        rates = samples / (interval if sampled.gap_s is None else _lengths(stamps, interval, stamp)[:, None])
-    result = bridge(stamps, rates, sampled, max_gap_s, label)
+        rates = samples / (_lengths(stamps, interval, stamp, sampled, covered)[:, None] if unequal else interval)
+    result = bridge(stamps, rates, sampled, max_gap_s, label, covered)
     if stamp == "interval_end":
         end, dt = result.time, np.diff(result.time, prepend=result.time[0] - interval)
     elif stamp == "interval_start":
@@ -82,14 +92,17 @@ def increments(
         integrals = result.rates * dt[:, None]
         if not is_rate:
             integrals[result.original] = samples
+    known = slice(None) if not unequal else slice(1, None) if stamp == "interval_end" else slice(0, -1)
+    end, integrals, dt, bridged = (values[known] for values in (end, integrals, dt, bridged))
     return InertialSamples(end, integrals[:, :3].copy(), integrals[:, 3:].copy(), dt, bridged, result.gaps)
 
 
-def _lengths(stamps: Array, interval: float, stamp: str) -> Array:
-    """Length (m,) s of the interval that each sample covers: up to its stamp, or from it."""
-    if stamp == "interval_end":
-        return np.diff(stamps, prepend=stamps[0] - interval)
-    return np.diff(stamps, append=stamps[-1] + interval)
+def _lengths(stamps: Array, interval: float, stamp: str, sampled: Sampling, covered: np.ndarray | None) -> Array:
+    """Length (m,) s of the interval that each increment covers: up to its stamp, or from it; one interval beside a gap."""
+    steps = np.diff(stamps)
+    if sampled.gap_s is None and covered is not None:
+        steps = np.where((sampled.missing(stamps) > 0) & ~covered, interval, steps)
+    return np.insert(steps, 0 if stamp == "interval_end" else len(steps), interval)
 
 
 def implausible(samples: InertialSamples) -> list[str]:
@@ -103,15 +116,20 @@ def implausible(samples: InertialSamples) -> list[str]:
     return []
 
 
-def bridge(time: Array, rates: Array, sampled: Sampling, max_gap_s: float, label: str = "imu") -> Bridged:
+def bridge(
+    time: Array, rates: Array, sampled: Sampling, max_gap_s: float, label: str = "imu", covered: np.ndarray | None = None
+) -> Bridged:
     """Interpolate the missing samples.
 
     time (n,) [s], strictly increasing; rates (n, k), any unit per second; sampled: how; max_gap_s: the longest time
-    without samples (step less one interval) that is bridged. Raises InputError for a longer gap.
+    without samples (step less one interval) that is bridged; covered (n - 1,): steps that are no gaps. Raises InputError for a
+    longer gap.
     """
     interval, missing = sampled.interval, sampled.missing(time)
     if sampled.gap_s is not None:
         missing = np.where(np.diff(time) - interval > max_gap_s, np.maximum(missing, 1), missing)
+    if covered is not None:
+        missing = np.where(covered, 0, missing)
     at = np.flatnonzero(missing)
     if not at.size:
         return Bridged(time, rates, np.ones(time.size, bool), Gaps())

@@ -9,8 +9,9 @@ from typing import Any
 from insenv.errors import InputError
 from insenv.files.content import BINARY, TABLE
 from insenv.files.toml import read_toml, validated
+from insenv.logs.assemble import check_columns
 from insenv.logs.build import build
-from insenv.logs.description import LogDescription
+from insenv.logs.description import GnssSection, ImuSection, LogDescription, ReferenceSection, columns_of
 from insenv.logs.faults import Faults
 from insenv.logs.flight import FlightDescription, build_flight, is_flight_log
 from insenv.logs.flight.formats import SUFFIXES
@@ -50,9 +51,19 @@ def load(path: str | Path) -> RecordedLog:
         text = faults.attempt(lambda: validated(LogDescription, data, str(path)))
         _check_settings(data, str(path), faults)
         log = None if text is None else faults.attempt(lambda: build(text, folder))
+        if text is None:
+            _check_columns(data, folder, faults)
     faults.check()
     assert log is not None
     return log
+
+
+def _check_columns(data: Mapping[str, Any], folder: Path, faults: Faults) -> None:
+    """Columns that the files of a wrong description do not have: what can be read of it says which they are."""
+    for name, model in (("imu", ImuSection), ("gnss", GnssSection), ("reference", ReferenceSection)):
+        section = data.get(name)
+        if isinstance(section, dict):
+            faults.attempt(lambda section=section, model=model: check_columns(section, columns_of(model), folder))  # type: ignore[misc]
 
 
 def _check_settings(data: Mapping[str, Any], label: str, faults: Faults) -> None:

@@ -1,6 +1,7 @@
-"""A receiver's values that a logger repeats in every row until the next ones arrive: each counts as one fix.
+"""A receiver's values that a logger repeats in every row until the next ones arrive: each counts as one fix, at its first row.
 
-If they counted as fixes of their own, each would be used a hundred times, late, with the same error.
+Taken for fixes of their own, they would count a hundred times, late, with errors that are the same in all of them. In an outage
+the last value is repeated for as long as it lasts, and is wrong by the whole way of the vehicle.
 """
 
 from __future__ import annotations
@@ -13,8 +14,6 @@ from insenv.logs.units import Array
 
 FEWEST = 3
 """Different fixes from which the receiver's interval is known."""
-ASSUMED_S = 1.0
-"""The receiver's interval where there are fewer: its values never change."""
 FAST_S = 0.05
 """Rows farther apart are a receiver's own: a receiver at rest may state the same place again and again."""
 
@@ -30,8 +29,7 @@ class Repeats:
 def repeats(time: Array, values: Array) -> Repeats | None:
     """The rows that hold new values; None if the rows are not repetitions.
 
-    time (n,) s; values (n, k): position and, where the receiver has it, velocity. A value that stays longer than usual, as that
-    of a receiver at rest may, counts again after each usual interval.
+    time (n,) s; values (n, k): position and, where the receiver has it, velocity.
     """
     if len(time) < 2:
         return None
@@ -43,10 +41,4 @@ def repeats(time: Array, values: Array) -> Repeats | None:
     step = float(np.median(np.diff(time)))
     if each < 2 or (not known and step > FAST_S):
         return None
-    interval = float(np.median(np.diff(time[first]))) if known else ASSUMED_S
-    rows: list[int] = []
-    for begin, count in zip(first, length, strict=True):
-        last = float(time[begin + count - 1])
-        again = np.arange(float(time[begin]), last - 0.5 * interval, interval)[1:]
-        rows += [int(begin), *np.searchsorted(time, again - 1e-9).tolist()]
-    return Repeats(np.array(rows, dtype=np.int64), max(round(len(time) / len(rows)), 1))
+    return Repeats(first, each)

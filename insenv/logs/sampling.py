@@ -25,6 +25,8 @@ GAP = 5.0
 """In irregular sampling a gap is a step longer than this many times the step that 99 % do not exceed."""
 LATE = 1.5
 """A step longer than this many nominal intervals may be a gap."""
+COVERED = 0.5
+"""Part of the missing time from which the increment beside a long step covers it: it is larger by as much."""
 NEIGHBOURS = 2
 """Steps on either side that are searched for the jitter of a late stamp."""
 
@@ -75,6 +77,24 @@ def sampling(time: Array, rate_hz: float | None, label: str = "imu") -> Sampling
         " (rate_hz states regular sampling)"
     )
     return Sampling(median, gap, (note,))
+
+
+def covered_steps(time: Array, increments: Array, sampled: Sampling, stamp: str) -> np.ndarray:
+    """Long steps (n - 1,) of regular sampling without a gap: the increment over each covers the whole step.
+
+    Loggers add up the increments of samples that they merge; where samples are lost, their increments are missing. The size of
+    the specific force, which gravity determines on most vehicles, shows which.
+
+    time (n,) s; increments (n, 3) m/s, of velocity; stamp: "interval_end" or "interval_start".
+    """
+    missing = sampled.missing(time)
+    if sampled.gap_s is not None or not missing.any():
+        return np.zeros(missing.shape, bool)
+    size = np.linalg.norm(increments, axis=1)
+    over, late = (size[1:] if stamp == "interval_end" else size[:-1]), missing > 0
+    usual = float(np.median(over[~late])) if (~late).any() else 0.0
+    covered = late & (over > usual * (1 + COVERED * missing)) & (usual > 0)
+    return covered if np.count_nonzero(covered) > 0.5 * np.count_nonzero(late) else np.zeros_like(covered)
 
 
 def missing_samples(time: Array, interval: float) -> np.ndarray:

@@ -199,15 +199,15 @@ class Simulation:
         self.health = self._new_health()
 
     def notes(self) -> tuple[str, ...]:
-        """The estimator's notes on its estimate, with its parameters and the data since the alignment began.
+        """The estimator's objections to its estimate, with its parameters and the data since the alignment began.
 
-        The last note is that these data are fewer than it needs.
+        The last one is that these data are fewer than it needs.
         """
         rows = self.estimator.model.parameters.unpack(self._filter.p)
         duration = max(self.samples - self._aligning_since, 1) * self.interval
         needed = self.estimator.needed_s(rows)
         short = (f"{self.estimator.id} needs {needed:.3g} s of data",) if duration < needed * (1 - 1e-9) else ()
-        return (*self.estimator.notes(rows, duration), *short)
+        return (*self.estimator.objections(rows, duration), *short)
 
     def known_now(self) -> Knowledge:
         """Knowledge of the present state: the truth, with the errors of the knowledge at the start."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude
+from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.limits import closed_forms as limits
 from insenv.reproduce import Quantity
 from insenv.reproduce.unit_limits import unit_limit
@@ -100,10 +101,8 @@ def quantities() -> list[Quantity]:
 
 def consistency() -> list[Quantity]:
     """NEES after convergence (from 120 s) over `SEEDS` units."""
-    from scipy.stats import chi2
-
     found = ensemble(laboratory(), [ID], range(SEEDS), records=120)
-    low, high = chi2.ppf([0.025, 0.975], 3 * SEEDS) / SEEDS
+    low, high = quantile([0.025, 0.975], 3 * SEEDS) / SEEDS
     mean = nees(found).mean(axis=0)[found.time >= 120.0]
     inside = float(np.mean((mean > low) & (mean < high)))
     note = f"mean NEES of 3 states within [{low:.2f}, {high:.2f}], random biases and initial errors, 120 to 600 s"

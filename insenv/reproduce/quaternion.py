@@ -87,7 +87,7 @@ def figure(path_stem: Path) -> list[Path]:
         run = _turntable(200)
         for colour, id in zip(COLOURS, IDS, strict=False):
             middle.plot(run.time, _heading_rms(run, id), color=colour, lw=1.2, label=id)
-        middle.axhline(_limit(run), color=LIMIT, lw=1.0, ls=style.DASHED, label="limit over 150-200 s")
+        middle.hlines(_limit(run), 150.0, 200.0, color=LIMIT, lw=1.0, ls=style.DASHED, label="limit over 150-200 s")
         middle.set_title("all three, 200 ug", loc="left")
         for axes in (top, middle):
             axes.set(yscale="log", xlim=(0, 200), ylabel="[deg]")

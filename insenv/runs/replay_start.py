@@ -1,8 +1,7 @@
 """Initial knowledge of the estimators of a recorded log: from the log itself, or from its reference solution.
 
 From the log: roll and pitch from the mean specific force while the vehicle stands, heading from gyros that sense the
-Earth's rotation (`insenv.runs.rest`) or from its first motion.  For the latter the gyro rates minus their mean at rest are
-integrated from a heading of 0 at rest; the heading at rest is the course over ground minus the integrated heading.
+Earth's rotation (`insenv.runs.rest`) or from its first motion (`insenv.runs.first_motion`).
 
 The standard deviations are those of the log's [initial], or else those stated here.
 """
@@ -16,23 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.core.runner import make_runner
-from insenv.errors import InputError, InsenvError
-from insenv.estimators import Estimator, Knowledge, get
-from insenv.logs import GnssFixes, RecordedLog
+from insenv.errors import InputError
+from insenv.estimators import Estimator, Knowledge
+from insenv.logs import RecordedLog
 from insenv.logs.description import InitialSection
-from insenv.plant.feeding import input_rows
+from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
 from insenv.runs.rest import RestStart, gyrocompass_sigma, rest_of, start_at_rest
 
 Array = NDArray[np.float64]
 
 STARTS = ("coarse", "reference")
 """Sources of the initial state of navigation: the log alone, or the reference solution."""
-COURSE_SPEED = 5.0  # m/s: above it the course over ground gives the heading to a few degrees
-COURSE_FIXES = 5  # number of fixes to average
-COURSE_SIGMA = float(np.radians(5.0))  # side slip and course noise; of a given heading too
-COURSE_CONFLICT = 2.0  # standard deviations by which course and given heading may differ
-LARGEST_SIGMA = float(np.radians(60.0))  # of a heading: beyond it a linear filter does not converge
+ON_ITS_BACK = 0.5  # share of gravity that points down at rest
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 REFERENCE_SIGMAS = {
@@ -144,6 +138,11 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         for found, given in zip(rest.level, (initial.roll_deg, initial.pitch_deg), strict=True)
     )
     levelled = initial.roll_deg is None and initial.pitch_deg is None
+    if initial.roll_deg is None and rest.force[2] > ON_ITS_BACK * np.linalg.norm(rest.force):
+        raise InputError(
+            f"start 'coarse': at rest the specific force points down ({rest.force[2]:+.3g} m/s2 on the down axis; upright it "
+            "is -9.8): axes or accel_axes of [imu] are wrong; if the vehicle lies on its back, [initial] roll_deg = 180 says so"
+        )
     sigmas = _sigmas(
         initial,
         position_sigma=position_sigma,
@@ -155,13 +154,13 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     notes: list[str] = []
     if initial.heading_deg is not None:
         heading = float(np.radians(initial.heading_deg))
-        sigmas["heading_sigma"] = _checked_by_course(
-            log, first, (roll, pitch, heading), rest.rate, sigmas["heading_sigma"], notes
+        heading, sigmas["heading_sigma"] = checked_by_motion(
+            log, first, (roll, pitch, heading), rest.rate, sigmas["heading_sigma"], tilt_sigma, notes
         )
     elif gyrocompass_sigma(rest, latitude, sensors, tilt_sigma) < COURSE_SIGMA:
         sigmas["heading_sigma"] = np.pi
     elif sigmas["heading_sigma"] < np.pi:
-        heading = _heading_from_motion(log, first, roll, pitch, rest.rate)
+        heading = heading_by_course(log, first, (roll, pitch), rest.rate)
     found = start_at_rest(rest, (roll, pitch), latitude, heading, sigmas["heading_sigma"], sensors, tilt_sigma)
 
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, found.heading))
@@ -185,30 +184,6 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         sensors=log.sensors(in_place=False),
     )
     return Start(known, (*notes, *_conflict_note(found, heading)))
-
-
-def _checked_by_course(
-    log: RecordedLog, first: int, angles: tuple[float, float, float], rest_rate: Array, sigma: float, notes: list[str]
-) -> float:
-    """Standard deviation (rad) of the given heading: `sigma`, or more where the course of the first motion contradicts it.
-
-    A vehicle may move sideways, so its course is no better than the given heading: it only says how wrong that may be.
-    """
-    roll, pitch, heading = angles
-    try:
-        by_course = _heading_from_motion(log, first, roll, pitch, rest_rate)
-    except InsenvError:
-        return sigma
-    apart = abs(float(np.angle(np.exp(1j * (heading - by_course)))))
-    if apart <= COURSE_CONFLICT * np.hypot(sigma, COURSE_SIGMA):
-        return sigma
-    widened = max(sigma, min(apart, LARGEST_SIGMA))
-    notes.append(
-        f"the given heading, {np.degrees(heading):.4g} deg, and the course of the first motion, which means "
-        f"{np.degrees(by_course):.4g} deg, are {np.degrees(apart):.3g} deg apart: its standard deviation is taken as "
-        f"{np.degrees(widened):.3g} deg, not {np.degrees(sigma):.2g} deg"
-    )
-    return widened
 
 
 def _conflict_note(found: RestStart, heading: float) -> tuple[str, ...]:
@@ -252,42 +227,3 @@ def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, flo
     if initial.latitude_deg is None or initial.longitude_deg is None or initial.height_m is None:
         raise InputError("no fix while the vehicle stands: [initial] must give latitude_deg, longitude_deg and height_m")
     return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3)
-
-
-def _heading_from_motion(log: RecordedLog, first: int, roll: float, pitch: float, rest_rate: Array) -> float:
-    """Heading where sample `first` begins, from the course of the first fixes in motion."""
-    if log.gnss is None:
-        raise InputError("heading from motion needs [gnss]; or give [initial] heading_deg, or use --start reference")
-    gnss, (time, velocity) = log.gnss, _ground_velocity(log.gnss)
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    moving = np.flatnonzero((speed > COURSE_SPEED) & (time > log.imu_time[first]) & (time < log.imu_time[-1]))[:COURSE_FIXES]
-    if len(moving) < COURSE_FIXES:
-        raise InputError(
-            f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s; "
-            "give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
-            "--start reference"
-        )
-    last = int(np.searchsorted(log.imu_time, time[moving[-1]]))
-    window = slice(first, last + 1)
-    # any estimator that integrates the attitude will do; for a few minutes the position does not matter
-    model = get("wander-sins").model
-    runner = make_runner(model, {"start_latitude": float(gnss.latitude[0]), "start_roll": roll, "start_pitch": pitch})
-    columns = {
-        "delta_angle": log.delta_angle[window] - rest_rate * log.dt[window, None],
-        "delta_velocity": log.delta_velocity[window],
-        "dt": log.dt[window],
-    }
-    outputs = model.outputs.unpack(runner.run(last + 1 - first, input_rows(model, columns, last + 1 - first)))
-    carried = attitude.numeric.to_euler(outputs["q_nb"])[2]
-    at = np.searchsorted(log.imu_time[window], time[moving])
-    course = np.arctan2(velocity[moving, 1], velocity[moving, 0])
-    return float(np.angle(np.mean(np.exp(1j * (course - carried[at])))))
-
-
-def _ground_velocity(gnss: GnssFixes) -> tuple[Array, Array]:
-    """Times (s) and velocities (m/s, n): the receiver's, or differences of its positions at the midpoints."""
-    if gnss.velocity_n is not None:
-        return gnss.time, gnss.velocity_n
-    place = np.stack([gnss.latitude, gnss.longitude, gnss.height], axis=1)
-    moved = geodesy.numeric.ned_offset(*place[1:].T, *place[:-1].T)
-    return (gnss.time[1:] + gnss.time[:-1]) / 2, moved / np.diff(gnss.time)[:, None]

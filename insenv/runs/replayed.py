@@ -134,13 +134,11 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
     """What estimators check of a log, on the way that it shows from `begin_s` on."""
     end_s = float(log.imu_time[-1])
     found = travel(log, begin_s, end_s)
-    where = "the log"
+    motion = ""
     if found is not None:
-        where = (
-            f"the log (at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays)"
-        )
+        motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
     sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
-    return Drive(where, frozenset(sensors), None if found is None else False)
+    return Drive("the log", frozenset(sensors), None if found is None else False, motion=motion)
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:

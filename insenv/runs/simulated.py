@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.progress import Progress, check_progress
-from insenv.core.runner import make_runner
+from insenv.core.runner import make_runner, prepare
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
 from insenv.evaluation.limits import Limit
@@ -62,6 +62,7 @@ def run(
     rows = setting_rows(settings, chosen)
     chosen = [plant.adapted(estimator, settings) for estimator in chosen]
     started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
+    prepare([plant.model, *(estimator.model for estimator in chosen)])
     runner = make_runner(plant.model, plant.parameters)
     followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]
 

@@ -132,14 +132,17 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
     """Navigation and its standard deviations from the filter's states (m, nominal.size) and smoothed error states.
 
     Rows by name: q_nb, velocity_n, latitude, longitude, height, the estimated errors, position_sigma, velocity_sigma
-    (n), attitude_sigma (rad about n).
+    (n), attitude_sigma (rad about n).  Where rounding leaves no positive variance (P - P L P of a filter that has diverged)
+    the filter's own, which is larger, is stated.
     """
     values = smoothing.nominal.unpack(nominal)
     states = [values[name] for name in _state_names(smoothing)]
     *shown, C_nw = _corrected_outputs(smoothing)(*states, corrections)
     named = dict(zip((*rows.NAVIGATION.names, *smoothing.estimates), shown, strict=True))
+    filtered = symmetric.full_array(values["covariance"], smoothing.n)
     for name, part in (("position_sigma", POSITION), ("velocity_sigma", VELOCITY), ("attitude_sigma", TILT)):
-        named[name] = np.sqrt(np.einsum("nij,njk,nik->ni", C_nw, covariances[:, part, part], C_nw))
+        found, own = (np.einsum("nij,njk,nik->ni", C_nw, P[:, part, part], C_nw) for P in (covariances, filtered))
+        named[name] = np.sqrt(np.where(found > 0.0, found, own))
     return named
 
 

@@ -10,6 +10,7 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from insenv import attitude, geodesy
 from insenv.core import noise
@@ -31,6 +32,8 @@ from insenv.vehicles.ship import ANGLES
 KNOWLEDGE_STREAM = 0xFFFFFFFE
 """Random stream of the initial errors: one uniform each for roll, pitch, heading, position and velocity (north, east,
 down), at step 0 of the run's seed.  The plant has other streams, so these draws change nothing else."""
+
+_NORMAL = NormalDist()
 
 SMALLEST_AMPLITUDE = 1e-30
 """Smaller amplitudes (rad, m) are set to 0."""
@@ -241,7 +244,7 @@ def _knowledge(
         fix_wander_sigma=np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
         fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
-        sensors=sensor_notes(dict(parameters), scenario.vehicle.in_place),
+        sensors=sensor_notes(parameters, scenario.vehicle.in_place),
         instruments=told_rows,
     )
 
@@ -268,17 +271,21 @@ def reported_attitude(true: Vector, error: Vector) -> Vector:
     return np.where(np.abs(angles) > 2.0 * np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
 
 
-def start_errors(known: KnowledgeSection, seed: int) -> Vector:
-    """Initial errors (9,), reported minus true: roll, pitch, heading (rad); position (m), velocity (m/s) in n."""
+def start_errors(known: KnowledgeSection, seed: ArrayLike) -> Vector:
+    """Initial errors (..., 9) for seeds (...), reported minus true: roll, pitch, heading (rad); position (m), velocity (m/s)
+    in n.
+    """
     uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
-    normals = np.array([NormalDist().inv_cdf(u) for u in uniforms]) * known.draw_errors
+    drawn = [_NORMAL.inv_cdf(u) for u in uniforms.ravel().tolist()]
+    normals = np.reshape(drawn, uniforms.shape) * known.draw_errors
     tilt = radians(known.tilt_sigma_deg)
     sigma = np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
     errors = sigma * normals
     for place, given in enumerate((known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)):
-        errors[place] = errors[place] if given is None else radians(given)
+        if given is not None:
+            errors[..., place] = radians(given)
     if known.position_error_m is not None:
-        errors[3:6] = known.position_error_m
+        errors[..., 3:6] = known.position_error_m
     if known.velocity_error_mps is not None:
-        errors[6:9] = known.velocity_error_mps
+        errors[..., 6:9] = known.velocity_error_mps
     return errors

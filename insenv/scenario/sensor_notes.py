@@ -8,13 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from insenv.core.tables import Vector
 from insenv.estimators import SensorNotes
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors import flicker, units
 
 
-def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
-    """Data sheet of a unit with these parameter rows (SI): statistics, not the values drawn for a run.
+def sensor_notes(rows: Mapping[str, Any], in_place: bool) -> SensorNotes:
+    """Data sheet of a unit with these parameter rows (SI): `data_sheets` of one unit."""
+    sheets = data_sheets({name: np.asarray(value)[None] for name, value in rows.items()}, in_place)
+    return SensorNotes(**{name: float(values[0]) for name, values in sheets.items()})
+
+
+def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
+    """Data sheets of k units with these parameter rows (SI, (k, ...)): statistics, not the values drawn for a run.
+
+    Returns the fields of `SensorNotes` by name, (k,) each.
 
     Standard deviation of the bias, largest axis: the fixed, turn-on and in-run parts, and the effect of gravity
     through g-sensitivity (gyros) and misalignment (accelerometers).  For a moving vehicle also the accelerometers'
@@ -24,38 +33,46 @@ def sensor_notes(rows: dict[str, Any], in_place: bool) -> SensorNotes:
     `CONSTANT` for a bias that does not change.  The fast processes of the flicker noise, which no filter can follow, count
     as white noise of the same density at low frequency.
     """
-    gravity = STANDARD_GRAVITY
-    notes: dict[str, float] = {}
+    gravity, count = STANDARD_GRAVITY, len(next(iter(rows.values()), (0,)))
+
+    def largest(*names: str) -> list[Vector]:
+        none = np.zeros(count)
+        return [np.abs(rows[name]).reshape(count, -1).max(axis=1) if name in rows else none for name in names]
+
+    notes: dict[str, Vector] = {}
     for triad, white, floor in (("gyro", "angle_random_walk", 1e-9), ("accel", "velocity_random_walk", 1e-7)):
-        largest = {name: float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in _NOTED}
-        if triad == "gyro":
-            motion = gravity * float(np.max(np.abs(rows.get("gyro_g_sensitivity", 0.0))))
-        else:
-            motion = gravity * max(largest["misalignment_sigma"], 0.0 if in_place else largest["scale_factor_sigma"])
-        in_run = largest["instability_sigma"]
-        variance = largest["bias"] ** 2 + largest["bias_sigma"] ** 2 + in_run**2 + motion**2
-        drive = (
-            2 * in_run**2 / max(largest["instability_time"], 1e-3)
-            + largest["rate_random_walk"] ** 2
-            + 2 * motion**2 / units.HOUR
+        time, noise, flickering, coupled, scale = largest(
+            f"{triad}_instability_time", white, f"{triad}_flicker", f"{triad}_misalignment_sigma", f"{triad}_scale_factor_sigma"
         )
-        fast = 0.0
-        part = (flicker.SIGMA * largest["flicker"]) ** 2
-        for time in flicker.TIMES:
-            if time < SLOW:
-                fast += 2 * part * time
+        if triad == "gyro":
+            motion = gravity * largest("gyro_g_sensitivity")[0]
+        else:
+            motion = gravity * (coupled if in_place else np.maximum(coupled, scale))
+        figures = largest(*(f"{triad}_{name}" for name in ("bias", "bias_sigma", "instability_sigma", "rate_random_walk")))
+        bias, bias_sigma, in_run, walk, motion, part = _power(np.array([*figures, motion, flicker.SIGMA * flickering]), 2)
+        variance = bias + bias_sigma + in_run + motion
+        drive = 2 * in_run / np.maximum(time, 1e-3) + walk + 2 * motion / units.HOUR
+        fast = np.zeros(count)
+        for correlation in flicker.TIMES:
+            if correlation < SLOW:
+                fast = fast + 2 * part * correlation
             else:
-                variance, drive = variance + part, drive + 2 * part / time
-        notes[white] = max(hypot(float(np.max(np.abs(rows.get(white, 0.0)))), fast**0.5), floor)
-        bare_drive = drive - 2 * motion**2 / units.HOUR
-        for prefix, own, driving in (("", variance, drive), ("bare_", variance - motion**2, bare_drive)):
-            sigma = max(max(own, 0.0) ** 0.5, floor)
+                variance, drive = variance + part, drive + 2 * part / correlation
+        notes[white] = np.maximum(list(map(hypot, noise.tolist(), _power(fast, 0.5).tolist())), floor)
+        bare = variance - motion, drive - 2 * motion / units.HOUR
+        for prefix, own, driving in (("", variance, drive), ("bare_", *bare)):
+            sigma = np.maximum(_power(np.maximum(own, 0.0), 0.5), floor)
+            square = _power(sigma, 2)
             notes[f"{prefix}{triad}_bias_sigma"] = sigma
-            notes[f"{prefix}{triad}_correlation_time"] = 2 * sigma**2 / max(driving, 2 * sigma**2 / CONSTANT)
-        notes[f"{triad}_scale_sigma"] = largest["scale_factor_sigma"]
-        notes[f"{triad}_misalignment_sigma"] = largest["misalignment_sigma"]
-    notes["gyro_g_sensitivity_sigma"] = float(np.max(np.abs(rows.get("gyro_g_sensitivity", 0.0))))
-    return SensorNotes(**notes)
+            notes[f"{prefix}{triad}_correlation_time"] = 2 * square / np.maximum(driving, 2 * square / CONSTANT)
+        notes[f"{triad}_scale_sigma"], notes[f"{triad}_misalignment_sigma"] = scale, coupled
+    notes["gyro_g_sensitivity_sigma"] = largest("gyro_g_sensitivity")[0]
+    return notes
+
+
+def _power(values: Vector, exponent: float) -> Vector:
+    """Powers as of Python's floats, from which NumPy's may differ in the last bit."""
+    return np.array([value**exponent for value in values.ravel().tolist()]).reshape(values.shape)
 
 
 def motion_error(rows: Mapping[str, Any], triad: str) -> float:
@@ -68,7 +85,3 @@ CONSTANT = 1e9
 """Correlation time (s) of a bias that does not change."""
 SLOW = 100.0
 """Correlation time (s) from which a process of the flicker noise is one of the bias."""
-_NOTED = (
-    "bias", "bias_sigma", "instability_sigma", "instability_time", "rate_random_walk", "flicker", "scale_factor_sigma",
-    "misalignment_sigma",
-)  # fmt: skip

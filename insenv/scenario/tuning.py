@@ -48,19 +48,29 @@ def parsed_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
     Raises `InputError` for a text of another form, or a key that is given twice.
     """
     found: dict[str, dict[str, Any]] = {}
+    faults: list[str] = []
     for text in texts:
         name, equals, value = text.partition("=")
         id, dot, setting = name.strip().partition(".")
         if not (id and dot and setting and equals and value.strip()):
-            raise InputError(f"--set {text!r}: allowed is ESTIMATOR.KEY=VALUE, such as loosely-coupled.arw_deg_sqrt_h=0.3")
+            faults.append(f"--set {text!r}: allowed is ESTIMATOR.KEY=VALUE, such as loosely-coupled.arw_deg_sqrt_h=0.3")
+            continue
         table = found.setdefault(id, {})
         if setting in table:
-            raise InputError(f"--set {text!r}: {id}.{setting} is given twice")
+            faults.append(f"--set {text!r}: {id}.{setting} is given twice")
+            continue
         try:
             table[setting] = json.loads(value)
         except ValueError:
             table[setting] = value.strip()
+    _raise(faults)
     return found
+
+
+def _raise(faults: Sequence[str]) -> None:
+    """Raise one `InputError` with all faults, if there are any."""
+    if faults:
+        raise InputError("\n".join(faults))
 
 
 def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict[str, dict[str, Any]]:
@@ -72,13 +82,19 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
     if not isinstance(settings, (Mapping, type(None))):
         raise InputError(f"settings = {shown(settings)}: allowed is a dict of parameters by estimator id")
     given: dict[str, dict[str, Any]] = {}
+    faults: list[str] = []
     for id, table in (settings or {}).items():
         allowed = dict.fromkeys(name for e in chosen for name in (e.id, e.smooths) if name)
         if id not in allowed:
-            raise InputError(f"settings: {shown(id)} is not an estimator of this run{nearest(str(id), allowed)}")
-        if not isinstance(table, Mapping):
-            raise InputError(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
-        given[id] = tuning(next((e for e in chosen if e.id == id), id), table)
+            faults.append(f"settings: {shown(id)} is none of the estimators of this run{nearest(str(id), allowed)}")
+        elif not isinstance(table, Mapping):
+            faults.append(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
+        else:
+            try:
+                given[id] = tuning(next((e for e in chosen if e.id == id), id), table)
+            except InputError as error:
+                faults.append(str(error))
+    _raise(faults)
     return {e.id: {**given.get(e.smooths, {}), **given.get(e.id, {})} for e in chosen}
 
 
@@ -90,33 +106,54 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     a file that cannot be read.
     """
     estimator = get(estimator)
-    parameters = estimator.model.parameters if estimator.settable is None else estimator.settable
-    known = _keys(parameters)
+    known = _keys(estimator.model.parameters if estimator.settable is None else estimator.settable)
     rows: dict[str, Any] = {}
-    choices_in(estimator, table)
+    faults: list[str] = []
+    try:
+        choices_in(estimator, table)
+    except InputError as error:
+        faults.append(str(error))
     for key, value in table.items():
         if key in estimator.choices:
             continue
         where = f"estimator.{estimator.id!r}.{key}"
-        if key == FILE and estimator.read_file is not None:
-            rows |= _from_file(where, estimator.read_file, value)
-            continue
-        if key not in known:
-            allowed = [*known, *estimator.choices, *([FILE] if estimator.read_file is not None else [])]
-            raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed))}")
-        for row, convert in known[key]:
-            if row.name in rows:
-                raise InputError(f"{where}: another key has set {row.name} already")
-            try:
-                number = convert(np.asarray(value, dtype=np.float64))
-                parameters.pack({row.name: number})
-            except (TypeError, ValueError, OverflowError):
-                scale, several = float(convert(1.0)), f", or a list of {row.size}," if row.shape else ""
-                raise InputError(
-                    f"{where} = {shown(value)}: allowed is a finite number{several} from {row.lower / scale:g} to "
-                    f"{row.upper / scale:g} ({row.meaning})"
-                ) from None
-            rows[row.name] = number
+        try:
+            rows |= _rows_of(estimator, known, rows, where, key, value)
+        except InputError as error:
+            faults.append(str(error))
+    _raise(faults)
+    return rows
+
+
+def _rows_of(
+    estimator: Estimator,
+    known: Mapping[str, list[tuple[Row, Callable[[Any], Any]]]],
+    before: Mapping[str, Any],
+    where: str,
+    key: str,
+    value: Any,
+) -> dict[str, Any]:
+    """The rows that one key sets; `before`: those set by others."""
+    parameters = estimator.model.parameters if estimator.settable is None else estimator.settable
+    rows: dict[str, Any] = {}
+    if key == FILE and estimator.read_file is not None:
+        return dict(_from_file(where, estimator.read_file, value))
+    if key not in known:
+        allowed = [*known, *estimator.choices, *([FILE] if estimator.read_file is not None else [])]
+        raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed))}")
+    for row, convert in known[key]:
+        if row.name in before or row.name in rows:
+            raise InputError(f"{where}: another key has set {row.name} already")
+        try:
+            number = convert(np.asarray(value, dtype=np.float64))
+            parameters.pack({row.name: number})
+        except (TypeError, ValueError, OverflowError):
+            scale, several = float(convert(1.0)), f", or a list of {row.size}," if row.shape else ""
+            raise InputError(
+                f"{where} = {shown(value)}: allowed is a finite number{several} from {row.lower / scale:g} to "
+                f"{row.upper / scale:g} ({row.meaning})"
+            ) from None
+        rows[row.name] = number
     return rows
 
 

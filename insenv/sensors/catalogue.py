@@ -16,6 +16,8 @@ _NO_TIME = "insenv's choice: the data sheet has no correlation time"
 _TABLE = "a table of sensors in NAVIGATION, the journal of the ION"
 _ONE_HOUR = f"1 h by {_TABLE}: not specified by the manufacturer"
 _UPPER = "insenv's choice: the aviation grade's figure, an upper bound"
+_BMI088 = "Bosch BMI088 data sheet, rev. 1.9"
+_ICM42688 = "TDK ICM-42688-P data sheet, rev. 1.2"
 _UNSTATED = "insenv's choice, the paper states none: " + _DEMO.format("aviation")
 
 
@@ -55,16 +57,22 @@ _CONSUMER = ImuGrade(
 )
 _AUTOPILOT = ImuGrade(
     "autopilot",
-    "MEMS unit of autopilots, typical of the ICM-42688-P, BMI088 and ICM-20689, without the autopilot's calibration",
+    "MEMS unit of autopilots, typical of the BMI088 and the ICM-42688-P, without the autopilot's calibration",
     {
-        "": "Bosch BMI088 data sheet, typical values",
-        "gyro_arw_deg_sqrt_h": "ICM-20689 data sheet, 0.006 deg/s/sqrt(Hz); the ICM-42688-P states 0.0028, the BMI088 0.014",
-        "gyro_bias_sigma_deg_h": "BMI088 data sheet, zero-rate offset 1 deg/s; the ICM-42688-P states 0.5, the ICM-20689 5",
-        "gyro_temperature_slope_deg_h_k": "BMI088 data sheet, 0.015 deg/s/K; the ICM-42688-P states 0.005",
-        "gyro_g_sensitivity_deg_h_g": "BMI088 data sheet, 0.1 deg/s/g",
-        "accel_bias_sigma_ug": "BMI088 and ICM-42688-P data sheets, zero-g offset 20 mg",
-        "accel_vrw_ug_sqrt_hz": "ICM-20689 data sheet; the ICM-42688-P states 70, the BMI088 175",
-        "accel_range_g": "ICM-42688-P and ICM-20689 data sheets, largest range",
+        "": f"{_BMI088}, typical value taken as 1 sigma",
+        "gyro_bias_sigma_deg_h": f"{_BMI088}: zero-rate offset +-1 deg/s, taken as 1 sigma; {_ICM42688}: +-0.5",
+        "gyro_arw_deg_sqrt_h": f"insenv's choice, 0.006 deg/s/sqrt(Hz): {_ICM42688}: 0.0028; {_BMI088}: 0.014",
+        "gyro_scale_factor_sigma_ppm": f"{_BMI088}: sensitivity tolerance +-1 %, taken as 1 sigma; {_ICM42688}: +-0.5 %",
+        "gyro_misalignment_sigma_urad": f"{_BMI088}: cross-axis sensitivity +-1 %, taken as 1 sigma; {_ICM42688}: +-1.25 %",
+        "gyro_g_sensitivity_deg_h_g": f"{_BMI088}: at most 0.1 deg/s/g; {_ICM42688}: not stated",
+        "gyro_temperature_slope_deg_h_k": f"{_BMI088}: +-0.015 deg/s/K; {_ICM42688}: +-0.005",
+        "gyro_range_deg_s": f"{_BMI088} and {_ICM42688}: largest range",
+        "accel_bias_sigma_ug": f"{_BMI088}: zero-g offset 20 mg, taken as 1 sigma; {_ICM42688}: +-20 mg",
+        "accel_vrw_ug_sqrt_hz": f"insenv's choice: {_ICM42688}: 65 (z 70); {_BMI088}: 160 (z 190)",
+        "accel_scale_factor_sigma_ppm": f"{_ICM42688}: initial tolerance +-0.5 %, taken as 1 sigma; {_BMI088}: not stated",
+        "accel_misalignment_sigma_urad": f"{_BMI088}: cross-axis sensitivity 0.5 %, taken as 1 sigma; {_ICM42688}: +-1 %",
+        "accel_temperature_slope_ug_k": f"{_BMI088}: less than 0.2 mg/K; {_ICM42688}: +-0.15",
+        "accel_range_g": f"{_ICM42688}: largest range; {_BMI088}: 24",
     },
     gyro_bias_sigma_deg_h=3600.0,
     gyro_arw_deg_sqrt_h=0.36,

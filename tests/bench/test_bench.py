@@ -26,6 +26,15 @@ def test_every_documented_figure_is_measured(name, monkeypatch):
     assert found[name].n > 0
 
 
+@pytest.mark.parametrize("name", ["vector.small", "vector.reset.ship", "vector.reset.tuning", "vector.reset.manoeuvre"])
+def test_figures_of_small_batches_and_of_starts(name, monkeypatch):
+    monkeypatch.setattr("insenv.bench.envs.REPETITIONS", 1)
+    monkeypatch.setattr("insenv.bench.envs.LONG", 60.0)
+    found = {figure.name: figure for figure in figures(name)}
+    assert list(found) == [name] and found[name].unit == "us"
+    assert 0 < found[name].floor < found[name].value
+
+
 def test_an_unknown_figure_is_named():
     with pytest.raises(InputError, match=r"no figure starts with .nativ\.."):
         next(iter(figures("nativ.")))

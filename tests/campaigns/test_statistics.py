@@ -12,7 +12,7 @@ from command_line import call
 from navigation import FUNCTIONS, error_state, random_state, with_error
 from rich.console import Console
 
-from insenv import geodesy, run
+from insenv import geodesy, limit, run
 from insenv.campaigns import Folder, Variation, cluster, make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import block as block_module
 from insenv.campaigns.block import run_block
@@ -383,6 +383,21 @@ def test_the_last_seed_of_a_campaign_has_an_end_that_is_said_in_terms_of_the_fir
     with pytest.raises(InputError, match=r"first seed = 9007199254740990 of 4 runs.* up to 9007199254740989"):
         make_plan(slow_ship(), "analytic", 4, first_seed=2**53 - 2, duration_s=2.0)
     assert make_plan(slow_ship(), "analytic", 4, first_seed=2**53 - 3, duration_s=2.0).runs == 4
+
+
+def test_the_limit_follows_the_latitude():
+    """Beside each run stands the limit of a ship at its own latitude."""
+    scenario = slow_ship()
+    plan = make_plan(
+        scenario, "analytic", 3, first_seed=1, duration_s=60.0, variations=[parse_variation("start.latitude_deg=0:75")]
+    )
+    found = run_campaign(plan)
+    assert found.limit[np.argmax(found.values[:, 0]), 2] > 1.2 * found.limit[np.argmin(found.values[:, 0]), 2]
+    late = found.time >= found.from_s - 1e-9
+    for latitude, beside in zip(found.values[:, 0], found.limit[:, 2], strict=True):
+        data = {**dict(plan.scenario), "start": {**plan.scenario["start"], "latitude_deg": float(latitude)}}
+        own = limit(type(scenario).model_validate(data), duration_s=60.0)
+        assert beside == pytest.approx(np.sqrt(np.mean(own.at(found.time[late])["heading_deg"] ** 2)), rel=0.02)
 
 
 def test_lost_samples_are_noted():

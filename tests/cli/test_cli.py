@@ -102,6 +102,13 @@ def test_version_and_help():
     assert re.search(r"\bstream\b", out)
 
 
+@pytest.mark.parametrize("command", ["run", "replay"])
+def test_help_names_the_table_of_the_settings(command):
+    """Square brackets are markup to the help: the table's name was missing in it."""
+    shown = " ".join(call(command, "--help")[1].replace("│", " ").split())
+    assert "table estimator.ID;" in shown
+
+
 def test_an_unknown_paper_is_named():
     status, _, err = call("reproduce", "quaternions")
     assert status == 2 and "did you mean 'quaternion'" in err

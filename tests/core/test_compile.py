@@ -15,7 +15,7 @@ import pytest
 
 from insenv.core import compile as compiling
 from insenv.core.codegen import native_source
-from insenv.core.compile import CompileError, Compiler, NoRoomError, compile_library, find_compiler, library_path
+from insenv.core.compile import CompileError, Compiler, NoRoomError, compile_library, find_compiler
 from insenv.core.runner import make_runner
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on the path")
@@ -109,7 +109,7 @@ def test_a_full_cache_is_named_and_another_folder_serves(cache, toy, full):
 def test_without_room_anywhere_the_interpreter_serves_unless_native_is_asked_for(cache, toy, full, monkeypatch):
     monkeypatch.delenv("INSENV_BACKEND", raising=False)
     full(Path("/"))
-    library_path.cache_clear()
+    compiling._library.cache_clear()
     with pytest.warns(RuntimeWarning, match="No space left on device"):
         assert make_runner(toy).backend == "interpreter"
     with pytest.raises(NoRoomError, match="No space left"):
@@ -152,6 +152,18 @@ def test_many_threads_may_compile_at_once(cache, toy):
         libraries = list(pool.map(lambda _: compile_library(source, compiler), range(8)))
     assert len(set(libraries)) == 1
     assert [p.name for p in cache.iterdir()] == [libraries[0].parent.name]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the compiler that counts is a shell script")
+def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
+    counting, runs = tmp_path / "counting-cc", tmp_path / "runs"
+    counting.write_text(f'#!/bin/sh\ncase "$*" in *-shared*) echo run >> {runs};; esac\nsleep 0.3\nexec cc "$@"\n')
+    counting.chmod(0o700)
+    compiler, source = Compiler((str(counting),), find_compiler().flags), native_source(toy)
+    with ThreadPoolExecutor(5) as pool:
+        found = set(pool.map(lambda _: compile_library(source, compiler), range(5)))
+    assert len(found) == 1 and runs.read_text().splitlines() == ["run"]
+    assert [p.name for p in cache.iterdir()] == [found.pop().parent.name]  # no lock is left
 
 
 def test_two_processes_compiling_at_once_do_no_harm(cache):

@@ -38,14 +38,16 @@ def test_a_batch_runs_the_cycles_of_its_rows(toy, backend, threads):
     rows, watched = 11, ("position", "rare_due", "rare")
     u = np.random.default_rng(1).normal(size=(rows, 4)) * [1, 1, 1, 0]
     batch = make_batch(toy, rows, {"seed": 9}, threads=threads, lanes=4, backend=backend)
-    found = [batch.cycle("kick", watched, 7, u) for _ in range(3)][-1]
+    call, inputs = batch.cycle("kick", watched, 7)
+    inputs[:] = u
+    found = [call() for _ in range(3)][-1]
     for i in range(rows):
         single = make_runner(toy, {"seed": 9 + i}, backend)
         single.advance(u[i])
         single.start()
-        call, buffer = single.cycle("kick", watched, 7)
+        once, buffer = single.cycle("kick", watched, 7)
         for _ in range(3):
-            call()
+            once()
         assert np.array_equal(found[i], buffer)
 
 

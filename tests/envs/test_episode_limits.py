@@ -33,8 +33,8 @@ def test_the_limit_of_a_drawn_unit_is_interpolated_to_three_percent(name):
     grades = [scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": g})}) for g in ("marine", "tactical")]
     plant = plant_of(scenario)[0]
     bases = tuple(plant.parameters.pack(plant_of(grade)[1]) for grade in grades)
-    drawn = np.array([between(*bases, fraction, plant.parameters) for fraction in (0.003, 0.1, 0.37, 0.9)])
-    found = episode_limits(task, plant, scenario, bases, drawn, 60.0)
+    drawn = between(*bases, np.array([0.003, 0.1, 0.37, 0.9]), plant.parameters)
+    found = episode_limits(task, plant, scenario, bases, 60.0)(drawn)
     for vector, limit in zip(drawn, found, strict=True):
-        exact = episode_limits(task, plant, scenario, (vector,), vector[None], 60.0)[0]
+        exact = episode_limits(task, plant, scenario, (vector,), 60.0)(vector[None])[0]
         assert limit == pytest.approx(exact, rel=0.03)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from insenv import attitude, geodesy
+from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import aqe, get
@@ -37,6 +37,7 @@ def functions():
         "Y": ca.Function("Y", [q], [quaternion_error.Y(q)]),
         "left": ca.Function("left", [q], [quaternion_error.left(q)]),
         "right": ca.Function("right", [q], [quaternion_error.right(q)]),
+        "basis": ca.Function("basis", [v], [aqe.basis(v)]),
         "sensitivity": ca.Function("sensitivity", [q, v], [quaternion_error.sensitivity(q, v)]),
         "Phi": ca.Function("Phi", [x], [quaternion_error.transition(named[1], part)]),
         "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H]),
@@ -249,6 +250,44 @@ def test_sigma_points_against_monte_carlo():
     assert C.shape == (3, 3)
 
 
+def test_sigma_points_hold_the_second_order():
+    """Small independent rotations t about axes of which the third is that of v: mean and covariance of t x (t x v) / 2.
+
+    E[t x (t x v) / 2] = -|v| (0, 0, s1^2 + s2^2) / 2, with the variances v^2 (s1^2 s3^2, s2^2 s3^2, 2 (s1^4 + s2^4)) / 4.
+    """
+    rng = np.random.default_rng(5)
+    q_hat, force = unit(rng), np.array([3.0, -9.0, 1.0])
+    axes, v, s = call("basis", force), np.linalg.norm(force), np.array([4e-4, 2e-4, 6e-4])
+    P = call("U", q_hat) @ axes @ np.diag((s / 2) ** 2) @ axes.T @ call("U", q_hat).T
+    _, mean, extra, _ = call("unscented", q_hat, P, force, force / 2)
+    C = dcm(q_hat) @ axes
+    assert np.allclose(C.T @ mean[:3, 0], [0, 0, v * (s[0] ** 2 + s[1] ** 2) / 2], rtol=1e-3, atol=1e-9)
+    variance = np.diag([s[0] ** 2 * s[2] ** 2, s[1] ** 2 * s[2] ** 2, 2 * (s[0] ** 4 + s[1] ** 4)]) * v**2 / 4
+    assert np.allclose(C.T @ extra[:3, :3] @ C, variance, rtol=5e-3, atol=1e-3 * variance.max())
+    assert np.allclose(extra, np.kron([[1, 0.5], [0.5, 0.25]], extra[:3, :3]), rtol=1e-3, atol=1e-6 * extra.max())
+
+
+def test_integrals_of_the_interval_against_quadrature():
+    """Of a constant specific force in a body that turns at a constant rate: its integral and that of its integral."""
+    rng = np.random.default_rng(2)
+    rate, force, dt, count = np.array([0.4, -0.3, 0.5]), np.array([1.0, 2.0, -9.0]), 0.01, 10
+    start = MODEL.state.unpack(random_state(rng))
+    still = {"gyro_bias": np.zeros(3), "accel_bias": np.zeros(3)}
+    before = {"previous_delta_angle": rate * dt, "previous_delta_velocity": force * dt, "stretch_turn": [1, 0, 0, 0]}
+    u = np.tile(MODEL.inputs.start_vector(), (count, 1))
+    u[:, MODEL.inputs.slice("delta_angle")], u[:, MODEL.inputs.slice("delta_velocity")] = rate * dt, force * dt
+    u[:, MODEL.inputs.slice("dt")] = dt
+    runner = make_runner(MODEL, {"filter_interval": 10.0}, "interpreter")
+    runner.x[:] = MODEL.state.pack({**start, **still, **before})
+    runner.run(count, u, 0)
+    end = MODEL.state.unpack(runner.x)
+    time, weight = np.polynomial.legendre.leggauss(12)
+    time, weight = (time + 1) * count * dt / 2, weight * count * dt / 2
+    turned = Rotation.from_rotvec(time[:, None] * rate).apply(force)
+    assert np.allclose(end["stretch_velocity"], weight @ turned, rtol=1e-6, atol=1e-8)
+    assert np.allclose(end["stretch_distance"], weight * (count * dt - time) @ turned, rtol=1e-3, atol=1e-6)
+
+
 def test_the_curvature_bounds_what_the_sensitivity_omits():
     """The variance added to a fix is E|dQ|^4 |a|^2 of the lever arm a: that of Y^T(dQ) U(dQ) a, by drawing."""
     rng = np.random.default_rng(3)
@@ -318,3 +357,27 @@ def test_a_vehicle_at_rest_is_levelled_without_fixes():
     roll, pitch, _ = attitude.numeric.to_euler(y["q_nb"][-1])
     assert abs(roll - 0.05) < 2e-3 and abs(pitch + 0.1) < 2e-3
     assert np.abs(y["velocity_n"][-1]).max() < 0.02
+
+
+@pytest.mark.parametrize("id", ["aqe-ekf", "aqe-sukf"])
+def test_between_time_updates_the_outputs_are_those_of_a_time_update(id):
+    """The covariance in the state is that of the last time update; the outputs hold at the last sample."""
+    runner = make_runner(get(id).model, {"tilt_sigma": 0.3, "heading_sigma": 1.0, "velocity_random_walk": 1e-2})
+    u = {"delta_angle": [1e-3, -2e-3, 3e-3], "delta_velocity": [0.02, 0.01, -0.098], "dt": 0.01}
+    runner.run(1, np.tile(runner.model.inputs.pack(u), (1, 1)), 0)
+    first = runner.outputs()
+    runner.run(59, np.tile(runner.model.inputs.pack(u), (59, 1)), 0)
+    between = runner.outputs()
+    runner.step("predict", u)
+    for name, value in runner.outputs().items():
+        assert between[name] == pytest.approx(value, rel=1e-12, abs=1e-12), name
+    assert (between["velocity_sigma"] > first["velocity_sigma"]).all()
+
+
+def test_velocity_between_fixes_keeps_to_its_stated_sigma():
+    """From 60 deg off, 2.7 m/s of error stood beside a sigma of 0.1 m/s before each fix: ratios of 44."""
+    for seed in (41000, 41001, 41002, 41003):
+        found = run("large-misalignment", "aqe-sukf", seed=seed, duration_s=60.0).results[0]
+        for channel in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"):
+            ratio = np.abs(found.errors[channel]) / found.sigma[channel]
+            assert np.mean(ratio > 3) < 0.01 and ratio.max() < 6, (seed, channel)

@@ -321,3 +321,22 @@ def test_observation_of_a_fix_against_differences(seed, age):
     difference = np.array([(innovation(e) - innovation(-e)) / (2 * step) for e in np.eye(12) * step]).T
     assert np.allclose(H, difference, atol=1e-7)
     assert np.abs(H[:, 3:6]).max() > 0.1 and np.abs(H[:, 9:]).max() > 0.1
+
+
+def test_the_covariance_is_shown_about_north_east_and_down():
+    """An attitude error about e with the covariance of the state, resolved in n at a place with neither 0 nor 90 deg."""
+    model, rng = ecef_kf.MODEL, np.random.default_rng(8)
+    L = rng.normal(size=(ecef_kf.N, ecef_kf.N)) * 1e-3
+    place = (0.7, -2.0, 100.0)
+    state = model.state.pack(
+        {"coarse": 0.0, "place": place, "covariance": np.array(ca.DM(symmetric.triangle(ca.DM(L @ L.T)))).ravel()}
+    )
+    shown = model.outputs.unpack(np.array(model.kernels["output"].function(model.parameters.start_vector(), state)).ravel())
+    north, up = (np.array(v) for v in (
+        (-np.sin(0.7) * np.cos(-2.0), -np.sin(0.7) * np.sin(-2.0), np.cos(0.7)),
+        (np.cos(0.7) * np.cos(-2.0), np.cos(0.7) * np.sin(-2.0), np.sin(0.7)),
+    ))  # fmt: skip
+    axes = np.array([north, np.cross(north, up), -up])  # the rows: n axes in e
+    expected = axes @ (L @ L.T)[ecef_kf.TILT, ecef_kf.TILT] @ axes.T
+    assert np.allclose(shown["attitude_covariance"], expected, rtol=1e-9, atol=1e-15)
+    assert np.allclose(shown["attitude_sigma"], np.sqrt(np.diag(expected)), rtol=1e-9)

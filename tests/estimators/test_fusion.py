@@ -109,7 +109,9 @@ def test_lists_name_all_states_and_aids():
 
 def test_the_run_says_what_was_chosen_and_a_choice_overrides():
     report = insenv.run("car-survey", "fusion", duration_s=2)
-    assert any(note.startswith("fusion: 21 states: navigation, biases, gyro_scale, accel_scale; aids:") for note in report.notes)
+    assert any(
+        note.startswith("fusion: 21 states: navigation, biases, gyro_scale, accel_scale; aids:") for note in report.notes
+    )
     report = insenv.run("car-survey", "fusion", duration_s=2, settings={"fusion": {"states": [], "aids": ["gnss"]}})
     assert any(note == "fusion: 15 states: navigation, biases; aids: gnss" for note in report.notes)
 
@@ -138,7 +140,9 @@ def test_15_states_agree_with_the_filter_whose_sensitivities_are_written_by_hand
 def test_all_runners_give_the_same_bits(name):
     """6000 samples with fixes, odometer, wheels and rest: interpreter, native code, and rows of a batch."""
     plant, columns = columns_of(name, 3, 30.0)
-    filter = plant.adapted(fusion(["gyro_scale", "accel_scale"], plant.adapted("fusion").title.rpartition("aids: ")[2].split(", ")))
+    filter = plant.adapted(
+        fusion(["gyro_scale", "accel_scale"], plant.adapted("fusion").title.rpartition("aids: ")[2].split(", "))
+    )
     parameters = plant.parameters_of(filter)
     rows = input_rows(filter.model, columns, plant.samples)
     native = make_runner(filter.model, parameters, "native").run(plant.samples, rows, 100)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from insenv import attitude, geodesy
+from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
@@ -174,3 +174,12 @@ def test_one_update_with_exact_vectors_takes_out_the_whole_error():
     after = np.array(ca.DM(ca.evalf(qakf.profile_update(x, H, residual)["q_start"]))).ravel()
     left = attitude.numeric.to_rotation_vector(attitude.numeric.multiply(after, true * [1, -1, -1, -1])) / 2
     assert np.abs(left).max() < 0.01 * np.abs(theta).max()
+
+
+@pytest.mark.parametrize(("scenario", "seed"), [("ship-irregular-sea", 30060), ("large-misalignment", 30035)])
+def test_a_filter_that_creeps_says_so(scenario, seed):
+    """Seeds with 9 and 48 deg of heading after ten minutes: a stated sigma of 8 deg is not what it is after convergence."""
+    found = run(scenario, "qakf", seed=seed).results[0]
+    assert abs(found.errors["heading_deg"][-1]) > 5.0
+    for channel in ("roll_deg", "pitch_deg", "heading_deg"):
+        assert abs(found.errors[channel][-1]) < 3 * found.sigma[channel][-1], channel

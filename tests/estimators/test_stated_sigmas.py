@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
+from insenv import run
 from insenv.core.runner import make_runner
 from insenv.estimators import analytic, get, gyrocompass, inertial_fir
 from insenv.estimators.parts import inertial_vectors
@@ -130,7 +131,8 @@ def test_noise_of_the_heading_loop_is_that_of_its_equations():
 def test_analytic_states_the_noise_of_two_means():
     V, N, time = 2e-3, 3e-5, 200.0
     p = analytic.MODEL.parameters.pack({**QUIET, "velocity_random_walk": V, "angle_random_walk": N, "latitude": LATITUDE})
-    x = analytic.MODEL.state.pack({"angle": [1e-3, 0, -1e-3], "velocity": [0, 0, -G * time], "time": time})
+    path = {"angle": np.array([1e-3, 0, -1e-3]), "velocity": np.array([0, 0, -G * time])}
+    x = analytic.MODEL.state.pack({**path, "first": np.concatenate(list(path.values())) / time, "time": time})
     shown = analytic.MODEL.outputs.unpack(np.array(analytic.MODEL.kernels["output"].function(p, x)).ravel())
     expected = [V / np.sqrt(time) / G] * 2 + [N / np.sqrt(time) / (OMEGA_IE * np.cos(LATITUDE))]
     assert shown["attitude_sigma"] == pytest.approx(expected, rel=1e-6)
@@ -151,6 +153,18 @@ def test_the_scatter_about_a_straight_line_is_that_of_a_fit():
     t = dt * (np.arange(count) + 0.5)
     left = middle - np.stack([np.polyval(np.polyfit(t, column, 1), t) for column in middle.T], axis=1)
     assert found == pytest.approx(np.mean(left**2, axis=0), rel=2e-3)
+    ended = np.array(ca.DM(ca.evalf(analytic.departure(model.state.symbols(ca.SX(ca.DM(runner.x))))))).ravel()
+    lines = [np.polyval(np.polyfit(t, column, 1), dt * count) for column in middle.T]
+    assert ended == pytest.approx(rows.sum(axis=0) * dt - lines, rel=2e-3)
+
+
+def test_analytic_knows_that_somebody_has_just_stepped_in():
+    """A parked car, 2.5 s after it has begun to tilt by 0.6 deg: heading is off by 100 deg, 14 deg were stated."""
+    found = run("car-parked", "analytic", seed=30000, duration_s=125.0).results[0]
+    for channel in ("roll_deg", "pitch_deg", "heading_deg"):
+        late = found.time > 55.0
+        assert (np.abs(found.errors[channel]) < 3 * found.sigma[channel])[late].all(), channel
+    assert np.abs(found.errors["heading_deg"]).max() > 90.0
 
 
 @pytest.mark.parametrize("tilt", [(2e-4, 0.0), (0.0, 2e-4), (-1e-4, 3e-4)])

@@ -58,6 +58,38 @@ def test_a_jump_of_the_velocity_that_the_unit_does_not_measure() -> None:
     assert jumps(after_gap, outputs) == []
 
 
+def jumping(size: float = 0.7) -> dict[str, np.ndarray]:
+    outputs = innovations()
+    outputs["innovation"] *= 0.2
+    outputs["innovation"][TIME > 30, 5] += size
+    outputs["test_ratio"] = outputs["innovation"] / 0.25
+    return outputs
+
+
+def test_a_jump_of_an_estimate_that_is_wrong_already_is_its_own() -> None:
+    """A heading told 60 deg off: the receiver was accused of jumps of metres per second."""
+    outputs = jumping()
+    assert any("receiver jumps" in note for note in contradiction_notes(TIME, outputs))
+    outputs["test_ratio"][(TIME > 10) & (TIME < 28), 0] = 9.0
+    (note,) = contradiction_notes(TIME, outputs)
+    assert note.startswith("the fixes contradict the estimate from 10")
+
+
+def test_a_jump_within_the_stated_sigma_of_the_estimate_is_its_own() -> None:
+    outputs = jumping()
+    outputs["velocity_sigma"] = np.full((len(TIME), 3), 0.15)
+    assert len(jumps(TIME, outputs)) == 1
+    outputs["velocity_sigma"][:, 2] = 0.2
+    assert jumps(TIME, outputs) == []
+
+
+def test_a_velocity_that_the_receiver_does_not_measure_does_not_jump() -> None:
+    """Speed and course say nothing of the vertical velocity: its sigma is 100 m/s."""
+    outputs = jumping()
+    outputs["test_ratio"][:, 5] = outputs["innovation"][:, 5] / 100.0
+    assert jumps(TIME, outputs) == []
+
+
 def test_estimators_without_six_test_ratios_have_no_notes() -> None:
     assert contradiction_notes(TIME, {"q_nb": np.zeros((len(TIME), 4))}) == ()
 

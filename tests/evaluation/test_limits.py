@@ -1,6 +1,7 @@
 """The limit: against values of an independent program, closed forms, a nonlinear mechanization and ensembles."""
 
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,8 +13,9 @@ from scipy.stats import chi2
 import insenv
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
+from insenv.errors import InputError
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
-from insenv.evaluation.limits import Prior, bound, closed_forms, ratio, ratio_bounds
+from insenv.evaluation.limits import Limit, Prior, bound, closed_forms, ratio, ratio_bounds
 from insenv.evaluation.limits.bound import limit_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mechanization import DR, DV, PSI, earth_axes, integrals
@@ -59,6 +61,25 @@ def changed(name, **sections):
     for section, values in sections.items():
         scenario[section] = {**scenario.get(section, {}), **values} if isinstance(values, dict) else values
     return load(scenario)
+
+
+# --- wrong times ---
+
+
+def test_a_limit_is_asked_only_for_times_that_it_has():
+    """900 s of a limit of 60 s gave its last value, and an empty list nan."""
+    limit = Limit(np.array([0.0, 60.0]), np.zeros((2, 3)), {"roll_deg": np.array([3.0, 1.0])})
+    assert limit.rms([0.0, 60.0])["roll_deg"] == pytest.approx(np.sqrt(5.0))
+    for times, from_s, words in (
+        ([], 0.0, "at least one"),
+        ([30.0], 40.0, "from_s = 40 s"),
+        ([900.0], 0.0, "time 900 s: allowed is 0 to 60 s"),
+        ([-1.0], 0.0, "time -1 s"),
+        ("late", 0.0, "times = 'late'"),
+        ([float("nan")], 0.0, "time nan s"),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)):
+            limit.rms(times, from_s)
 
 
 # --- against an independent program ----------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ def short(monkeypatch):
         cached.cache_clear()
 
 
-@pytest.mark.parametrize("measure", [fmu.c_host, fmu.fmpy, fmu.pythonfmu, fmu.ssp, fmu.export_time])
+@pytest.mark.parametrize("measure", [fmu.c_host, fmu.loop, fmu.fmpy, fmu.pythonfmu, fmu.ssp, fmu.export_time])
 def test_a_figure_has_a_floor(measure):
     found = measure()
     assert found.name.startswith("fmu.")

@@ -88,7 +88,9 @@ def test_a_navigation_starts_without_static_until(tmp_path: Path) -> None:
 def test_an_alignment_in_place_is_refused_on_a_vehicle_that_travels(velocity: bool, tmp_path: Path) -> None:
     path = drive(tmp_path, 20.0, 2.0, velocity=velocity)
     for id in ("q-method", "gyrocompass", "analytic"):
-        with pytest.raises(InputError, match=r"'" + id + r"' aligns a vehicle in place: that of the log \(at .* m/s about"):
+        with pytest.raises(
+            InputError, match=r"'" + id + r"' aligns a vehicle in place: that of the log moves \(at .* m/s about"
+        ):
             replay(path, id)
     drive(tmp_path, 20.0, 2.0, velocity=velocity)
     path.write_text(path.read_text().replace('title = "drive"', 'title = "drive"\nstop_s = 19.0'))

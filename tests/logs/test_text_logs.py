@@ -21,6 +21,31 @@ def folder(tmp_path: Path) -> Folder:
     return Folder(tmp_path)
 
 
+# --- faults of keys and of files ---
+
+
+def test_wrong_keys_do_not_hide_wrong_columns(folder: Folder) -> None:
+    folder.change('kind = "rate"', 'kind = "foo"')
+    folder.change('gyro = ["gx"', 'gyro = ["gq"')
+    folder.change('position_unit = "deg"', 'position_unit = "grad"')
+    folder.change('height = "h"', 'height = "hgt"')
+    error = folder.error()
+    for part in ("imu.kind = 'foo'", "no column 'gq'", "gnss.position_unit = 'grad'", "no column 'hgt'"):
+        assert part in error, part
+
+
+def test_wrong_values_of_different_columns_are_all_named(folder: Folder) -> None:
+    folder.line("gnss.csv", 2, "10.5,123,-93,210,0.5,1,1.5")
+    folder.line("gnss.csv", 3, "11.5,45,-93,210,-0.5,1,1.5")
+    error = folder.error()
+    assert "line 2, column 'lat': latitude is 123 deg" in error and "line 3, column 'sn': standard deviation is -0.5 m" in error
+
+
+def test_an_evaluation_that_ends_before_it_begins(folder: Folder) -> None:
+    folder.toml += "\n[evaluation]\nfrom_s = 900\nto_s = 1\n"
+    assert "evaluation.to_s = 1 [s]: must be after from_s = 900 s" in folder.error()
+
+
 # --- irregular sampling ----------------------------------------------------------------------------
 
 
@@ -51,6 +76,48 @@ def test_a_gap_among_irregular_steps_is_bridged(folder: Folder) -> None:
     assert "no samples between" in folder.error()
 
 
+def merged(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Increments at rest at 100 Hz, and the same added up over `counts` samples (k,), rows (k, 7) in SI."""
+    total = int(counts.sum())
+    noise = np.random.default_rng(5).normal(size=(total, 6)) * [1e-5] * 6
+    full = np.column_stack([0.01 * np.arange(1, total + 1), noise + [0, 0, 0, 0, 0, -0.0980665]])
+    last = np.cumsum(counts)
+    sums = np.add.reduceat(full[:, 1:], np.concatenate([[0], last[:-1]]), axis=0)
+    return full, np.column_stack([full[last - 1, 0], sums])
+
+
+@pytest.mark.parametrize(("share", "longest"), [(0.3, 2), (0.8, 4)], ids=["regular", "irregular"])
+def test_merged_increments_cover_their_time_and_show_the_rest(folder: Folder, share: float, longest: int) -> None:
+    """Nothing is invented beside an increment of two samples, and the first, of unknown length, does not hide the rest."""
+    rng = np.random.default_rng(3)
+    counts = np.where(rng.random(3000) < share, rng.integers(2, longest + 1, 3000), 1)
+    counts[0] = 2
+    full, rows = merged(counts)
+    folder.write("imu.csv", as_text(rows, HEADER))
+    folder.change('"rate"', '"increment"')
+    folder.change('"deg/s"', '"rad"')
+    folder.change('accel_unit = "g"', 'accel_unit = "m/s"')
+    log = folder.load()
+    assert log.gaps.count == 0 and len(log.imu_time) == len(rows) - 1
+    np.testing.assert_allclose(log.dt, 0.01 * counts[1:], atol=1e-9)
+    np.testing.assert_allclose(log.delta_velocity.sum(axis=0), full[2:, 4:].sum(axis=0), atol=1e-9)
+    until = log.description.initial.static_until_s
+    assert until is not None and full[-1, 0] - 3.0 < until <= full[-1, 0]  # whole windows of a hundred samples
+
+
+def test_lost_increments_are_still_bridged(folder: Folder) -> None:
+    full, _ = merged(np.ones(3000, dtype=int))
+    keep = np.random.default_rng(3).random(3000) > 0.1
+    keep[:2] = keep[-1] = True
+    folder.write("imu.csv", as_text(full[keep], HEADER))
+    folder.change('"rate"', '"increment"')
+    folder.change('"deg/s"', '"rad"')
+    folder.change('accel_unit = "g"', 'accel_unit = "m/s"')
+    log = folder.load()
+    assert log.gaps.samples == np.count_nonzero(~keep) and len(log.imu_time) == 3000
+    assert log.delta_velocity[:, 2].sum() == pytest.approx(-0.0980665 * 3000, rel=1e-3)
+
+
 def test_bursts_and_alternating_steps_are_no_gaps() -> None:
     bursts = np.concatenate([k * 0.1 + np.arange(16) * 1e-3 for k in range(50)])
     alternating = np.cumsum(np.tile([0.005, 0.015], 200))
@@ -79,15 +146,15 @@ def held_rows(seconds: float = 40.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_value_that_is_repeated_at_the_inertial_rate_is_one_fix(folder: Folder) -> None:
-    rows, _ = held_rows()
+    rows, epochs = held_rows()
     imu = imu_rows(len(rows))
     folder.write("imu.csv", as_text(np.column_stack([imu, rows[:, 1:]]), HEADER + ",lat,lon,h"))
     folder.change('file = "gnss.csv"', 'file = "imu.csv"')
     folder.change('position_sigma = ["sn", "se", "sd"]', "position_sigma_m = [1.0, 1.0, 2.0]")
     log = folder.load()
-    assert log.gnss is not None and len(log.gnss.time) == pytest.approx(40, abs=1)
+    assert log.gnss is not None and len(log.gnss.time) == len(epochs)
     np.testing.assert_allclose(np.diff(log.gnss.time[1:]), 1.0, atol=0.021)
-    assert any(note.startswith("gnss: 2000 rows repeat 4") and "counts once" in note for note in log.notes)
+    assert any("2000 rows repeat 31 fixes, each about 50 times: a fix counts once" in note for note in log.notes)
 
 
 def test_a_receiver_at_rest_that_states_the_same_place_is_not_repeating() -> None:
@@ -96,7 +163,17 @@ def test_a_receiver_at_rest_that_states_the_same_place_is_not_repeating() -> Non
     assert repeats(time, place) is None
     assert repeats(time, np.ones((60, 3))) is None  # at rest all the time
     fast = repeats(np.arange(0.0, 10.0, 0.01), np.ones((1000, 3)))  # a receiver of 100 Hz does not state the same for 10 s
-    assert fast is not None and len(fast.rows) == 10
+    assert fast is not None and fast.rows.tolist() == [0]
+
+
+def test_the_last_fix_before_an_outage_is_one_fix() -> None:
+    """Thirty seconds of the same row: they were thirty fixes, each later and more wrong than the one before."""
+    time = np.arange(0.0, 100.0, 0.01)
+    epoch = np.floor(time)
+    epoch[(time >= 40) & (time < 70)] = 40.0
+    found = repeats(time, epoch[:, None] * [1e-5, 2e-5, 0.1])
+    assert found is not None
+    np.testing.assert_allclose(time[found.rows], np.unique(epoch), atol=1e-9)
 
 
 # --- missing values --------------------------------------------------------------------------------
@@ -215,9 +292,10 @@ def test_all_faults_of_the_keys_are_listed_at_once(folder: Folder) -> None:
         "roll, pitch, heading and attitude_unit go together",
         "'loosely-coupled'.vrw: unknown key",
         "'loosely-coupled'.arw: unknown key",
+        "r.csv: file not found",
     ):
         assert words in message, words
-    assert all(line.startswith(str(folder.path)) for line in message.split("\n")) and len(message.split("\n")) == 9
+    assert all(line.startswith(str(folder.path)) for line in message.split("\n")) and len(message.split("\n")) == 13
 
 
 def test_all_faults_of_the_files_are_listed_at_once(folder: Folder) -> None:

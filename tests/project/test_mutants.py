@@ -47,3 +47,25 @@ def test_a_fault_is_made_in_a_copy_found_and_taken_back(tmp_path, monkeypatch):
         assert "2 * x  # doubled" in (tree / "insenv" / "thing.py").read_text()
     assert said == {"3 * x": "killed", "x + x": "survived", "2 * * x": "broken"}
     assert "2 * x" in (tmp_path / "insenv" / "thing.py").read_text()
+
+
+def test_a_fault_killed_before_is_not_tried_again(tmp_path, monkeypatch):
+    """What survived is tried again, and so is a fault whose text has changed."""
+    (tmp_path / "thing.py").write_text("a = 1\nb = 2\nc = 3\n")
+    monkeypatch.setattr(mutants, "ROOT", tmp_path)
+    monkeypatch.setattr(mutants, "TRAVELS", ("thing.py",))
+    monkeypatch.setattr(mutants, "sound", lambda *_: None)
+    tried = []
+
+    def tested(tree, tests, limit_s):
+        tried.append((tree / "thing.py").read_text())
+        return ("survived", "") if "b = 5" in tried[-1] else ("killed", "test_of_it")
+
+    monkeypatch.setattr(mutants, "tested", tested)
+    listed = [mutants.Mutant("thing.py", text, text[:-1] + "5", ()) for text in ("a = 1", "b = 2", "c = 3")]
+    file = tmp_path / "outcomes.jsonl"
+    said = [{o.mutant.text: o.said for o in mutants.all_tried(listed, 1, 60.0, file)} for _ in range(2)]
+    assert said[0] == said[1] == {"a = 1": "killed", "b = 2": "survived", "c = 3": "killed"}
+    assert len(tried) == 4 and tried[3] == tried[1]
+    mutants.all_tried([mutants.Mutant("thing.py", "a = 1", "a = 7", ())], 1, 60.0, file)
+    assert tried[4].startswith("a = 7")

@@ -9,8 +9,9 @@ from simulated_log import simulated_log
 
 from insenv import replay, run
 from insenv.errors import InputError
+from insenv.estimators import get
 from insenv.scenario import load
-from insenv.scenario.tuning import parsed_settings
+from insenv.scenario.tuning import parsed_settings, setting_rows
 
 SET = {"loosely-coupled": {"arw_deg_sqrt_h": 3.0, "fix_wander_sigma_m": [1.0, 2.0, 3.0]}}
 
@@ -78,6 +79,17 @@ def test_a_wrong_setting_is_an_error(command, text, message):
 def test_a_setting_given_twice_is_an_error():
     with pytest.raises(InputError, match="given twice"):
         parsed_settings(["a.b=1", "a.b=2"])
+
+
+def test_all_wrong_settings_are_named_at_once():
+    with pytest.raises(InputError) as caught:
+        parsed_settings(["foo", "a.b=1", "a.b=2"])
+    assert "--set 'foo'" in str(caught.value) and "a.b is given twice" in str(caught.value)
+    settings = {"loosely-coupled": {"foo": 1, "innovation_gate": "x"}, "none": {}}
+    with pytest.raises(InputError) as caught:
+        setting_rows(settings, [get("loosely-coupled")])
+    for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is none of the estimators"):
+        assert words in str(caught.value), words
 
 
 @pytest.mark.parametrize("settings", [3, {"loosely-coupled": 3}, {"ecef-kf": {}}])

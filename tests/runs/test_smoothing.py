@@ -6,6 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from command_line import call
 from places import ROOT
 from scipy.stats import chi2
 from smoothers import Pass, Scalars, bryson_frazier, rts, two_filter
@@ -21,7 +22,7 @@ from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
 from insenv.runs.ensemble import ensemble
 from insenv.runs.simulated import run, track_of
-from insenv.runs.smoothed import Smoother, smooth
+from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
 from insenv.scenario import build, load
 
 PLACE = ("latitude", "longitude", "height")
@@ -255,6 +256,33 @@ def test_four_outages_of_a_minute_smoothed():
         sigma = smoothed.sigma[channel]
         assert 1075 < time[out][np.argmax(sigma[out])] < 1105
         assert np.sqrt(np.mean(e[out] ** 2)) < np.sqrt(np.mean(aided.errors[channel][out] ** 2))
+
+
+def test_rounding_that_leaves_no_variance_leaves_the_filter_s():
+    """Of a filter that has diverged P - P L P has negative variances: the smoother stated nan."""
+    rng = np.random.default_rng(3)
+    L = rng.normal(size=(2, smoother.N, smoother.N))
+    P = L @ L.transpose(0, 2, 1)
+    packed = [np.array(ca.DM(symmetric.triangle(ca.DM(own)))).ravel() for own in P]
+    nominal = np.array(
+        [smoother.NOMINAL.pack({"covariance": own, "q_ew": [1, 0, 0, 0], "q_wb": [1, 0, 0, 0]}) for own in packed]
+    )
+    kept = P / 4
+    kept[1, 3, 3] = -1e-9
+    shown = smoother_outputs(nominal, np.zeros((2, smoother.N)), kept)
+    own = smoother_outputs(nominal, np.zeros((2, smoother.N)), P)
+    for name in ("position_sigma", "velocity_sigma", "attitude_sigma"):
+        assert np.isfinite(shown[name]).all() and (shown[name] <= own[name] * (1 + 1e-12)).all(), name
+        assert np.allclose(shown[name][0], own[name][0] / 2), name
+    assert (shown["velocity_sigma"][1] == own["velocity_sigma"][1]).sum() >= 1
+
+
+def test_a_smoother_is_not_measured_by_a_filter_s_limit():
+    """The limit is that of what is known by the time; the smoother knows the whole run, and shows what it states."""
+    status, out, _ = call("run", "car-city-drive", "-e", "smoother", "-e", "loosely-coupled", "--duration", "20")
+    own, filtered = out.split("loosely-coupled   statistics")
+    assert status == 0 and "rms/stated" in own and "limit" not in own
+    assert "rms/limit" in filtered
 
 
 def test_an_ensemble_refuses_a_smoother():

@@ -349,6 +349,8 @@ def test_bad_scenarios(tmp_path: Path, name: str, old: str, new: str, expected: 
 
 
 def test_unknown_names_and_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="allowed is the path of one, or a name"):
+        load(str(Path(__file__).parent))
     with pytest.raises(InputError, match="no scenario 'ship-swayin'; did you mean 'ship-swaying'"):
         load("ship-swayin")
     with pytest.raises(InputError, match="file not found"):

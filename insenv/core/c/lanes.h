@@ -43,20 +43,35 @@ LANE_INLINE real select0(real c, real a) { return (real)(is_true(c) & (mask_t)a)
 
 LANE_INLINE real square(real a) { return a * a; }
 LANE_INLINE real absolute(real a) { return (real)((mask_t)a & INT64_MAX); }
-/* the compiler does not recognize these as one instruction for four lanes */
-#if defined(__AVX2__) && LANES % 4 == 0
-#define FOUR(type, part, r, a, expression)                             \
-  for (int i = 0; i < LANES / 4; ++i) {                                \
-    type part;                                                         \
-    __builtin_memcpy(&part, (const char *)&a + 32 * i, sizeof part);   \
-    part = expression;                                                 \
-    __builtin_memcpy((char *)&r + 32 * i, &part, sizeof part);         \
+/* The compiler does not recognize these as one instruction for a whole register. */
+#if defined(__AVX512F__) && LANES % 8 == 0
+#define IN_PARTS 8
+typedef __m512d part_t;
+typedef __m512i part_word;
+#define PART_ROOT(a) _mm512_sqrt_pd(a)
+#define PART_WHOLE(a) _mm512_roundscale_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
+#define PART_PRODUCT(a, b) _mm512_mul_epu32(a, _mm512_set1_epi64(b))
+#elif defined(__AVX2__) && LANES % 4 == 0
+#define IN_PARTS 4
+typedef __m256d part_t;
+typedef __m256i part_word;
+#define PART_ROOT(a) _mm256_sqrt_pd(a)
+#define PART_WHOLE(a) _mm256_floor_pd(a)
+#define PART_PRODUCT(a, b) _mm256_mul_epu32(a, _mm256_set1_epi64x(b))
+#endif
+#ifdef IN_PARTS
+#define EACH_PART(type, part, r, a, expression)                                                 \
+  for (int i = 0; i < LANES / IN_PARTS; ++i) {                                                  \
+    type part;                                                                                  \
+    __builtin_memcpy(&part, (const char *)&a + sizeof part * (unsigned)i, sizeof part);         \
+    part = expression;                                                                          \
+    __builtin_memcpy((char *)&r + sizeof part * (unsigned)i, &part, sizeof part);               \
   }
 #endif
 LANE_INLINE real root(real a) {
   real r;
-#if defined(__AVX2__) && LANES % 4 == 0
-  FOUR(__m256d, part, r, a, _mm256_sqrt_pd(part))
+#ifdef IN_PARTS
+  EACH_PART(part_t, part, r, a, PART_ROOT(part))
 #else
   for (int i = 0; i < LANES; ++i) r[i] = __builtin_sqrt(a[i]);
 #endif
@@ -64,21 +79,25 @@ LANE_INLINE real root(real a) {
 }
 LANE_INLINE real whole(real a) {
   real r;
-#if defined(__AVX2__) && LANES % 4 == 0
-  FOUR(__m256d, part, r, a, _mm256_floor_pd(part))
+#ifdef IN_PARTS
+  EACH_PART(part_t, part, r, a, PART_WHOLE(part))
 #else
   for (int i = 0; i < LANES; ++i) r[i] = __builtin_floor(a[i]);
 #endif
   return r;
 }
 
-/* Not worth optimizing: it runs once per run. */
+/* Not worth optimizing: ONCE runs once per run.  Worth little time of the compiler: SELDOM runs on few of the samples.  The
+ * levels change no result: no option that allows other rounding depends on them. */
 #if defined(__clang__)
 #define ONCE __attribute__((optnone, noinline))
+#define SELDOM
 #elif defined(__GNUC__)
 #define ONCE __attribute__((optimize("O0")))
+#define SELDOM __attribute__((optimize("O1")))
 #else
 #define ONCE
+#define SELDOM
 #endif
 
 #define ONE constant(1.0)
@@ -101,8 +120,8 @@ LANE_INLINE real blend(real mask, real a, real b) {
 LANE_INLINE word alike(uint32_t number) { return (word){0} + number; }
 LANE_INLINE word product(word a, uint32_t b) {
   word r;
-#if defined(__AVX2__) && LANES % 4 == 0
-  FOUR(__m256i, part, r, a, _mm256_mul_epu32(part, _mm256_set1_epi64x(b)))
+#ifdef IN_PARTS
+  EACH_PART(part_word, part, r, a, PART_PRODUCT(part, b))
 #else
   for (int i = 0; i < LANES; ++i) r[i] = (uint64_t)(uint32_t)a[i] * b;
 #endif

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from math import cos, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
+from insenv.estimators.contract import Notes
 from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
 
 DOUBTFUL = 0.1
@@ -23,10 +24,12 @@ HOPELESS = 1.0
 """rad: with a heading error of this size or more there is no heading."""
 NEAR_POLE = 0.5 * pi / 180
 """rad of latitude, 56 km."""
-
-
 LINEAR_TILT, LINEAR_HEADING = 6 * pi / 180, 20 * pi / 180
 """rad: with larger start errors the covariance of a linearised filter becomes too small while it converges."""
+FAR_HEADING = 31 * pi / 180
+"""rad: with a larger standard deviation a start heading is off by more than 90 deg in more than 0.3 % of the cases."""
+NOISELESS = 1e-8, 1e-6
+"""White noise of gyros (rad/s^0.5) and accelerometers (m/s^1.5), a fiftieth of that of the best units: up to it, none."""
 
 
 def linear_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
@@ -39,9 +42,69 @@ def linear_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str,
         return ()
     return (
         f"the start attitude is uncertain by {degrees(tilt):.2g} deg of level and {degrees(heading):.3g} deg of heading: this "
-        f"linearised filter states too small sigmas from more than {degrees(LINEAR_TILT):.2g} and "
-        f"{degrees(LINEAR_HEADING):.2g} deg; use aqe-sukf",
+        f"linearised filter states too small sigmas from {degrees(LINEAR_TILT):.2g} deg of level or "
+        f"{degrees(LINEAR_HEADING):.2g} deg of heading on; use aqe-sukf",
     )
+
+
+def unseen_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about a heading that only manoeuvres show, for a filter that converges from any heading."""
+    heading = float(parameters["heading_sigma"])
+    if heading <= LINEAR_HEADING:
+        return ()
+    return (
+        f"the start heading is known to {degrees(heading):.3g} deg only: until turns or changes of speed have shown it, its "
+        "stated sigma can be half of what it should be, and in the first of them that of the velocity a fraction",
+    )
+
+
+def unmodelled_motion(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about scale factors and misalignments that a filter counts as noise and does not estimate.
+
+    They matter where half a turn costs more than the accelerometers' bias does at rest.
+
+    parameters: SI, by row name: `rotation_error`, `accel_bias_sigma`.
+    """
+    error = float(parameters["rotation_error"])
+    if pi * error <= float(parameters["accel_bias_sigma"]) / NOMINAL_GRAVITY:
+        return ()
+    return (
+        f"scale factors and misalignments of the gyros ({1000 * error:.2g} mrad) are counted as noise, not estimated: in and "
+        "after turns the attitude can be wrong by more than three stated sigmas",
+    )
+
+
+def noiseless(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about a linearised filter that is told of a unit without white noise: it trusts its linearisation.
+
+    parameters: SI, by row name: `angle_random_walk`, `velocity_random_walk`, `tilt_sigma`, `heading_sigma`.
+    """
+    if float(parameters["angle_random_walk"]) > NOISELESS[0] or float(parameters["velocity_random_walk"]) > NOISELESS[1]:
+        return ()
+    omitted = degrees(float(parameters["tilt_sigma"]) * float(parameters["heading_sigma"]))
+    return (
+        f"the inertial unit is told to have no white noise: no stated sigma covers what the linearised filter omits of the "
+        f"start attitude, about {omitted:.2g} deg",
+    )
+
+
+def far_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about a heading loop that starts from a heading that may be more than a right angle off.
+
+    parameters: SI, by row name: `start_heading_sigma`.
+    """
+    heading = float(parameters["start_heading_sigma"])
+    if heading <= FAR_HEADING:
+        return ()
+    return (
+        f"the start heading is known to {degrees(heading):.3g} deg only: from more than 90 deg off the heading loop turns "
+        "slowly, and from 180 deg not at all, so that its stated sigma can be too small; use q-method",
+    )
+
+
+def together(*kinds: Notes) -> Notes:
+    """The sentences of several kinds, one after another."""
+    return lambda parameters, duration_s: tuple(note for kind in kinds for note in kind(parameters, duration_s))
 
 
 def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:

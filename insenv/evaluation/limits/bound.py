@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.model import Model
+from insenv.errors import InputError
+from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.fixes import fixes_of
@@ -44,13 +46,33 @@ class Limit:
     sigma: dict[str, Array]
 
     def at(self, times: Array) -> dict[str, Array]:
-        """By channel, at other times (m,) s: variances are interpolated."""
-        return {name: np.sqrt(np.interp(times, self.time, values**2)) for name, values in self.sigma.items()}
+        """By channel, at other times (m,) s from 0 to the end: variances are interpolated.  Raises `InputError` for others."""
+        asked = self._checked(times)
+        return {name: np.sqrt(np.interp(asked, self.time, values**2)) for name, values in self.sigma.items()}
 
     def rms(self, times: Array, from_s: float = 0.0) -> dict[str, float]:
-        """By channel, over the times (m,) s from `from_s` on: the root mean square, as the statistic of the errors there."""
-        late = np.asarray(times)[np.asarray(times) >= from_s - 1e-9]
+        """By channel, over the times (m,) s from `from_s` on: the root mean square, as the statistic of the errors there.
+
+        Raises `InputError` for times outside the limit's, or if none is left.
+        """
+        asked = self._checked(times)
+        late = asked[asked >= from_s - 1e-9]
+        if not late.size:
+            what = f"{asked.size} times, from_s = {from_s:g} s"
+            raise InputError(f"limit: {what}: none of the times is at or after from_s; allowed is at least one")
         return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.at(late).items()}
+
+    def _checked(self, times: Array) -> Array:
+        """Times as an array (m,) of floats within those of the limit."""
+        try:
+            asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        except (TypeError, ValueError):
+            raise InputError(f"limit: times = {times!r}: allowed are numbers (s)") from None
+        end = float(self.time[-1])
+        wrong = asked[~((asked >= -1e-9) & (asked <= end + 1e-9))]
+        if wrong.size:
+            raise InputError(f"limit: time {wrong[0]:g} s: allowed is 0 to {end:g} s, the duration of its run")
+        return asked
 
     def __repr__(self) -> str:
         last = ", ".join(f"{name} {self.sigma[name][-1]:.3g}" for name in CHANNELS)
@@ -67,9 +89,7 @@ def ratio_bounds(runs: int, probability: float = 0.95) -> tuple[float, float]:
 
     The errors of a run are taken as one draw, because the biases of its unit are.
     """
-    from scipy.stats import chi2
-
-    low, high = chi2.ppf(((1 - probability) / 2, (1 + probability) / 2), runs)
+    low, high = quantile(((1 - probability) / 2, (1 + probability) / 2), runs)
     return float(np.sqrt(low / runs)), float(np.sqrt(high / runs))
 
 

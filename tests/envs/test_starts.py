@@ -1,0 +1,80 @@
+"""Starts of many episodes at once: every row is that of its own episode, from the contract of the filter."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+from insenv.envs import knowledge_of
+from insenv.envs.knowledge import KNOWN
+from insenv.envs.starts import InnerStarts
+from insenv.errors import InputError
+from insenv.scenario.sensor_notes import CONSTANT, data_sheets, sensor_notes
+from insenv.sensors.imu_tables import IMU_PARAMETERS
+
+IDS = ("insenv/Tuning-v0", "insenv/Manoeuvre-v0")
+
+
+def _made(id: str) -> tuple[InnerStarts, np.ndarray, np.ndarray]:
+    """The starts of an environment, and parameters and states of 12 episodes."""
+    starts = gymnasium.make(id).unwrapped.setup.starts
+    p = starts.draw([np.random.default_rng(seed) for seed in range(12)])
+    model = starts.task.model
+    functions = model.kernels["start"].function
+    x = np.array([np.asarray(functions(row, np.full(model.start_uniforms, 0.3))).ravel() for row in p])
+    return starts, p, x
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_the_filter_of_each_row_starts_from_the_knowledge_of_that_row(id):
+    starts, p, x = _made(id)
+    parameters, filter = starts.task.model.parameters, starts._estimator
+    done = starts.complete(p.copy(), x)
+    assert len(np.unique(done[:, starts._place], axis=0)) == len(p)
+    for i, row in enumerate(done):
+        known = knowledge_of(parameters.unpack(row, KNOWN.names))
+        told = filter.model.parameters.pack(filter.parameters(known, starts._tunings))
+        assert np.array_equal(row[starts._place], told)
+        assert np.array_equal(row, starts.complete(p[i : i + 1].copy(), x[i : i + 1])[0])
+
+
+@pytest.mark.parametrize("id", IDS)
+def test_a_filter_that_computes_its_parameters_is_asked_row_by_row(id):
+    starts, p, x = _made(id)
+    copied = starts.complete(p.copy(), x)
+    calls = []
+
+    def prepare(known):
+        calls.append(known)
+        return known.rows_of(starts._estimator.model.parameters)
+
+    asking = replace(starts._estimator, prepare=prepare)
+    starts._estimator, starts._columns = asking, None
+    assert asking.copied({}) is None
+    assert np.array_equal(starts.complete(p.copy(), x), copied)
+    assert len(calls) == len(p)
+
+
+def test_a_value_that_the_filter_does_not_take_is_named():
+    starts, p, x = _made("insenv/Tuning-v0")
+    place = starts.task.model.state.slice("velocity_n")
+    x[5, place] = 1e9
+    with pytest.raises(InputError, match=r"start_velocity_n\[0\] = .* m/s: allowed is"):
+        starts.complete(p, x)
+
+
+@pytest.mark.parametrize("in_place", [True, False])
+def test_data_sheets_of_many_units_are_those_of_each(in_place):
+    draw = np.random.default_rng(2)
+    rows = {row.name: np.abs(draw.normal(size=(9, *row.shape))) for row in IMU_PARAMETERS}
+    sheets = data_sheets(rows, in_place)
+    for i in range(9):
+        assert vars(sensor_notes({name: values[i] for name, values in rows.items()}, in_place)) == {
+            name: values[i] for name, values in sheets.items()
+        }
+
+
+def test_a_unit_of_which_nothing_is_known_has_the_smallest_figures():
+    notes = sensor_notes({}, in_place=True)
+    assert (notes.angle_random_walk, notes.gyro_bias_sigma, notes.gyro_correlation_time) == (1e-9, 1e-9, CONSTANT)
