@@ -62,9 +62,10 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
 Public names
 ------------
-`run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `register`
-adds an estimator, a vehicle or a sensor.  `fusion` composes a filter.  `Report` and `Summary` are what runs and campaigns give.  Each loads on first use:
-``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
+`run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion`
+composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs and campaigns
+give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists
+all public names.
 """
 
 from __future__ import annotations

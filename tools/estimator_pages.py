@@ -56,7 +56,7 @@ _OTHERWISE = Knowledge(
 
 def pages(markdown: Markdown) -> dict[str, dict[str, Part]]:
     """By page, its generated parts by name; `markdown` makes a table of a head and rows."""
-    found = {
+    found: dict[str, dict[str, Part]] = {
         f"docs/estimators/{page}.md": {
             "parameters": partial(parameters, PARAMETERS_OF[page], markdown),
             **({"accuracy": partial(accuracies, ids, markdown)} if ids else {}),
@@ -74,8 +74,8 @@ def states(markdown: Markdown) -> str:
     """The error states by name."""
     owner = {state.name: aid for aid, own in available.OF_AID.items() for state in own}
     rows = [
-        [f"`{name}`", f"{state.size}", state.value.unit, state.value.meaning.removeprefix("Estimated "), _shown_by(owner.get(name)),
-         f"`{state.sigma}`", f"`{state.time}`" if state.time else "constant"]
+        [f"`{name}`", f"{state.size}", state.value.unit, state.value.meaning.removeprefix("Estimated "),
+         _shown_by(owner.get(name)), f"`{state.sigma}`", f"`{state.time}`" if state.time else "constant"]
         for name, state in available.STATES.items()
     ]  # fmt: skip
     return markdown(("state", "size", "SI unit", "what it is", "needs the aid", "sigma at the start", "correlation time"), rows)

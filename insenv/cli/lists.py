@@ -37,7 +37,7 @@ def list_all(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the scenarios, estimators, states and aids of fusion filters, kinds of vehicle, sensors, sensor grades and environments."""
+    """List scenarios, estimators, states and aids of fusion filters, vehicles, sensors, grades and environments."""
     from insenv.cli.output import print_json, print_line
 
     if as_json:

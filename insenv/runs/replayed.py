@@ -22,7 +22,7 @@ from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
-from insenv.runs.simulated import follower_of
+from insenv.runs.simulated import follower_of, members
 from insenv.scenario import tuning
 from insenv.scenario.tuning import Settings, choices_in, own_settings, setting_rows
 
@@ -76,6 +76,7 @@ def replay(
     total = count // every * every
     chosen_settings = setting_rows(settings, chosen)
     starts = [initial_knowledge(log, e, start, first) for e in chosen]
+    families = chosen
     chosen = [
         e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
         for e, s in zip(chosen, starts, strict=True)
@@ -110,7 +111,7 @@ def replay(
         )
         for f, begun in zip(followers, starts, strict=True)
     )
-    notes = list(log.notes)
+    notes = [*log.notes, *members(families, chosen)]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
         notes.append(log.assumed.sentence)
     if log.gaps.count:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ def run(
     plant = build(scenario, seed=seed, duration_s=duration_s)
     every = recording_interval(plant.samples)
     rows = setting_rows(settings, chosen)
-    chosen = [plant.adapted(estimator, settings) for estimator in chosen]
+    families, chosen = chosen, [plant.adapted(estimator, settings) for estimator in chosen]
     started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
     prepare([plant.model, *(estimator.model for estimator in chosen)])
     runner = make_runner(plant.model, plant.parameters)
@@ -86,10 +86,15 @@ def run(
     refusal = no_limit(plant)
     limit = limit_of(plant, progress) if followers and not refusal else None
     results = tuple(_result(f, plant, track, limit) for f in followers)
-    notes = list(scenario.notes)
+    notes = [*scenario.notes, *members(families, chosen)]
     notes += [f"{bridged} lost inertial samples bridged by interpolation"] if bridged else []
     notes += [refusal] if refusal else []
     return Report(scenario.name, scenario.title, plant.seed, plant.duration_s, total, track, results, tuple(notes))
+
+
+def members(families: Sequence[Estimator], chosen: Sequence[Estimator]) -> list[str]:
+    """What the members of families of estimators are, such as the states and aids of a fusion filter."""
+    return [f"{member.id}: {member.title}" for family, member in zip(families, chosen, strict=True) if member is not family]
 
 
 def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None) -> Result:

@@ -50,7 +50,8 @@ def test_a_unit_without_such_errors_has_no_states_for_them():
 
 def test_what_a_state_stands_for_is_not_counted_twice():
     sheet = SensorNotes(
-        gyro_scale_sigma=3e-4, gyro_misalignment_sigma=4e-4, accel_scale_sigma=1e-3, accel_bias_sigma=0.01, bare_accel_bias_sigma=2e-3
+        gyro_scale_sigma=3e-4, gyro_misalignment_sigma=4e-4, accel_scale_sigma=1e-3, accel_bias_sigma=0.01,
+        bare_accel_bias_sigma=2e-3,
     )  # fmt: skip
     known = Knowledge(0.5, 0.5, 10.0, 0.01, rotation_error=5e-4, thrust_error=1e-3, sensors=sheet)
     table = fusion(UNIT, ["gnss"], "all").model.parameters
@@ -65,7 +66,7 @@ def test_what_a_state_stands_for_is_not_counted_twice():
 @pytest.mark.parametrize(
     ("states", "aids", "words"),
     [
-        (["gyro_scal"], ["gnss"], "unknown state 'gyro_scal': did you mean 'gyro_scale'"),
+        (["gyro_scal"], ["gnss"], "unknown state 'gyro_scal'; did you mean 'gyro_scale'"),
         (["gyro_scale", "gyro_scale"], ["gnss"], "state 'gyro_scale' is given twice"),
         ([], [], "allowed is at least one of gnss"),
         (["odometer_scale"], ["gnss"], "nothing shows the state 'odometer_scale' without the aid odometer"),

@@ -53,9 +53,10 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     every = (*biases, *chosen)
     own = tuple(state for state in every if state not in STATES.values())
     every = (*(state for state in STATES.values() if state in every), *own)
-    return Composition(
-        id, title or f"{9 + sum(s.size for s in every)} states, aided by {', '.join(a.id for a in used)}", every, used
-    )
+    count = 9 + sum(state.size for state in every)
+    named = "".join(f", {state.name}" for state in every if state.name not in ALWAYS)
+    made = f"{count} states: navigation, biases{named}; aids: {', '.join(aid.id for aid in used)}"
+    return Composition(id, title or made, every, used)
 
 
 def _chosen(kind: str, id: str, given: Iterable[object], known: Mapping[str, object], wanted: type) -> tuple:

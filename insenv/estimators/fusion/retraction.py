@@ -22,7 +22,15 @@ def linear(function: Callable[[Any], Any], n: int) -> tuple[Any, Any]:
 
 
 def corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> dict[str, Any]:
-    """State rows with an estimated error (n) taken out."""
+    """State rows with an estimated error (n) taken out, those of the kept motion too."""
+    return {
+        **navigation_corrected(x, correction, states, places),
+        **history.corrected(x, correction[VELOCITY], correction[TILT]),
+    }
+
+
+def navigation_corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> dict[str, Any]:
+    """Rows of navigation and estimated errors with an estimated error (n) taken out."""
     dr, dv, psi = correction[POSITION], correction[VELOCITY], correction[TILT]
     # moving the position turns the computed frame by -theta; platform and velocity are then referred to the new one
     theta = geodesy.transport_rate_w(dr, x.q_ew, x.height)
@@ -33,5 +41,4 @@ def corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Map
         "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
         "height": x.height + dr[2],
         **{state.name: getattr(x, state.name) + correction[places[state.name]] for state in states},
-        **history.corrected(x, dv, psi),
     }

@@ -13,7 +13,7 @@ from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
-from insenv.estimators.fusion.retraction import corrected
+from insenv.estimators.fusion.retraction import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
 
 WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)
@@ -39,7 +39,7 @@ def smoothing_of(filter: Composition, id: str) -> adjoint.Smoothing:
         interval=interval,
         nominal=_nominal(filter),
         n=filter.n,
-        corrected=lambda x, error: corrected(x, error, filter.states, filter.places),
+        corrected=lambda x, error: navigation_corrected(x, error, filter.states, filter.places),
         estimates=estimates,
         reported=sum((aid.outputs for aid in filter.aids), Table()),
     )
