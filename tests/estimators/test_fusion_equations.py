@@ -123,3 +123,26 @@ def test_sensitivities_equal_differences_through_the_feedback(id, age):
 def test_every_told_error_of_an_instrument_has_a_state(id):
     names = {state.name for state in OF_AID[id]}
     assert names and all(STATES[name].rows.names for name in names)
+
+
+def test_a_late_fix_shows_the_accelerometers():
+    """After an age t an error b of the accelerometers is C b t^2 / 2 of position and -C b t of velocity."""
+    age, generator = 0.3, np.random.default_rng(6)
+    filter = composition("late", ["accel_scale"], ["gnss"])
+    q_ew = np.array(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.0)).ravel()
+    state = {key: value for key, value in {**STATE, **kept_motion(), "q_ew": q_ew}.items() if key in filter.state}
+    tables = (filter.parameters, filter.state, filter.inputs)
+    given = (PARAMETERS, {k: v for k, v in state.items() if v is not None}, {**INPUTS, "gnss_age": age})
+    values = [numbers(table, generator, **each) for table, each in zip(tables, given, strict=True)]
+    flat = [np.concatenate([np.ravel(each[row.name]) for row in table]) for each, table in zip(values, tables, strict=True)]
+    p, x, u = (ca.SX.sym(name, table.size) for name, table in zip("pxu", tables, strict=True))
+    P, X, U = (table.symbols(each) for table, each in zip(tables, (p, x, u), strict=True))
+    done, _ = update(filter.aids[0], filter.states, filter.places, filter.n, P, X, U)
+    H = np.array(ca.Function("H", [p, x, u], [ca.vertcat(*[ca.densify(s.H) for s in done.scalars])])(*flat))
+    bias = H[:, filter.places["accel_bias"]]
+    C_nb = Rotation.from_quat(STATE["q_wb"], scalar_first=True).as_matrix()
+    gain = 1 - np.ravel(values[1]["accel_scale"])
+    np.testing.assert_allclose(bias[:3], C_nb * gain * age**2 / 2, atol=1e-9)
+    np.testing.assert_allclose(bias[3:], -C_nb * gain * age, atol=1e-9)
+    force = INPUTS["delta_velocity"] / INPUTS["dt"] - np.ravel(values[1]["accel_bias"])
+    np.testing.assert_allclose(H[3:, filter.places["accel_scale"]], -C_nb * force * age, atol=1e-7)
