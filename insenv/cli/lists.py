@@ -116,6 +116,8 @@ _HEADS = {
 
 _WITH_SENSOR = ("instrument_grades",)
 """Lists of grades whose names are those of one sensor."""
+_TITLES_ONLY = ("states", *_WITH_SENSOR)
+"""Lists too long for the screen that shows all names; the grades of papers are left out there too."""
 
 
 def _head(key: str) -> str:
@@ -132,15 +134,10 @@ def _print_names() -> None:
     rows = []
     for what in What:
         for key, known in _known(what).items():
-            names = [_name(row) for row in known]
-            names = (
-                [f"{row['sensor']} {name}" for row, name in zip(known, names, strict=True)] if key in _WITH_SENSOR else names
-            )
-            of_papers = [name for name in names if what is What.grades and name.startswith("paper-")]
+            if key in _TITLES_ONLY:
+                continue
             label = f"{_head(key)}s" if what is What.grades else what.value
-            rows.append((label, ", ".join(name for name in names if name not in of_papers)))
-            if of_papers:
-                rows.append(("  of papers", ", ".join(of_papers)))
+            rows.append((label, ", ".join(name for name in map(_name, known) if not name.startswith("paper-"))))
     print_table(("what", "names"), rows, head=False)
     print_line()
     print_line(f"titles: insenv list {'|'.join(What)}")

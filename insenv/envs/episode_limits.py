@@ -63,7 +63,8 @@ def episode_limits(
 
 def _over_the_episode(found: Limit) -> Array:
     """Root mean square (9,) of the limits of attitude, velocity and position."""
-    times = np.arange(RECORD_INTERVAL, max(found.time[-1], RECORD_INTERVAL) + 1e-9, RECORD_INTERVAL)
+    end = float(found.time[-1])
+    times = np.arange(RECORD_INTERVAL, end + 1e-9, RECORD_INTERVAL) if end >= RECORD_INTERVAL else np.array([end])
     rotation = [np.sqrt(np.mean(np.interp(times, found.time, axis**2))) for axis in found.rotation.T]
     rms = found.rms(times)
     return np.array([*rotation, *(rms[name] for name in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"))])

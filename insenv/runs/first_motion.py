@@ -131,7 +131,7 @@ def _fixes_in_motion(log: RecordedLog, first: int) -> _Fixes:
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     moving = np.flatnonzero((speed > COURSE_SPEED) & (time > log.imu_time[first]) & (time < log.imu_time[-1]))[:COURSE_FIXES]
     if len(moving) < COURSE_FIXES:
-        raise InsenvError(
+        raise InputError(
             f"heading from motion: fewer than {COURSE_FIXES} fixes are faster than {COURSE_SPEED:g} m/s; "
             "give [initial] heading_deg, or heading_sigma_deg = 180 for an estimator of large misalignment (aqe-sukf), or use "
             "--start reference"

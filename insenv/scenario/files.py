@@ -43,6 +43,10 @@ def load(scenario: ScenarioLike) -> Scenario:
                 f"{text}: not a scenario: allowed is a name or the path of a .toml file; `insenv replay {text} -e ID` takes a "
                 "recorded log"
             )
+        if text not in known and Path(text).exists():
+            raise InputError(
+                f"scenario {text!r} is no .toml file: allowed is the path of one, or a name that `insenv list` shows"
+            )
         if text not in known:
             raise InputError(f"no scenario {text!r}{nearest(text, known, LISTED)}; or give the path of a .toml file")
         path = scenario_folder() / f"{text}.toml"

@@ -86,7 +86,7 @@ def setting_rows(settings: Settings | None, chosen: Sequence[Estimator]) -> dict
     for id, table in (settings or {}).items():
         allowed = dict.fromkeys(name for e in chosen for name in (e.id, e.smooths) if name)
         if id not in allowed:
-            faults.append(f"settings: {shown(id)} is none of the estimators of this run{nearest(str(id), allowed)}")
+            faults.append(f"settings: {shown(id)} is not an estimator of this run{nearest(str(id), allowed)}")
         elif not isinstance(table, Mapping):
             faults.append(f"settings[{id!r}] = {shown(table)}: allowed is a dict of values by key")
         else:

@@ -235,7 +235,7 @@ def test_the_command(system, tmp_path):
     assert strict(out)["steps"] == 200
     assert output.read_text().startswith("time,plant.")
     refused(call("fmu", "run", path, "--set", "planet.seed=5"), "planet.seed", "plant, estimator")
-    refused(call("fmu", "run", path, "--input", output), "--input", "allowed is --input with an .fmu file")
+    refused(call("fmu", "run", path, "--input", output), "--input", "--input is allowed with an .fmu file")
     refused(call("fmu", "run", tmp_path / "none.ssp"), "no such file")
 
 

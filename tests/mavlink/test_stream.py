@@ -113,7 +113,7 @@ def test_stream_prints_one_document_and_writes_a_log_that_mavlogdump_reads_whole
 def test_wrong_calls_are_refused(tmp_path):
     to = ("--to", "udpout:127.0.0.1:9")
     refused(call("stream", "car-city-drive"), "--to")
-    refused(call("stream", "no-such", *to), "no-such", "car-city-drive")
+    refused(call("stream", "car-city-driv", *to), "car-city-driv", "did you mean 'car-city-drive'")
     refused(call("stream", "car-city-drive", "--to", "udp:1"), "udp:1", "udpout:HOST:PORT")
     refused(call("stream", "car-city-drive", *to, "--rate", "ATITUDE=5"), "ATITUDE", "ATTITUDE")
     refused(call("stream", "car-city-drive", *to, *to), "udpout:127.0.0.1:9", "twice")
@@ -523,7 +523,7 @@ def session(tmp_path_factory):
                 "truth": {name: np.array(value) for name, value in simulation.truth.items()},
                 "estimate": {name: np.array(value) for name, value in simulation.estimate.items()},
                 "increments": simulation.increments.copy(),
-                "magnetic": twin.view.air.data.magnetic_b.copy(),
+                "magnetic": twin.view.air.magnetic_b.copy(),
                 "fix": simulation.fix,
             }
         )

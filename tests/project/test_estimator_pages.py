@@ -14,7 +14,7 @@ from places import ROOT
 from insenv import estimators
 
 FOLDER = ROOT / "docs" / "estimators"
-PAGES = sorted(path.stem for path in FOLDER.glob("*.md"))
+PAGES = sorted(path.stem for path in FOLDER.glob("*.md") if path.stem != "index")
 FORM = ("When to use", "Example", "Parameters", "Equations", "Accuracy", "(Notes|Health)")
 """Headings of every page, in this order; a page about a method of a paper has "What differs from the paper" too."""
 QUICK = [
