@@ -19,6 +19,7 @@ from insenv.scenario import Scenario, reported_attitude, start_errors
 from insenv.sensors.imu_tables import HUGE
 
 Array = NDArray[np.float64]
+_FIELDS = {field.name for field in fields(SensorNotes)}
 
 KNOWN = Table((
     Row("known_sample_interval", "Time between inertial samples", "s", lower=0.0, upper=1.0),
@@ -36,6 +37,17 @@ KNOWN = Table((
     Row("known_accel_bias_sigma", "Accelerometer bias, 1 sigma, from the data sheet", "m/s^2", lower=0.0, upper=1e4),
     Row("known_gyro_correlation_time", "Correlation time of the gyro bias", "s", lower=0.0, upper=HUGE),
     Row("known_accel_correlation_time", "Correlation time of the accelerometer bias", "s", lower=0.0, upper=HUGE),
+    Row("known_bare_gyro_bias_sigma", "Gyro bias without what gravity makes of the g-sensitivity, 1 sigma", "rad/s",
+        lower=0.0, upper=1e3),
+    Row("known_bare_accel_bias_sigma", "Accelerometer bias without what gravity makes of scale factors, 1 sigma",
+        "m/s^2", lower=0.0, upper=1e4),
+    Row("known_bare_gyro_correlation_time", "Its correlation time", "s", lower=0.0, upper=HUGE),
+    Row("known_bare_accel_correlation_time", "Its correlation time", "s", lower=0.0, upper=HUGE),
+    Row("known_gyro_scale_sigma", "Gyro scale factor, 1 sigma, from the data sheet", "1", lower=0.0, upper=10.0),
+    Row("known_accel_scale_sigma", "Accelerometer scale factor, 1 sigma, from the data sheet", "1", lower=0.0, upper=10.0),
+    Row("known_gyro_misalignment_sigma", "Gyro misalignment, 1 sigma, from the data sheet", "1", lower=0.0, upper=10.0),
+    Row("known_accel_misalignment_sigma", "Accelerometer misalignment, 1 sigma, data sheet", "1", lower=0.0, upper=10.0),
+    Row("known_gyro_g_sensitivity_sigma", "Gyro g-sensitivity, 1 sigma, from the data sheet", "rad s/m", lower=0.0, upper=10.0),
 ))  # fmt: skip
 """Rows of the initial knowledge."""
 
@@ -87,4 +99,5 @@ def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:
     return {**values, **{name: angles[..., k] for k, name in enumerate(("roll", "pitch", "heading"))}}
 
 
-_SHEET = tuple(field.name for field in fields(SensorNotes))
+_SHEET = tuple(row.name.removeprefix("known_") for row in KNOWN if row.name.removeprefix("known_") in _FIELDS)
+"""Fields of `SensorNotes`, in the order of `KNOWN`."""
