@@ -206,8 +206,8 @@ def make_plan(
         duration_s=seed_and_duration(scenario, first_seed, duration_s)[1],
         variations=tuple(sorted(variations, key=lambda v: v.key)),
     )
-    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
     check_variations(plan.variations)
+    vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
     plants = [plan.plant]
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
     for variation in plan.variations:

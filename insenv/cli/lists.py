@@ -139,8 +139,7 @@ def _print_names() -> None:
             label = f"{_head(key)}s" if what is What.grades else what.value
             rows.append((label, ", ".join(name for name in map(_name, known) if not name.startswith("paper-"))))
     print_table(("what", "names"), rows, head=False)
-    print_line()
-    print_line(f"titles: insenv list {'|'.join(What)}")
+    print_line("titles, states of filters, grades of papers, instruments: insenv list WHAT")
 
 
 def _print_titles(key: str, rows: Rows) -> None:

@@ -141,7 +141,7 @@ def test_the_course_counts_every_fix():
 
 
 def test_which_estimators_report_health():
-    assert set(REPORTING) == {"loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf"}
+    assert set(REPORTING) == {"loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf", "fusion", "fusion-smoother"}
 
 
 def mine(rows):
@@ -166,7 +166,7 @@ def test_an_estimator_from_outside_has_health_by_its_outputs():
         mine(replace(row, shape=(6,)) if row.name == "nis_used" else row for row in FIX_HEALTH)
 
 
-@pytest.mark.parametrize("id", [id for id in REPORTING if id != "smoother"])  # its outputs are smoothed
+@pytest.mark.parametrize("id", [id for id in REPORTING if not id.endswith("smoother")])  # its outputs are smoothed
 def test_the_rows_are_the_sums_of_the_test_ratios(id):
     """A record per sample shows every fix: the sums equal those of the output `test_ratio`."""
     found = ensemble("car-city-drive", [id], [3], duration_s=12.0, records=2400).outputs[id]

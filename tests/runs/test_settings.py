@@ -88,7 +88,7 @@ def test_all_wrong_settings_are_named_at_once():
     settings = {"loosely-coupled": {"foo": 1, "innovation_gate": "x"}, "none": {}}
     with pytest.raises(InputError) as caught:
         setting_rows(settings, [get("loosely-coupled")])
-    for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is none of the estimators"):
+    for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is not an estimator of this run"):
         assert words in str(caught.value), words
 
 

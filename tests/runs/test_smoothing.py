@@ -269,8 +269,8 @@ def test_rounding_that_leaves_no_variance_leaves_the_filter_s():
     )
     kept = P / 4
     kept[1, 3, 3] = -1e-9
-    shown = smoother_outputs(nominal, np.zeros((2, smoother.N)), kept)
-    own = smoother_outputs(nominal, np.zeros((2, smoother.N)), P)
+    shown = smoother_outputs(smoother.SMOOTHING, nominal, np.zeros((2, smoother.N)), kept)
+    own = smoother_outputs(smoother.SMOOTHING, nominal, np.zeros((2, smoother.N)), P)
     for name in ("position_sigma", "velocity_sigma", "attitude_sigma"):
         assert np.isfinite(shown[name]).all() and (shown[name] <= own[name] * (1 + 1e-12)).all(), name
         assert np.allclose(shown[name][0], own[name][0] / 2), name
