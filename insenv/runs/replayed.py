@@ -81,6 +81,8 @@ def replay(
         e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
         for e, s in zip(chosen, starts, strict=True)
     ]
+    for estimator in chosen:
+        estimator.check(drive, tunings.get(estimator.id))
     given = {
         e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
     }

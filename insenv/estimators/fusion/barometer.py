@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from insenv.core.tables import Table
-from insenv.estimators.fusion.contract import Aid, constant, correlated_again, drifting, gate_row
+from insenv.estimators.fusion.contract import Aid, constant, correlated_again, drifting, gate_row, noise_variance
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.instruments import BAROMETER
@@ -48,7 +48,7 @@ AID = Aid(
     what="height",
     unit="m",
     residual=_residual,
-    variance=lambda p, x, u, spread: p.barometer_noise**2 + _dynamic(p, x),
+    variance=lambda p, x, u, spread: noise_variance(p.barometer_noise, 0.01) + _dynamic(p, x),
     due=lambda p, x, u: u.barometer_new,
     sensors=("barometer",),
     inputs=BAROMETER.measurement,

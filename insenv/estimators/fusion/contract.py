@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from insenv.core.elementary import exp
+from insenv.core.elementary import exp, maximum
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 
@@ -202,6 +202,11 @@ def drifting(name: str, meaning: str, unit: str, size: int, sigma: Row, time: Ro
 
 def _with(row: Row, rows: Table | None) -> Table:
     return Table((row,)) if rows is None else rows + Table((row,))
+
+
+def noise_variance(sigma: Any, least: float) -> Any:
+    """Variance of the noise of an instrument; of a perfect one that of `least`, which keeps the filter regular."""
+    return maximum(sigma, least) ** 2
 
 
 def gate_row(id: str) -> Row:

@@ -11,7 +11,7 @@ import casadi as ca
 
 from insenv.attitude import skew
 from insenv.core.tables import Table
-from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row
+from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row, noise_variance
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import DVL
 
@@ -40,7 +40,7 @@ AID = Aid(
     what="velocity in b",
     unit="m/s",
     residual=_residual,
-    variance=lambda p, x, u, spread: ca.repmat(p.dvl_noise**2, 3, 1),
+    variance=lambda p, x, u, spread: ca.repmat(noise_variance(p.dvl_noise, 1e-3), 3, 1),
     due=lambda p, x, u: u.dvl_new,
     sensors=("dvl",),
     inputs=DVL.measurement,

@@ -11,19 +11,28 @@ from typing import Any
 
 import numpy as np
 
+from insenv.errors import InputError
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
-from insenv.estimators.fusion.available import AIDS, ALWAYS, STATES, composition
+from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.prepared import prepared
 from insenv.estimators.fusion.presets import aids_of, states_of
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 
 ID = "fusion"
+_SECTIONS = tuple(f"[{sensor}]" for aid in AIDS.values() for sensor in aid.sensors)
 
 
-def fusion(states: Iterable[str | ErrorState], aids: Iterable[str | Aid], id: str = ID, *, smoother: bool = False) -> Estimator:
+def fusion(
+    states: Iterable[str | ErrorState] = (),
+    aids: Iterable[str | Aid] = ("gnss", "zero_velocity"),
+    id: str = ID,
+    *,
+    smoother: bool = False,
+) -> Estimator:
     """A GNSS/INS-like navigation filter of one's own, as an estimator like any other.
 
     Parameters
@@ -36,18 +45,21 @@ def fusion(states: Iterable[str | ErrorState], aids: Iterable[str | Aid], id: st
 
     Raises `InputError` for an unknown name, a name that is given twice, no aid, or a state that none of the aids shows.
     """
-    made = composition(id, states, aids)
-    return _smoother(made) if smoother else _estimator(made)
+    made, make = composition(id, states, aids), _smoother if smoother else _estimator
+    return replace(make(made), adapt=lambda known, drive, choices: make(made, _uncounted(made, known)))
 
 
-def _estimator(filter: Composition) -> Estimator:
+def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
+    """The filter; uncounted: sentences about errors that it does not count."""
     names = [state.name for state in filter.states]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         return (
             *applicability.linear_start(parameters, duration_s),
-            *(vertical_channel.notes(parameters, duration_s) if not _holds_height(filter) else ()),
+            *(() if _holds(filter, _VERTICAL) else vertical_channel.notes(parameters, duration_s)),
+            *(() if _holds(filter, _HEADING) else (NO_HEADING,)),
+            *uncounted,
             *_without_sigma(filter, parameters),
         )
 
@@ -61,8 +73,35 @@ def _estimator(filter: Composition) -> Estimator:
     )
 
 
-def _holds_height(filter: Composition) -> bool:
-    return any(aid.id in ("gnss", "barometer") for aid in filter.aids)
+_VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic")
+"""Aids that hold the height or the vertical velocity."""
+_HEADING = ("gnss", "magnetometer", "heading")
+"""Aids that show the heading, GNSS by motion."""
+NO_HEADING = (
+    "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
+    "position come out too small, by a factor of 2 to 7 after some minutes of a car's drive"
+)
+
+
+def _holds(filter: Composition, ids: tuple[str, ...]) -> bool:
+    return any(aid.id in ids or aid.id not in AIDS for aid in filter.aids)
+
+
+def _uncounted(filter: Composition, known: Knowledge) -> tuple[str, ...]:
+    """The sentence about errors of the instruments in use whose size is known and that are no states."""
+    states = {state.name for state in filter.states}
+    left_out = [
+        state.name
+        for aid in filter.aids
+        for state in OF_AID.get(aid.id, ())
+        if state.name not in states and state is not WANDER and np.any(np.asarray(known.rows.get(state.sigma, 0.0)) > 0.0)
+    ]
+    if not left_out:
+        return ()
+    return (
+        f"errors of the instruments that are known to be there and are neither states nor noise of this filter: "
+        f"{', '.join(dict.fromkeys(left_out))}; its sigmas are too small",
+    )
 
 
 def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
@@ -73,27 +112,33 @@ def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[
     )
 
 
-def _smoother(filter: Composition) -> Estimator:
+def _smoother(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
     smoothing = smoothing_of(filter, f"{filter.id}-smoother")
-    return replace(_estimator(filter), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
+    return replace(_estimator(filter, uncounted), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
+
+
+def _member(make: Callable[..., Estimator], filter: Composition, known: Knowledge) -> Estimator:
+    return make(filter, _uncounted(filter, known))
 
 
 def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
     """The filter for a drive: the states and aids in `choices`, those of the presets where it has none."""
     aids = choices["aids"] if "aids" in choices else aids_of(drive)
+    if not aids and "aids" not in choices:
+        raise InputError(f"estimator {ID!r} needs an instrument: {drive.where} has none of {', '.join(_SECTIONS)}")
     states = choices["states"] if "states" in choices else states_of(known, drive, aids)
     return composition(ID, states, aids)
 
 
-def _family(make: Callable[[Composition], Estimator]) -> Estimator:
+def _family(make: Callable[..., Estimator]) -> Estimator:
     """The estimator whose members `make` makes; its own model is that of the smallest."""
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
     return replace(
         general,
         sensors=(),
-        choices={"states": tuple(name for name in STATES if name not in ALWAYS), "aids": tuple(AIDS)},
+        choices={"states": tuple(STATES), "aids": tuple(AIDS)},
         settable=composition(ID, STATES, AIDS).parameters,
-        adapt=lambda known, drive, choices: make(_composed(known, drive, choices)),
+        adapt=lambda known, drive, choices: _member(make, _composed(known, drive, choices), known),
     )
 
 

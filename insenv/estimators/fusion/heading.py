@@ -14,7 +14,7 @@ import casadi as ca
 from insenv import attitude
 from insenv.core.elementary import atan2, select, wrap_angle
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, ErrorState, correlated_again, gate_row
+from insenv.estimators.fusion.contract import Aid, ErrorState, correlated_again, gate_row, noise_variance
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import strapdown
 from insenv.instruments import HEADING
@@ -54,7 +54,7 @@ AID = Aid(
     what="azimuth",
     unit="rad",
     residual=_residual,
-    variance=lambda p, x, u, spread: u.heading_azimuth_sigma**2,
+    variance=lambda p, x, u, spread: noise_variance(u.heading_azimuth_sigma, 1e-4),
     due=lambda p, x, u: u.heading_new,
     sensors=("heading",),
     inputs=HEADING.measurement,

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from insenv.core.tables import Table
-from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row
+from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row, noise_variance
 from insenv.estimators.fusion.inertial import coupled
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import MAGNETOMETER
@@ -52,7 +52,7 @@ AID = Aid(
     what="field in b",
     unit="T",
     residual=_residual,
-    variance=lambda p, x, u, spread: ca.repmat(p.magnetometer_noise**2, 3, 1),
+    variance=lambda p, x, u, spread: ca.repmat(noise_variance(p.magnetometer_noise, 1e-9), 3, 1),
     due=lambda p, x, u: u.magnetometer_new,
     sensors=("magnetometer",),
     inputs=MAGNETOMETER.measurement,

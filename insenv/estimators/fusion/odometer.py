@@ -20,7 +20,7 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, Spread, constant, correlated_again, gate_row, sigma_row
+from insenv.estimators.fusion.contract import Aid, Spread, constant, correlated_again, gate_row, noise_variance, sigma_row
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import ODOMETER
 
@@ -57,7 +57,7 @@ AID = Aid(
     what="forward speed",
     unit="m/s",
     residual=_odometer,
-    variance=lambda p, x, u, spread: p.odometer_noise**2,
+    variance=lambda p, x, u, spread: noise_variance(p.odometer_noise, 1e-3),
     due=lambda p, x, u: u.odometer_new,
     sensors=("odometer",),
     inputs=ODOMETER.measurement,
