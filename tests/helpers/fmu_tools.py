@@ -60,9 +60,15 @@ def plant_outputs(scenario: str, samples: int) -> dict[str, np.ndarray]:
     return {name: np.array(column) for name, column in shown.items()}
 
 
+def _exported(id: str) -> estimators.Estimator:
+    """The estimator that an FMU holds: of a family the member for the scenario of its kind."""
+    family = estimators.get(id)
+    return build(load(SCENARIOS[family.kind])).adapted(family)
+
+
 def columns_for(id: str, samples: int) -> dict[str, np.ndarray]:
     """Inputs of an estimator's FMU by name: the sensor outputs of a scenario of its kind."""
-    estimator = estimators.get(id)
+    estimator = _exported(id)
     shown = plant_outputs(SCENARIOS[estimator.kind], samples)
     return {name: shown[name] for name in estimator.model.inputs.names if name in shown}
 
@@ -72,11 +78,9 @@ def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None 
 
     It starts as in `insenv run` of the scenario of its kind, and as its FMU does.
     """
-    estimator, count = estimators.get(id), len(next(iter(columns.values())))
+    estimator, count = _exported(id), len(next(iter(columns.values())))
     plant = build(load(SCENARIOS[estimator.kind]))
-    rows = estimator.parameters(plant.knowledge)
-    for name in (estimator.smooths, id):
-        rows = {**rows, **plant.tunings.get(name, {})}
+    rows = estimator.parameters(plant.knowledge, plant.tunings)
     columns = {**columns, "dt": np.full(count, INTERVAL)}
     return make_runner(estimator.model, {**rows, **(parameters or {})}).run(count, input_rows(estimator.model, columns, count))
 
