@@ -10,7 +10,6 @@ measurement comes; the integrals of specific force and attitude over that interv
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -25,7 +24,7 @@ from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, gnss_fix, lever_arm, motion_errors, rows, standing, strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
 from insenv.estimators.parts.gauss_markov import decays, driven_variance
-from insenv.estimators.parts.kalman import innovation_variance, measure, propagate
+from insenv.estimators.parts.kalman import Scalar, Update, innovation_variance, measure, propagate
 from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
 
 PATIENCE = 10  # fixes rejected in a row before the gate opens
@@ -164,30 +163,6 @@ def fix_sensitivity(p: Any, age: Any, antenna: gnss_fix.Antenna) -> Any:
     H[3:, TILT] = swing - force * age + H[3:, GYRO] @ seen
     H[:3, ACCEL], H[3:, ACCEL] = C_wb * (age**2 / 2), -C_wb * age
     return H
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """One scalar measurement as it was used.
-
-    stored: covariance triangle before it. H: row (1x15). left: innovation minus what the scalars before it explained.
-    variance: of its noise. accept: 1 if it was used, 0 if not.
-    """
-
-    stored: Any
-    H: Any
-    left: Any
-    variance: Any
-    accept: Any
-
-
-@dataclass(frozen=True)
-class Update:
-    """Scalars in the order used, the estimated error state (15), and the covariance triangle after them."""
-
-    scalars: tuple[Scalar, ...]
-    correction: Any
-    stored: Any
 
 
 def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:

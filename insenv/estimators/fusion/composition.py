@@ -23,13 +23,13 @@ from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.contract import Aid, ErrorState, repeated
-from insenv.estimators.fusion.measurement import Update, update
+from insenv.estimators.fusion.measurement import update
 from insenv.estimators.fusion.navigation import corrected_increments
 from insenv.estimators.fusion.retraction import corrected, linear
 from insenv.estimators.parts import motion_errors, rows, strapdown
 from insenv.estimators.parts.error_model import GYRO, POSITION, TILT, VELOCITY, Interval, navigation_transition
 from insenv.estimators.parts.gauss_markov import decay, driven_variance
-from insenv.estimators.parts.kalman import propagate
+from insenv.estimators.parts.kalman import Update, propagate
 from insenv.estimators.parts.rest_bias import bias_of_tilt
 
 NAVIGATION = 9

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -14,31 +13,7 @@ from insenv.estimators.fusion.contract import Aid, ErrorState, Spread
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.fusion.retraction import linear
 from insenv.estimators.parts.error_model import TILT
-from insenv.estimators.parts.kalman import innovation_variance, measure
-
-
-@dataclass(frozen=True)
-class Scalar:
-    """One scalar measurement as it was used.
-
-    stored: covariance triangle before it. H: row (1 x n). left: innovation minus what the scalars before it explained.
-    variance: of its noise. accept: 1 if it was used, 0 if not.
-    """
-
-    stored: Any
-    H: Any
-    left: Any
-    variance: Any
-    accept: Any
-
-
-@dataclass(frozen=True)
-class Update:
-    """Scalars in the order used, the estimated error (n), and the covariance triangle after them."""
-
-    scalars: tuple[Scalar, ...]
-    correction: Any
-    stored: Any
+from insenv.estimators.parts.kalman import Scalar, Update, innovation_variance, measure
 
 
 def update(

@@ -91,7 +91,7 @@ def scalar_rows(prefix: str, count: int, n: int, what: str) -> Table:
 
 
 def recorded(prefix: str, scalars: Sequence[Any]) -> dict[str, Any]:
-    """The rows `scalar_rows` of scalar measurements in the order used (`insenv.estimators.fusion.measurement.Scalar`)."""
+    """The rows `scalar_rows` of scalar measurements in the order used (`kalman.Scalar`)."""
     pairs = [weight_and_gain(s.stored, s.H, s.variance, s.accept) for s in scalars]
     return {
         f"{prefix}_H": ca.vertcat(*[s.H for s in scalars]),

@@ -7,11 +7,36 @@ at the end. An `accept` of 0 leaves covariance and estimate unchanged, so a meas
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 from insenv.core import symmetric
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """One scalar measurement as it was used.
+
+    stored: covariance triangle before it. H: row (1 x n). left: innovation minus what the scalars before it explained.
+    variance: of its noise. accept: 1 if it was used, 0 if not.
+    """
+
+    stored: Any
+    H: Any
+    left: Any
+    variance: Any
+    accept: Any
+
+
+@dataclass(frozen=True)
+class Update:
+    """Scalars in the order used, the estimated error (n), and the covariance triangle after them."""
+
+    scalars: tuple[Scalar, ...]
+    correction: Any
+    stored: Any
 
 
 def propagate(stored: Any, A: Any, noise: Any) -> Any:
