@@ -50,9 +50,15 @@ def of_example(name: str) -> None:
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
 
 
+def of_budget() -> None:
+    """The figure of an error budget."""
+    style.save(insenv.budget("ship-swaying", "q-method").plot(), {"png": FOLDER / "budget.png"})
+
+
 FIGURES: dict[str, Callable[[], None]] = {
     **{name: partial(of_run, name) for name in RUNS},
     **{f"reproduce-{paper}": partial(of_paper, paper) for paper in PAPERS},
+    "budget": of_budget,
     "active-alignment": partial(of_example, "active_alignment"),
 }
 

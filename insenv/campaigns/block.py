@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.pieces import in_pieces
 from insenv.campaigns.plan import Plan
-from insenv.core.batch import Batch, make_batch
+from insenv.core.batch import make_batch
 from insenv.errors import InputError
 from insenv.scenario import Plant
 
 Arrays = dict[str, NDArray[np.float64]]
 Stopped = Callable[[], bool]
-
-PIECE_S = 0.5
-"""Approximate time between two looks at whether the campaign was interrupted, s."""
-FIRST_PIECE = 2000
-"""Inertial samples of a block, all its runs together, before the first look: milliseconds to a tenth of a second."""
 
 
 class StoppedError(Exception):
@@ -37,30 +32,18 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arra
     plants = _plants(plan, seeds, stopped)
     measured = plan.measured
     batch = make_batch(measured.model, len(plants), plan.parameters_of(plants))
-    shown = measured.model.outputs.unpack(_records(batch, plan, stopped))
+
+    def look(done: int) -> None:
+        if stopped():
+            raise StoppedError
+
+    records = plan.samples // plan.record_samples
+    shown = measured.model.outputs.unpack(in_pieces(batch, records, plan.record_samples, look))
     return {
         "seed": np.array(seeds, dtype=np.float64),
         "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
     }
-
-
-def _records(batch: Batch, plan: Plan, stopped: Stopped) -> NDArray[np.float64]:
-    """Return the outputs (runs, records, outputs.size), computed in pieces of about `PIECE_S`."""
-    found, piece = [], max(1, FIRST_PIECE // batch.rows)
-    for _ in range(plan.samples // plan.record_samples):
-        left = plan.record_samples
-        while left:
-            if stopped():
-                raise StoppedError
-            now = min(piece, left)
-            left -= now
-            begun = perf_counter()
-            shown = batch.run(now, every=0 if left else now)
-            # pieces grow and shrink towards PIECE_S; the results do not depend on them
-            piece = max(1, min(int(now * PIECE_S / max(perf_counter() - begun, 1e-6)), 4 * piece))
-        found.append(shown)
-    return np.concatenate(found, axis=1)
 
 
 def _plants(plan: Plan, seeds: list[int], stopped: Stopped) -> list[Plant]:
