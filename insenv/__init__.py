@@ -64,8 +64,8 @@ Public names
 ------------
 `run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates; `load` reads a scenario;
 `export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator, a vehicle or a sensor.
-`Report`, `Summary` and `Budget` are what runs, campaigns and budgets give.  Each loads on first use: ``import insenv`` is
-cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
+`Report`, `Summary`, `Comparison` and `Budget` are what runs, campaigns, campaigns of several estimators and budgets give.
+Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -82,6 +82,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from insenv.campaigns import campaign
+    from insenv.campaigns.comparison import Comparison
     from insenv.campaigns.summary import Summary
     from insenv.core.model import Model, Step
     from insenv.core.tables import Row, Table
@@ -102,6 +103,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Budget",
+    "Comparison",
     "Estimator",
     "InputError",
     "InsenvError",
@@ -134,6 +136,7 @@ __all__ = [
 
 _HOMES = {
     "insenv.campaigns": ("campaign",),
+    "insenv.campaigns.comparison": ("Comparison",),
     "insenv.campaigns.summary": ("Summary",),
     "insenv.core.model": ("Model", "Step"),
     "insenv.core.tables": ("Row", "Table"),

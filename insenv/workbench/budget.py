@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from insenv.campaigns.executors import cores
 from insenv.campaigns.model import Measured, measured_model
-from insenv.campaigns.pieces import in_pieces
+from insenv.campaigns.pieces import Begun, in_pieces
 from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
@@ -150,9 +150,9 @@ def _errors(case: _Case, progress: Progress | None) -> Array:
             unique, places = np.unique(_rows(case, part), axis=0, return_inverse=True)
             batch = make_batch(measured.model, len(unique), unique, threads=cores())
 
-            def look(done: int, part: range = part) -> None:
+            def look(done: Begun, part: range = part) -> None:
                 if progress is not None:
-                    progress(part.start * len(case.times) * case.every + done * len(part), total)
+                    progress(part.start * len(case.times) * case.every + done.samples * len(part), total)
 
             shown = in_pieces(batch, len(case.times), case.every, look)
             error = shown[..., measured.model.outputs.slice("error")]
