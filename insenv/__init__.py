@@ -62,10 +62,11 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
 Public names
 ------------
-`run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates; `load` reads a scenario;
-`export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator, a vehicle or a sensor.
-`Report`, `Summary`, `Comparison` and `Budget` are what runs, campaigns, campaigns of several estimators and budgets give.
-Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
+`run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates, `tune` how to tune a filter;
+`load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator,
+a vehicle or a sensor.  `Report`, `Summary`, `Comparison`, `Budget` and `Tuning` are what runs, campaigns, campaigns of several
+estimators, budgets and tuning give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with
+Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -100,6 +101,8 @@ if TYPE_CHECKING:
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
     from insenv.workbench.budget import budget
     from insenv.workbench.budget_result import Budget
+    from insenv.workbench.tune import tune
+    from insenv.workbench.tune_result import Tuning
 
 __all__ = [
     "Budget",
@@ -118,6 +121,7 @@ __all__ = [
     "Step",
     "Summary",
     "Table",
+    "Tuning",
     "Vehicle",
     "VehicleSection",
     "agents",
@@ -132,6 +136,7 @@ __all__ = [
     "replay",
     "run",
     "testing",
+    "tune",
 ]
 
 _HOMES = {
@@ -154,6 +159,8 @@ _HOMES = {
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
     "insenv.workbench.budget": ("budget",),
     "insenv.workbench.budget_result": ("Budget",),
+    "insenv.workbench.tune": ("tune",),
+    "insenv.workbench.tune_result": ("Tuning",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
