@@ -117,14 +117,15 @@ def run_campaigns(
     plans: Sequence[Plan], stores: Sequence[Memory | Folder | None], workers: Workers | None, progress: Progress | None
 ) -> list[Summary]:
     """Run plans one after the other, as `run_campaign` does."""
+    check_progress(progress)
     found = []
     for place, (plan, store) in enumerate(zip(plans, stores, strict=True)):
 
         def report(done: int, total: int, before: int = place) -> None:
-            if progress is not None:
-                progress(before * total + done, len(plans) * total)
+            assert progress is not None
+            progress(before * total + done, len(plans) * total)
 
-        found.append(run_campaign(plan, store=store, workers=workers, progress=report))
+        found.append(run_campaign(plan, store=store, workers=workers, progress=None if progress is None else report))
     return found
 
 
