@@ -29,6 +29,7 @@ ON_PAGE = {
     "gyrocompass": ("gyrocompass",),
     "q-method": ("q-method",),
     "qakf": ("qakf", "qakf-improved"),
+    "qakf-printed": ("qakf-printed", "qakf-improved-printed"),
     "inertial-fir": ("inertial-fir",),
     "ecef-kf": ("ecef-kf",),
     "lssvm": ("lssvm",),

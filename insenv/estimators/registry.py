@@ -18,6 +18,7 @@ MODULES = (
     "inertial_fir",
     "gyrocompass",
     "qakf",
+    "qakf_printed",
     "wander_sins",
     "loosely_coupled",
     "aqe",

@@ -17,14 +17,16 @@ def test_the_table_has_every_paper_and_names_no_row_twice():
     for paper, rows in table.items():
         names = [row["quantity"] for row in rows]
         assert len(set(names)) == len(names) >= 8, paper
-        assert all(row["ours"] is not None and row["seeds"] >= 1 for row in rows)
+        assert all(row["seeds"] >= 1 and (row["ours"], row["printed_form"]) != (None, None) for row in rows)
 
 
 def test_a_row_keeps_its_digits():
-    quantity = Quantity("ecef", "heading", "deg", None, 0.123456789, 2.0 / 3.0, 3)
+    quantity = Quantity("ecef", "heading", "deg", None, 0.123456789, 2.0 / 3.0, 3, printed_form=0.2)
     assert reproduced.row(quantity) == {
-        "quantity": "heading", "unit": "deg", "seeds": 3, "published": None, "ours": 0.123457, "limit": 0.666667,
+        "quantity": "heading", "unit": "deg", "seeds": 3,
+        "published": None, "printed_form": 0.2, "ours": 0.123457, "limit": 0.666667,
     }  # fmt: skip
+    assert list(quantity.as_json()) == ["paper", "quantity", "unit", "published", "printed_form", "ours", "limit", "seeds"]
     table = {"ecef": [reproduced.row(quantity)]}
     assert json.loads(reproduced.text(table)) == table
 
@@ -32,14 +34,14 @@ def test_a_row_keeps_its_digits():
 @pytest.mark.slow  # a minute each
 @pytest.mark.parametrize("paper", PAPERS)
 def test_rows_are_those_of_the_table(paper):
-    """Names, order, published numbers, ours and limits; within the rounding of the stored numbers."""
+    """Names, order, numbers published, as printed, ours and limits; within the rounding of the stored numbers."""
     expected = reproduced.stored()[paper]
     ((_, found),) = reproduce(paper)
     shown = [reproduced.row(quantity) for quantity in found]
     assert [row["quantity"] for row in shown] == [row["quantity"] for row in expected]
     for row, other in zip(shown, expected, strict=True):
         assert row["published"] == other["published"] and row["seeds"] == other["seeds"], row["quantity"]
-        for name in ("ours", "limit"):
+        for name in ("printed_form", "ours", "limit"):
             if other["unit"] == "us":  # a time of this machine
                 assert row[name] is None or row[name] > 0, row["quantity"]
             elif other[name] is None:
@@ -52,5 +54,6 @@ def test_rows_are_those_of_the_table(paper):
 @pytest.mark.parametrize("paper", PAPERS)
 def test_the_figure_of_a_paper_is_drawn(paper, tmp_path):
     paths = figure(paper, tmp_path)
-    assert [path.name for path in paths] == [f"reproduce-{paper}.png", f"reproduce-{paper}.svg"]
+    assert [path.name for path in paths[:2]] == [f"reproduce-{paper}.png", f"reproduce-{paper}.svg"]
+    assert all(path.name.startswith(f"reproduce-{paper}") and path.suffix in (".png", ".svg") for path in paths)
     assert all(path.stat().st_size > 20_000 for path in paths)
