@@ -61,6 +61,7 @@ CASES = (
     *(Case(id, name) for id in PRINTED_QAKF for name in ("static-ecef", "car-parked", "turntable-quaternion")),
     *(Case("inertial-fir", name) for name in (*IN_PLACE, "car-parked-paper")),
     *(Case("ecef-kf", name) for name in IN_PLACE),
+    *(Case("ecef-kf-printed", name) for name in ("static-ecef", "car-parked")),
     Case("ecef-kf", "ship-underway", 300.0, (("moving", 1.0),)),
     Case("ecef-kf", "ship-underway", 900.0, (("moving", 1.0),)),
     *(Case("lssvm", name) for name in LARGE[:2]),

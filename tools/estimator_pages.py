@@ -32,6 +32,7 @@ ON_PAGE = {
     "qakf-printed": ("qakf-printed", "qakf-improved-printed"),
     "inertial-fir": ("inertial-fir",),
     "ecef-kf": ("ecef-kf",),
+    "ecef-kf-printed": ("ecef-kf-printed",),
     "lssvm": ("lssvm",),
     "aqe": ("aqe-sukf", "aqe-ekf"),
     "loosely-coupled": ("loosely-coupled",),

@@ -14,6 +14,7 @@ from insenv.plugins import Plugins
 MODULES = (
     "analytic",
     "ecef_kf",
+    "ecef_kf_printed",
     "q_method",
     "inertial_fir",
     "gyrocompass",

@@ -1,4 +1,4 @@
-"""`reproduce`: the published numbers of each paper, those of its method as printed and of insenv's own, and the limit."""
+"""`reproduce`: the published numbers of each paper, as printed, with insenv's own form, and the limit."""
 
 from __future__ import annotations
 
