@@ -2,10 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 import reproduced
 
-from insenv.reproduce import PAPERS, Quantity, figure, reproduce
+from insenv.estimators.parts import fir
+from insenv.reproduce import PAPERS, Quantity, figure, reproduce, swaying
+from insenv.reproduce.unit_limits import mean_limit
 
 UNIT = 10.0 ** (1 - reproduced.DIGITS)
 """One unit of the last digit of a number between 1 and 10, the largest share of a number that its rounding can be."""
@@ -29,6 +32,22 @@ def test_a_row_keeps_its_digits():
     assert list(quantity.as_json()) == ["paper", "quantity", "unit", "published", "printed_form", "ours", "limit", "seeds"]
     table = {"ecef": [reproduced.row(quantity)]}
     assert json.loads(reproduced.text(table)) == table
+
+
+def test_the_attenuation_is_that_of_the_design():
+    frequency = np.array([fir.PASS_HZ, fir.STOP_HZ, 0.5, 2.0, 4.9])
+    gain = swaying.attenuation(frequency)
+    assert abs(gain[0] - 1) < fir.PASS_RIPPLE
+    assert np.all(20 * np.log10(gain[1:]) < -fir.STOP_DB + 0.1)
+    assert swaying.attenuation(np.zeros(1))[0] == pytest.approx(1.0, abs=1e-14)
+
+
+def test_the_mean_of_a_magnitude_is_below_its_root_mean_square():
+    """Of constant sigma, errors that do not change with time: sqrt(2 / pi) of it; a large bias is its own mean."""
+    assert mean_limit(np.full(5, 0.3), np.zeros(2)) == pytest.approx(0.3 * np.sqrt(2 / np.pi))
+    assert mean_limit(np.full(5, 0.3), np.array([9.0, -7.0])) == pytest.approx(8.0)
+    falling = mean_limit(np.array([0.4, 0.2]), np.zeros(1))  # variances of the mean: (0.16 + 3 * 0.04) / 4
+    assert falling == pytest.approx(np.sqrt(0.07 * 2 / np.pi))
 
 
 @pytest.mark.slow  # a minute each
