@@ -7,7 +7,7 @@ import pytest
 import reproduced
 
 from insenv.estimators.parts import fir
-from insenv.reproduce import PAPERS, Quantity, figure, reproduce, swaying
+from insenv.reproduce import PAPERS, Quantity, figure, reproduce, swaying, table_2
 from insenv.reproduce.unit_limits import mean_limit
 
 UNIT = 10.0 ** (1 - reproduced.DIGITS)
@@ -48,6 +48,22 @@ def test_the_mean_of_a_magnitude_is_below_its_root_mean_square():
     assert mean_limit(np.full(5, 0.3), np.array([9.0, -7.0])) == pytest.approx(8.0)
     falling = mean_limit(np.array([0.4, 0.2]), np.zeros(1))  # variances of the mean: (0.16 + 3 * 0.04) / 4
     assert falling == pytest.approx(np.sqrt(0.07 * 2 / np.pi))
+
+
+def test_the_responses_of_free_inertial_navigation_are_those_of_theory():
+    """After 5 min of straight flight: v t, g e t^3 / 6 with Schuler's factor, b t^2 / 2; fits are never worse than no error."""
+    own, each = table_2.responses(table_2.OWN)
+    assert np.linalg.norm(own, axis=1).max() < 0.01
+    time, g = 300.0, 9.8
+    schuler = np.sqrt(g / 6.39e6)
+    velocity, gyro, accel = each[0, 4], each[6, 4], each[9, 4]
+    assert np.linalg.norm(velocity) == pytest.approx(np.sin(schuler * time) / schuler, rel=0.01)
+    drift = np.radians(1 / 3600) * g / schuler**2 * (time - np.sin(schuler * time) / schuler)
+    assert np.linalg.norm(gyro) == pytest.approx(drift, rel=0.05)
+    assert np.linalg.norm(accel) == pytest.approx(9.80665e-6 * (1 - np.cos(schuler * time)) / schuler**2, rel=0.02)
+    nothing = np.sqrt(np.mean(np.sum(table_2.ENU**2, axis=1)))
+    assert all(table_2.fit(reading, table_2.OWN).misfit < nothing for reading in table_2.READINGS)
+    assert np.allclose(np.linalg.norm(table_2.ENU, axis=1), table_2.DISTANCE, atol=0.06)  # the table agrees with itself
 
 
 @pytest.mark.slow  # a minute each
