@@ -66,6 +66,7 @@ CASES = (
     Case("ecef-kf", "ship-underway", 900.0, (("moving", 1.0),)),
     *(Case("lssvm", name) for name in LARGE[:2]),
     *(Case(id, name) for id in ("aqe-sukf", "aqe-ekf") for name in LARGE),
+    *(Case("aqe-sukf-printed", name) for name in LARGE[:2]),
     *(Case("loosely-coupled", name) for name in MOVING),
     *(Case(id, "aircraft-free-inertial") for id in ("wander-sins", "wander-sins-plain")),
 )  # fmt: skip

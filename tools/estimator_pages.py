@@ -35,6 +35,7 @@ ON_PAGE = {
     "ecef-kf-printed": ("ecef-kf-printed",),
     "lssvm": ("lssvm",),
     "aqe": ("aqe-sukf", "aqe-ekf"),
+    "aqe-sukf-printed": ("aqe-sukf-printed",),
     "loosely-coupled": ("loosely-coupled",),
     "smoother": (),
     "fusion": ("fusion",),

@@ -23,6 +23,7 @@ MODULES = (
     "wander_sins",
     "loosely_coupled",
     "aqe",
+    "aqe_printed",
     "lssvm",
     "smoother",
     "fusion",
