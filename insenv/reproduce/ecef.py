@@ -93,9 +93,9 @@ def quantities() -> list[Quantity]:
             # with the sign convention of the paper for the level angles, so that the two distances compare
             apart = round(abs(published - theirs), 5)
             away = np.abs([own[i] - expected[i], printed[i] - expected[i]])
-            rows.append(_row(f"{name} from theory, {title}", apart, *away, None))
+            rows.append(_row(f"{name} from theory, {title}", apart, away[0], away[1], None))
         away = np.abs(np.array([own[2], printed[2]]) - PRINTED["heading"][0])
-        rows.append(_row(f"heading from the printed theory, {title}", 0.00251, *away, None, HEADING_SIGN))
+        rows.append(_row(f"heading from the printed theory, {title}", 0.00251, away[0], away[1], None, HEADING_SIGN))
 
     found = ensemble(noisy(), IDS, range(20), records=100)
     limits_deg = unit_limit(found, theory(found), float(found.time[-1]))

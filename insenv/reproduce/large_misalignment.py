@@ -92,8 +92,10 @@ def quantities() -> list[Quantity]:
         for id in IDS:
             share = _converged(run, id)
             note = "initial errors drawn with these standard deviations; heading within 1 deg at 600 s"
-            as_printed = _converged(_printed(name, drawn=True), PRINTED) if id == SUKF else None
-            found.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, None, note, as_printed))
+            printed_share = _converged(_printed(name, drawn=True), PRINTED) if id == SUKF else None
+            found.append(
+                _row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, None, note, printed_share)
+            )
     for what, id, steps in (
         (SUKF, SUKF, update_time.SUKF),
         (LSSVM, LSSVM, update_time.LSSVM),

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +81,7 @@ class Fit:
 def flight() -> Scenario:
     """The survey lines with a perfect unit."""
     loaded = load("aircraft-free-inertial")
-    vehicle = loaded.vehicle
+    vehicle: Any = loaded.vehicle
     legs = type(vehicle).model_validate({**vehicle.model_dump(), "legs": [{"survey_lines": 3, "line_m": 27000.0}]}).legs
     imu = type(loaded.imu).model_validate({"grade": "perfect"})
     knowledge = loaded.knowledge.model_copy(update={"draw_errors": False})
@@ -130,7 +131,7 @@ def fit(reading: str, id: str) -> Fit:
     chosen = each[first : first + len(READINGS[reading].rows)]
     size = np.linalg.lstsq(chosen.reshape(len(chosen), -1).T, (ENU - own).ravel(), rcond=None)[0]
     enu = own + np.tensordot(size, chosen, axes=1)
-    return Fit(size, enu, rms(np.linalg.norm(enu - ENU, axis=1)))
+    return Fit(np.asarray(size, dtype=np.float64), enu, rms(np.linalg.norm(enu - ENU, axis=1)))
 
 
 def stated(reading: str, id: str) -> Array:
@@ -155,23 +156,23 @@ def quantities() -> list[Quantity]:
         note = f"one constant error, fitted to the 30 numbers of table 2; {chosen} fits best"
         label = f"table 2 read as {reading}"
         rows.append(_row(f"{label}: misfit over ten minutes", "m", None, own.misfit, printed.misfit, note))
-        sizes = [float(np.linalg.norm(each.size)) for each in (own, printed)]
+        sizes = float(np.linalg.norm(own.size)), float(np.linalg.norm(printed.size))
         rows.append(_row(f"{label}: fitted size", kind.unit, STATED.get(reading), *sizes, note))
         for i, name in enumerate(("east", "north", "up")):
             for minute in range(MINUTES):
-                numbers = (float(each.enu[minute, i]) for each in (own, printed))
+                numbers = float(own.enu[minute, i]), float(printed.enu[minute, i])
                 rows.append(_row(f"{label}: {name} after {minute + 1} min", "m", float(ENU[minute, i]), *numbers, note))
         for minute in range(MINUTES):
-            distances = (float(np.linalg.norm(each.enu[minute])) for each in (own, printed))
+            distances = float(np.linalg.norm(own.enu[minute])), float(np.linalg.norm(printed.enu[minute]))
             rows.append(_row(f"{label}: distance after {minute + 1} min", "m", DISTANCE[minute], *distances, note))
     for reading, figure in STATED.items():
         note = "1 sigma over independent axes, nothing estimated before the outage"
         label = f"free inertial, {figure:g} {READINGS[reading].unit} constant on each {reading} axis, distance after 10 min"
-        distances = (float(stated(reading, id)[-1]) for id in (OWN, PRINTED))
+        distances = float(stated(reading, OWN)[-1]), float(stated(reading, PRINTED)[-1])
         rows.append(_row(label, "m", DISTANCE[-1], *distances, note))
-    own, printed = (responses(id)[0][-1] for id in (OWN, PRINTED))
+    alone, first_order = (responses(id)[0][-1] for id in (OWN, PRINTED))
     label = "free inertial without any error, distance after 10 min"
-    rows.append(_row(label, "m", None, float(np.linalg.norm(own)), float(np.linalg.norm(printed)), "the method alone"))
+    rows.append(_row(label, "m", None, float(np.linalg.norm(alone)), float(np.linalg.norm(first_order)), "the method alone"))
     return rows
 
 
