@@ -49,6 +49,7 @@ class Case:
 
 IN_PLACE = ("static-ecef", "car-parked", "aircraft-parked", "ship-swaying", "ship-irregular-sea", "ship-moored-paper")
 MOVING = ("car-city-drive", "ship-underway", "aircraft-survey")
+PRINTED_QAKF = ("qakf-printed", "qakf-improved-printed")
 LARGE = ("large-misalignment", "large-misalignment-extreme", "aircraft-inflight-alignment", "car-unknown-heading")
 CASES = (
     *(Case("fusion", name) for name in ("car-city-drive", "car-survey")),
@@ -57,12 +58,15 @@ CASES = (
     Case("gyrocompass", "ship-irregular-sea", settings=(("heading_constant_s", 100.0),)),
     *(Case("q-method", name) for name in (*IN_PLACE, "turntable-quaternion")),
     *(Case(id, name) for id in ("qakf", "qakf-improved") for name in (*IN_PLACE, "turntable-quaternion")),
+    *(Case(id, name) for id in PRINTED_QAKF for name in ("static-ecef", "car-parked", "turntable-quaternion")),
     *(Case("inertial-fir", name) for name in (*IN_PLACE, "car-parked-paper")),
     *(Case("ecef-kf", name) for name in IN_PLACE),
+    *(Case("ecef-kf-printed", name) for name in ("static-ecef", "car-parked")),
     Case("ecef-kf", "ship-underway", 300.0, (("moving", 1.0),)),
     Case("ecef-kf", "ship-underway", 900.0, (("moving", 1.0),)),
     *(Case("lssvm", name) for name in LARGE[:2]),
     *(Case(id, name) for id in ("aqe-sukf", "aqe-ekf") for name in LARGE),
+    *(Case("aqe-sukf-printed", name) for name in LARGE[:2]),
     *(Case("loosely-coupled", name) for name in MOVING),
     *(Case(id, "aircraft-free-inertial") for id in ("wander-sins", "wander-sins-plain")),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The tables of docs/benchmarks.md and docs/papers.md, and the stored figures that they are made of.
+"""The tables of docs/benchmarks.md and docs/papers, and the stored figures that they are made of.
 
     python tools/benchmarks.py accuracy            measures the accuracy again (seconds; needs the package onavdata)
     python tools/benchmarks.py speed BENCH.json    takes the times from the document of `insenv bench --json`
@@ -93,14 +93,13 @@ def shown(value: float | None) -> str:
 
 def pages(markdown: Markdown) -> dict[str, dict[str, Callable[[], str]]]:
     """By page, its generated parts by name."""
-    papers: dict[str, Callable[[], str]] = {paper: partial(paper_table, markdown, paper) for paper in PAPERS}
     return {
         "docs/benchmarks.md": {
             "drift": partial(drift_table, markdown),
             "log": partial(log_table, markdown),
             "speed": partial(speed_table, markdown),
         },
-        "docs/papers.md": papers,
+        **{f"docs/papers/{paper}.md": {"rows": partial(paper_table, markdown, paper)} for paper in PAPERS},
     }
 
 
@@ -135,13 +134,13 @@ def speed_table(markdown: Markdown) -> str:
 
 
 def paper_table(markdown: Markdown, paper: str) -> str:
-    """The rows of a paper that have a published figure."""
+    """All rows of a paper."""
+    numbers = ("published", "printed_form", "ours", "limit")
     rows = [
-        (row["quantity"], *(shown(row[name]) for name in ("published", "ours", "limit")), row["unit"], str(row["seeds"]))
+        (row["quantity"], *(shown(row[name]) for name in numbers), row["unit"], str(row["seeds"]))
         for row in reproduced.stored()[paper]
-        if row["published"] is not None
     ]
-    return markdown(("quantity", "published", "ours", "limit", "unit", "seeds"), rows)
+    return markdown(("quantity", "published", "as printed", "insenv", "limit", "unit", "seeds"), rows)
 
 
 # --- renewing ----------------------------------------------------------------------------------------

@@ -1,15 +1,13 @@
 """Pages of the documentation site that are made from the tables: `docs/conf.py` writes them into docs/generated/ at each build.
 
-One page per environment, sensor, grade, scenario, paper and public name. The tables of parameters, inputs and outputs of an
+One page per environment, sensor, grade, scenario and public name. The tables of parameters, inputs and outputs of an
 estimator are appended to its own page, `docs/estimators/`. All are Markdown except the reference, which is reStructuredText.
 """
 
 from __future__ import annotations
 
 import inspect
-import json
 import re
-from collections.abc import Iterable, Mapping
 
 import gymnasium
 from pages import ROOT, markdown
@@ -18,13 +16,12 @@ from site_tables import DOCS, Pages, estimator_pages, overview, rows_with_bounds
 
 import insenv
 from insenv.registration import SPECS, titles
-from insenv.reproduce import PAPERS
 from insenv.scenario import load, summaries
 
 
 def all_pages() -> Pages:
     """Every generated page."""
-    return {**environments(), **sensor_pages(), **grades(), **scenarios(), **papers(), **reference()}
+    return {**environments(), **sensor_pages(), **grades(), **scenarios(), **reference()}
 
 
 # --- environments ------------------------------------------------------------------------------------
@@ -94,7 +91,7 @@ def tables_below(page: str, heading: str) -> list[list[list[str]]]:
     ]
 
 
-# --- scenarios, papers, public names -----------------------------------------------------------------
+# --- scenarios, public names -------------------------------------------------------------------------
 
 
 def scenarios() -> Pages:
@@ -128,56 +125,6 @@ def scenario(name: str) -> str:
         f"# `{name}`\n\n**{found.title}**\n\n{found.description.strip()}\n\n{markdown(('', ''), rows)}\n\n"
         f"```console\n$ insenv run {name}\n```\n\n## The file\n\n```toml\n{text}\n```\n"
     )
-
-
-PAGE_OF_PAPER = {
-    "ecef": "ecef-kf",
-    "navigation": "smoother",
-    "swaying": "inertial-fir",
-    "quaternion": "qakf",
-    "large-misalignment": "aqe",
-}
-"""Of each paper the page of its estimators."""
-
-
-def papers() -> Pages:
-    """A page per paper: each published figure beside ours and the limit, from the table that the tests compare."""
-    stored = json.loads((ROOT / "tests" / "reproduce" / "rows.json").read_text(encoding="utf-8"))
-    pages = {f"papers/{name}.md": paper(name, title, stored[name]) for name, title in PAPERS.items()}
-    rows = [[f"[{name}]({name}.md)", title, str(len(stored[name]))] for name, title in PAPERS.items()]
-    intro = (
-        "The estimators come from five papers. `insenv reproduce` repeats their tests; each page has the figure published, the "
-        "one computed here and the theoretical limit. A test compares the tables with the code."
-    )
-    pages["papers/index.md"] = overview("The papers", intro, ("paper", "subject", "rows"), rows, PAPERS)
-    return pages
-
-
-def paper(name: str, title: str, rows: Iterable[Mapping[str, object]]) -> str:
-    """The page of one paper."""
-    page = PAGE_OF_PAPER[name]
-    figure = figure_of(name, page)
-
-    def number(value: object) -> str:
-        return "" if value is None else f"{float(value):.3g}"  # type: ignore[arg-type]
-
-    cells = [
-        [str(row["quantity"]), str(row["unit"]), *(number(row[n]) for n in ("published", "ours", "limit")), str(row["seeds"])]
-        for row in rows
-    ]
-    table = markdown(("quantity", "unit", "published", "ours", "limit", "seeds"), cells)
-    return (
-        f"# Paper: {name}\n\n**{title[0].upper()}{title[1:]}**\n\n"
-        f"The method, its equations and what was corrected: [{page}](../../estimators/{page}.md).\n\n"
-        f"```console\n$ insenv reproduce {name}\n```\n\n![The tests of the paper](../../figures/{figure})\n\n{table}\n"
-    )
-
-
-def figure_of(paper: str, page: str) -> str:
-    """The figure that `insenv reproduce` draws of a paper, or else the first on the page of its estimators."""
-    if (DOCS / "figures" / f"reproduce-{paper}.png").is_file():
-        return f"reproduce-{paper}.png"
-    return re.findall(r"\]\(\.\./figures/([\w.-]+)\)", (DOCS / "estimators" / f"{page}.md").read_text(encoding="utf-8"))[0]
 
 
 def reference() -> Pages:

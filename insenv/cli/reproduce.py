@@ -15,7 +15,7 @@ def reproduce(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Repeat the tests of the papers; print the published value, insenv's value and the theoretical limit."""
+    """Repeat the tests of the papers; print the published values, those of the printed form, insenv's, and the limit."""
     from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report import OutputFolder
     from insenv.report.tables import number
@@ -39,12 +39,12 @@ def reproduce(
     for name, quantities in found.items():
         print_line(f"{name}: {PAPERS[name]}")
         print_table(
-            ("published", "ours", "limit", "ours/limit", "seeds", "unit", "quantity"),
+            ("published", "as printed", "ours", "limit", "ours/limit", "seeds", "unit", "quantity"),
             [
-                (number(q.published), number(q.ours), number(q.limit), number(q.ratio), str(q.seeds), q.unit, q.quantity)
+                (*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds), q.unit, q.quantity)
                 for q in quantities
             ],
-            right=(0, 1, 2, 3, 4),
+            right=(0, 1, 2, 3, 4, 5),
         )
         for note in dict.fromkeys(q.note for q in quantities if q.note):
             print_line(f"note: {note}")

@@ -129,7 +129,7 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def predict(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     """The time update over the samples since the last one."""
-    return {**_updated(p, x, spread), **_interval_start(x.q_wb)}
+    return {**_updated(p, x, spread), **interval_start(x.q_wb)}
 
 
 def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
@@ -144,7 +144,7 @@ def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra
     return {
-        **_placed(x, x.velocity_w - part.mean[:3], -part.mean[3:]),
+        **placed(x, x.velocity_w - part.mean[:3], -part.mean[3:]),
         "gyro_bias": gyro_decay * x.gyro_bias,
         "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
@@ -290,8 +290,8 @@ def fused(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple
         P[part, :] = matrix @ P[part, :]
         P[:, part] = P[:, part] @ matrix.T
     changed = {
-        **_placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
-        **_interval_start(q_wb),
+        **placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
+        **interval_start(q_wb),
         "q_wb": q_wb,
         "gyro_bias": x.gyro_bias + correction[GYRO],
         "accel_bias": x.accel_bias + correction[ACCEL],
@@ -300,7 +300,7 @@ def fused(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple
     return changed, ca.vertcat(*ratios)
 
 
-def _interval_start(q_wb: Any) -> dict[str, Any]:
+def interval_start(q_wb: Any) -> dict[str, Any]:
     """State rows of a new interval that starts with attitude q_wb."""
     return {
         "stretch": 0,
@@ -312,7 +312,7 @@ def _interval_start(q_wb: Any) -> dict[str, Any]:
     }
 
 
-def _placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
+def placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
     """State rows of a velocity and of a position moved by `move_w` (m, w)."""
     theta = geodesy.transport_rate_w(move_w, x.q_ew, x.height)
     q_ew = attitude.multiply(x.q_ew, attitude.from_rotation_vector(theta))

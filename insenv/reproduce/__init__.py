@@ -1,4 +1,4 @@
-"""`reproduce`: the published numbers of each paper, those of insenv, and the theoretical limit."""
+"""`reproduce`: the published numbers of each paper, as printed, with insenv's own form, and the limit."""
 
 from __future__ import annotations
 
@@ -29,29 +29,32 @@ class Quantity:
     paper: short name of the paper.
     quantity, unit: the quantity and its conditions; its unit.
     published: the number in the paper, None if it gives none.
-    ours: the number measured here.
+    ours: the number measured here with insenv's own form of the method, None if the row is about the printed form alone.
     limit: the theoretical limit, None if there is none.
     seeds: number of seeds (1 where nothing is random).
     note: explanation for the reader.
+    printed_form: the number measured here with the method as the paper prints it; None if the row is about insenv's form alone.
     """
 
     paper: str
     quantity: str
     unit: str
     published: float | None
-    ours: float
+    ours: float | None
     limit: float | None
     seeds: int
     note: str = ""
+    printed_form: float | None = None
 
     @property
     def ratio(self) -> float | None:
-        """Ours over the limit (magnitudes)."""
-        return abs(self.ours / self.limit) if self.limit else None
+        """Ours over the limit (magnitudes); that of the printed form, if there is no other."""
+        value = self.printed_form if self.ours is None else self.ours
+        return abs(value / self.limit) if self.limit and value is not None else None
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
-        names = ("paper", "quantity", "unit", "published", "ours", "limit", "seeds")
+        names = ("paper", "quantity", "unit", "published", "printed_form", "ours", "limit", "seeds")
         return {name: getattr(self, name) for name in names}
 
 
@@ -62,7 +65,7 @@ def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
 
 
 def figure(paper: str, folder: Path) -> list[Path]:
-    """Draw the figure of a paper into `folder`; returns the paths of the files."""
+    """Draw the figures of a paper into `folder`; returns the paths of the files, PNG and SVG of each figure."""
     return _module(paper).figure(folder / f"reproduce-{paper}")
 
 

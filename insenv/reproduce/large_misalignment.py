@@ -14,6 +14,7 @@ difference of the two runs is due to the method.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -29,6 +30,14 @@ Array = NDArray[np.float64]
 
 EKF, SUKF, LSSVM = "aqe-ekf", "aqe-sukf", "lssvm"
 IDS = (EKF, SUKF, LSSVM)
+PRINTED, KALMAN = "aqe-sukf-printed", "loosely-coupled"
+"""The printed form of aqe-sukf; the conventional Kalman filter of small angles, without a gate (`NO_GATE`)."""
+NO_GATE = {"innovation_gate": 0.0}
+READINGS: dict[str, dict[str, float]] = {
+    "n + kappa = 3": {"point_spread": 3.0},
+    "covariance kept at feedback": {"covariance_kept": 1.0},
+}
+"""What the text leaves open in the printed filter."""
 PUBLISHED = {EKF: 0.2, SUKF: 0.1, LSSVM: 0.1}
 STARTS = {"(20, 20, 60) deg": "large-misalignment", "(60, 60, 150) deg": "large-misalignment-extreme"}
 SEEDS = 40
@@ -53,11 +62,15 @@ def quantities() -> list[Quantity]:
             errors = _steady(run, id)
             heading = errors[..., 2]
             where = f"{id} from {start}"
+            printed = _printed(name) if id == SUKF else None
+            as_printed = None if printed is None else _steady(printed, PRINTED)
             note = f"an equivalent east drift that is not estimated causes {drift:.3f} deg"
-            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], rms(heading), limit, note))
+            steady = None if as_printed is None else rms(as_printed[..., 2])
+            found.append(_row(f"{where}, steady heading, RMS", "deg", PUBLISHED[id], rms(heading), limit, note, steady))
             last = rms(run.attitude_errors_deg(id)[:, -1, 2])
             at_end = limit_of(run.plants[0]).sigma["heading_deg"][-1]
-            found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, float(at_end), note))
+            late = None if printed is None else rms(printed.attitude_errors_deg(PRINTED)[:, -1, 2])
+            found.append(_row(f"{where}, heading at 600 s, RMS", "deg", PUBLISHED[id], last, float(at_end), note, late))
             note = "systematic, the same for every seed: due to the bias"
             found.append(_row(f"{where}, mean over seeds and time", "deg", None, float(np.mean(heading)), None, note))
             note = "between seeds: due to white noise and the method"
@@ -67,17 +80,22 @@ def quantities() -> list[Quantity]:
             found.append(_row(f"{where}, heading, contribution of the method", "deg", None, method, None, note))
             note = f"accelerometer biases that are not estimated cause {rms(_bias_tilts(run)[:, :2]):.4f} deg"
             level = rms(errors[..., :2])
-            found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, level, _level_limit(run), note))
+            tilt = None if as_printed is None else rms(as_printed[..., :2])
+            found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, level, _level_limit(run), note, tilt))
             seconds = _settled(run, id)
             if np.isfinite(seconds):
                 note = "median time from which the error stays below 1 deg"
-                found.append(_row(f"{where}, time to a heading", "s", None, seconds, None, note))
+                until = _finite(None if printed is None else _settled(printed, PRINTED))
+                found.append(_row(f"{where}, time to a heading", "s", None, seconds, None, note, until))
     for start, name in STARTS.items():
         run = _run(name, drawn=True)
         for id in IDS:
-            share = 100.0 * float(np.mean(np.abs(run.attitude_errors_deg(id)[:, -1, 2]) < 1.0))
+            share = _converged(run, id)
             note = "initial errors drawn with these standard deviations; heading within 1 deg at 600 s"
-            found.append(_row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, None, note))
+            printed_share = _converged(_printed(name, drawn=True), PRINTED) if id == SUKF else None
+            found.append(
+                _row(f"{id}, initial errors drawn with {start}, converged", "%", None, share, None, note, printed_share)
+            )
     for what, id, steps in (
         (SUKF, SUKF, update_time.SUKF),
         (LSSVM, LSSVM, update_time.LSSVM),
@@ -86,23 +104,58 @@ def quantities() -> list[Quantity]:
         note = "time on this machine, native, one update per second of GNSS: compare ratios"
         taken = update_time.microseconds(id, steps)
         found.append(Quantity("large-misalignment", f"{what}, time of a filter update", "us", None, taken, None, 1, note))
+    return found + _baseline() + _readings()
+
+
+def _baseline() -> list[Quantity]:
+    """The conventional Kalman filter, which the paper compares with and gives no number of."""
+    found = []
+    for start, name in STARTS.items():
+        run, note = _printed(name), f"{KALMAN} without its gate: linear in small angles"
+        heading, where = _steady(run, KALMAN)[..., 2], f"Kalman filter of small angles from {start}"
+        label, limit = f"{where}, steady heading, RMS", _heading_limit(run)
+        found.append(_row(label, "deg", None, None, limit, note, rms(heading)))
+        tilt = rms(_steady(run, KALMAN)[..., :2])
+        found.append(_row(f"{where}, roll and pitch, RMS", "deg", None, None, _level_limit(run), note, tilt))
+        share = _converged(_printed(name, drawn=True), KALMAN)
+        label = f"Kalman filter of small angles, initial errors drawn with {start}, converged"
+        found.append(_row(label, "%", None, None, None, note, share))
+    return found
+
+
+def _readings() -> list[Quantity]:
+    """The printed filter in other readings."""
+    found = []
+    for start, name in STARTS.items():
+        for reading in READINGS:
+            run, note = _printed(name, reading=reading), "a reading of the printed filter"
+            label = f"aqe-sukf from {start}, read with {reading}, steady heading, RMS"
+            found.append(_row(label, "deg", 0.1, None, _heading_limit(run), note, rms(_steady(run, PRINTED)[..., 2])))
     return found
 
 
 def figure(path_stem: Path) -> list[Path]:
-    """Like figures 3 and 4 of the paper: roll, pitch and heading errors of all three methods; PNG and SVG."""
+    """Figures 2 to 4 of the paper with insenv's methods, and with the printed filters.  PNG and SVG of each."""
+    printed = path_stem.with_name(f"{path_stem.name}-printed")
+    own_colours = dict(zip(IDS, (1, 0, 2), strict=True))
+    return [*_figure(_run, own_colours, path_stem), *_figure(_printed, {KALMAN: 3, PRINTED: 4}, printed)]
+
+
+def _figure(runs: Callable[[str], Ensemble], methods: dict[str, int], path_stem: Path) -> list[Path]:
+    """Roll, pitch and heading errors of some methods, with the numbers of their colours; PNG and SVG."""
     from insenv import style
     from insenv.style import COLOURS, LIMIT
 
     with style.page(9.0, 7.0) as page:
         grid = page.subplots(3, 2, sharex=True, sharey="row")
         for column, (start, name) in enumerate(STARTS.items()):
-            run = _run(name)
+            run = runs(name)
             bounds = (_level_limit(run), _level_limit(run), _heading_limit(run))
             for row, (channel, bound) in enumerate(zip(("roll", "pitch", "heading"), bounds, strict=True)):
                 axes = grid[row, column]
                 axes.axhspan(-bound, bound, color=LIMIT, alpha=0.3, lw=0, label="limit, 1 sigma")
-                for id, colour in zip((EKF, SUKF, LSSVM), COLOURS[1::-1] + COLOURS[2:3], strict=True):
+                for id, number in methods.items():
+                    colour = COLOURS[number]
                     for error in run.attitude_errors_deg(id)[:8, :, row]:
                         axes.plot(run.time, style.unwrapped(error), color=colour, lw=0.6)
                     axes.plot([], [], color=colour, label=id)
@@ -116,8 +169,31 @@ def figure(path_stem: Path) -> list[Path]:
         return style.save_both(page, path_stem)
 
 
-def _row(quantity: str, unit: str, published: float | None, ours: float, limit: float | None, note: str = "") -> Quantity:
-    return Quantity("large-misalignment", quantity, unit, published, ours, limit, SEEDS, note)
+def _row(
+    quantity: str, unit: str, published: float | None, ours: float | None, limit: float | None, note: str = "",
+    printed: float | None = None,
+) -> Quantity:  # fmt: skip
+    return Quantity("large-misalignment", quantity, unit, published, ours, limit, SEEDS, note, printed)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
+
+
+def _converged(run: Ensemble, id: str) -> float:
+    """Share of the runs whose heading is within 1 deg at the end, %."""
+    return 100.0 * float(np.mean(np.abs(run.attitude_errors_deg(id)[:, -1, 2]) < 1.0))
+
+
+@cache
+def _printed(name: str, drawn: bool = False, reading: str = "") -> Ensemble:
+    """The printed filter and the conventional one over the seeds, recorded every second."""
+    scenario = load(name)
+    known = scenario.knowledge.model_copy(update=DRAWN if drawn else {})
+    ids = (PRINTED,) if reading else (PRINTED, KALMAN)
+    tuning = {PRINTED: READINGS.get(reading, {}), KALMAN: NO_GATE}
+    scenario, seeds = scenario.model_copy(update={"knowledge": known}), range(1, SEEDS + 1)
+    return ensemble(scenario, ids, seeds, duration_s=DURATION, records=round(DURATION), tuning=tuning)
 
 
 @cache

@@ -8,6 +8,8 @@ turn-on  the figures are constant biases (1 sigma), as in `aircraft-survey`: the
          and the remaining drift is a hundredth of the paper's. in-run   the figures are the standard deviation of
          Gauss-Markov biases with a correlation time of one hour: the filter tracks them as well as theory allows.
 
+Table 2 row by row, with `wander-sins-plain` as the printed form, is in `insenv.reproduce.table_2`.
+
 The flight is insenv's own, because the paper gives no track; the outage begins 60 s into the first survey line.
 """
 
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 
 from insenv import geodesy
 from insenv.evaluation.errors import POSITION, Result
-from insenv.reproduce import Quantity, rms
+from insenv.reproduce import Quantity, rms, table_2
 from insenv.runs.ensemble import Ensemble, ensemble
 from insenv.runs.simulated import run
 from insenv.scenario import Scenario, limit_of, load
@@ -32,6 +34,7 @@ Array = NDArray[np.float64]
 PAPER = "navigation"
 SEEDS = {"in-run": 20, "turn-on": 8}
 SMOOTHED_SEEDS = 3
+WHOLE_S = 7200.0
 BEGIN_S = 1060.0
 PUBLISHED_M = (0.0, 2.08, 8.46, 23.83, 47.04, 77.42, 119.22, 181.48, 259.73, 352.06, 458.77)
 """Table 2: distance error after 0, 1, ... 10 min."""
@@ -87,11 +90,11 @@ def _left(found: Ensemble, name: str, record: int) -> float:
     return rms(error)
 
 
-def smoothed(reading: str, seed: int) -> tuple[Result, tuple[tuple[float, float], ...]]:
+def smoothed(reading: str, seed: int, duration_s: float = 1720.0) -> tuple[Result, tuple[tuple[float, float], ...]]:
     """The smoothed flight, and its four outages."""
     flown = scenario(reading)
     assert flown.gnss is not None
-    return run(flown, ["smoother"], seed=seed, duration_s=1720.0).results[0], flown.gnss.outages_s
+    return run(flown, ["smoother"], seed=seed, duration_s=duration_s).results[0], flown.gnss.outages_s
 
 
 def quantities() -> list[Quantity]:
@@ -117,14 +120,16 @@ def quantities() -> list[Quantity]:
             )
     for reading in READINGS:
         rows += _outages(reading)
-    return rows
+    for reading in READINGS:
+        rows += _outages(reading, WHOLE_S, " inside the flight of 2 h")
+    return rows + table_2.quantities()
 
 
-def _outages(reading: str) -> list[Quantity]:
+def _outages(reading: str, duration_s: float = 1720.0, where: str = "") -> list[Quantity]:
     largest, places, jumps, sigma = [], [], [], []
     for seed in range(1, SMOOTHED_SEEDS + 1):
-        result, outages = smoothed(reading, seed)
-        time = result.time
+        result, outages = smoothed(reading, seed, duration_s)
+        time, step = result.time, float(result.time[1] - result.time[0])
         for begin, end in outages:
             inside = (time > begin) & (time < end)
             size = np.sqrt(np.sum([result.errors[channel][inside] ** 2 for channel in POSITION], axis=0))
@@ -133,8 +138,8 @@ def _outages(reading: str) -> list[Quantity]:
                 error = result.errors[channel]
                 largest.append(np.abs(error[inside]).max())
                 sigma.append(result.sigma[channel][inside].max())
-                jumps += [np.abs(np.diff(error[np.abs(time - edge) < 1.5])).max() for edge in (begin, end)]
-    what = f"1 min outages smoothed, {reading} biases"
+                jumps += [np.abs(np.diff(error[np.abs(time - edge) < max(1.5, 1.1 * step)])).max() for edge in (begin, end)]
+    what = f"1 min outages smoothed{where}, {reading} biases"
     count = SMOOTHED_SEEDS
     return [
         Quantity(
@@ -165,12 +170,17 @@ def _outages(reading: str) -> list[Quantity]:
             float(max(jumps)),
             None,
             count,
-            "records every 0.6 s; the paper: no jump",
+            f"records every {duration_s / 3000 if where else 0.6:.1f} s; the paper: no jump",
         ),
     ]
 
 
-def figure(path_stem: str | Path) -> list[Path]:
+def figure(path_stem: Path) -> list[Path]:
+    """Drift and outages, and table 2 with the readings of its cause.  PNG and SVG of each."""
+    return [*_drift_and_outages(path_stem), *table_2.figure(path_stem.with_name(f"{path_stem.name}-table-2"))]
+
+
+def _drift_and_outages(path_stem: Path) -> list[Path]:
     """Like figures 4 and 6 of the paper: distance error over ten minutes, and smoothed errors over four outages."""
     from insenv import style
     from insenv.style import COLOURS, DASHED, LIMIT, PALE, TRUTH

@@ -6,6 +6,8 @@ unit, whose biases no alignment can tell from attitude, the error is that of its
 
 from __future__ import annotations
 
+from math import erf, exp, pi, sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,3 +34,22 @@ def unit_limit(run: Ensemble, bias_deg: Array, from_s: float) -> Array:
     """
     noise = noise_limit(run.plants[0]).rms(run.time, from_s)
     return np.hypot(np.sqrt(np.mean(bias_deg**2, axis=0)), [noise[name] for name in ATTITUDE])
+
+
+def mean_limit(sigma_deg: Array, bias_deg: Array) -> float:
+    """The limit of the magnitude of the mean error over an interval (deg), averaged over runs.
+
+    sigma_deg (times,): limit of the unit's noise at evenly spaced times. bias_deg (seeds,): the errors that the biases of each
+    seed's unit cause. The errors of an optimal estimate of a constant at two times have the covariance of the later one, so the
+    variance of the mean is the average of the limit's square with the weights 1, 3, 5, ... The mean of |x| is that of a folded
+    normal distribution: it is compared with means of |mean|, and a root mean square with the limit itself.
+    """
+    count = len(sigma_deg)
+    sigma = float(np.sqrt(np.sum((2 * np.arange(count) + 1) * sigma_deg**2) / count**2))
+    return float(np.mean([_folded(float(bias), sigma) for bias in bias_deg]))
+
+
+def _folded(mean: float, sigma: float) -> float:
+    """Mean of |x| of a normal distribution."""
+    ratio = mean / sigma
+    return sigma * sqrt(2 / pi) * exp(-(ratio**2) / 2) + mean * erf(ratio / sqrt(2))

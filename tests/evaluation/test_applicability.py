@@ -12,7 +12,9 @@ from insenv.estimators import registered
 from insenv.report import document
 from insenv.scenario import load
 
-ALIGNMENTS = [e.id for e in registered().values() if e.kind == "alignment" and not e.aided]
+PRINTED = [id for id in registered() if id.endswith("-printed")]
+"""Forms of the papers, for comparison: they say so beside every result, and do not count as aligned."""
+ALIGNMENTS = [e.id for e in registered().values() if e.kind == "alignment" and not e.aided and e.id not in PRINTED]
 n380 = pytest.mark.skipif(importlib.util.find_spec("onavdata") is None, reason="onavdata is not installed")
 
 
@@ -31,6 +33,14 @@ def lasting(said):
 def test_consumer_gyros_cannot_find_north():
     for id, said in notes("ship-swaying", grade="consumer").items():
         assert len(said) == 1 and said[0].startswith("not applicable for heading: a gyro error of"), id
+
+
+def test_a_printed_form_says_what_it_is_for_and_what_the_unit_does_not_allow():
+    alignments = [id for id in PRINTED if registered()[id].kind == "alignment"]
+    assert len(alignments) == 3
+    for id, said in notes("ship-swaying", alignments, grade="consumer").items():
+        assert said[0].startswith("not applicable for heading: a gyro error of"), id
+        assert said[-1].startswith("the paper's filter as printed, for comparison with it"), id
 
 
 def test_a_marine_unit_finds_north_in_minutes():

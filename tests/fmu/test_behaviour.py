@@ -27,6 +27,9 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler f
 
 IDS = ("qakf-improved", "loosely-coupled", "ship-swaying")
 
+LONG = ("aqe-sukf-printed",)
+"""It takes as long to compile as aqe-sukf, with which it shares all but the points."""
+
 
 class Slave:
     """An instance of either version, with values in the flat order of the tables and a list of its messages."""
@@ -220,7 +223,7 @@ def test_a_plant_takes_several_samples_a_step_and_holds_its_commands(slave, fmi)
 
 
 @pytest.mark.parametrize("fmi", (2, 3))
-@pytest.mark.parametrize("id", estimators.registered())
+@pytest.mark.parametrize("id", [pytest.param(id, marks=[pytest.mark.slow] * (id in LONG)) for id in estimators.registered()])
 def test_an_estimator_takes_one_sample_a_step(slave, id, fmi):
     one = slave(id, fmi)
     for step in (0.01, 0.16, 1.0, 0.0025):

@@ -56,7 +56,7 @@ def parsed(page):
 
 
 def test_the_pages_are_there():
-    groups = ("environments", "scenarios", "sensors", "grades", "papers", "api")
+    groups = ("environments", "scenarios", "sensors", "grades", "api")
     assert all(any(page.startswith(f"generated/{group}/") for page in PAGES) for group in groups)
     assert {*LOOKED_AT, "search.html", "how-to.html", "reference.html", "concepts/architecture.html"} <= set(PAGES)
 

@@ -1,0 +1,196 @@
+"""`qakf-printed` and `qakf-improved-printed`: the quaternion adaptive Kalman filters of the paper, in their textbook form.
+
+`qakf` and `qakf-improved` are insenv's filters on the same observations; these two are for comparison with the paper. State: Q
+(4), the constant quaternion from b at the start to n at the start, Q_k = Q_k-1 without process noise, with a 4x4 covariance
+P. The observation is zero, with the vectors of `insenv.estimators.parts.inertial_vectors` without window or weights:
+
+    qakf-printed:           0 = M_k Q + v,   M = [beta +] - [alpha -]
+    qakf-improved-printed:  0 = K_k Q + v,   K = integral of M^T M
+
+    innovation  e = -H Q,   d_k = (1 - b) / (1 - b^(k+1))
+    noise       r <- (1 - d_k) r + d_k trace(e e^T - s H P H^T) / 4,   R = r I             (Sage and Husa)
+    update      Q <- Q + P H^T (H P H^T + R)^-1 e,  Q <- Q / |Q|
+
+Source: the quaternion adaptive-Kalman paper, sections 2.2 and 3.2. Its formulas are lost, and its text leaves open:
+
+- the "practical adaptive Kalman filter": the estimator of Sage and Husa is the usual one. Its R is a multiple of the identity
+  here: a full R becomes singular and a diagonal one stays at its start, because the scalar part of M Q is the error itself.
+- s: 0 here (`subtracted`). With s = 1 the first r is negative, since P = I says that nothing is known, and the value that it is
+  raised to decides everything: the filter takes the first residuals for exact and stays tens of degrees off.
+- b: 1 here, all innovations alike (`forgetting`).
+- the noise in K Q: R = r I here too, although v enters integrated.
+- whether K is divided by the time (not here), and the start: Q = (1, 0, 0, 0), P = I. The unit of the vectors is immaterial
+  with s = 0; here they are divided by the nominal gravity.
+
+These choices are those with which the text of the paper is true: slow convergence of the first filter, the slower the more
+noise, and of the second like the q-method's but smoother. `noise_sigma` gives the filter the standard deviation of the vectors'
+noise instead. `insenv reproduce quaternion` has what the other readings give.
+
+R = r I, so the four components of the observation are used one after another, in Joseph's form.
+
+Stated accuracy: what the sensors set, P, and how far the answer has moved (`insenv.estimators.parts.settling`): P alone takes
+the residual that a wrong heading leaves for noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+
+from insenv import attitude
+from insenv.attitude import skew
+from insenv.core import symmetric
+from insenv.core.elementary import maximum, minimum, select
+from insenv.core.model import Model, Step
+from insenv.core.tables import Row, Table
+from insenv.estimators.contract import Estimator, Knowledge
+from insenv.estimators.parts import applicability, frozen_frame, inertial_vectors, rows, settling
+from insenv.estimators.parts.kalman import measure_joseph
+from insenv.geodesy import NOMINAL_GRAVITY
+
+SETTLING_S = 100.0
+"""s: the printed filters converge more slowly than `qakf`, whose windows need this time."""
+
+PARAMETERS = rows.chosen(rows.PLACE, "latitude", "height") + Table((
+    Row("noise_sigma", "Known noise of the vectors, per sample and axis; 0: estimated on line", "m/s^2", lower=0.0, upper=1e3),
+    Row("forgetting", "Forgetting factor b of the noise estimate; 1: none", "1", start=1.0, lower=0.5, upper=1.0),
+    Row("subtracted", "Part s of the predicted variance of the innovation that is no noise", "1", lower=0.0, upper=1.0),
+    Row("least_noise_sigma", "Smallest estimated noise of the vectors", "m/s^2", start=1e-7, lower=1e-12, upper=1.0),
+    Row("start_quaternion", "Start value of Q, of any length except zero", "1", (4,), "n at the start", (1, 0, 0, 0)),
+)) + rows.NOISES  # fmt: skip
+
+STATE = inertial_vectors.CARRIED + Table((
+    Row("q_start", "Q: takes components in b at the start to n at the start", "1", (4,), "n at the start", (1, 0, 0, 0)),
+    Row("covariance", "Covariance of Q, upper triangle", "1", (symmetric.triangle_size(4),),
+        start=symmetric.triangle_of_diagonal([1.0] * 4)),
+    Row("noise_variance", "Estimated variance of the observation's noise", "1"),
+    Row("kept_share", "b^k", "1", start=1.0),
+)) + settling.STATE  # fmt: skip
+
+INTEGRAL = Table((
+    Row("integral", "K: integral of M^T M, upper triangle", "s", (symmetric.triangle_size(4),)),
+))  # fmt: skip
+
+OUTPUTS = rows.ALIGNMENT + Table((
+    Row("filter_sigma", "Standard deviation by the filter's covariance, about n at the start", "rad", (3,), "n at the start"),
+    STATE["noise_variance"],
+))  # fmt: skip
+
+
+def start(p: Any) -> dict[str, Any]:
+    """The rows that the place determines, and the given Q."""
+    return {**inertial_vectors.start(p), "q_start": attitude.normalize(p.start_quaternion)}
+
+
+def matrix(alpha: Any, beta: Any) -> Any:
+    """M (4x4) = [beta +] - [alpha -]: M Q = beta (x) Q - Q (x) alpha."""
+    d, s = beta - alpha, beta + alpha
+    return ca.vertcat(ca.horzcat(0, -d.T), ca.horzcat(d, skew(s)))
+
+
+def updated(p: Any, x: Any, H: Any) -> dict[str, Any]:
+    """Rows of the filter after the observation 0 = H Q + v."""
+    P, q = symmetric.full(x.covariance, 4), x.q_start
+    innovation = -(H @ q)
+    kept = x.kept_share * p.forgetting
+    newest = p.forgetting == 1.0
+    share = select(newest, 1 / (x.samples + 1), (1 - p.forgetting) / select(newest, 1.0, 1 - kept))
+    excess = (ca.sumsqr(innovation) - p.subtracted * ca.trace(H @ P @ H.T)) / 4
+    least, known = (p.least_noise_sigma / NOMINAL_GRAVITY) ** 2, (p.noise_sigma / NOMINAL_GRAVITY) ** 2
+    estimated = maximum((1 - share) * x.noise_variance + share * excess, least)
+    variance = select(p.noise_sigma > 0, known, estimated)
+    correction = ca.SX.zeros(4)
+    for i in range(4):
+        P, correction, _ = measure_joseph(P, correction, H[i, :], innovation[i], variance, 1)
+    return {
+        "q_start": attitude.normalize(q + correction),
+        "covariance": symmetric.triangle(P),
+        "noise_variance": variance,
+        "kept_share": kept,
+    }
+
+
+def vector_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One inertial sample of `qakf-printed`."""
+    changed, alpha, beta = inertial_vectors.carried(p, x, u)
+    M = matrix(alpha / NOMINAL_GRAVITY, beta / NOMINAL_GRAVITY)
+    return {**changed, **updated(p, x, M), "answer_due": settling.due(x, changed["time"])}
+
+
+def integral_sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """One inertial sample of `qakf-improved-printed`."""
+    changed, alpha, beta = inertial_vectors.carried(p, x, u)
+    M = matrix(alpha / NOMINAL_GRAVITY, beta / NOMINAL_GRAVITY)
+    integral = x.integral + symmetric.triangle(M.T @ M) * u.dt
+    found = updated(p, x, symmetric.full(integral, 4))
+    return {**changed, "integral": integral, **found, "answer_due": settling.due(x, changed["time"])}
+
+
+def keep(p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """Keep the answer of now for comparison with later ones."""
+    return settling.kept(x, x.q_start)
+
+
+def output(p: Any, x: Any) -> dict[str, Any]:
+    """Attitude now."""
+    # the rotation about n at the start that a change of Q is: 2 (dQ conj(Q)), its vector part
+    product = ca.horzcat(*[attitude.multiply(column, attitude.conjugate(x.q_start)) for column in ca.horzsplit(ca.SX.eye(4))])
+    turn = 2 * product[1:, :]
+    covariance = turn @ symmetric.full(x.covariance, 4) @ turn.T
+    C_n0n = attitude.to_dcm(frozen_frame.q_n0n(x.half_turn, x.axis_n))
+    own = ca.diag(C_n0n.T @ covariance @ C_n0n)
+
+    def sigma(time: Any) -> Any:
+        return inertial_vectors.stated_sigma(p, x, time, 0.0, time / 2, time / 2)
+
+    stated = settling.stated(x, x.q_start, 0.0, sigma, inertial_vectors.LARGEST_HEADING_SIGMA)
+    largest = ca.DM([1.0, 1.0, inertial_vectors.LARGEST_HEADING_SIGMA])
+    return {
+        "q_nb": frozen_frame.q_nb(x, x.q_start),
+        "attitude_sigma": minimum(ca.sqrt(stated**2 + own), largest),
+        "filter_sigma": minimum(ca.sqrt(ca.diag(covariance)), 10.0),
+        "noise_variance": x.noise_variance,
+    }
+
+
+def prepare(known: Knowledge) -> dict[str, Any]:
+    """Parameters from what is known."""
+    return known.rows_of(PARAMETERS)
+
+
+def for_comparison(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about what the printed form is for."""
+    return (
+        "the paper's filter as printed, for comparison with it: with noise or motion it converges slowly, and its stated sigma "
+        "can be too small; use q-method",
+    )
+
+
+def _estimator(id: str, title: str, step: Callable[[Any, Any, Any], dict[str, Any]], further: Table) -> Estimator:
+    model = Model(
+        id=id,
+        title=title,
+        parameters=PARAMETERS,
+        state=STATE + further,
+        inputs=rows.SAMPLE_INPUTS,
+        outputs=OUTPUTS,
+        steps={"sample": Step(step), "keep": Step(keep, when="answer_due")},
+        output=output,
+        start=start,
+    )
+    return Estimator(
+        model,
+        kind="alignment",
+        prepare=prepare,
+        needs=lambda parameters: SETTLING_S,
+        applicability=applicability.together(applicability.notes, for_comparison),
+    )
+
+
+_TITLE = "alignment in place, the quaternion adaptive Kalman filter as its paper prints it"
+ESTIMATORS = [
+    _estimator("qakf-printed", f"{_TITLE}, on single vectors", vector_sample, Table()),
+    _estimator("qakf-improved-printed", f"{_TITLE}, on their integral", integral_sample, INTEGRAL),
+]
