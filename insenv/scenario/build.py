@@ -275,17 +275,29 @@ def start_errors(known: KnowledgeSection, seed: ArrayLike) -> Vector:
     """Initial errors (..., 9) for seeds (...), reported minus true: roll, pitch, heading (rad); position (m), velocity (m/s)
     in n.
     """
+    errors = start_sigmas(known) * start_normals(known, seed)
+    for place, given in enumerate(given_errors(known)):
+        if given is not None:
+            errors[..., place] = given
+    return errors
+
+
+def start_normals(known: KnowledgeSection, seed: ArrayLike) -> Vector:
+    """The standard normals (..., 9) behind `start_errors`; 0 if errors are not drawn."""
     uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
     drawn = [_NORMAL.inv_cdf(u) for u in uniforms.ravel().tolist()]
-    normals = np.reshape(drawn, uniforms.shape) * known.draw_errors
+    return np.reshape(drawn, uniforms.shape) * known.draw_errors
+
+
+def start_sigmas(known: KnowledgeSection) -> Vector:
+    """Reported standard deviations (9,) of the errors, in the order and units of `start_errors`."""
     tilt = radians(known.tilt_sigma_deg)
-    sigma = np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
-    errors = sigma * normals
-    for place, given in enumerate((known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)):
-        if given is not None:
-            errors[..., place] = radians(given)
-    if known.position_error_m is not None:
-        errors[..., 3:6] = known.position_error_m
-    if known.velocity_error_mps is not None:
-        errors[..., 6:9] = known.velocity_error_mps
-    return errors
+    return np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
+
+
+def given_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
+    """The errors that are given (9), in the order and units of `start_errors`; None for one that is drawn."""
+    angles = (known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)
+    position = (None,) * 3 if known.position_error_m is None else known.position_error_m
+    velocity = (None,) * 3 if known.velocity_error_mps is None else known.velocity_error_mps
+    return (*(None if angle is None else radians(angle) for angle in angles), *position, *velocity)

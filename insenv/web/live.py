@@ -1,0 +1,184 @@
+"""The document `live` of a page: a scenario and its estimators as WebAssembly, with what starts, steers and labels them."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from insenv.core.progress import Progress
+from insenv.core.tables import Table, Vector
+from insenv.core.wasm import wasm, wasm_source
+from insenv.errors import InputError
+from insenv.estimators import Estimator, EstimatorsLike, get_all
+from insenv.plant.feeding import recording_interval
+from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
+from insenv.scenario.build import given_errors, start_normals, start_sigmas
+from insenv.scenario.choice import named_estimators
+from insenv.scenario.tuning import Settings, setting_rows
+from insenv.web.model import PageModel, page_model
+from insenv.web.start import known_vector, start_source
+
+SEEDS = 1024
+"""Seeds that a page offers, from 0 on, beside that of the scenario."""
+LIMIT_TIMES = 300
+"""Number of times at which the limit is shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Live:
+    """A scenario ready to run in a page.
+
+    parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
+    known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
+    """
+
+    plant: Plant
+    page: PageModel
+    wasm: bytes
+    parameters: Vector
+    known: Vector
+    seeds: tuple[int, ...]
+    normals: Vector
+
+    @property
+    def every(self) -> int:
+        """Samples from one record to the next, as `insenv.run` records them."""
+        return recording_interval(self.plant.samples)
+
+
+def live(
+    scenario: ScenarioLike,
+    estimators: EstimatorsLike | None = None,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    settings: Settings | None = None,
+) -> Live:
+    """Compile a scenario and estimators for a page; the arguments are those of `insenv.run`.
+
+    Raises `InputError` for what is unknown or wrong, and for an estimator that goes back over a whole run; `InsenvError`
+    without the compiler.
+    """
+    loaded = load(scenario)
+    chosen = get_all(named_estimators(loaded) if estimators is None else estimators)
+    plant = build(loaded, seed=seed, duration_s=duration_s)
+    rows = setting_rows(settings, chosen)
+    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in chosen]
+    page = page_model(plant.model, tuple(chosen))
+    parameters = page_parameters(page, plant, chosen, rows)
+    known = loaded.knowledge
+    seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
+    return Live(
+        plant=plant,
+        page=page,
+        wasm=wasm(wasm_source(page.model, start_source(page, plant))),
+        parameters=parameters,
+        known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
+        seeds=seeds,
+        normals=start_normals(known, np.array(seeds)),
+    )
+
+
+def page_parameters(
+    page: PageModel, plant: Plant, chosen: Sequence[Estimator], rows: Mapping[str, Mapping[str, Any]]
+) -> Vector:
+    """Parameters of a page's model: those of `insenv.run`."""
+    parts = [plant.model.parameters.pack(plant.parameters)]
+    for estimator in chosen:
+        parts.append(estimator.model.parameters.pack(plant.parameters_of(estimator, rows[estimator.id], whole=False)))
+    return np.concatenate(parts)
+
+
+def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any]:
+    """The document that a page embeds: see docs/page.md."""
+    plant, model = live.plant, live.page.model
+    scenario = plant.scenario
+    if not 0 < plant.samples < 2**31:
+        raise InputError(f"duration_s = {plant.duration_s:g} s: a page runs at most 2^31 samples")
+    return {
+        "kind": "live",
+        "name": scenario.name,
+        "title": scenario.title,
+        "vehicle": scenario.vehicle.kind,
+        "seed": plant.seed,
+        "rate_hz": scenario.rate_hz,
+        "duration_s": plant.duration_s,
+        "samples": plant.samples // live.every * live.every,
+        "every": live.every,
+        "wasm": base64.b64encode(gzip.compress(live.wasm, 9, mtime=0)).decode(),
+        "start": {"p": _base64(live.parameters), "known": _base64(live.known), "u": _base64(model.inputs.start_vector())},
+        "sizes": {"p": model.parameters.size, "x": model.state.size, "u": model.inputs.size, "y": model.outputs.size},
+        "seed_place": model.parameters.slice("seed").start,
+        "seeds": {"numbers": _ranges(live.seeds), "normals": _base64(live.normals)},
+        "tables": {"inputs": _rows(model.inputs), "outputs": _rows(model.outputs)},
+        "estimators": [
+            {
+                "id": member.estimator.id,
+                "title": member.estimator.title,
+                "kind": member.estimator.kind,
+                "prefix": member.prefix,
+                "channels": list(member.channels),
+                "stated": list(member.stated),
+            }
+            for member in live.page.members
+        ],
+        "limit": _limit(plant, progress),
+        "notes": _notes(plant),
+    }
+
+
+def _notes(plant: Plant) -> list[str]:
+    """What a reader of the page must know of it."""
+    notes = [*plant.scenario.notes, no_limit(plant)]
+    if plant.parameters["imu_drop_probability"] > 0.0:
+        notes.append(
+            "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
+        )
+    return [note for note in notes if note]
+
+
+def _limit(plant: Plant, progress: Progress | None) -> dict[str, Any] | None:
+    """The limit of the scenario as it stands, by channel; None if there is none."""
+    if no_limit(plant):
+        return None
+    times = np.linspace(0.0, plant.duration_s, LIMIT_TIMES + 1)[1:]
+    found = limit_of(plant, progress).at(times)
+    return {"time_s": _rounded(times), "sigma": {name: _rounded(values) for name, values in found.items()}}
+
+
+def _rounded(values: Vector) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]
+
+
+def _rows(table: Table) -> list[dict[str, Any]]:
+    found = []
+    for row in table:
+        start = table.slice(row.name).start
+        bounds = {k: v for k, v in (("minimum", row.lower), ("maximum", row.upper)) if np.isfinite(v)}
+        found.append(
+            {"name": row.name, "meaning": row.meaning, "unit": row.unit, "frame": row.frame, "at": start, "size": row.size}
+            | bounds
+            | ({"flag": True} if row.flag else {})
+        )
+    return found
+
+
+def _ranges(seeds: Sequence[int]) -> list[list[int]]:
+    """Seeds as ranges [first, last]."""
+    ranges: list[list[int]] = []
+    for seed in seeds:
+        if ranges and seed == ranges[-1][1] + 1:
+            ranges[-1][1] = seed
+        else:
+            ranges.append([seed, seed])
+    return ranges
+
+
+def _base64(numbers: Vector) -> str:
+    """The bytes of float64 numbers, little endian."""
+    return base64.b64encode(np.ascontiguousarray(numbers, dtype="<f8").tobytes()).decode()
