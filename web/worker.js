@@ -7,6 +7,12 @@ const FRAME_MS = 1000 / 60; // between two frames
 const SLICE_MS = 12; // of simulation before messages are read
 const TICK_MS = 8; // between two looks at the clock
 const CLOUD_RECORDS = 300; // about the number of records of one unit of a cloud
+const LATE = 1e9; // s: the end of an outage that has not ended
+const FORMS = {
+  product: (value, scale) => scale * value,
+  degrees: (value, scale) => (value * Math.PI) / scale,
+  inverse: (value, scale) => scale * (1 / value),
+};
 const NOW = () => performance.now();
 
 /** Bytes of base64 text. @param {string} text @returns {Uint8Array} */
@@ -55,7 +61,8 @@ class Unit {
     known.set(machine.start.known);
     known.set(machine.normals(seed), 0);
     this.p[live.seed_place] = seed;
-    for (const [key, value] of Object.entries(values)) machine.apply(key, value, this.p, known);
+    const order = Object.keys(values).sort((a, b) => machine.rank(a) - machine.rank(b));
+    for (const key of order) machine.apply(key, values[key], this.p, known);
     this.x.fill(0);
     if (machine.exports.begin(this.place[4], this.place[0], this.place[1]) !== 0) {
       throw new Error("the reported start is beyond a full turn: choose a smaller error or standard deviation of the angles");
@@ -146,10 +153,20 @@ class Machine {
     throw new Error(`seed = ${seed}: this page offers the seeds ${offered.join(", ")}`);
   }
 
-  /** Set what a control stands for. */
+  /** Options go before numbers: those may replace numbers of a grade. @param {string} key @returns {number} */
+  rank(key) {
+    return this.controls.get(key)?.options ? 0 : 1;
+  }
+
+  /** Set what a control stands for. @param {string} key @param {Float64Array} p @param {Float64Array} known */
   apply(key, value, p, known) {
+    const outage = this.live.outages.find((one) => one.key === key);
+    if (outage) {
+      this.applyOutages(outage, value, p);
+      return;
+    }
     const control = this.controls.get(key);
-    if (!control) throw new Error(`no control ${JSON.stringify(key)} in this page`);
+    if (!control) throw new Error(`${key}: this page has no control of that name`);
     if (control.options) {
       const option = control.options.find((one) => one.value === value);
       if (!option) throw new Error(`${key} = ${JSON.stringify(value)}: allowed is ${control.options.map((one) => one.value).join(", ")}`);
@@ -161,11 +178,64 @@ class Machine {
       throw new Error(`${key} = ${value}${unit}: allowed is ${control.minimum} to ${control.maximum}${unit}`);
     }
     for (const target of control.targets) {
-      const into = target.into === "known" ? known : p;
-      for (const at of target.at) into[at] = target.scale * value;
-      for (const at of target.given ?? []) known[at] = 1;
+      const into = target.into === "known" ? known : p, number = FORMS[target.form](value, target.scale);
+      for (const at of target.at) into[at] = number;
+      for (const at of target.given) known[at] = 1;
     }
   }
+
+  /** @param {{key: string, start: number, end: number, most: number}} outage @param {number[][]} windows in s */
+  applyOutages(outage, windows, p) {
+    const good = Array.isArray(windows) && windows.every((one) => Array.isArray(one) && one.length === 2 && one[0] >= 0 && one[0] < one[1]);
+    if (!good) throw new Error(`${outage.key}: allowed are pairs of a begin of 0 s or later and an end after it`);
+    if (windows.length > outage.most) throw new Error(`${outage.key}: at most ${outage.most} outages, ${windows.length} given`);
+    for (let k = 0; k < outage.most; ++k) {
+      [p[outage.start + k], p[outage.end + k]] = windows[k] ?? [0, 0];
+    }
+  }
+}
+
+/** The text of a scenario file. @param {object} values by key @returns {string} */
+function tomlOf(values) {
+  const lines = [], tables = [];
+  const isTable = (value) => typeof value === "object" && value !== null && !Array.isArray(value);
+  const write = (table, path) => {
+    for (const [key, value] of Object.entries(table)) if (!isTable(value) && value !== null) lines.push(`${keyOf(key)} = ${textOf(value)}`);
+    for (const [key, value] of Object.entries(table)) {
+      if (!isTable(value)) continue;
+      const name = [...path, keyOf(key)];
+      lines.push("", `[${name.join(".")}]`);
+      write(value, name);
+    }
+  };
+  write(values, tables);
+  return `${lines.join("\n")}\n`;
+}
+
+function keyOf(key) {
+  return /^[\w-]+$/.test(key) ? key : JSON.stringify(key);
+}
+
+function textOf(value) {
+  if (Array.isArray(value)) return `[${value.map(textOf).join(", ")}]`;
+  if (typeof value === "object") {
+    const pairs = Object.entries(value).filter(([, one]) => one !== null);
+    return `{ ${pairs.map(([key, one]) => `${keyOf(key)} = ${textOf(one)}`).join(", ")} }`;
+  }
+  if (typeof value === "number") return Object.is(value, -0) ? "-0.0" : String(value);
+  return JSON.stringify(value); // texts, true, false: as in JSON
+}
+
+/** Values with some changed by dotted key. @returns {object} */
+function changed(values, setting) {
+  const copy = structuredClone(values);
+  for (const [key, value] of Object.entries(setting)) {
+    const path = key.split("."), last = path.pop();
+    let here = copy;
+    for (const part of path) here = here[part] ??= {};
+    here[last] = value;
+  }
+  return copy;
 }
 
 /** What the page talks to: one run, driven by messages. */
@@ -200,7 +270,7 @@ class Session {
     this.cloud = null;
     this.unit.begin(seed, values ?? {});
     this.seed = seed;
-    this.values = { ...values };
+    this.values = structuredClone(values ?? {});
     this.inputs = [];
     this.kept = [];
     this.frame("reset");
@@ -239,6 +309,33 @@ class Session {
       u[row.at] = value;
     }
     this.inputs.push([this.unit.sample, { ...values }]);
+  }
+
+  /** Begin or end an outage of a sensor now; it is part of the scenario that the page gives. */
+  do_cut({ sensor, on }) {
+    const outage = this.live.outages.find((one) => one.sensor === sensor);
+    if (!outage) throw new Error(`this page has no sensor ${JSON.stringify(sensor)} to cut off`);
+    const own = sensor in this.live.values ? this.live.values[sensor].outages_s ?? [] : [];
+    const windows = structuredClone(this.values[outage.key] ?? own);
+    // half a sample later: whatever is measured at this sample is measured already
+    const now = (this.unit.sample + 0.5) / this.live.rate_hz;
+    const open = windows.find(([begin, end]) => begin <= now && now < end);
+    if (on && !open) windows.push([now, LATE]);
+    if (!on && open) open[1] = now;
+    if (!on && open && open[0] >= open[1]) windows.splice(windows.indexOf(open), 1);
+    this.machine.applyOutages(outage, windows, this.unit.p);
+    this.values[outage.key] = windows;
+    this.post({ got: "values", seed: this.seed, values: this.values });
+  }
+
+  /** The scenario file of this run. */
+  do_toml() {
+    const setting = { seed: this.seed };
+    for (const [key, value] of Object.entries(this.values)) {
+      const option = this.machine.controls.get(key)?.options?.find((one) => one.value === value);
+      Object.assign(setting, option ? option.set : { [key]: value });
+    }
+    this.post({ got: "toml", name: `${this.live.name || "scenario"}.toml`, text: tomlOf(changed(this.live.values, setting)) });
   }
 
   advance(n) {

@@ -155,7 +155,9 @@ class Table:
 
     def start_vector(self) -> Vector:
         """The start values as one flat vector."""
-        return np.concatenate([row.flat_start() for row in self.rows] or [np.zeros(0)])
+        if not hasattr(self, "_start"):
+            object.__setattr__(self, "_start", np.concatenate([row.flat_start() for row in self.rows] or [np.zeros(0)]))
+        return np.array(self._start)
 
     def pack(self, values: Mapping[str, Any], base: Vector | None = None) -> Vector:
         """Flat vector with `values` by name written over `base` (the start values if not given), each checked.

@@ -15,13 +15,16 @@ from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all
+from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
-from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
+from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
+from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
+from insenv.web.controls import Control, Prober
 from insenv.web.model import PageModel, page_model
-from insenv.web.start import known_vector, start_source
+from insenv.web.start import known_vector, start_source, told_places
 
 SEEDS = 1024
 """Seeds that a page offers, from 0 on, beside that of the scenario."""
@@ -35,6 +38,7 @@ class Live:
 
     parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
     known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
+    values: of the scenario's file, with the page's seed, duration and estimators.  controls: what the page may change.
     """
 
     plant: Plant
@@ -44,6 +48,8 @@ class Live:
     known: Vector
     seeds: tuple[int, ...]
     normals: Vector
+    values: Mapping[str, Any]
+    controls: tuple[Control, ...]
 
     @property
     def every(self) -> int:
@@ -71,6 +77,8 @@ def live(
     chosen = [plant.adapted(estimator, settings, whole=False) for estimator in chosen]
     page = page_model(plant.model, tuple(chosen))
     parameters = page_parameters(page, plant, chosen, rows)
+    starts = [place for place, _ in told_places(page, plant)]
+    prober = Prober(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
     known = loaded.knowledge
     seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
     return Live(
@@ -81,7 +89,33 @@ def live(
         known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
         seeds=seeds,
         normals=start_normals(known, np.array(seeds)),
+        values=prober.values,
+        controls=prober.controls(),
     )
+
+
+def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | None = None) -> tuple[Vector, Vector]:
+    """Parameters and `known_vector` of a page's model for the values of a scenario.
+
+    Raises `InputError` for values that are not allowed, or that another model would run.
+    """
+    plant = build(validated(scenario_class(), dict(values), "scenario"))
+    chosen = [member.estimator for member in page.members]
+    rows = setting_rows(settings, chosen)
+    if plant.model is not page.plant or [plant.adapted(e.id, settings, whole=False) for e in chosen] != chosen:
+        raise InputError("another model")
+    known = plant.scenario.knowledge
+    vector = known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed))
+    return page_parameters(page, plant, chosen, rows), vector
+
+
+def with_run(scenario: Scenario, plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> Scenario:
+    """The scenario with the seed, duration, estimators and settings of a page, as a file would have them."""
+    values = scenario.model_dump(mode="json", exclude_unset=True)
+    values |= {"seed": plant.seed, "duration_s": plant.duration_s, "estimators": [e.id for e in chosen]}
+    for id, table in (settings or {}).items():
+        values.setdefault("estimator", {}).setdefault(id, {}).update(table)
+    return load(values)
 
 
 def page_parameters(
@@ -127,9 +161,29 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             }
             for member in live.page.members
         ],
+        "values": live.values,
+        "outages": [
+            _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
+        ],
+        "controls": [_control(control) for control in live.controls],
         "limit": _limit(plant, progress),
         "notes": _notes(plant),
     }
+
+
+def _outages(parameters: Table, id: str) -> dict[str, Any]:
+    """Where the outage windows of a sensor are among the parameters."""
+    begin, end = (parameters.slice(f"{id}_outage_{name}") for name in ("start", "end"))
+    return {"sensor": id, "key": f"{id}.outages_s", "start": begin.start, "end": end.start, "most": begin.stop - begin.start}
+
+
+def _control(control: Control) -> dict[str, Any]:
+    shown = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
+    if control.options:
+        options = [{"value": o.value, "label": o.label, "set": dict(o.setting), "p": o.p} for o in control.options]
+        return shown | {"options": options}
+    bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
+    return shown | bounds | {"targets": [vars(target) for target in control.targets]}
 
 
 def _notes(plant: Plant) -> list[str]:

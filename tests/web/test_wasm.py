@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
-import textwrap
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ from page_machine import PageMachine
 import insenv
 from insenv.files.resources import web_folder
 from insenv.scenario import load, names
-from insenv.web.live import live, live_document
+from insenv.web.controls import setting_of, with_values
+from insenv.web.live import Live, live, live_document
 
 pytest.importorskip("wasmtime")
 pytest.importorskip("ziglang")
@@ -77,33 +80,103 @@ def test_every_scenario_and_estimator(scenario: str) -> None:
         runs(scenario, (estimator,), 20.0, seed=5)
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="Node is not installed")
-def test_worker_in_node(tmp_path) -> None:
-    """web/worker.js itself, run in slices of its own clock, gives the records of `insenv run`."""
-    made = live("ship-swaying", ("q-method",), duration_s=20.0)
-    (tmp_path / "live.json").write_text(json.dumps(live_document(made)))
-    script = textwrap.dedent("""
-        const { Session } = require(process.argv[2]), fs = require("fs");
-        const live = JSON.parse(fs.readFileSync("live.json")), records = [];
-        const session = new Session((message) => {
-          if (message.got === "error") { console.error(message.message); process.exit(1); }
-          if (message.records) records.push(Buffer.from(message.records.buffer));
-          if (message.got === "end") { fs.writeFileSync("records.bin", Buffer.concat(records)); process.exit(0); }
-        });
-        (async () => {
-          await session.receive({ do: "load", live });
-          await session.receive({ do: "step", samples: 17 });
-          await session.receive({ do: "run", speed: null });
-        })();
-    """)
-    (tmp_path / "go.cjs").write_text(script)
+CHANGED = {
+    "start.latitude_deg": -41.3,
+    "start.heading_deg": 123.4,
+    "vehicle.sway.roll.0.amplitude_deg": 7.7,
+    "vehicle.sway.roll.0.period_s": 9.1,
+    "vehicle.sway.pitch.0.phase_deg": 33.3,
+    "imu.grade": "tactical",
+    "knowledge.heading_error_deg": -1.7,
+    "knowledge.tilt_sigma_deg": 0.3,
+}
+
+
+def test_controls_give_the_numbers_of_run() -> None:
+    made = live("ship-swaying", ("q-method",), duration_s=10.0)
+    by_key = {control.key: control for control in made.controls}
+    p, known = np.array(made.parameters), np.array(made.known)
+    for key, value in CHANGED.items():
+        by_key[key].apply(value, p, known)
+    machine = PageMachine(made)
+    machine.begin(3, p, known)
+    shown = machine.named(machine.run(made.plant.samples, made.every))
+    report = insenv.run(with_values(made.values, setting_of(made.controls, CHANGED)), seed=3)
+    assert shown["q_nb"].tobytes() == report.truth.q_nb.tobytes()
+    assert np.ascontiguousarray(shown["e0_q_nb"]).tobytes() == report.results[0].outputs["q_nb"].tobytes()
+
+
+NODE = """
+const { Session } = require(process.argv[2]), fs = require("fs");
+const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [];
+let ended;
+const end = new Promise((resolve) => { ended = resolve; });
+const session = new Session((message) => {
+  if (message.got === "error") { console.error(message.message); process.exit(1); }
+  if (message.got === "reset") records.length = 0;
+  if (message.records) records.push(Buffer.from(message.records.buffer));
+  if (message.got === "toml") fs.writeFileSync("scenario.toml", message.text);
+  if (message.got === "end") ended();
+});
+(async () => {
+  await session.receive({ do: "load", live });
+  for (const message of messages) await session.receive(message);
+  await session.receive({ do: "run", speed: null });
+  await end;
+  await session.receive({ do: "toml" });
+  fs.writeFileSync("records.bin", Buffer.concat(records));
+  process.exit(0);
+})();
+"""
+
+
+def by_worker(made: Live, messages: list[dict[str, Any]], folder: Path) -> dict[str, Any]:
+    """Outputs by row name of web/worker.js in Node, which takes the messages and then runs to the end."""
+    if shutil.which("node") is None:
+        pytest.skip("Node is not installed")
+    (folder / "given.json").write_text(json.dumps([live_document(made), messages]))
+    (folder / "go.cjs").write_text(NODE)
     worker = str(web_folder() / "worker.js")
-    done = subprocess.run(["node", "go.cjs", worker], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(["node", "go.cjs", worker], cwd=folder, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     model = made.page.model
-    shown = model.outputs.unpack(np.fromfile(tmp_path / "records.bin").reshape(-1, model.outputs.size))
-    report = insenv.run("ship-swaying", ("q-method",), duration_s=20.0)
-    assert np.ascontiguousarray(shown["e0_q_nb"]).tobytes() == report.results[0].outputs["q_nb"].tobytes()
+    return model.outputs.unpack(np.fromfile(folder / "records.bin").reshape(-1, model.outputs.size))
+
+
+def equal_to_run_of_its_scenario(shown: dict[str, Any], folder: Path, row: str) -> None:
+    """`insenv run` of the scenario that the page gives has the numbers of the page."""
+    report = insenv.run(folder / "scenario.toml")
+    assert shown["q_nb"].tobytes() == report.truth.q_nb.tobytes()
+    assert np.ascontiguousarray(shown[f"e0_{row}"]).tobytes() == report.results[0].outputs[row].tobytes()
+
+
+def test_worker_gives_a_scenario_with_its_numbers(tmp_path: Path) -> None:
+    made = live("ship-swaying", ("q-method",), duration_s=10.0)
+    messages = [{"do": "reset", "seed": 9, "values": CHANGED}, {"do": "step", "samples": 17}]
+    equal_to_run_of_its_scenario(by_worker(made, messages, tmp_path), tmp_path, "q_nb")
+
+
+def test_worker_cuts_gnss_off_as_the_scenario_says(tmp_path: Path) -> None:
+    made = live("car-city-drive", ("loosely-coupled",), duration_s=20.0)
+    cut = [{"do": "cut", "sensor": "gnss", "on": on} for on in (True, False, True)]
+    messages = [{"do": "step", "samples": 801}, cut[0], {"do": "step", "samples": 1200}, cut[1], {"do": "step", "samples": 900}]
+    shown = by_worker(made, [*messages, cut[2]], tmp_path)
+    fixes = shown["time"][np.flatnonzero(np.diff(shown["e0_fix_count"], prepend=0.0))]
+    assert np.all((fixes < 4.2) | (fixes > 10.0) & (fixes < 14.7)) and len(fixes) == 8
+    equal_to_run_of_its_scenario(shown, tmp_path, "fix_count")
+
+
+def test_worker_refuses_in_a_sentence(tmp_path: Path) -> None:
+    made = live("ship-swaying", ("q-method",), duration_s=10.0)
+    for values, sentence in (
+        ({"start.latitude_deg": 91}, "start.latitude_deg = 91 deg: allowed is -89.999 to 89.999 deg"),
+        ({"imu.grade": "golden"}, 'imu.grade = "golden": allowed is'),
+        ({"imu.colour": 1}, "imu.colour: this page has no control of that name"),
+    ):
+        with pytest.raises(AssertionError, match=re.escape(sentence)):
+            by_worker(made, [{"do": "reset", "seed": 9, "values": values}], tmp_path)
+    with pytest.raises(AssertionError, match="seed = 5000: this page offers the seeds 0 to 1023"):
+        by_worker(made, [{"do": "reset", "seed": 5000, "values": {}}], tmp_path)
 
 
 def test_a_smoother_has_no_page() -> None:
