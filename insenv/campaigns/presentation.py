@@ -126,16 +126,21 @@ def campaign_frame(found: Statistics) -> DataFrame:
 
 
 def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg."""
+    """Write campaign.npz and .json; if `figure`, the page campaign.html, and, with matplotlib, campaign.png and .svg."""
+    from insenv.campaigns.campaign_page import campaign_page
+
     note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
-    names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
+    kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
+    names = [f"{NAME}.{kind}" for kind in kinds]
     paths = tuple(folder.path / name for name in names)
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **campaign_arrays(found))
         text = to_json(campaign_document(found, names)) + "\n"  # without the folder, so that equal campaigns are equal files
         part(names[1]).write_text(text, encoding="ascii")
+        if figure:
+            part(f"{NAME}.html").write_text(campaign_page(found), encoding="utf-8", newline="\n")
         if drawn:
             save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(paths, note)

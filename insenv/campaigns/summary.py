@@ -46,7 +46,7 @@ class Summary(Statistics):
         return campaign_frame(self)
 
     def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
-        """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, the figure.
+        """Write campaign.npz and campaign.json and, if `figure`, the page and (with matplotlib) the figure.
 
         Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
