@@ -265,13 +265,16 @@ class Session {
     this.do_reset({ seed: live.seed, values: {} });
   }
 
-  do_reset({ seed, values }) {
+  /** Start again. `commands`: [{sample, values by name}], as `values` messages have them; the scenario's if not given. */
+  do_reset({ seed, values, commands }) {
     this.running = false;
     this.cloud = null;
     this.unit.begin(seed, values ?? {});
     this.seed = seed;
     this.values = structuredClone(values ?? {});
-    this.inputs = [];
+    this.commands = structuredClone(commands ?? this.live.commands?.given ?? []);
+    this.checkCommands();
+    this.followed = 0;
     this.kept = [];
     this.frame("reset");
   }
@@ -298,17 +301,48 @@ class Session {
     this.frame(this.unit.sample >= this.live.samples ? "end" : "frame");
   }
 
+  /** Commands from now on, by name, in SI; those that are not named keep what is in force. */
   do_input({ values }) {
-    const u = this.unit.u;
-    for (const [name, value] of Object.entries(values)) {
-      const row = this.live.tables.inputs.find((one) => one.name === name);
-      if (!row) throw new Error(`no input ${JSON.stringify(name)}`);
-      if (!(value >= (row.minimum ?? -Infinity) && value <= (row.maximum ?? Infinity))) {
-        throw new Error(`${name} = ${value} ${row.unit}: allowed is ${row.minimum} to ${row.maximum} ${row.unit}`);
+    const { commands } = this.live, { sample, x } = this.unit;
+    if (!commands) throw new Error("the vehicle of this scenario takes no commands");
+    this.commands.length = this.followed; // whoever steers replaces what was to come
+    const last = this.commands.at(-1), now = last ? last.values : Object.fromEntries(commands.rows.map((row) => [row.name, x[row.state]]));
+    if (last && last.sample === sample) this.commands.pop();
+    this.commands.push({ sample, values: { ...now, ...values } });
+    this.checkCommands();
+    this.followed = this.commands.length - 1;
+    this.follow();
+  }
+
+  checkCommands() {
+    const { commands, tables } = this.live;
+    let before = 0;
+    for (const { sample, values } of this.commands) {
+      if (!commands) throw new Error("the vehicle of this scenario takes no commands");
+      if (!(Number.isInteger(sample) && sample >= before)) throw new Error(`commands at sample ${sample}: allowed are whole numbers in order`);
+      before = sample;
+      for (const [name, value] of Object.entries(values)) {
+        const row = tables.inputs.find((one) => one.name === `command_${name}`);
+        if (!row) throw new Error(`commands: unknown command ${JSON.stringify(name)}`);
+        const least = row.minimum ?? -Infinity, most = row.maximum ?? Infinity;
+        if (!(value >= least && value <= most)) throw new Error(`command ${name} = ${value} ${row.unit}: allowed is ${least} to ${most} ${row.unit}`);
       }
-      u[row.at] = value;
     }
-    this.inputs.push([this.unit.sample, { ...values }]);
+  }
+
+  /** Set the inputs to the commands that are due. */
+  follow() {
+    const { commands } = this.live, { sample, u } = this.unit;
+    while (this.followed < this.commands.length && this.commands[this.followed].sample <= sample) {
+      const { values } = this.commands[this.followed++];
+      for (const row of commands.rows) if (row.name in values) u[row.at] = values[row.name];
+      u[commands.valid] = 1;
+    }
+  }
+
+  /** What a link must hold to repeat this run. */
+  do_values() {
+    this.post({ got: "values", seed: this.seed, values: this.values, commands: this.commands });
   }
 
   /** Begin or end an outage of a sensor now; it is part of the scenario that the page gives. */
@@ -325,7 +359,7 @@ class Session {
     if (!on && open && open[0] >= open[1]) windows.splice(windows.indexOf(open), 1);
     this.machine.applyOutages(outage, windows, this.unit.p);
     this.values[outage.key] = windows;
-    this.post({ got: "values", seed: this.seed, values: this.values });
+    this.do_values();
   }
 
   /** The scenario file of this run. */
@@ -335,13 +369,20 @@ class Session {
       const option = this.machine.controls.get(key)?.options?.find((one) => one.value === value);
       Object.assign(setting, option ? option.set : { [key]: value });
     }
+    const { rate_hz: rate } = this.live;
+    if (this.commands.length) setting.commands = this.commands.map(({ sample, values }) => ({ at_s: sample / rate, ...values }));
     this.post({ got: "toml", name: `${this.live.name || "scenario"}.toml`, text: tomlOf(changed(this.live.values, setting)) });
   }
 
   advance(n) {
-    const records = this.unit.run(n, this.live.every);
-    if (!records.every(Number.isFinite)) throw new Error("an estimator diverged: its outputs are no longer finite numbers");
-    if (records.length) this.kept.push(records);
+    while (n > 0) {
+      this.follow();
+      const next = this.commands[this.followed]?.sample ?? Infinity, some = Math.min(n, next - this.unit.sample);
+      const records = this.unit.run(some, this.live.every);
+      n -= some;
+      if (!records.every(Number.isFinite)) throw new Error("an estimator diverged: its outputs are no longer finite numbers");
+      if (records.length) this.kept.push(records);
+    }
   }
 
   tick() {

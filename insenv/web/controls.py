@@ -218,18 +218,18 @@ class Prober:
         scenario = self.scenario
         for group, section, grades in (("imu", scenario.imu, IMU_GRADES), ("gnss", scenario.gnss, GNSS_GRADES)):
             if section is not None:
-                settings = {name: {f"{group}.grade": name} for name in grades}
+                settings: dict[str, Setting] = {name: {f"{group}.grade": name} for name in grades}
                 yield from self._choice(f"{group}.grade", "grade", group, section.grade, settings)
         sea = getattr(scenario.vehicle, "sea", None)
         if sea is not None:
             own = f"{sea.significant_height_m:g} m, {sea.peak_period_s:g} s"
             states = {f"{name}: {height:g} m, {period:g} s": (height, period) for name, (height, period) in SEA_STATES.items()}
             states[own] = (sea.significant_height_m, sea.peak_period_s)
-            settings = {
+            seas: dict[str, Setting] = {
                 name: {"vehicle.sea.significant_height_m": height, "vehicle.sea.peak_period_s": period}
                 for name, (height, period) in states.items()
             }
-            yield from self._choice("vehicle.sea", "sea", "vehicle", own, settings)
+            yield from self._choice("vehicle.sea", "sea", "vehicle", own, seas)
 
     def _choice(self, key: str, label: str, group: str, value: str, settings: Mapping[str, Setting]) -> Iterator[Control]:
         options = []

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from insenv.core.model import Model
 from insenv.core.progress import Progress
 from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
@@ -20,6 +21,7 @@ from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
+from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
 from insenv.web.controls import Control, Prober
@@ -72,7 +74,7 @@ def live(
     """
     loaded = load(scenario)
     chosen = get_all(named_estimators(loaded) if estimators is None else estimators)
-    plant = build(loaded, seed=seed, duration_s=duration_s)
+    plant = build(loaded, seed=seed, duration_s=duration_s, driven=True)
     rows = setting_rows(settings, chosen)
     chosen = [plant.adapted(estimator, settings, whole=False) for estimator in chosen]
     page = page_model(plant.model, tuple(chosen))
@@ -99,7 +101,7 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
 
     Raises `InputError` for values that are not allowed, or that another model would run.
     """
-    plant = build(validated(scenario_class(), dict(values), "scenario"))
+    plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
     chosen = [member.estimator for member in page.members]
     rows = setting_rows(settings, chosen)
     if plant.model is not page.plant or [plant.adapted(e.id, settings, whole=False) for e in chosen] != chosen:
@@ -161,6 +163,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             }
             for member in live.page.members
         ],
+        "commands": _commands(plant, model),
         "values": live.values,
         "outages": [
             _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
@@ -169,6 +172,31 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "limit": _limit(plant, progress),
         "notes": _notes(plant),
     }
+
+
+def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
+    """The commands of the vehicle, the sticks that set them, and those of the scenario; None if it takes none."""
+    names = [name.removeprefix(PREFIX) for name in model.inputs.names if name.startswith(PREFIX) and name != VALID]
+    if not names:
+        return None
+    rows = [
+        {
+            "name": name,
+            "at": model.inputs.slice(PREFIX + name).start,
+            "state": model.state.slice(f"commanded_{name}").start,
+        }
+        for name in names
+    ]
+    sticks = [
+        {**vars(stick), "scale": stick.value(1.0, 1.0) * stick.sign}
+        for stick in plant.scenario.vehicle.traits.sticks
+        if stick.command in names
+    ]
+    given = [
+        {"sample": sample, "values": {row["name"]: float(values[row["at"]]) for row in rows}}
+        for sample, values in plant.commands
+    ]
+    return {"valid": model.inputs.slice(VALID).start, "rows": rows, "sticks": sticks, "given": given}
 
 
 def _outages(parameters: Table, id: str) -> dict[str, Any]:

@@ -166,6 +166,31 @@ def test_worker_cuts_gnss_off_as_the_scenario_says(tmp_path: Path) -> None:
     equal_to_run_of_its_scenario(shown, tmp_path, "fix_count")
 
 
+def test_a_driven_run_is_run_again_from_its_scenario(tmp_path: Path) -> None:
+    """Steer right and brake, then release: `insenv run` of the scenario file follows, and so does a page of it."""
+    made = live("car-city-drive", ("loosely-coupled",), duration_s=60.0)
+    steer = [
+        {"do": "input", "values": values} for values in ({"speed": 9.5, "yaw_rate": 0.2}, {"yaw_rate": -0.1}, {"speed": 0.0})
+    ]
+    messages = [
+        {"do": "step", "samples": 7001},
+        steer[0],
+        {"do": "step", "samples": 900},
+        steer[1],
+        {"do": "step", "samples": 333},
+    ]
+    shown = by_worker(made, [*messages, steer[2]], tmp_path)
+    equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
+    other = tmp_path / "other"
+    other.mkdir()
+    course = by_worker(made, [], other)
+    assert np.max(np.abs(shown["offset_n"] - course["offset_n"])) > 10.0
+    again = by_worker(live(tmp_path / "scenario.toml"), [], other)
+    assert again["q_nb"].tobytes() == shown["q_nb"].tobytes()
+    with pytest.raises(insenv.InputError, match="has commands: `insenv run` and `insenv page` follow them, nothing else does"):
+        insenv.campaign(tmp_path / "scenario.toml", "loosely-coupled", runs=2)
+
+
 def test_worker_refuses_in_a_sentence(tmp_path: Path) -> None:
     made = live("ship-swaying", ("q-method",), duration_s=10.0)
     for values, sentence in (
