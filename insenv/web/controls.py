@@ -21,7 +21,8 @@ from pydantic import BaseModel
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.scenario import Scenario
-from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES, imu_grade
+from insenv.sensors.imu_section import unit_of
 
 Setting = Mapping[str, Any]
 """Values by dotted key, such as ``{"start.latitude_deg": 30.0}``; a number is a place in a list."""
@@ -35,6 +36,15 @@ FORMS: Mapping[str, Callable[[float, float], float]] = {
 }
 """The ways in which an element may follow from a value, each rounded in one way: the same in web/worker.js."""
 TRIALS, COMBINATIONS = 3, 6
+FIGURES = (
+    "gyro_bias_sigma_deg_h",
+    "gyro_arw_deg_sqrt_h",
+    "accel_bias_sigma_ug",
+    "accel_vrw_ug_sqrt_hz",
+    "accel_vrw_m_s_sqrt_h",
+)
+FACTORS = (0.1, 0.3, 3.0, 10.0)
+"""Figures of the scenario's inertial unit that a page changes, and the factors on them."""
 LEAST = 1e-6
 """Distance of a control from a bound that its key excludes."""
 APART = ("imu.drop_probability",)
@@ -219,7 +229,10 @@ class Prober:
         for group, section, grades in (("imu", scenario.imu, IMU_GRADES), ("gnss", scenario.gnss, GNSS_GRADES)):
             if section is not None:
                 settings: dict[str, Setting] = {name: {f"{group}.grade": name} for name in grades}
-                yield from self._choice(f"{group}.grade", "grade", group, section.grade, settings)
+                settings |= self._figures() if group == "imu" else {}
+                yield from self._choice(
+                    f"{group}.grade", "unit" if group == "imu" else "receiver", group, section.grade, settings
+                )
         sea = getattr(scenario.vehicle, "sea", None)
         if sea is not None:
             own = f"{sea.significant_height_m:g} m, {sea.peak_period_s:g} s"
@@ -230,6 +243,20 @@ class Prober:
                 for name, (height, period) in states.items()
             }
             yield from self._choice("vehicle.sea", "sea", "vehicle", own, seas)
+
+    def _figures(self) -> dict[str, Setting]:
+        """The scenario's own inertial unit with one of its figures worse or better."""
+        section, found = self.scenario.imu, dict[str, Setting]()
+        for name in FIGURES:
+            own = getattr(section, name)
+            value = getattr(imu_grade(section.grade), name) if own is None else own
+            if isinstance(value, float) and value > 0.0:
+                for factor in FACTORS:
+                    number = float(f"{factor * value:.3g}")
+                    unit = unit_of(name)
+                    shown = name.removesuffix(_suffix(unit, name)).replace("_", " ")
+                    found[f"{section.grade}, {shown} {number:g} {unit}"] = {f"imu.{name}": number}
+        return found
 
     def _choice(self, key: str, label: str, group: str, value: str, settings: Mapping[str, Setting]) -> Iterator[Control]:
         options = []
@@ -316,5 +343,7 @@ def _follows(form: str, scale: float, values: Sequence[float], numbers: Sequence
 
 def _suffix(unit: str, name: str) -> str:
     """The unit at the end of a key's name."""
-    plain = "_" + unit.replace("/", "_").replace("m_s", "mps")
-    return plain if name.endswith(plain) else ""
+    if not unit:
+        return ""
+    plain = "_" + unit.lower().replace("/", "_").replace("(", "_").replace(")", "").replace("__", "_")
+    return next((ending for ending in (plain, plain.replace("m_s", "mps")) if name.endswith(ending)), "")

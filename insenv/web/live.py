@@ -102,10 +102,11 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
     Raises `InputError` for values that are not allowed, or that another model would run.
     """
     plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
-    chosen = [member.estimator for member in page.members]
+    own = [member.estimator for member in page.members]
+    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in own]
+    if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, own, strict=True)):
+        raise InputError("these values are run by another model than that of the page")
     rows = setting_rows(settings, chosen)
-    if plant.model is not page.plant or [plant.adapted(e.id, settings, whole=False) for e in chosen] != chosen:
-        raise InputError("another model")
     known = plant.scenario.knowledge
     vector = known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed))
     return page_parameters(page, plant, chosen, rows), vector
@@ -136,6 +137,11 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
     scenario = plant.scenario
     if not 0 < plant.samples < 2**31:
         raise InputError(f"duration_s = {plant.duration_s:g} s: a page runs at most 2^31 samples")
+    named = model.parameters.unpack(live.parameters)
+    told = {
+        member.prefix: {row.name: named[member.prefix + row.name] for row in member.estimator.model.parameters}
+        for member in live.page.members
+    }
     return {
         "kind": "live",
         "name": scenario.name,
@@ -146,7 +152,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "duration_s": plant.duration_s,
         "samples": plant.samples // live.every * live.every,
         "every": live.every,
-        "wasm": base64.b64encode(gzip.compress(live.wasm, 9, mtime=0)).decode(),
+        "wasm": base64.b64encode(compressed(live.wasm)).decode(),
         "start": {"p": _base64(live.parameters), "known": _base64(live.known), "u": _base64(model.inputs.start_vector())},
         "sizes": {"p": model.parameters.size, "x": model.state.size, "u": model.inputs.size, "y": model.outputs.size},
         "seed_place": model.parameters.slice("seed").start,
@@ -160,6 +166,8 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "prefix": member.prefix,
                 "channels": list(member.channels),
                 "stated": list(member.stated),
+                "needs_s": member.estimator.needed_s(told[member.prefix]),
+                "notes": list(member.estimator.notes(told[member.prefix], plant.duration_s)),
             }
             for member in live.page.members
         ],
@@ -235,6 +243,11 @@ def _limit(plant: Plant, progress: Progress | None) -> dict[str, Any] | None:
 
 def _rounded(values: Vector) -> list[float]:
     return [float(f"{value:.6g}") for value in values]
+
+
+def compressed(module: bytes) -> bytes:
+    """A module as a page holds it: gzip."""
+    return gzip.compress(module, 9, mtime=0)
 
 
 def _rows(table: Table) -> list[dict[str, Any]]:

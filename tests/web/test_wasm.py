@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_machine import PageMachine
 
 import insenv
+from insenv.bench.page_machine import PageMachine
 from insenv.files.resources import web_folder
 from insenv.scenario import load, names
 from insenv.web.controls import setting_of, with_values
 from insenv.web.live import Live, live, live_document
 
-pytest.importorskip("wasmtime")
+wasmtime = pytest.importorskip("wasmtime")
 pytest.importorskip("ziglang")
 
 FAST = [("ship-swaying", ("q-method", "qakf")), ("car-city-drive", ("loosely-coupled",))]
@@ -29,6 +29,7 @@ def runs(scenario: str, estimators: tuple[str, ...], duration_s: float | None, s
     """A page's numbers equal those of `insenv.run`: each output of the truth and of the estimators."""
     made = live(scenario, estimators, duration_s=duration_s)
     machine = PageMachine(made)
+    assert not wasmtime.Module(wasmtime.Engine(), made.wasm).imports
     if seed is not None:
         machine.begin(seed)
     report = insenv.run(scenario, estimators, duration_s=duration_s, seed=seed)

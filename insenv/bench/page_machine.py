@@ -1,4 +1,4 @@
-"""A page's WebAssembly in wasmtime, driven as web/worker.js drives it."""
+"""A page's WebAssembly in wasmtime, driven as web/worker.js drives it: for tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import ctypes
 from typing import Any
 
 import numpy as np
-import wasmtime
 from numpy.typing import NDArray
 
 from insenv.web.live import Live
@@ -19,10 +18,11 @@ class PageMachine:
     """One instance of the module of `live`, at the start of its seed."""
 
     def __init__(self, live: Live) -> None:
+        import wasmtime
+
         self.live, self._store = live, wasmtime.Store()
         module = wasmtime.Module(self._store.engine, live.wasm)
-        assert not module.imports
-        exports = wasmtime.Instance(self._store, module, []).exports(self._store)
+        exports: Any = wasmtime.Instance(self._store, module, []).exports(self._store)
         self._begin, self._run, self._memory = exports["begin"], exports["run"], exports["memory"]
         self._free = (exports["__heap_base"].value(self._store) + 15) // 16 * 16
         model = live.page.model
@@ -42,9 +42,11 @@ class PageMachine:
         p[live.page.model.parameters.slice("seed")] = seed
         k = np.array(live.known if known is None else known)
         k[:9] = live.normals[live.seeds.index(seed)]
-        self._set(self._p, p), self._set(self._known, k)
+        self._set(self._p, p)
+        self._set(self._known, k)
         self._set(self._u, live.page.model.inputs.start_vector())
-        assert self._begin(self._store, self._known, self._p, self._x) == 0
+        if self._begin(self._store, self._known, self._p, self._x):
+            raise ValueError(f"seed {seed}: a reported angle is beyond a full turn")
 
     def run(self, n: int, every: int) -> Array:
         """Advance n times; outputs after every `every`-th advance."""
