@@ -7,7 +7,7 @@ import { colour, faint, groupColour, onTheme } from "./theme.js";
 
 /**
  * @typedef {object} Curve
- * @property {"line" | "points" | "crosses" | "limit" | "band" | "between"} kind
+ * @property {"line" | "thin" | "points" | "crosses" | "limit" | "band" | "between"} kind
  * @property {number} group  place in the legend; -1: the truth
  * @property {(number | null)[]} [y]
  * @property {(number | null)[]} [low]  of a band
@@ -137,6 +137,9 @@ function layout(curves, hidden) {
       owners.push(curve, curve);
     } else if (curve.kind === "line") {
       series.push({ stroke: paint, width: curve.group < 0 ? 4 : 1.3, points: { show: false } });
+      owners.push(curve);
+    } else if (curve.kind === "thin") {
+      series.push({ stroke: () => faint(paint(), 0.4), width: 0.8, points: { show: false } });
       owners.push(curve);
     } else {
       const size = curve.kind === "points" ? 2.5 : 7;
