@@ -39,7 +39,7 @@ export function headingDial() {
     context.fillStyle = colour("ink");
     context.font = "600 17px system-ui, sans-serif";
     context.textAlign = "center";
-    context.fillText(`${fixed((truth + 360) % 360, 1)}\u00b0`, 0, radius * 0.55);
+    context.fillText(`${fixed((truth + 360) % 360, 1)}\u00b0`, 0, Math.cos(radians(truth)) > 0 ? radius * 0.5 : -radius * 0.42);
   };
   return { element: canvas, draw };
 }

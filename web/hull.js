@@ -63,7 +63,7 @@ export function hullView(kind) {
     const project = camera(azimuth + aside, elevation, size);
     rose(context, project);
     solid(context, project, mesh.map((face) => face.map((corner) => turned(truth, corner))));
-    context.lineWidth = 1.4;
+    context.lineWidth = 1.2;
     for (const { group, q } of estimates) {
       context.strokeStyle = groupColour(group);
       context.fillStyle = faint(groupColour(group), 0.06);
@@ -84,11 +84,11 @@ export function hullView(kind) {
  * @returns {(point: Vector) => Vector}  x, y on the canvas, and the distance */
 function camera(azimuth, elevation, [width, height]) {
   const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];
-  const focal = 1.55 * Math.min(width * 0.8, height);
+  const focal = 1.7 * Math.min(width * 0.8, height);
   return ([n, e, d]) => {
     const depth = DISTANCE + n * ca * ce + e * sa * ce + d * se;
     const scale = focal / depth;
-    return [width / 2 + scale * (-n * sa + e * ca), height / 2 - scale * (n * ca * se + e * sa * se - d * ce), depth];
+    return [width / 2 + scale * (-n * sa + e * ca), 0.45 * height - scale * (n * ca * se + e * sa * se - d * ce), depth];
   };
 }
 

@@ -19,6 +19,7 @@ import { makeTrack } from "./livetrack.js";
 
 const SPEEDS = [1, 2, 5, 10, 30, 100];
 const SHORTEST = 10;
+const ADDRESS_MS = 250;
 
 /**
  * @param {any} live  the document
@@ -77,6 +78,7 @@ export function livePage(live) {
   const drive = driver(
     live,
     (values) => {
+      if (ended) return;
       if (speed === null || speed > 2) speed = 1;
       session.send({ do: "input", values });
       session.send({ do: "values" });
@@ -121,7 +123,9 @@ export function livePage(live) {
     span.extend(0, SHORTEST);
     span.reset();
     end.hidden = true;
-    const own = Object.keys(state.values).length === 0 && !state.commands?.length;
+    panels.shade(outagesOf(live, state.values));
+    drive.release();
+    const own = Object.keys(state.values).length === 0 && same(state.commands ?? live.commands?.given, live.commands?.given);
     panels.limited(own);
     cloud.limited(own);
     controls.show(message.seed, state.values);
@@ -134,20 +138,16 @@ export function livePage(live) {
     take(message);
     running = false;
     ended = true;
-    fill(end, h("h2", {}, "At the end, as `insenv run` prints it"), h("div", { class: "tables several" }, endTables(live, at, history)));
+    fill(end, h("h2", {}, "At the end, as ", h("code", {}, "insenv run"), " prints it"), h("div", { class: "tables several" }, endTables(live, at, history)));
     end.hidden = false;
     show();
   });
   session.on("cloud", (message) => cloud.take(message));
   session.on("values", (message) => {
     state = { seed: message.seed, values: message.values, commands: message.commands };
-    const fragment = addressOf({ ...state, commands: same(state.commands, live.commands?.given) ? undefined : state.commands }, live.seed);
-    try {
-      window.history.replaceState(null, "", fragment ? `#${fragment}` : location.pathname + location.search);
-    } catch {
-      // an address may not be set in some frames: the link is then not kept
-    }
-    if (Object.keys(state.values).length || state.commands?.length) {
+    keep();
+    panels.shade(outagesOf(live, state.values));
+    if (Object.keys(state.values).length || !same(state.commands, live.commands?.given)) {
       panels.limited(false);
       cloud.limited(false);
     }
@@ -159,6 +159,21 @@ export function livePage(live) {
     wrong.textContent = message;
     show();
   });
+
+  let keeping = false;
+  const keep = () => {
+    if (keeping) return; // a browser takes only some addresses a minute
+    keeping = true;
+    setTimeout(() => {
+      keeping = false;
+      const fragment = addressOf({ ...state, commands: same(state.commands, live.commands?.given) ? undefined : state.commands }, live.seed);
+      try {
+        window.history.replaceState(null, "", fragment ? `#${fragment}` : location.pathname + location.search);
+      } catch {
+        // an address may not be set in some frames: the link is then not kept
+      }
+    }, ADDRESS_MS);
+  };
 
   // --- what is seen
 
@@ -236,6 +251,7 @@ export function livePage(live) {
       wrong,
       live.notes.length > 0 && h("ul", { class: "notes" }, live.notes.map((/** @type {string} */ note) => h("li", {}, note))),
       h("div", { class: "stage" },
+        h("h2", { class: "hidden" }, "The vehicle now"),
         h("div", { class: "views" }, hull.element, dial.element, track.element),
         h("div", { class: "side" }, steered && drive.element, numbers.element)),
       end,
@@ -245,7 +261,7 @@ export function livePage(live) {
           h("div", { class: "bar" }, legend(live.estimators.map((/** @type {any} */ one) => ({ name: one.id })), othersOf(panels.panels, "truth"), hide), spanControls(span)),
           panels.elements,
           cloud.element))),
-    h("footer", {}, "The equations of insenv as WebAssembly: the numbers are those of `insenv run`, to the bit. Space runs and pauses. This page makes no request."),
+    h("footer", {}, "The equations of insenv as WebAssembly: the numbers are those of ", h("code", {}, "insenv run"), ", to the bit. The space key runs and pauses. This page makes no request."),
   );
 }
 
@@ -262,6 +278,14 @@ function changed(live, before, values) {
     if (control?.options) for (const other of Object.keys(now)) if (other !== key && other.startsWith(`${key.split(".")[0]}.`) && !other.endsWith("outages_s")) delete now[other];
   }
   return now;
+}
+
+/** The times without GNSS, s.
+ * @param {any} live
+ * @param {Record<string, any>} values
+ * @returns {[number, number][]} */
+function outagesOf(live, values) {
+  return live.outages.filter((/** @type {any} */ one) => one.sensor === "gnss").flatMap((/** @type {any} */ { sensor, key }) => values[key] ?? live.values[sensor]?.outages_s ?? []);
 }
 
 /** Which sensors are cut off at a time.

@@ -44,7 +44,7 @@ export function livePanels(live, span) {
   let limited = true;
 
   const add = (/** @type {string} */ title, /** @type {string} */ unit, /** @type {any} */ more) => {
-    const panel = { title, unit, threshold: null, log: false, from_s: null, shade: [], x, curves: /** @type {any[]} */ ([]), ...more };
+    const panel = { title, unit, threshold: null, log: false, from_s: null, shade: /** @type {[number, number][]} */ ([]), x, curves: /** @type {any[]} */ ([]), ...more };
     const made = { panel, feeds: /** @type {any[]} */ ([]), plot: null, due: false, seen: false };
     panels.push(made);
     return made;
@@ -103,6 +103,9 @@ export function livePanels(live, span) {
         one.due = false;
         some++;
       }
+    },
+    shade: (/** @type {[number, number][]} */ windows) => {
+      for (const one of panels) one.panel.shade.splice(0, one.panel.shade.length, ...windows);
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
     told: () => panels.filter((one) => one.panel.curves.length).map((one) => `${one.panel.title} ${number(one.panel.curves.at(-1)?.y?.at(-1))}`),

@@ -26,7 +26,8 @@ export function readings(live, at) {
     const paint = () => (swatch.style.background = groupColour(group));
     onTheme(paint);
     paint();
-    return [h("th", { scope: "col" }, swatch, ` ${one.id}: error`), one.stated.length > 0 && h("th", { scope: "col" }, "sigma")];
+    const wide = one.stated.length > 0 ? 2 : 1;
+    return { name: h("th", { scope: "colgroup", colspan: wide }, swatch, ` ${one.id}`), kinds: ["error", "sigma"].slice(0, wide).map((kind) => h("th", { scope: "col" }, kind)) };
   });
   const rows = channels.map((channel) => {
     const truth = truths.find((one) => one.channel === channel);
@@ -55,7 +56,10 @@ export function readings(live, at) {
     });
     return line;
   });
-  const head = h("tr", {}, h("th", { scope: "col" }, "now"), h("th", { scope: "col" }, "true"), heads.flat());
+  const head = [
+    h("tr", {}, h("td", { colspan: 2 }), heads.map((/** @type {any} */ one) => one.name)),
+    h("tr", {}, h("th", { scope: "col" }, "now"), h("th", { scope: "col" }, "true"), heads.flatMap((/** @type {any} */ one) => one.kinds)),
+  ];
   const element = h("section", { class: "readings" }, h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers now" }, h("table", {}, h("thead", {}, head), h("tbody", {}, rows))), health);
   return {
     element,

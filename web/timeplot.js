@@ -211,7 +211,7 @@ function background(u, panel) {
     ctx.fillRect(left, bbox.top, right - left, bbox.height);
   };
   if (panel.from_s !== null) block(panel.from_s, u.scales.x.max, colour("statistics"));
-  for (const [from, to] of panel.shade) block(from, to, colour("outage"));
+  for (const [from, to] of panel.shade) block(from, Math.min(to, u.scales.x.max), colour("outage"));
   if (panel.threshold !== null && u.scales.y.max > panel.threshold) {
     const [top, bottom] = [u.valToPos(BEND * panel.threshold, "y", true), u.valToPos(-BEND * panel.threshold, "y", true)];
     ctx.fillStyle = colour("linear");
