@@ -45,6 +45,10 @@ class VehicleSection(Section):
         """Whether the vehicle stays in place, within metres."""
         raise NotImplementedError
 
+    def steerable(self) -> VehicleSection:
+        """The same vehicle, to the bit where nothing is commanded, with every command that it can take; for pages."""
+        return self
+
     def vehicle(self) -> Vehicle:
         """Equations of motion.  Sections with equal equations return the same object, to share one compiled model."""
         raise NotImplementedError

@@ -6,6 +6,7 @@ import base64
 import gzip
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,13 @@ LIMIT_TIMES = 300
 class Live:
     """A scenario ready to run in a page.
 
+    plain: the scenario as it stands.  plant: the same to the bit, with every command that the vehicle can take.
     parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
     known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
-    values: of the scenario's file, with the page's seed, duration and estimators.  controls: what the page may change.
+    prober: finds `controls`.
     """
 
+    plain: Plant
     plant: Plant
     page: PageModel
     wasm: bytes
@@ -50,8 +53,17 @@ class Live:
     known: Vector
     seeds: tuple[int, ...]
     normals: Vector
-    values: Mapping[str, Any]
-    controls: tuple[Control, ...]
+    prober: Prober
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The values of the scenario's file, with the page's seed, duration, estimators and settings."""
+        return self.prober.values
+
+    @cached_property
+    def controls(self) -> tuple[Control, ...]:
+        """What the page may change."""
+        return self.prober.controls()
 
     @property
     def every(self) -> int:
@@ -74,6 +86,8 @@ def live(
     """
     loaded = load(scenario)
     chosen = get_all(named_estimators(loaded) if estimators is None else estimators)
+    plain = build(loaded, seed=seed, duration_s=duration_s, driven=True)
+    loaded = loaded.model_copy(update={"vehicle": loaded.vehicle.steerable()})
     plant = build(loaded, seed=seed, duration_s=duration_s, driven=True)
     rows = setting_rows(settings, chosen)
     chosen = [plant.adapted(estimator, settings, whole=False) for estimator in chosen]
@@ -84,6 +98,7 @@ def live(
     known = loaded.knowledge
     seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
     return Live(
+        plain=plain,
         plant=plant,
         page=page,
         wasm=wasm(wasm_source(page.model, start_source(page, plant))),
@@ -91,8 +106,7 @@ def live(
         known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
         seeds=seeds,
         normals=start_normals(known, np.array(seeds)),
-        values=prober.values,
-        controls=prober.controls(),
+        prober=prober,
     )
 
 
@@ -177,7 +191,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
         ],
         "controls": [_control(control) for control in live.controls],
-        "limit": _limit(plant, progress),
+        "limit": _limit(live.plain, progress),
         "notes": _notes(plant),
     }
 

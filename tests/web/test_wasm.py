@@ -192,6 +192,23 @@ def test_a_driven_run_is_run_again_from_its_scenario(tmp_path: Path) -> None:
         insenv.campaign(tmp_path / "scenario.toml", "loosely-coupled", runs=2)
 
 
+def test_the_sea_of_a_moored_ship_is_steered(tmp_path: Path) -> None:
+    """A rising sea and a passing wave: `insenv run` of the scenario file follows."""
+    made = live("ship-swaying", ("q-method",), duration_s=40.0)
+    assert "command_sea" in made.page.model.inputs
+    messages = [
+        {"do": "step", "samples": 1001},
+        {"do": "input", "values": {"sea": 2.0}},
+        {"do": "step", "samples": 3000},
+        {"do": "input", "values": {"wave": 1.5}},
+    ]
+    shown = by_worker(made, messages, tmp_path)
+    still = PageMachine(made).run(made.plant.samples, made.every)
+    lifted = shown["offset_n"] - made.page.model.outputs.unpack(still)["offset_n"]
+    assert np.all(lifted[shown["time"] <= 5.0] == 0.0) and lifted[-1, 2] < -0.5
+    equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
+
+
 def test_worker_refuses_in_a_sentence(tmp_path: Path) -> None:
     made = live("ship-swaying", ("q-method",), duration_s=10.0)
     for values, sentence in (
