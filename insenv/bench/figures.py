@@ -6,11 +6,11 @@ import os
 import platform
 from collections.abc import Callable, Iterator
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 
 from insenv.bench.figure import Figure
 from insenv.errors import InputError
+from insenv.installing import is_installed
 
 
 def figures(only: str | None = None) -> Iterator[Figure]:
@@ -94,5 +94,5 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "step.aqe-sukf.update": estimators.sukf,
         "step.lssvm.update": estimators.lssvm,
         "step.lssvm.infer": estimators.lssvm_infer,
-        **({"web.samples": web.samples, "web.size": web.size} if all(map(find_spec, ("wasmtime", "ziglang"))) else {}),
+        **({"web.samples": web.samples, "web.size": web.size} if all(map(is_installed, ("wasmtime", "ziglang"))) else {}),
     }

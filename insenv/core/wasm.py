@@ -6,7 +6,6 @@ wheel, the module imports nothing and links no library, and it is cached as the 
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from insenv.core.codegen import module_source
 from insenv.core.compile import Compiler, compile_library
 from insenv.core.model import Model
 from insenv.errors import InsenvError
-from insenv.installing import install_extra
+from insenv.installing import install_extra, is_installed
 
 _FLAGS = ("-target", "wasm32-wasi", "-std=gnu99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-w", "-c")
 _LINK = ("--no-entry", "--strip-all", "-z", "stack-size=262144", "--export=__heap_base")
@@ -30,7 +29,7 @@ EXPORTED(output) void exported_output(const double *p, const double *x, double *
 
 def wasm_compiler() -> Compiler:
     """The compiler to WebAssembly.  Raises `InsenvError` if the `ziglang` wheel is not installed."""
-    if importlib.util.find_spec("ziglang") is None:
+    if not is_installed("ziglang"):
         raise InsenvError(f"a page needs the compiler of the package ziglang: {install_extra('web')}")
     zig = (sys.executable, "-m", "ziglang")
     return Compiler((*zig, "cc"), _FLAGS, (*zig, "wasm-ld", *_LINK))
