@@ -50,7 +50,10 @@ export function driver(live, command, cut) {
     telling.textContent = told.filter(Boolean).join(", ");
   };
   const begin = () => {
-    if (state.along === null && along) state.along = Math.min(1, state.speed / (along.full_scale * along.scale));
+    if (state.along !== null || !along) return;
+    // from what is in force: the speed of a vehicle, or 1 of what multiplies the scenario's own
+    const now = along.command === "speed" ? state.speed : along.unit === "" ? 1 : 0;
+    state.along = Math.min(1, now / (along.full_scale * along.scale));
   };
   let last = 0;
   const tick = () => {
@@ -105,6 +108,7 @@ export function driver(live, command, cut) {
   pad.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => pad.hasPointerCapture(event.pointerId) && drag(event));
   for (const name of ["pointerup", "pointercancel"]) pad.addEventListener(name, release);
 
+  const ways = [along && `Up and down: ${along.title.toLowerCase()}.`, across && `Left and right: ${across.title.toLowerCase()}.`].filter(Boolean).join(" ");
   const cuts = live.outages.map((/** @type {any} */ { sensor }) => {
     const name = sensor === "gnss" ? "GNSS" : sensor;
     const element = button(`Cut ${name}`, () => cut(sensor, element.getAttribute("aria-pressed") !== "true"), { "aria-pressed": "false", class: "cut", id: `cut-${sensor}` });
@@ -113,9 +117,9 @@ export function driver(live, command, cut) {
   const element = h(
     "section",
     { class: "drive", "aria-label": "Drive" },
-    sticks.length > 0 && h("h2", {}, "Drive"),
+    sticks.length > 0 && h("h2", {}, along?.command === "sea" ? "Sea and wave" : "Drive"),
     sticks.length > 0 && pad,
-    sticks.length > 0 && h("p", { class: "quiet" }, "Click the field, then use the arrow keys or W, A, S, D; or drag in it."),
+    sticks.length > 0 && h("p", { class: "quiet" }, `${ways} Click the field, then use the arrow keys or W, A, S, D; or drag in it.`),
     telling,
     h("div", { class: "cuts" }, cuts.map((/** @type {any} */ one) => one.element)),
   );

@@ -249,11 +249,11 @@ export function livePage(live) {
     h("main", {},
       h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),
       wrong,
-      live.notes.length > 0 && h("ul", { class: "notes" }, live.notes.map((/** @type {string} */ note) => h("li", {}, note))),
       h("div", { class: "stage" },
         h("h2", { class: "hidden" }, "The vehicle now"),
         h("div", { class: "views" }, hull.element, dial.element, track.element),
         h("div", { class: "side" }, steered && drive.element, numbers.element)),
+      notesOf(live),
       end,
       h("div", { class: "columns" },
         controls.element,
@@ -263,6 +263,17 @@ export function livePage(live) {
           cloud.element))),
     h("footer", {}, "The equations of insenv as WebAssembly: the numbers are those of ", h("code", {}, "insenv run"), ", to the bit. The space key runs and pauses. This page makes no request."),
   );
+}
+
+/** What must be said of the scenario and of the estimators.
+ * @param {any} live */
+function notesOf(live) {
+  const of = (/** @type {any} */ { id, notes = [], needs_s: needs = 0 }) => [
+    ...notes,
+    ...(needs > live.duration_s ? [`this run is too short: it needs ${Math.ceil(needs)} s to converge`] : []),
+  ].map((note) => `${id}: ${note}`);
+  const notes = [...live.notes, ...live.estimators.flatMap(of)];
+  return notes.length > 0 && h("ul", { class: "notes" }, notes.map((note) => h("li", {}, note)));
 }
 
 /** The values with some changed; a value of the scenario itself is left out.

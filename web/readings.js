@@ -38,7 +38,7 @@ export function readings(live, at) {
       const value = (/** @type {string} */ row, /** @type {number} */ k) => (k < 0 ? h("td", {}) : cell((y) => number(y[at(prefix + row).at + k]).replace("-", "\u2212")));
       return [value("error", error), stated.length > 0 && value("sigma", sigma)];
     });
-    return h("tr", {}, h("th", { scope: "row" }, title.replace(" error", ""), h("span", { class: "unit" }, ` ${unit}`)), truth ? cell((y) => fixed(y[truth.place], decimals)) : h("td", {}), figures.flat());
+    return h("tr", {}, h("th", { scope: "row" }, title.replace(" error", ""), h("span", { class: "unit" }, ` ${unit}`)), truth ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals)) : h("td", {}), figures.flat());
   });
   const filters = live.estimators.filter((/** @type {any} */ one) => at(`${one.prefix}fix_count`));
   const health = filters.map((/** @type {any} */ one) => {

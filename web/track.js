@@ -129,7 +129,7 @@ function paint(canvas, size, scene, hidden, view) {
   for (const line of scene.lines) {
     if (hidden.has(line.group)) continue;
     context.strokeStyle = groupColour(line.group);
-    context.lineWidth = line.group < 0 ? 4 : 1.4;
+    context.lineWidth = line.group >= 0 ? 1.4 : scene.lines.length > 1 ? 4 : 1.6;
     context.beginPath();
     let pen = false;
     for (let place = first; place < Math.min(after, line.east.length); place++) {

@@ -77,10 +77,12 @@ class OutputFolder:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
 
-def write_files(report: RunData, folder: OutputFolder, figure: bool = True) -> FilesWritten:
+def write_files(
+    report: RunData, folder: OutputFolder, figure: bool = True, documents: Mapping[str, Any] | None = None
+) -> FilesWritten:
     """Write NAME.npz and NAME.json; if `figure`, the page NAME.html, and, with matplotlib, NAME.png and NAME.svg.
 
-    NAME is the scenario's.
+    NAME is the scenario's.  documents: further ones of the page by kind, such as "live".
 
     Raises `InsenvError` if that fails; then none of them is written.
     """
@@ -106,7 +108,7 @@ def write_files(report: RunData, folder: OutputFolder, figure: bool = True) -> F
         text = to_json(document(report, [str(path) for path in paths])) + "\n"
         part(names[1]).write_text(text, encoding="ascii")
         if figure:
-            part(f"{name}.html").write_text(run_page(report), encoding="utf-8", newline="\n")
+            part(f"{name}.html").write_text(run_page(report, documents), encoding="utf-8", newline="\n")
         if drawn:
             save(draw(report), {kind: part(f"{name}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(paths, note)
