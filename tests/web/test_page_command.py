@@ -39,6 +39,15 @@ def test_opens_without_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     path.parent.rmdir()
 
 
+def test_the_page_of_a_run_simulates_too(tmp_path: Path) -> None:
+    code, _, err = call("run", *SHORT, "--out", tmp_path, "--live")
+    assert code == 0, err
+    text = (tmp_path / "ship-swaying.html").read_text("utf-8")
+    assert all(f'<script type="application/json" id="{kind}">' in text for kind in ("report", "live"))
+    assert "wasm-unsafe-eval" in text and len(text) < 2_000_000
+    refused(call("run", *SHORT, "--live"), "--live is about the page that --out DIR writes")
+
+
 def test_without_the_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     found = importlib.util.find_spec
 
