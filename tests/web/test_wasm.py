@@ -109,22 +109,27 @@ def test_controls_give_the_numbers_of_run() -> None:
 
 NODE = """
 const { Session } = require(process.argv[2]), fs = require("fs");
-const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [];
+const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [], clouds = [];
 let ended;
 const end = new Promise((resolve) => { ended = resolve; });
 const session = new Session((message) => {
   if (message.got === "error") { console.error(message.message); process.exit(1); }
   if (message.got === "reset") records.length = 0;
   if (message.records) records.push(Buffer.from(message.records.buffer));
+  if (message.got === "cloud") clouds.push({ ...message, errors: message.errors.map((one) => [...one]) });
   if (message.got === "toml") fs.writeFileSync("scenario.toml", message.text);
   if (message.got === "end") ended();
 });
 (async () => {
   await session.receive({ do: "load", live });
-  for (const message of messages) await session.receive(message);
+  for (const message of messages) {
+    await session.receive(message);
+    while (session.cloud) await new Promise((resume) => setTimeout(resume, 5));
+  }
   await session.receive({ do: "run", speed: null });
   await end;
   await session.receive({ do: "toml" });
+  fs.writeFileSync("clouds.json", JSON.stringify(clouds));
   fs.writeFileSync("records.bin", Buffer.concat(records));
   process.exit(0);
 })();
@@ -190,6 +195,22 @@ def test_a_driven_run_is_run_again_from_its_scenario(tmp_path: Path) -> None:
     assert again["q_nb"].tobytes() == shown["q_nb"].tobytes()
     with pytest.raises(insenv.InputError, match="has commands: `insenv run` and `insenv page` follow them, nothing else does"):
         insenv.campaign(tmp_path / "scenario.toml", "loosely-coupled", runs=2)
+
+
+def test_a_cloud_has_the_errors_of_run(tmp_path: Path) -> None:
+    made = live("ship-swaying", ("q-method", "qakf"), duration_s=10.0)
+    values = {"start.heading_deg": 77.0}
+    by_worker(made, [{"do": "reset", "seed": 1022, "values": values}, {"do": "cloud", "units": 3}], tmp_path)
+    clouds = json.loads((tmp_path / "clouds.json").read_text())
+    assert [cloud["seed"] for cloud in clouds] == [1021, 1022, 1023]  # the page offers no seed after these
+    assert [cloud["done"] for cloud in clouds] == [1, 2, 3]
+    scenario = with_values(made.values, values)
+    for cloud in clouds:
+        report = insenv.run(scenario, seed=cloud["seed"])
+        every = round(cloud["interval_s"] / report.truth.time[0])
+        for errors, result in zip(cloud["errors"], report.results, strict=True):
+            expected = np.stack([result.errors[channel][every - 1 :: every] for channel in result.errors], axis=-1)
+            np.testing.assert_allclose(np.reshape(errors, expected.shape), expected, rtol=0, atol=1e-9)
 
 
 def test_the_sea_of_a_moored_ship_is_steered(tmp_path: Path) -> None:
