@@ -135,8 +135,8 @@ def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
 
 
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
-def test_the_page_is_accessible_and_fits(browser, car, size, dark):
-    browser.open(car, size, dark)
+def test_the_page_is_accessible_and_fits(browser, ship, size, dark):
+    browser.open(ship, size, dark)
     browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true))")
     assert browser.violations() == []
@@ -144,6 +144,7 @@ def test_the_page_is_accessible_and_fits(browser, car, size, dark):
     assert browser.console() == []
 
 
+@long
 def test_a_car_is_driven_with_keys_and_its_scenario_gives_the_same_numbers(browser, car, tmp_path):
     from selenium.webdriver import ActionChains, Keys
     from selenium.webdriver.common.by import By
@@ -155,6 +156,7 @@ def test_a_car_is_driven_with_keys_and_its_scenario_gives_the_same_numbers(brows
         "window.kept = []; const old = URL.createObjectURL;"
         "URL.createObjectURL = (blob) => { blob.text().then((text) => window.kept.push(text)); return old(blob); };"
     )
+    assert browser.violations() == []
     pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
     pad.click()
     keys = ActionChains(browser.driver)
@@ -213,3 +215,21 @@ def test_frames_keep_coming_while_it_runs(browser, car, record_property):
     record_property("p95_frame_ms", float(np.quantile(frames, 0.95)))
     print(f"frames: median {np.median(frames):.1f} ms, 95 % {np.quantile(frames, 0.95):.1f} ms, largest {frames.max():.1f} ms")
     assert len(frames) == 239 and browser.value("document.getElementById('clock').textContent") != "0:00.0"
+
+
+@long
+def test_the_page_of_a_run_becomes_live(browser, tmp_path):
+    from insenv.report import OutputFolder, write_files
+    from insenv.web.live import live, live_document
+
+    report = insenv.run("ship-swaying", ["q-method"], duration_s=60.0)
+    more = {"live": live_document(live("ship-swaying", ["q-method"], duration_s=60.0))}
+    path = next(path for path in write_files(report, OutputFolder(tmp_path), documents=more).paths if path.suffix == ".html")
+    assert path.stat().st_size < LIMIT
+    browser.open(path)
+    browser.until("document.getElementById('make-live')")
+    assert browser.violations() == []
+    browser.driver.execute_script("document.getElementById('make-live').click()")
+    fast(browser)
+    assert [row[1:] for row in shown(browser)] == printed(report)
+    assert browser.console() == []

@@ -12,8 +12,9 @@ import insenv
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
 from insenv.report import tracks
+from insenv.report.document import to_json
 from insenv.report.outages import outages
-from insenv.report.page.arrays import Array, Pool, kept_records
+from insenv.report.page.arrays import BYTES, Array, Pool, kept_records
 from insenv.report.page.html import assembled
 from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table, track_panel
 from insenv.report.run_data import RunData
@@ -36,7 +37,9 @@ _BIASES = (
 
 def run_page(report: RunData, more: Mapping[str, Any] | None = None) -> str:
     """The HTML of a run or replay. more: further documents by kind, such as "live"."""
-    return assembled(f"{report.scenario}: {report.title}", {"report": run_document(report), **(more or {})})
+    more = more or {}
+    taken = sum(len(to_json(document, indent=None)) for document in more.values())
+    return assembled(f"{report.scenario}: {report.title}", {"report": run_document(report, BYTES - taken), **more})
 
 
 def unit_of(channel: str) -> str:
@@ -44,9 +47,9 @@ def unit_of(channel: str) -> str:
     return UNITS[channel.rpartition("_")[2]]
 
 
-def run_document(report: RunData) -> dict[str, Any]:
-    """The document of a run (web/README.md)."""
-    drawn = _Drawn(report)
+def run_document(report: RunData, budget: int = BYTES) -> dict[str, Any]:
+    """The document of a run (web/README.md); its arrays take about `budget` bytes at most."""
+    drawn = _Drawn(report, budget)
     sections = [one for one in (*drawn.error_sections(), *drawn.motion_sections(), *drawn.filter_sections()) if one["panels"]]
     kept = len(drawn.keep)
     records = max((len(r.time) for r in report.results), default=0)
@@ -102,10 +105,10 @@ def _explained(report: RunData) -> list[str]:
 class _Drawn:
     """The sections of a page from one report, with arrays of the records that it keeps."""
 
-    def __init__(self, report: RunData) -> None:
+    def __init__(self, report: RunData, budget: int) -> None:
         self.report, self.pool = report, Pool()
         records = max((len(r.time) for r in report.results), default=0)
-        self.keep = kept_records(records, sum(_arrays(r) for r in report.results) + 12)
+        self.keep = kept_records(records, sum(_arrays(r) for r in report.results) + 12, budget)
         self.times = report.results[0].time[self.keep] if records else np.zeros(0)
         counts = [(r.time, r.outputs["fix_count"]) for r in report.results if r.health is not None]
         self.shade = outages(*max(counts, key=lambda one: float(one[1][-1]))) if counts else ()
