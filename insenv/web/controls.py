@@ -165,8 +165,29 @@ class Prober:
     def controls(self) -> tuple[Control, ...]:
         """All controls, in the order of the scenario's sections."""
         found = self._together([*self._choices(), *filter(None, map(self._number, keys(self.scenario)))])
+        found = self._allowed(found)
         order = list(type(self.scenario).model_fields)
         return tuple(sorted(found, key=lambda control: order.index(control.group)))
+
+    def _allowed(self, controls: list[Control]) -> list[Control]:
+        """The same with bounds between which all values together are allowed.
+
+        Rules on several keys, such as that on the rotation within a sample, are strictest where amplitudes and frequencies are
+        largest.  Bounds of the vehicle's keys are moved towards the scenario's values until that is allowed.
+        """
+        for share in (1.0, 0.3, 0.1, 0.03, 0.0):
+            tried = [_narrowed(control, share) if control.group == "vehicle" else control for control in controls]
+            corner = {
+                control.key: control.minimum if control.targets[0].form == "inverse" else control.maximum
+                for control in tried
+                if control.group == "vehicle" and control.targets
+            }
+            try:
+                self._of(setting_of(tried, corner))
+            except InputError:
+                continue
+            return tried
+        return [control for control in controls if control.group != "vehicle"]
 
     def _together(self, controls: list[Control]) -> list[Control]:
         """Those that have their numbers together with values of all before them; in general all."""
@@ -290,6 +311,17 @@ class Prober:
         if control.options:
             return control.options[int(self._random.integers(len(control.options)))].value
         return float(self._random.uniform(control.low, control.high))
+
+
+def _narrowed(control: Control, share: float) -> Control:
+    """The control with its bound towards faster and larger motion at a share of the distance from the scenario's value."""
+    if share == 1.0 or not control.targets or not isinstance(control.value, float):
+        return control
+    if control.targets[0].form == "inverse":
+        least = control.value + share * (control.minimum - control.value)
+        return replace(control, minimum=least, low=max(least, control.low))
+    most = control.value + share * (control.maximum - control.value)
+    return replace(control, maximum=most, high=min(most, control.high))
 
 
 def setting_of(controls: Sequence[Control], values: Mapping[str, float | str]) -> dict[str, Any]:

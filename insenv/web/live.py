@@ -16,7 +16,7 @@ from insenv.core.progress import Progress
 from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
-from insenv.estimators import Estimator, EstimatorsLike, get_all
+from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
@@ -127,11 +127,17 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
 
 
 def with_run(scenario: Scenario, plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> Scenario:
-    """The scenario with the seed, duration, estimators and settings of a page, as a file would have them."""
+    """The scenario with the seed, duration, estimators and settings of a page, as a file would have them.
+
+    Estimators that are not registered are in no file.
+    """
     values = scenario.model_dump(mode="json", exclude_unset=True)
-    values |= {"seed": plant.seed, "duration_s": plant.duration_s, "estimators": [e.id for e in chosen]}
+    known = registered()
+    named = [estimator.id for estimator in chosen if estimator.id in known]
+    values |= {"seed": plant.seed, "duration_s": plant.duration_s, "estimators": named}
     for id, table in (settings or {}).items():
-        values.setdefault("estimator", {}).setdefault(id, {}).update(table)
+        if id in known:
+            values.setdefault("estimator", {}).setdefault(id, {}).update(table)
     return load(values)
 
 
