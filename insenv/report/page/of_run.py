@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -108,7 +107,7 @@ class _Drawn:
     def __init__(self, report: RunData, budget: int) -> None:
         self.report, self.pool = report, Pool()
         records = max((len(r.time) for r in report.results), default=0)
-        self.keep = kept_records(records, sum(_arrays(r) for r in report.results) + 12, budget)
+        self.keep = kept_records(records, sum(_arrays(r) for r in report.results) + 21, budget)
         self.times = report.results[0].time[self.keep] if records else np.zeros(0)
         counts = [(r.time, r.outputs["fix_count"]) for r in report.results if r.health is not None]
         self.shade = outages(*max(counts, key=lambda one: float(one[1][-1]))) if counts else ()
@@ -231,8 +230,8 @@ class _Drawn:
 
 def _arrays(result: Result) -> int:
     """The number of arrays that an estimator adds to a page."""
-    outputs = sum(math.prod(result.outputs[row].shape[1:]) for row in ("gyro_bias", "accel_bias") if row in result.outputs)
-    return len(result.errors) + len(result.sigma) + len(result.limit_sigma) + 2 * outputs + 12
+    rows = [name for _, row, *_ in _BIASES for name in (row, f"{row}_estimate_sigma") if name in result.outputs]
+    return len(result.errors) + len(result.sigma) + 3 * len(rows) + 11
 
 
 def _reach(result: Result, channel: str) -> float:
