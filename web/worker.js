@@ -7,6 +7,7 @@ const FRAME_MS = 1000 / 60; // between two frames
 const SLICE_MS = 12; // of simulation before messages are read
 const TICK_MS = 8; // between two looks at the clock
 const CLOUD_RECORDS = 300; // about the number of records of one unit of a cloud
+const SHORT = 1e-12; // squared norm below which a quaternion is no attitude
 const LATE = 1e9; // s: the end of an outage that has not ended
 const FORMS = {
   product: (value, scale) => scale * value,
@@ -380,8 +381,25 @@ class Session {
       const next = this.commands[this.followed]?.sample ?? Infinity, some = Math.min(n, next - this.unit.sample);
       const records = this.unit.run(some, this.live.every);
       n -= some;
-      if (!records.every(Number.isFinite)) throw new Error("an estimator diverged: its outputs are no longer finite numbers");
+      if (records.length) this.checkFinite(records);
       if (records.length) this.kept.push(records);
+    }
+  }
+
+  /** As `insenv run` does, stop at outputs that are no numbers and at an attitude without length. @param {Float64Array} records */
+  checkFinite(records) {
+    const { estimators, sizes, tables } = this.live;
+    for (const { id, prefix } of estimators) {
+      for (const row of tables.outputs) {
+        if (!row.name.startsWith(prefix)) continue;
+        for (let at = row.at; at < records.length; at += sizes.y) {
+          const values = records.subarray(at, at + row.size);
+          if (!values.every(Number.isFinite)) throw new Error(`estimator '${id}' diverged: its outputs are no longer finite numbers`);
+          if (row.name === `${prefix}q_nb` && values.reduce((sum, one) => sum + one * one, 0) < SHORT) {
+            throw new Error(`estimator '${id}' diverged: its output q_nb has length 0`);
+          }
+        }
+      }
     }
   }
 
@@ -454,7 +472,9 @@ class Session {
         cloud.records = [];
       }
       while (spare.sample < live.samples && NOW() - began < SLICE_MS) {
-        cloud.records.push(spare.run(Math.min(cloud.every, live.samples - spare.sample), cloud.every));
+        const records = spare.run(Math.min(cloud.every, live.samples - spare.sample), cloud.every);
+        if (records.length) this.checkFinite(records);
+        cloud.records.push(records);
       }
       if (spare.sample >= live.samples) {
         const rows = cloud.records.filter((row) => row.length), width = live.sizes.y;
