@@ -44,7 +44,7 @@ export function cloudPanel(live, start) {
     "section",
     { class: "cloud" },
     h("h2", {}, "Many units"),
-    h("p", { class: "quiet" }, `One run shows one unit on one day. ${UNITS} seeds show what to expect: their errors should lie within the limit 68 % of the time.`),
+    h("p", { class: "quiet" }, `One run shows one unit on one day. ${UNITS} seeds show what to expect. The errors of an optimal estimator lie within the limit for 68 % of the units.`),
     h("div", { class: "pair" }, go, progress, choice),
     place,
     table,

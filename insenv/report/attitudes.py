@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from insenv import style
 from insenv.evaluation.errors import ATTITUDE, Track
 from insenv.report.run_data import RunData
@@ -32,11 +34,20 @@ def page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, Any]:
                     result.time, angle - around, angle + around, color=colour, alpha=0.16, linewidth=0, zorder=2
                 )
     for axis, channel in zip(axes, ATTITUDE, strict=True):
-        drawn = [Track(r.time, r.outputs["q_nb"]).euler_deg() for r in report.results if "q_nb" in r.outputs]
-        settled = [(d[len(d) // 4 :, ATTITUDE.index(channel)]) for d in drawn]
-        low, high = min(float(s.min()) for s in settled), max(float(s.max()) for s in settled)
-        room = 0.15 * (high - low) + 0.05
-        axis.set_ylim(low - room, high + room)
+        axis.set_ylim(*_reach(report, channel))
         axis.set_ylabel(label(channel))
     axes[-1].set_xlabel("time [s]")
     return handles
+
+
+def _reach(report: RunData, channel: str) -> tuple[float, float]:
+    """The range of an angle (deg) that is shown: all values after the first quarter, with the median of three sigma around."""
+    ends = []
+    for result in report.results:
+        if "q_nb" in result.outputs:
+            angle = Track(result.time, result.outputs["q_nb"]).euler_deg()[:, ATTITUDE.index(channel)]
+            late = angle[len(angle) // 4 :]
+            around = 3.0 * float(np.median(result.sigma[channel])) if channel in result.sigma else 0.0
+            ends += [float(late.min()) - around, float(late.max()) + around]
+    room = 0.08 * (max(ends) - min(ends)) + 1e-3
+    return min(ends) - room, max(ends) + room

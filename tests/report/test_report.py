@@ -337,6 +337,7 @@ def test_an_alignment_without_reference_shows_its_attitude_with_its_sigma(tmp_pa
     drawn = draw(made)
     assert [axis.get_ylabel() for axis in drawn.axes] == ["roll [deg]", "pitch [deg]", "heading [deg]"]
     assert all(len(axis.lines) == 1 and len(axis.collections) == 1 for axis in drawn.axes)
+    assert all(axis.get_ylim()[1] - axis.get_ylim()[0] > 2 * 3 * 0.02 for axis in drawn.axes)  # the sigma is seen
     assert {path.suffix for path in write_files(made, OutputFolder(tmp_path)).paths} == {
         ".npz",
         ".json",
