@@ -15,6 +15,7 @@ from insenv.web.live import live
 pytest.importorskip("ziglang")
 
 
+@pytest.mark.slow
 def test_keys_with_another_effect_are_no_controls() -> None:
     found = {control.key: control for control in live("ship-irregular-sea", "q-method", duration_s=10.0).controls}
     assert "start.latitude_deg" in found and "start.heading_deg" not in found  # the heading changes every wave
@@ -35,6 +36,7 @@ def test_bounds_keep_what_run_refuses_out() -> None:
         load(with_values(made.values, setting_of(made.controls, beyond)))
 
 
+@pytest.mark.slow
 def test_an_estimator_of_ones_own_has_a_page(tmp_path: Path) -> None:
     own = insenv.fusion(["gyro_scale"], id="mine")
     made = live("car-city-drive", own, duration_s=10.0)

@@ -28,6 +28,7 @@ def test_writes_one_file_without_requests(tmp_path: Path) -> None:
     assert strict(out) == {"written": str(path), "bytes": path.stat().st_size, "opened": False}
 
 
+@pytest.mark.slow
 def test_opens_without_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", lambda url: opened.append(url) or True)
