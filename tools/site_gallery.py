@@ -36,7 +36,7 @@ def with_links(text: str) -> str:
         opened = f'<p><a class="live-page" href="{FOLDER}/{name}">Open the live page</a></p>'
         return f"```{{raw}} html\n{opened}\n```\n\n{match.group()}"
 
-    return COMMAND.sub(link, re.sub(r"<!-- not run: .*? -->\n\n", "", text))
+    return COMMAND.sub(link, re.sub(r"<!-- not run: .*? -->\n(?=```console\n\$ insenv page )", "", text))
 
 
 def write_pages(folder: Path, code: str) -> None:
