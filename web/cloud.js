@@ -92,8 +92,14 @@ export function cloudPanel(live, start) {
       } else if (message.done % 8 === 0) draw();
     },
     stop: () => {
+      if (go.disabled) progress.textContent = "";
       go.disabled = false;
+    },
+    clear: () => {
+      units = [];
       progress.textContent = "";
+      choice.hidden = true;
+      draw();
     },
   };
 }

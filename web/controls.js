@@ -50,9 +50,20 @@ export function controlPanel(live, change, restore) {
     element,
     show: (number, values) => {
       seed.show(number);
-      for (const control of live.controls) shown.get(control.key)?.(control.key in values ? values[control.key] : control.value);
+      // one of several sets of numbers brings its own figures: those of its section that are not given are then not known here
+      const sections = live.controls.filter((/** @type {any} */ one) => one.options && one.key in values).map((/** @type {any} */ one) => section(one.key));
+      for (const control of live.controls) {
+        const own = sections.includes(section(control.key)) && !control.options ? null : control.value;
+        shown.get(control.key)?.(control.key in values ? values[control.key] : own);
+      }
     },
   };
+}
+
+/** The section of a scenario that a key is in.
+ * @param {string} key */
+function section(key) {
+  return key.split(".")[0];
 }
 
 /** @param {any} live
@@ -131,6 +142,7 @@ function amount(control, take) {
     element,
     show: (/** @type {any} */ value) => {
       input.value = value === null || value === undefined ? "" : String(value);
+      input.placeholder = control.value === null ? "drawn" : "of the set";
       slider.value = String(value ?? (low + high) / 2);
       wrong.textContent = "";
     },

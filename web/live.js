@@ -19,6 +19,7 @@ import { makeTrack } from "./livetrack.js";
 
 const SPEEDS = [1, 2, 5, 10, 30, 100];
 const SHORTEST = 10;
+const HALF_A_MINUTE = 35; // s: how long a run lasts at the speed that a page begins with
 const ADDRESS_MS = 250;
 
 /**
@@ -40,7 +41,9 @@ export function livePage(live) {
   const wrong = h("p", { class: "wrong told", role: "alert", id: "wrong" });
   /** @type {{seed: number, values: Record<string, any>, commands: any}} */
   let state = { seed: live.seed, values: {}, commands: undefined };
-  let [running, ended, speed] = [false, false, /** @type {number | null} */ (live.vehicle === "ship" ? null : 10)];
+  let clouding = false;
+  let settings = state.values;
+  let [running, ended, speed] = [false, false, /** @type {number | null} */ (SPEEDS.find((value) => live.duration_s / value <= HALF_A_MINUTE) ?? 100)];
   /** @type {any} */
   let frame = null;
   let drawn = { due: false, shown: 0 };
@@ -48,6 +51,11 @@ export function livePage(live) {
   // --- what is asked of the simulation
 
   const run = () => {
+    if (clouding) {
+      session.send({ do: "cloud", units: 0 });
+      cloud.stop();
+      clouding = false;
+    }
     if (ended) restart(false);
     session.send({ do: "run", speed });
     running = true;
@@ -78,7 +86,10 @@ export function livePage(live) {
   const drive = driver(
     live,
     (values) => {
-      if (ended) return;
+      if (ended) {
+        wrong.textContent = "The run has ended: press Reset to drive again.";
+        return;
+      }
       if (speed === null || speed > 2) speed = 1;
       session.send({ do: "input", values });
       session.send({ do: "values" });
@@ -88,6 +99,7 @@ export function livePage(live) {
   );
   const cloud = cloudPanel(live, () => {
     running = false;
+    clouding = true;
     cloud.begin();
     session.send({ do: "cloud", units: 64 });
     show();
@@ -123,6 +135,10 @@ export function livePage(live) {
     span.extend(0, SHORTEST);
     span.reset();
     end.hidden = true;
+    clouding = false;
+    cloud.stop();
+    if (!same(settings, state.values)) cloud.clear(); // it was of other settings
+    settings = state.values;
     panels.shade(outagesOf(live, state.values));
     drive.release();
     const own = Object.keys(state.values).length === 0 && same(state.commands ?? live.commands?.given, live.commands?.given);
@@ -142,7 +158,10 @@ export function livePage(live) {
     end.hidden = false;
     show();
   });
-  session.on("cloud", (message) => cloud.take(message));
+  session.on("cloud", (message) => {
+    cloud.take(message);
+    clouding = message.done < message.units;
+  });
   session.on("values", (message) => {
     state = { seed: message.seed, values: message.values, commands: message.commands };
     keep();
@@ -154,7 +173,7 @@ export function livePage(live) {
   });
   session.on("toml", ({ name, text }) => download(name, text));
   session.on("error", ({ message }) => {
-    running = false;
+    running = clouding = false;
     cloud.stop();
     wrong.textContent = message;
     show();

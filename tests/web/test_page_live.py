@@ -3,6 +3,7 @@
 `make test-web` runs all of them; without INSENV_TEST_WEB the short ones run.
 """
 
+import json
 import os
 
 import numpy as np
@@ -232,4 +233,25 @@ def test_the_page_of_a_run_becomes_live(browser, tmp_path):
     browser.driver.execute_script("document.getElementById('make-live').click()")
     fast(browser)
     assert [row[1:] for row in shown(browser)] == printed(report)
+    assert browser.console() == []
+
+
+def test_a_finger_on_the_field_commands_and_a_run_after_a_cloud_goes_on(browser, ship):
+    from selenium.webdriver.common.by import By
+
+    browser.open(ship, PHONE)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.getElementById('cloud').click()")
+    browser.until("parseInt(document.getElementById('cloud-done').textContent) >= 1")
+    browser.driver.execute_script("document.getElementById('run').click()")
+    browser.until("document.getElementById('clock').textContent > '0:01.0'")
+    pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
+    browser.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", pad)
+    box = browser.value("arguments[0].getBoundingClientRect().toJSON()", pad)
+    place = {"x": box["x"] + 0.75 * box["width"], "y": box["y"] + 0.25 * box["height"]}
+    for kind, points in (("touchStart", [place]), ("touchMove", [{**place, "x": place["x"] + 4}]), ("touchEnd", [])):
+        browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    link = browser.until("decodeURIComponent(location.hash).includes('\"wave\"') && decodeURIComponent(location.hash)")
+    waves = [command[1]["wave"] for command in json.loads(link.partition("commands=")[2])]
+    assert max(waves) == pytest.approx(0.5, abs=0.05) and waves[-1] == 0
     assert browser.console() == []
