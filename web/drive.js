@@ -43,17 +43,20 @@ export function driver(live, command, cut) {
     command(values);
     place();
   };
+  /** The deflection of what is in force before the first command: the speed of a vehicle, or 1 of what multiplies the scenario's own. */
+  const inForce = () => {
+    if (!along) return 0;
+    const now = along.command === "speed" ? state.speed : along.unit === "" ? 1 : 0;
+    return Math.min(1, now / (along.full_scale * along.scale));
+  };
   const place = () => {
     knob.style.left = `${50 + 50 * state.across}%`;
-    knob.style.top = `${100 - 100 * Math.max(0, state.along ?? 0)}%`;
+    knob.style.top = `${100 - 100 * Math.max(0, state.along ?? inForce())}%`;
     const told = [along && state.along !== null && said(along, state.along), across && said(across, state.across)];
     telling.textContent = told.filter(Boolean).join(", ");
   };
   const begin = () => {
-    if (state.along !== null || !along) return;
-    // from what is in force: the speed of a vehicle, or 1 of what multiplies the scenario's own
-    const now = along.command === "speed" ? state.speed : along.unit === "" ? 1 : 0;
-    state.along = Math.min(1, now / (along.full_scale * along.scale));
+    state.along ??= inForce();
   };
   let last = 0;
   const tick = () => {
@@ -127,6 +130,7 @@ export function driver(live, command, cut) {
     element,
     show: (speed, now) => {
       state.speed = speed;
+      if (state.along === null) place();
       for (const one of cuts) one.element.setAttribute("aria-pressed", String(Boolean(now[one.sensor])));
     },
     release: () => {
