@@ -40,7 +40,6 @@ SHIP_TRAITS = VehicleTraits(
     sticks=(
         StickCommand("speed", "SPEED", "Speed", ("z",), 10.0, 340.0, "m/s", one_sided=True),
         StickCommand("turn_rate", "TURN", "Turn rate", ("r", "y"), 3.0, 90.0, "deg/s"),
-        *surroundings.STICKS,
     ),
 )
 _SPEED = Tracker(("speed", "speed_rate", "speed_second"), "Speed along the heading of the track", "m/s")

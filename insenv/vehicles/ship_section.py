@@ -9,10 +9,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Strict, model_validator
 
 from insenv.files.toml import Number, Section, key
+from insenv.vehicles import surroundings
 from insenv.vehicles.routes import ship_course
 from insenv.vehicles.section import MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, in_legs
 from insenv.vehicles.ship import SHIP_TRAITS, regular_sway, ship
-from insenv.vehicles.traits import VehicleTraits
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import Vehicle
 from insenv.vehicles.waves import Hull, irregular_sea
 
@@ -125,6 +126,11 @@ class ShipSection(VehicleSection):
     def in_place(self) -> bool:
         """Whether it is moored."""
         return not self.legs and self.start_speed_mps == 0.0
+
+    @property
+    def sticks(self) -> tuple[StickCommand, ...]:
+        """Those of a ship under way, or of the surroundings of a moored one."""
+        return surroundings.STICKS if self.in_place else self.traits.sticks
 
     def steerable(self) -> ShipSection:
         """A moored ship whose surroundings commands can change."""

@@ -217,7 +217,7 @@ def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
     ]
     sticks = [
         {**vars(stick), "scale": stick.value(1.0, 1.0) * stick.sign}
-        for stick in plant.scenario.vehicle.traits.sticks
+        for stick in plant.scenario.vehicle.sticks
         if stick.command in names
     ]
     given = [
