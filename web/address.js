@@ -14,8 +14,10 @@
 export function addressOf(state, seed) {
   const parts = new URLSearchParams();
   if (state.seed !== seed) parts.set("seed", String(state.seed));
-  for (const [key, value] of Object.entries(state.values)) parts.set(key, typeof value === "string" ? value : JSON.stringify(value));
-  if (state.commands?.length) parts.set("commands", JSON.stringify(state.commands.map(({ sample, values }) => [sample, values])));
+  for (const [key, value] of Object.entries(state.values))
+    parts.set(key, typeof value === "string" ? value : JSON.stringify(value));
+  if (state.commands?.length)
+    parts.set("commands", JSON.stringify(state.commands.map(({ sample, values }) => [sample, values])));
   return parts.toString();
 }
 
@@ -44,7 +46,12 @@ export function stateOf(fragment, live) {
  * @returns {{sample: number, values: Record<string, number>}[]} */
 function commandsOf(text) {
   const found = parsed("commands", text);
-  const good = Array.isArray(found) && found.every((one) => Array.isArray(one) && one.length === 2 && Number.isInteger(one[0]) && one[1] !== null && typeof one[1] === "object");
+  const good =
+    Array.isArray(found) &&
+    found.every(
+      (one) =>
+        Array.isArray(one) && one.length === 2 && Number.isInteger(one[0]) && one[1] !== null && typeof one[1] === "object",
+    );
   if (!good) throw new Error("commands: allowed are pairs of a sample and the values of commands");
   return found.map(([sample, values]) => ({ sample, values }));
 }

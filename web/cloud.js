@@ -18,21 +18,34 @@ export function cloudPanel(live, start) {
   /** @type {{errors: Float64Array[], sigmas: (Float64Array | null)[]}[]} */
   let units = [];
   let [interval, limited] = [1, true];
-  const chosen = { estimator: 0, channel: live.estimators[0].channels.includes("heading_deg") ? "heading_deg" : live.estimators[0].channels[0] };
+  const chosen = {
+    estimator: 0,
+    channel: live.estimators[0].channels.includes("heading_deg") ? "heading_deg" : live.estimators[0].channels[0],
+  };
   const go = button(`${UNITS} units`, () => start(), { id: "cloud" });
   const progress = h("output", { class: "quiet", id: "cloud-done" });
   const place = h("div", {});
   const table = h("div", {});
-  const estimator = h("select", { "aria-label": "Estimator" }, live.estimators.map((/** @type {any} */ one, /** @type {number} */ at) => h("option", { value: at }, one.id)));
+  const estimator = h(
+    "select",
+    { "aria-label": "Estimator" },
+    live.estimators.map((/** @type {any} */ one, /** @type {number} */ at) => h("option", { value: at }, one.id)),
+  );
   const channel = h("select", { "aria-label": "Error" });
   const offer = () => {
-    fill(channel, ...live.estimators[chosen.estimator].channels.map((/** @type {string} */ name) => h("option", { value: name, selected: name === chosen.channel }, channelName(name).join(", "))));
+    fill(
+      channel,
+      ...live.estimators[chosen.estimator].channels.map((/** @type {string} */ name) =>
+        h("option", { value: name, selected: name === chosen.channel }, channelName(name).join(", ")),
+      ),
+    );
   };
   offer();
   const choice = h("div", { class: "pair", hidden: true }, estimator, channel);
   estimator.addEventListener("change", () => {
     chosen.estimator = Number(estimator.value);
-    if (!live.estimators[chosen.estimator].channels.includes(chosen.channel)) chosen.channel = live.estimators[chosen.estimator].channels[0];
+    if (!live.estimators[chosen.estimator].channels.includes(chosen.channel))
+      chosen.channel = live.estimators[chosen.estimator].channels[0];
     offer();
     draw();
   });
@@ -44,7 +57,11 @@ export function cloudPanel(live, start) {
     "section",
     { class: "cloud" },
     h("h2", {}, "Many units"),
-    h("p", { class: "quiet" }, `One run shows one unit on one day. ${UNITS} seeds show what to expect. The errors of an optimal estimator lie within the limit for 68 % of the units.`),
+    h(
+      "p",
+      { class: "quiet" },
+      `One run shows one unit on one day. ${UNITS} seeds show what to expect. The errors of an optimal estimator lie within the limit for 68 % of the units.`,
+    ),
     h("div", { class: "pair" }, go, progress, choice),
     place,
     table,
@@ -67,9 +84,27 @@ export function cloudPanel(live, start) {
     const curves = units.map((one) => ({ kind: "thin", group: chosen.estimator, y: column(one, name) }));
     const x = curves[0].y.map((/** @type {number} */ _, /** @type {number} */ k) => (k + 1) * interval);
     const limit = limited ? live.limit?.sigma[name] : null;
-    if (limit) curves.push({ kind: "limit", group: -1, y: x.map((/** @type {number} */ time) => between(live.limit.time_s, limit, time)) });
-    const panel = { title: `${title} of ${units.length} units`, unit, threshold: thresholdOf(live, name), log: false, from_s: null, shade: [], x, curves };
-    const plot = timePlot(panel, makeSpan(0, x.at(-1) ?? 1), live.estimators.map((/** @type {any} */ one) => one.id));
+    if (limit)
+      curves.push({
+        kind: "limit",
+        group: -1,
+        y: x.map((/** @type {number} */ time) => between(live.limit.time_s, limit, time)),
+      });
+    const panel = {
+      title: `${title} of ${units.length} units`,
+      unit,
+      threshold: thresholdOf(live, name),
+      log: false,
+      from_s: null,
+      shade: [],
+      x,
+      curves,
+    };
+    const plot = timePlot(
+      panel,
+      makeSpan(0, x.at(-1) ?? 1),
+      live.estimators.map((/** @type {any} */ one) => one.id),
+    );
     fill(place, plot.element);
     fill(table, summaryTable(figures(live, units, chosen.estimator, column, limited)));
   };
@@ -118,8 +153,21 @@ function figures(live, units, group, column, limited) {
     const largest = Math.max(...ends.map(Math.abs));
     const limit = limits[name]?.at(-1);
     const [title, unit] = channelName(name);
-    return [`${title.replace(" error", "").toLowerCase()} [${unit}]`, number(rms), number(largest), ...(limit === undefined ? [] : [number(limit), number(rms / limit)])];
+    return [
+      `${title.replace(" error", "").toLowerCase()} [${unit}]`,
+      number(rms),
+      number(largest),
+      ...(limit === undefined ? [] : [number(limit), number(rms / limit)]),
+    ];
   });
   const beside = Object.keys(limits).length ? ["limit", "rms/limit"] : [];
-  return { caption: `${live.estimators[group].id}: errors at the end over ${units.length} units`, columns: ["error", "rms", "largest", ...beside], rows, group, below: [], warnings: [], state: "" };
+  return {
+    caption: `${live.estimators[group].id}: errors at the end over ${units.length} units`,
+    columns: ["error", "rms", "largest", ...beside],
+    rows,
+    group,
+    below: [],
+    warnings: [],
+    state: "",
+  };
 }

@@ -4,7 +4,13 @@ import { checked } from "./address.js";
 import { button, h } from "./dom.js";
 import { roundDown } from "./numbers.js";
 
-const GROUPS = { imu: "Inertial unit", gnss: "GNSS", knowledge: "What estimators are told", vehicle: "Vehicle", start: "Start" };
+const GROUPS = {
+  imu: "Inertial unit",
+  gnss: "GNSS",
+  knowledge: "What estimators are told",
+  vehicle: "Vehicle",
+  start: "Start",
+};
 
 /**
  * @typedef {object} Controls
@@ -51,7 +57,9 @@ export function controlPanel(live, change, restore) {
     show: (number, values) => {
       seed.show(number);
       // one of several sets of numbers brings its own figures: those of its section that are not given are then not known here
-      const sections = live.controls.filter((/** @type {any} */ one) => one.options && one.key in values).map((/** @type {any} */ one) => section(one.key));
+      const sections = live.controls
+        .filter((/** @type {any} */ one) => one.options && one.key in values)
+        .map((/** @type {any} */ one) => section(one.key));
       for (const control of live.controls) {
         const own = sections.includes(section(control.key)) && !control.options ? null : control.value;
         shown.get(control.key)?.(control.key in values ? values[control.key] : own);
@@ -70,21 +78,42 @@ function section(key) {
  * @param {(value: number) => void} take */
 function seedRow(live, take) {
   const ranges = live.seeds.numbers;
-  const allowed = ranges.map((/** @type {number[]} */ [first, last]) => (first === last ? String(first) : `${first} to ${last}`)).join(", ");
-  const input = h("input", { id: "seed", type: "number", min: ranges[0][0], max: ranges.at(-1)[1], step: 1, "aria-describedby": "seed-wrong" });
+  const allowed = ranges
+    .map((/** @type {number[]} */ [first, last]) => (first === last ? String(first) : `${first} to ${last}`))
+    .join(", ");
+  const input = h("input", {
+    id: "seed",
+    type: "number",
+    min: ranges[0][0],
+    max: ranges.at(-1)[1],
+    step: 1,
+    "aria-describedby": "seed-wrong",
+  });
   const wrong = h("p", { class: "wrong", role: "alert", id: "seed-wrong" });
   const give = () => {
     const value = Number(input.value);
-    const offered = input.value.trim() !== "" && ranges.some((/** @type {number[]} */ [first, last]) => Number.isInteger(value) && value >= first && value <= last);
+    const offered =
+      input.value.trim() !== "" &&
+      ranges.some((/** @type {number[]} */ [first, last]) => Number.isInteger(value) && value >= first && value <= last);
     wrong.textContent = offered ? "" : `seed = ${input.value || "nothing"}: allowed is ${allowed}`;
     if (offered) take(value);
   };
   input.addEventListener("change", give);
-  const next = button("Next", () => {
-    input.value = String(Number(input.value) + 1);
-    give();
-  }, { class: "quiet", title: "The next unit and weather" });
-  const element = h("div", { class: "control" }, h("label", { for: "seed" }, "seed"), h("div", { class: "pair" }, input, next), wrong);
+  const next = button(
+    "Next",
+    () => {
+      input.value = String(Number(input.value) + 1);
+      give();
+    },
+    { class: "quiet", title: "The next unit and weather" },
+  );
+  const element = h(
+    "div",
+    { class: "control" },
+    h("label", { for: "seed" }, "seed"),
+    h("div", { class: "pair" }, input, next),
+    wrong,
+  );
   return {
     element,
     show: (/** @type {number} */ value) => {
@@ -112,8 +141,23 @@ function amount(control, take) {
   const { key, label, unit, meaning, low, high, minimum, maximum } = control;
   const id = `control-${key}`;
   const bounds = `${meaning}; ${minimum} to ${maximum}${unit ? ` ${unit}` : ""}`;
-  const input = h("input", { id, type: "text", inputmode: "decimal", autocomplete: "off", placeholder: "drawn", "aria-describedby": `${id}-told`, title: bounds });
-  const slider = h("input", { type: "range", min: low, max: high, step: "any", "aria-label": `${label}, slider`, title: bounds });
+  const input = h("input", {
+    id,
+    type: "text",
+    inputmode: "decimal",
+    autocomplete: "off",
+    placeholder: "drawn",
+    "aria-describedby": `${id}-told`,
+    title: bounds,
+  });
+  const slider = h("input", {
+    type: "range",
+    min: low,
+    max: high,
+    step: "any",
+    "aria-label": `${label}, slider`,
+    title: bounds,
+  });
   const wrong = h("p", { class: "wrong", role: "alert" });
   const give = (/** @type {string} */ text) => {
     try {

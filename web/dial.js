@@ -21,7 +21,14 @@ export function headingDial() {
     if (!context) return;
     const [width, height] = size;
     const radius = Math.min(width, height) / 2 - 18;
-    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, devicePixelRatio * (width / 2), devicePixelRatio * (height / 2));
+    context.setTransform(
+      devicePixelRatio,
+      0,
+      0,
+      devicePixelRatio,
+      devicePixelRatio * (width / 2),
+      devicePixelRatio * (height / 2),
+    );
     context.clearRect(-width / 2, -height / 2, width, height);
     face(context, radius);
     for (const { group, heading, sigma } of needles) {

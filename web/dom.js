@@ -28,7 +28,9 @@ export function h(tag, attributes = {}, ...children) {
  * @param {Element} element
  * @param {...Child} children */
 export function fill(element, ...children) {
-  element.replaceChildren(...children.filter((child) => child || child === 0).map((child) => (child instanceof Node ? child : String(child))));
+  element.replaceChildren(
+    ...children.filter((child) => child || child === 0).map((child) => (child instanceof Node ? child : String(child))),
+  );
 }
 
 /** The JSON document of a kind that this page holds, or null.

@@ -31,7 +31,11 @@ export function driver(live, command, cut) {
   const held = new Set();
   const telling = h("output", { class: "quiet" });
   const knob = h("i", { "aria-hidden": "true" });
-  const pad = h("div", { class: "pad", tabindex: "0", role: "application", "aria-label": "Drive: arrow keys or W, A, S, D; or drag" }, knob);
+  const pad = h(
+    "div",
+    { class: "pad", tabindex: "0", role: "application", "aria-label": "Drive: arrow keys or W, A, S, D; or drag" },
+    knob,
+  );
 
   const value = (/** @type {any} */ stick, /** @type {number} */ deflection) =>
     (stick.one_sided ? Math.max(0, stick.sign * deflection) : stick.sign * deflection) * stick.full_scale * stick.scale;
@@ -108,13 +112,25 @@ export function driver(live, command, cut) {
     pad.setPointerCapture(event.pointerId);
     drag(event);
   });
-  pad.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => pad.hasPointerCapture(event.pointerId) && drag(event));
+  pad.addEventListener(
+    "pointermove",
+    (/** @type {PointerEvent} */ event) => pad.hasPointerCapture(event.pointerId) && drag(event),
+  );
   for (const name of ["pointerup", "pointercancel"]) pad.addEventListener(name, release);
 
-  const ways = [along && `Up and down: ${along.title.toLowerCase()}.`, across && `Left and right: ${across.title.toLowerCase()}.`].filter(Boolean).join(" ");
+  const ways = [
+    along && `Up and down: ${along.title.toLowerCase()}.`,
+    across && `Left and right: ${across.title.toLowerCase()}.`,
+  ]
+    .filter(Boolean)
+    .join(" ");
   const cuts = live.outages.map((/** @type {any} */ { sensor }) => {
     const name = sensor === "gnss" ? "GNSS" : sensor;
-    const element = button(`Cut ${name}`, () => cut(sensor, element.getAttribute("aria-pressed") !== "true"), { "aria-pressed": "false", class: "cut", id: `cut-${sensor}` });
+    const element = button(`Cut ${name}`, () => cut(sensor, element.getAttribute("aria-pressed") !== "true"), {
+      "aria-pressed": "false",
+      class: "cut",
+      id: `cut-${sensor}`,
+    });
     return { sensor, element };
   });
   const element = h(
@@ -122,9 +138,14 @@ export function driver(live, command, cut) {
     { class: "drive", "aria-label": "Drive" },
     sticks.length > 0 && h("h2", {}, along?.command === "sea" ? "Sea and wave" : "Drive"),
     sticks.length > 0 && pad,
-    sticks.length > 0 && h("p", { class: "quiet" }, `${ways} Click the field, then use the arrow keys or W, A, S, D; or drag in it.`),
+    sticks.length > 0 &&
+      h("p", { class: "quiet" }, `${ways} Click the field, then use the arrow keys or W, A, S, D; or drag in it.`),
     telling,
-    h("div", { class: "cuts" }, cuts.map((/** @type {any} */ one) => one.element)),
+    h(
+      "div",
+      { class: "cuts" },
+      cuts.map((/** @type {any} */ one) => one.element),
+    ),
   );
   return {
     element,

@@ -24,7 +24,11 @@ export function turned(q, [x, y, z]) {
  * @param {string} kind  of vehicle
  */
 export function hullView(kind) {
-  const canvas = h("canvas", { class: "hull", role: "img", "aria-label": "The vehicle seen from its quarter: true attitude solid, estimates as outlines" });
+  const canvas = h("canvas", {
+    class: "hull",
+    role: "img",
+    "aria-label": "The vehicle seen from its quarter: true attitude solid, estimates as outlines",
+  });
   const mesh = meshOf(kind);
   let [azimuth, aside, elevation] = [0, QUARTER, ELEVATION];
   let fresh = true;
@@ -62,13 +66,20 @@ export function hullView(kind) {
     context.clearRect(0, 0, size[0], size[1]);
     const project = camera(azimuth + aside, elevation, size);
     rose(context, project);
-    solid(context, project, mesh.map((face) => face.map((corner) => turned(truth, corner))));
+    solid(
+      context,
+      project,
+      mesh.map((face) => face.map((corner) => turned(truth, corner))),
+    );
     context.lineWidth = 1.2;
     for (const { group, q } of estimates) {
       context.strokeStyle = groupColour(group);
       context.fillStyle = faint(groupColour(group), 0.06);
       for (const face of mesh) {
-        outline(context, face.map((corner) => project(turned(q, corner))));
+        outline(
+          context,
+          face.map((corner) => project(turned(q, corner))),
+        );
         context.fill();
         context.stroke();
       }
@@ -140,7 +151,10 @@ function rose(context, project) {
   };
   context.strokeStyle = colour("rule");
   context.lineWidth = 1;
-  outline(context, Array.from({ length: 72 }, (_, place) => at(5 * place, 2.3)));
+  outline(
+    context,
+    Array.from({ length: 72 }, (_, place) => at(5 * place, 2.3)),
+  );
   context.stroke();
   context.beginPath();
   for (let degrees = 0; degrees < 360; degrees += 30) {
@@ -153,5 +167,7 @@ function rose(context, project) {
   context.font = "12px system-ui, sans-serif";
   context.textAlign = "center";
   context.textBaseline = "middle";
-  ["N", "E", "S", "W"].forEach((letter, place) => context.fillText(letter, ...(/** @type {[number, number]} */ (at(90 * place, 2.55).slice(0, 2)))));
+  ["N", "E", "S", "W"].forEach((letter, place) =>
+    context.fillText(letter, .../** @type {[number, number]} */ (at(90 * place, 2.55).slice(0, 2))),
+  );
 }

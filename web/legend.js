@@ -11,7 +11,12 @@ import { colour, groupColour, onTheme } from "./theme.js";
 export function legend(groups, others, show) {
   const entries = groups.map(({ name }, group) => {
     const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
-    const button = h("button", { type: "button", class: "entry", "aria-pressed": "true", title: `Show or hide ${name}` }, swatch, name);
+    const button = h(
+      "button",
+      { type: "button", class: "entry", "aria-pressed": "true", title: `Show or hide ${name}` },
+      swatch,
+      name,
+    );
     button.addEventListener("click", () => {
       const shown = button.getAttribute("aria-pressed") !== "true";
       button.setAttribute("aria-pressed", String(shown));
@@ -49,8 +54,10 @@ export function othersOf(panels, truth, shares = false) {
   if (shares) found.push({ kind: "band", text: "68 % and 95 % of the runs" });
   if (panels.some((panel) => panel.shade?.length)) found.push({ kind: "outage", text: "no GNSS" });
   if (panels.some((panel) => panel.from_s)) found.push({ kind: "statistics", text: "time of the statistics" });
-  if (panels.some((panel) => panel.threshold)) found.push({ kind: "linear", text: "scale: about linear here, logarithmic beyond" });
-  const crossed = curves.some((curve) => curve.kind === "crosses") || panels.some((panel) => panel.refused?.some((one) => one.at.length));
+  if (panels.some((panel) => panel.threshold))
+    found.push({ kind: "linear", text: "scale: about linear here, logarithmic beyond" });
+  const crossed =
+    curves.some((curve) => curve.kind === "crosses") || panels.some((panel) => panel.refused?.some((one) => one.at.length));
   if (crossed) found.push({ kind: "cross", text: "fix refused" });
   return found;
 }

@@ -10,6 +10,7 @@ import { makeHistory } from "./history.js";
 import { hullView } from "./hull.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
+import { changed, copy, cutNow, download, notesOf, outagesOf, same } from "./livestate.js";
 import { clock } from "./numbers.js";
 import { endTables, readings } from "./readings.js";
 import { startSession } from "./session.js";
@@ -43,7 +44,11 @@ export function livePage(live) {
   let state = { seed: live.seed, values: {}, commands: undefined };
   let clouding = false;
   let settings = state.values;
-  let [running, ended, speed] = [false, false, /** @type {number | null} */ (SPEEDS.find((value) => live.duration_s / value <= HALF_A_MINUTE) ?? 100)];
+  let [running, ended, speed] = [
+    false,
+    false,
+    /** @type {number | null} */ (SPEEDS.find((value) => live.duration_s / value <= HALF_A_MINUTE) ?? 100),
+  ];
   /** @type {any} */
   let frame = null;
   let drawn = { due: false, shown: 0 };
@@ -154,7 +159,11 @@ export function livePage(live) {
     take(message);
     running = false;
     ended = true;
-    fill(end, h("h2", {}, "At the end, as ", h("code", {}, "insenv run"), " prints it"), h("div", { class: "tables several" }, endTables(live, at, history)));
+    fill(
+      end,
+      h("h2", {}, "At the end, as ", h("code", {}, "insenv run"), " prints it"),
+      h("div", { class: "tables several" }, endTables(live, at, history)),
+    );
     end.hidden = false;
     show();
   });
@@ -185,7 +194,10 @@ export function livePage(live) {
     keeping = true;
     setTimeout(() => {
       keeping = false;
-      const fragment = addressOf({ ...state, commands: same(state.commands, live.commands?.given) ? undefined : state.commands }, live.seed);
+      const fragment = addressOf(
+        { ...state, commands: same(state.commands, live.commands?.given) ? undefined : state.commands },
+        live.seed,
+      );
       try {
         window.history.replaceState(null, "", fragment ? `#${fragment}` : location.pathname + location.search);
       } catch {
@@ -197,9 +209,17 @@ export function livePage(live) {
   // --- what is seen
 
   const play = button("Run", () => (running ? pause() : run()), { class: "main", id: "run" });
-  const step = button("Step", () => session.send({ do: "step", samples: live.every }), { id: "step", title: `${live.every} samples` });
+  const step = button("Step", () => session.send({ do: "step", samples: live.every }), {
+    id: "step",
+    title: `${live.every} samples`,
+  });
   const again = button("Reset", () => restart(false), { id: "reset" });
-  const pace = h("select", { id: "speed", "aria-label": "Speed" }, SPEEDS.map((value) => h("option", { value }, `${value} \u00d7 real time`)), h("option", { value: "" }, "as fast as it goes"));
+  const pace = h(
+    "select",
+    { id: "speed", "aria-label": "Speed" },
+    SPEEDS.map((value) => h("option", { value }, `${value} \u00d7 real time`)),
+    h("option", { value: "" }, "as fast as it goes"),
+  );
   pace.addEventListener("change", () => {
     speed = pace.value === "" ? null : Number(pace.value);
     if (running) run();
@@ -212,7 +232,8 @@ export function livePage(live) {
     pace.value = speed === null ? "" : String(speed);
   };
   addEventListener("keydown", (event) => {
-    const inside = event.target instanceof HTMLElement && event.target.closest("button, input, select, summary, [role='application']");
+    const inside =
+      event.target instanceof HTMLElement && event.target.closest("button, input, select, summary, [role='application']");
     if (event.key === " " && !inside) {
       event.preventDefault();
       play.click();
@@ -220,7 +241,10 @@ export function livePage(live) {
   });
   const tables = { truth: at("q_nb").at, attitude: at("attitude").at };
   const estimates = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({
-    group, q: at(`${one.prefix}q_nb`).at, attitude: at(`${one.prefix}attitude`).at, sigma: one.stated.indexOf("heading_deg") < 0 ? null : at(`${one.prefix}sigma`).at + one.stated.indexOf("heading_deg"),
+    group,
+    q: at(`${one.prefix}q_nb`).at,
+    attitude: at(`${one.prefix}attitude`).at,
+    sigma: one.stated.indexOf("heading_deg") < 0 ? null : at(`${one.prefix}sigma`).at + one.stated.indexOf("heading_deg"),
   }));
   /** @type {Set<number>} */
   const hidden = new Set();
@@ -229,10 +253,21 @@ export function livePage(live) {
     if (frame) {
       const y = frame.outputs;
       const shown = estimates.filter((/** @type {any} */ one) => !hidden.has(one.group));
-      hull.draw(y.subarray(tables.truth, tables.truth + 4), shown.map((/** @type {any} */ one) => ({ group: one.group, q: y.subarray(one.q, one.q + 4) })), y[tables.attitude + 2]);
+      hull.draw(
+        y.subarray(tables.truth, tables.truth + 4),
+        shown.map((/** @type {any} */ one) => ({ group: one.group, q: y.subarray(one.q, one.q + 4) })),
+        y[tables.attitude + 2],
+      );
       if (drawn.due) {
         drawn.due = false;
-        dial.draw(y[tables.attitude + 2], shown.map((/** @type {any} */ one) => ({ group: one.group, heading: y[one.attitude + 2], sigma: one.sigma === null ? null : y[one.sigma] })));
+        dial.draw(
+          y[tables.attitude + 2],
+          shown.map((/** @type {any} */ one) => ({
+            group: one.group,
+            heading: y[one.attitude + 2],
+            sigma: one.sigma === null ? null : y[one.sigma],
+          })),
+        );
         time.textContent = clock(frame.time_s);
         done.value = frame.time_s;
         const now = performance.now();
@@ -264,96 +299,63 @@ export function livePage(live) {
   return h(
     "div",
     { class: "frame live" },
-    h("header", {}, h("div", {}, h("h1", {}, live.title || live.name), h("p", { class: "facts" }, `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${live.estimators.map((/** @type {any} */ one) => one.id).join(", ")}`)), h("div", { class: "tools" }, link, toml, themeButton())),
-    h("main", {},
+    h(
+      "header",
+      {},
+      h(
+        "div",
+        {},
+        h("h1", {}, live.title || live.name),
+        h(
+          "p",
+          { class: "facts" },
+          `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${live.estimators.map((/** @type {any} */ one) => one.id).join(", ")}`,
+        ),
+      ),
+      h("div", { class: "tools" }, link, toml, themeButton()),
+    ),
+    h(
+      "main",
+      {},
       h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),
       wrong,
-      h("div", { class: "stage" },
+      h(
+        "div",
+        { class: "stage" },
         h("h2", { class: "hidden" }, "The vehicle now"),
         h("div", { class: "views" }, hull.element, dial.element, track.element),
-        h("div", { class: "side" }, steered && drive.element, numbers.element)),
+        h("div", { class: "side" }, steered && drive.element, numbers.element),
+      ),
       notesOf(live),
       end,
-      h("div", { class: "columns" },
+      h(
+        "div",
+        { class: "columns" },
         controls.element,
-        h("div", { class: "plots" },
-          h("div", { class: "bar" }, legend(live.estimators.map((/** @type {any} */ one) => ({ name: one.id })), othersOf(panels.panels, "truth"), hide), spanControls(span)),
+        h(
+          "div",
+          { class: "plots" },
+          h(
+            "div",
+            { class: "bar" },
+            legend(
+              live.estimators.map((/** @type {any} */ one) => ({ name: one.id })),
+              othersOf(panels.panels, "truth"),
+              hide,
+            ),
+            spanControls(span),
+          ),
           panels.elements,
-          cloud.element))),
-    h("footer", {}, "The equations of insenv as WebAssembly: the numbers are those of ", h("code", {}, "insenv run"), ", to the bit. The space key runs and pauses. This page makes no request."),
+          cloud.element,
+        ),
+      ),
+    ),
+    h(
+      "footer",
+      {},
+      "The equations of insenv as WebAssembly: the numbers are those of ",
+      h("code", {}, "insenv run"),
+      ", to the bit. The space key runs and pauses. This page makes no request.",
+    ),
   );
-}
-
-/** What must be said of the scenario and of the estimators.
- * @param {any} live */
-function notesOf(live) {
-  const of = (/** @type {any} */ { id, notes = [], needs_s: needs = 0 }) => [
-    ...notes,
-    ...(needs > live.duration_s ? [`this run is too short: it needs ${Math.ceil(needs)} s to converge`] : []),
-  ].map((note) => `${id}: ${note}`);
-  const notes = [...live.notes, ...live.estimators.flatMap(of)];
-  return notes.length > 0 && h("ul", { class: "notes" }, notes.map((note) => h("li", {}, note)));
-}
-
-/** The values with some changed; a value of the scenario itself is left out.
- * @param {any} live
- * @param {Record<string, any>} before
- * @param {Record<string, any>} values */
-function changed(live, before, values) {
-  const now = { ...before, ...values };
-  for (const [key, value] of Object.entries(values)) {
-    const control = live.controls.find((/** @type {any} */ one) => one.key === key);
-    if (control && control.value === value) delete now[key];
-    // a grade replaces the single figures of its section
-    if (control?.options) for (const other of Object.keys(now)) if (other !== key && other.startsWith(`${key.split(".")[0]}.`) && !other.endsWith("outages_s")) delete now[other];
-  }
-  return now;
-}
-
-/** The times without GNSS, s.
- * @param {any} live
- * @param {Record<string, any>} values
- * @returns {[number, number][]} */
-function outagesOf(live, values) {
-  return live.outages.filter((/** @type {any} */ one) => one.sensor === "gnss").flatMap((/** @type {any} */ { sensor, key }) => values[key] ?? live.values[sensor]?.outages_s ?? []);
-}
-
-/** Which sensors are cut off at a time.
- * @param {any} live
- * @param {Record<string, any>} values
- * @param {number} time  s
- * @returns {Record<string, boolean>} */
-function cutNow(live, values, time) {
-  return Object.fromEntries(live.outages.map((/** @type {any} */ { sensor, key }) => {
-    const windows = values[key] ?? live.values[sensor]?.outages_s ?? [];
-    return [sensor, windows.some((/** @type {number[]} */ [begin, end]) => time >= begin - 0.01 && time < end)];
-  }));
-}
-
-/** @param {any} one
- * @param {any} other */
-function same(one, other) {
-  return JSON.stringify(one ?? []) === JSON.stringify(other ?? []);
-}
-
-/** Offer a text as a file.
- * @param {string} name
- * @param {string} text */
-function download(name, text) {
-  const address = URL.createObjectURL(new Blob([text], { type: "application/toml" }));
-  const anchor = h("a", { href: address, download: name });
-  anchor.click();
-  setTimeout(() => URL.revokeObjectURL(address), 1000);
-}
-
-/** Copy the address of the page.
- * @param {HTMLElement} element  the button, which says so */
-async function copy(element) {
-  try {
-    await navigator.clipboard.writeText(location.href);
-    element.textContent = "Link copied";
-  } catch {
-    element.textContent = "The link is in the address bar";
-  }
-  setTimeout(() => (element.textContent = "Copy link"), 2000);
 }

@@ -6,11 +6,20 @@ import { number, roundDown } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
 
 const NAMES = {
-  roll_deg: ["Roll error", "deg"], pitch_deg: ["Pitch error", "deg"], heading_deg: ["Heading error", "deg"],
-  north_m: ["North error", "m"], east_m: ["East error", "m"], down_m: ["Down error", "m"],
-  vn_mps: ["Velocity north error", "m/s"], ve_mps: ["Velocity east error", "m/s"], vd_mps: ["Velocity down error", "m/s"],
+  roll_deg: ["Roll error", "deg"],
+  pitch_deg: ["Pitch error", "deg"],
+  heading_deg: ["Heading error", "deg"],
+  north_m: ["North error", "m"],
+  east_m: ["East error", "m"],
+  down_m: ["Down error", "m"],
+  vn_mps: ["Velocity north error", "m/s"],
+  ve_mps: ["Velocity east error", "m/s"],
+  vd_mps: ["Velocity down error", "m/s"],
 };
-const BIASES = [["gyro_bias", "Gyro bias", "deg/h", (180 / Math.PI) * 3600], ["accel_bias", "Accelerometer bias", "ug", 1e6 / 9.80665]];
+const BIASES = [
+  ["gyro_bias", "Gyro bias", "deg/h", (180 / Math.PI) * 3600],
+  ["accel_bias", "Accelerometer bias", "ug", 1e6 / 9.80665],
+];
 const AXES = ["forward", "right", "down"];
 const AT_ONCE = 2;
 
@@ -44,29 +53,50 @@ export function livePanels(live, span) {
   let limited = true;
 
   const add = (/** @type {string} */ title, /** @type {string} */ unit, /** @type {any} */ more) => {
-    const panel = { title, unit, threshold: null, log: false, from_s: null, shade: /** @type {[number, number][]} */ ([]), x, curves: /** @type {any[]} */ ([]), ...more };
+    const panel = {
+      title,
+      unit,
+      threshold: null,
+      log: false,
+      from_s: null,
+      shade: /** @type {[number, number][]} */ ([]),
+      x,
+      curves: /** @type {any[]} */ ([]),
+      ...more,
+    };
     const made = { panel, feeds: /** @type {any[]} */ ([]), plot: null, due: false, seen: false };
     panels.push(made);
     return made;
   };
   const channels = [...new Set(live.estimators.flatMap((/** @type {any} */ one) => one.channels))];
-  const groups = [channels.filter((c) => c.endsWith("_deg")), channels.filter((c) => c.endsWith("_m")), channels.filter((c) => c.endsWith("_mps"))];
-  const sections = groups.filter((group) => group.length).map((group, place) => ({
-    title: ["Attitude error", "Position error", "Velocity error"][place],
-    columns: 3,
-    panels: group.map((channel) => errorPanel(add, live, at, channel, () => limited)),
-  }));
-  const biases = BIASES.flatMap(([row, title, unit, factor]) => AXES.map((axis, k) => biasPanel(add, live, at, row, `${title}, ${axis}`, unit, Number(factor), k))).filter(Boolean);
+  const groups = [
+    channels.filter((c) => c.endsWith("_deg")),
+    channels.filter((c) => c.endsWith("_m")),
+    channels.filter((c) => c.endsWith("_mps")),
+  ];
+  const sections = groups
+    .filter((group) => group.length)
+    .map((group, place) => ({
+      title: ["Attitude error", "Position error", "Velocity error"][place],
+      columns: 3,
+      panels: group.map((channel) => errorPanel(add, live, at, channel, () => limited)),
+    }));
+  const biases = BIASES.flatMap(([row, title, unit, factor]) =>
+    AXES.map((axis, k) => biasPanel(add, live, at, row, `${title}, ${axis}`, unit, Number(factor), k)),
+  ).filter(Boolean);
   if (biases.length) sections.push({ title: "Estimated biases", columns: 3, panels: /** @type {any[]} */ (biases) });
   const ratios = ratioPanel(add, live, at);
   if (ratios) sections.push({ title: "Test ratios of fixes", columns: 1, panels: [ratios] });
 
-  const watcher = new IntersectionObserver((entries) => {
-    for (const entry of entries) {
-      const found = panels.find((one) => one.plot.element === entry.target);
-      if (found) found.seen = entry.isIntersecting;
-    }
-  }, { rootMargin: "120px" });
+  const watcher = new IntersectionObserver(
+    (entries) => {
+      for (const entry of entries) {
+        const found = panels.find((one) => one.plot.element === entry.target);
+        if (found) found.seen = entry.isIntersecting;
+      }
+    },
+    { rootMargin: "120px" },
+  );
   for (const one of panels) {
     one.plot = timePlot(one.panel, span, ids);
     watcher.observe(one.plot.element);
@@ -75,7 +105,17 @@ export function livePanels(live, span) {
   return {
     x,
     elements: sections.map((section) =>
-      h("section", {}, h("h2", {}, section.title), h("div", { class: `panels of-${section.columns}` }, section.panels.map((/** @type {any} */ one) => one.plot.element)))),
+      h(
+        "section",
+        {},
+        h("h2", {}, section.title),
+        h(
+          "div",
+          { class: `panels of-${section.columns}` },
+          section.panels.map((/** @type {any} */ one) => one.plot.element),
+        ),
+      ),
+    ),
     panels: panels.map((one) => one.panel),
     show: (/** @type {number} */ group, /** @type {boolean} */ shown) => panels.forEach((one) => one.plot.show(group, shown)),
     /** Take the records from one place to before another. */
@@ -90,7 +130,8 @@ export function livePanels(live, span) {
     clear: () => {
       x.length = 0;
       for (const one of panels) {
-        for (const curve of one.panel.curves) for (const values of [curve.y, curve.low, curve.high]) if (values) values.length = 0;
+        for (const curve of one.panel.curves)
+          for (const values of [curve.y, curve.low, curve.high]) if (values) values.length = 0;
         one.due = true;
       }
     },
@@ -108,7 +149,10 @@ export function livePanels(live, span) {
       for (const one of panels) one.panel.shade.splice(0, one.panel.shade.length, ...windows);
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
-    told: () => panels.filter((one) => one.panel.curves.length).map((one) => `${one.panel.title} ${number(one.panel.curves.at(-1)?.y?.at(-1))}`),
+    told: () =>
+      panels
+        .filter((one) => one.panel.curves.length)
+        .map((one) => `${one.panel.title} ${number(one.panel.curves.at(-1)?.y?.at(-1))}`),
   };
 }
 
@@ -149,7 +193,9 @@ function errorPanel(add, live, at, channel, limited) {
   if (limit) {
     const line = { kind: "limit", group: -1, y: /** @type {(number | null)[]} */ ([]) };
     curves.push(line);
-    made.feeds.push((/** @type {any} */ _, /** @type {number} */ __, /** @type {number} */ time) => line.y.push(limited() ? between(live.limit.time_s, limit, time) : null));
+    made.feeds.push((/** @type {any} */ _, /** @type {number} */ __, /** @type {number} */ time) =>
+      line.y.push(limited() ? between(live.limit.time_s, limit, time) : null),
+    );
   }
   return made;
 }
@@ -163,12 +209,20 @@ function errorPanel(add, live, at, channel, limited) {
  * @param {number} factor  from SI
  * @param {number} axis */
 function biasPanel(add, live, at, row, title, unit, factor, axis) {
-  const owners = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({ group, at: at(`${one.prefix}${row}`), sigma: at(`${one.prefix}${row}_estimate_sigma`) })).filter((/** @type {any} */ one) => one.at);
+  const owners = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({
+      group,
+      at: at(`${one.prefix}${row}`),
+      sigma: at(`${one.prefix}${row}_estimate_sigma`),
+    }))
+    .filter((/** @type {any} */ one) => one.at);
   if (!owners.length) return null;
   const made = add(title, unit, {});
   const true_ = at(`${row}_true`);
   const feed = (/** @type {any} */ line, /** @type {number} */ place) =>
-    made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => line.y.push(factor * history.value(place, record)));
+    made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) =>
+      line.y.push(factor * history.value(place, record)),
+    );
   if (true_) {
     const line = { kind: "line", group: -1, y: [] };
     made.panel.curves.push(line);
@@ -186,7 +240,9 @@ function biasPanel(add, live, at, row, title, unit, factor, axis) {
  * @param {any} live
  * @param {(name: string) => any} at */
 function ratioPanel(add, live, at) {
-  const filters = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group })).filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
+  const filters = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }))
+    .filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
   if (!filters.length) return null;
   const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true });
   for (const { prefix, group } of filters) {
@@ -196,7 +252,8 @@ function ratioPanel(add, live, at) {
     const rows = ["nis_used", "nis_refused", "nis_used_count", "nis_refused_count"].map((name) => at(prefix + name));
     const sum = (/** @type {any} */ history, /** @type {any} */ row, /** @type {number} */ record) => {
       let total = 0;
-      for (let k = 0; k < row.size; k++) total += history.value(row.at + k, record) - (record ? history.value(row.at + k, record - 1) : 0);
+      for (let k = 0; k < row.size; k++)
+        total += history.value(row.at + k, record) - (record ? history.value(row.at + k, record - 1) : 0);
       return total;
     };
     made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {

@@ -10,10 +10,22 @@ const FARTHEST = 1000; // m: a fix farther away is none yet
  * @param {(name: string) => any} at  a row of the outputs
  */
 export function makeTrack(live, at) {
-  const navigators = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({ group, row: at(`${one.prefix}offset_n`) })).filter((/** @type {any} */ one) => one.row);
+  const navigators = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({ group, row: at(`${one.prefix}offset_n`) }))
+    .filter((/** @type {any} */ one) => one.row);
   const sources = [{ group: -1, row: at("offset_n") }, ...navigators];
-  const lines = sources.map(({ group }) => ({ group, east: /** @type {number[]} */ ([]), north: /** @type {number[]} */ ([]) }));
-  const filter = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({ group, count: at(`${one.prefix}fix_count`), refused: at(`${one.prefix}fix_refused_count`) })).find((/** @type {any} */ one) => one.count);
+  const lines = sources.map(({ group }) => ({
+    group,
+    east: /** @type {number[]} */ ([]),
+    north: /** @type {number[]} */ ([]),
+  }));
+  const filter = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({
+      group,
+      count: at(`${one.prefix}fix_count`),
+      refused: at(`${one.prefix}fix_refused_count`),
+    }))
+    .find((/** @type {any} */ one) => one.count);
   /** @type {any} */
   const scene = { lines, refused: [], accepted: [], places: [0, 0] };
   const plot = trackPlot("Track seen from above", scene, "The truth and the estimates; crosses are refused fixes.");

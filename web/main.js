@@ -12,6 +12,8 @@ try {
   if (report) place.append(reportPage(report, live && button("Make it live", showLive, { class: "main", id: "make-live" })));
   else if (live) showLive();
 } catch (error) {
-  place.append(h("p", { role: "alert", class: "wrong" }, `This page cannot be shown: ${error instanceof Error ? error.message : error}`));
+  place.append(
+    h("p", { role: "alert", class: "wrong" }, `This page cannot be shown: ${error instanceof Error ? error.message : error}`),
+  );
   throw error;
 }

@@ -57,10 +57,11 @@ export function ticks(low, high, count) {
   if (!(high > low)) return [low];
   const rough = (high - low) / Math.max(1, count);
   const least = roundDown(rough);
-  const step = [least, 2 * least, 2.5 * least, 5 * least, 10 * least].find((one) => {
-    const lead = one / 10 ** Math.floor(Math.log10(one) + 1e-9);
-    return one >= rough * (1 - 1e-9) && Math.abs(lead - 2.5) > 0.01;
-  }) ?? 10 * least;
+  const step =
+    [least, 2 * least, 2.5 * least, 5 * least, 10 * least].find((one) => {
+      const lead = one / 10 ** Math.floor(Math.log10(one) + 1e-9);
+      return one >= rough * (1 - 1e-9) && Math.abs(lead - 2.5) > 0.01;
+    }) ?? 10 * least;
   const found = [];
   for (let place = Math.ceil(low / step - 1e-9); place * step <= high * (1 + 1e-9) + step * 1e-9; place++) {
     found.push(Number((place * step).toPrecision(12)));

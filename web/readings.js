@@ -6,14 +6,28 @@ import { channelName } from "./livepanels.js";
 import { summaryTable } from "./tables.js";
 import { groupColour, onTheme } from "./theme.js";
 
-const LABELS = { roll_deg: "roll [deg]", pitch_deg: "pitch [deg]", heading_deg: "heading [deg]", north_m: "north [m]", east_m: "east [m]", down_m: "down [m]", vn_mps: "vn [m/s]", ve_mps: "ve [m/s]", vd_mps: "vd [m/s]" };
+const LABELS = {
+  roll_deg: "roll [deg]",
+  pitch_deg: "pitch [deg]",
+  heading_deg: "heading [deg]",
+  north_m: "north [m]",
+  east_m: "east [m]",
+  down_m: "down [m]",
+  vn_mps: "vn [m/s]",
+  ve_mps: "ve [m/s]",
+  vd_mps: "vd [m/s]",
+};
 
 /** The table of numbers now.
  * @param {any} live
  * @param {(name: string) => any} at */
 export function readings(live, at) {
   const channels = [...new Set(/** @type {string[]} */ (live.estimators.flatMap((/** @type {any} */ one) => one.channels)))];
-  const truths = [...["attitude", "offset_n", "velocity_n"].flatMap((name, block) => [0, 1, 2].map((k) => ({ channel: Object.keys(LABELS)[3 * block + k], place: at(name).at + k })))];
+  const truths = [
+    ...["attitude", "offset_n", "velocity_n"].flatMap((name, block) =>
+      [0, 1, 2].map((k) => ({ channel: Object.keys(LABELS)[3 * block + k], place: at(name).at + k })),
+    ),
+  ];
   /** @type {{cell: HTMLElement, text: (y: Float64Array) => string}[]} */
   const cells = [];
   const cell = (/** @type {(y: Float64Array) => string} */ text) => {
@@ -27,7 +41,10 @@ export function readings(live, at) {
     onTheme(paint);
     paint();
     const wide = one.stated.length > 0 ? 2 : 1;
-    return { name: h("th", { scope: "colgroup", colspan: wide }, swatch, ` ${one.id}`), kinds: ["error", "sigma"].slice(0, wide).map((kind) => h("th", { scope: "col" }, kind)) };
+    return {
+      name: h("th", { scope: "colgroup", colspan: wide }, swatch, ` ${one.id}`),
+      kinds: ["error", "sigma"].slice(0, wide).map((kind) => h("th", { scope: "col" }, kind)),
+    };
   });
   const rows = channels.map((channel) => {
     const truth = truths.find((one) => one.channel === channel);
@@ -35,10 +52,19 @@ export function readings(live, at) {
     const decimals = unit === "m" ? 2 : 3;
     const figures = live.estimators.map((/** @type {any} */ { prefix, channels: own, stated }) => {
       const [error, sigma] = [own.indexOf(channel), stated.indexOf(channel)];
-      const value = (/** @type {string} */ row, /** @type {number} */ k) => (k < 0 ? h("td", {}) : cell((y) => number(y[at(prefix + row).at + k]).replace("-", "\u2212")));
+      const value = (/** @type {string} */ row, /** @type {number} */ k) =>
+        k < 0 ? h("td", {}) : cell((y) => number(y[at(prefix + row).at + k]).replace("-", "\u2212"));
       return [value("error", error), stated.length > 0 && value("sigma", sigma)];
     });
-    return h("tr", {}, h("th", { scope: "row" }, title.replace(" error", ""), h("span", { class: "unit" }, ` ${unit}`)), truth ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals)) : h("td", {}), figures.flat());
+    return h(
+      "tr",
+      {},
+      h("th", { scope: "row" }, title.replace(" error", ""), h("span", { class: "unit" }, ` ${unit}`)),
+      truth
+        ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals))
+        : h("td", {}),
+      figures.flat(),
+    );
   });
   const filters = live.estimators.filter((/** @type {any} */ one) => at(`${one.prefix}fix_count`));
   const health = filters.map((/** @type {any} */ one) => {
@@ -50,17 +76,39 @@ export function readings(live, at) {
     cells.push({
       cell: line,
       text: (y) => {
-        const [fixes, refused, nis, count] = ["fix_count", "fix_refused_count", "nis_used", "nis_used_count"].map((name) => read(y, name));
+        const [fixes, refused, nis, count] = ["fix_count", "fix_refused_count", "nis_used", "nis_used_count"].map((name) =>
+          read(y, name),
+        );
         return `${one.id}: ${fixes} fixes, ${refused} refused${count > 0 ? `, mean NIS ${number(nis / count)} (1: innovations as stated)` : ""}`;
       },
     });
     return line;
   });
   const head = [
-    h("tr", {}, h("td", { colspan: 2 }), heads.map((/** @type {any} */ one) => one.name)),
-    h("tr", {}, h("th", { scope: "col" }, "now"), h("th", { scope: "col" }, "true"), heads.flatMap((/** @type {any} */ one) => one.kinds)),
+    h(
+      "tr",
+      {},
+      h("td", { colspan: 2 }),
+      heads.map((/** @type {any} */ one) => one.name),
+    ),
+    h(
+      "tr",
+      {},
+      h("th", { scope: "col" }, "now"),
+      h("th", { scope: "col" }, "true"),
+      heads.flatMap((/** @type {any} */ one) => one.kinds),
+    ),
   ];
-  const element = h("section", { class: "readings" }, h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers now" }, h("table", {}, h("thead", {}, head), h("tbody", {}, rows))), health);
+  const element = h(
+    "section",
+    { class: "readings" },
+    h(
+      "div",
+      { class: "scroll", tabindex: "0", role: "group", "aria-label": "Numbers now" },
+      h("table", {}, h("thead", {}, head), h("tbody", {}, rows)),
+    ),
+    health,
+  );
   return {
     element,
     draw: (/** @type {Float64Array} */ y) => {
@@ -96,10 +144,23 @@ export function endTables(live, at, history) {
       const place = at(`${prefix}error`).at + k;
       const found = rms(place);
       const own = stated.indexOf(channel);
-      const cells = [history.value(place, last), found.rms, found.largest, ...(own < 0 ? [] : [rms(at(`${prefix}sigma`).at + own).rms])];
+      const cells = [
+        history.value(place, last),
+        found.rms,
+        found.largest,
+        ...(own < 0 ? [] : [rms(at(`${prefix}sigma`).at + own).rms]),
+      ];
       return [LABELS[/** @type {keyof typeof LABELS} */ (channel)], ...cells.map(number)];
     });
     const below = from > 0 ? [`Statistics from ${number(from)} s on`] : [];
-    return summaryTable({ caption: id, columns: ["error", "final", "rms", "max", ...(stated.length ? ["stated"] : [])], rows, group, below, warnings: [], state: "" });
+    return summaryTable({
+      caption: id,
+      columns: ["error", "final", "rms", "max", ...(stated.length ? ["stated"] : [])],
+      rows,
+      group,
+      below,
+      warnings: [],
+      state: "",
+    });
   });
 }

@@ -27,13 +27,25 @@ export function reportPage(report, live = null) {
   const plots = [];
   const sections = report.sections.map((/** @type {any} */ section) => {
     const made = section.panels.map((/** @type {any} */ panel) =>
-      panel.type === "track" ? track(panel, array, span, names) : timePlot(decoded(panel, array), span, names));
+      panel.type === "track" ? track(panel, array, span, names) : timePlot(decoded(panel, array), span, names),
+    );
     plots.push(...made);
-    const grid = h("div", { class: `panels of-${section.columns}` }, made.map((/** @type {any} */ plot) => plot.element));
+    const grid = h(
+      "div",
+      { class: `panels of-${section.columns}` },
+      made.map((/** @type {any} */ plot) => plot.element),
+    );
     return h("section", {}, h("h2", {}, section.title), section.note && h("p", { class: "quiet" }, section.note), grid);
   });
   const show = (/** @type {number} */ group, /** @type {boolean} */ shown) => plots.forEach((plot) => plot.show(group, shown));
-  const bar = panels.length > 0 && h("div", { class: "bar" }, legend(report.legend, othersOf(panels, report.truth, report.shares), show), spanControls(span, timed.find((/** @type {any} */ panel) => panel.from_s)?.from_s ?? null));
+  const bar =
+    panels.length > 0 &&
+    h(
+      "div",
+      { class: "bar" },
+      legend(report.legend, othersOf(panels, report.truth, report.shares), show),
+      spanControls(span, timed.find((/** @type {any} */ panel) => panel.from_s)?.from_s ?? null),
+    );
   return h(
     "div",
     { class: "frame" },
@@ -43,7 +55,12 @@ export function reportPage(report, live = null) {
       {},
       h("div", { class: `tables${report.tables.length > 1 ? " several" : ""}` }, report.tables.map(summaryTable)),
       h("p", { class: "quiet" }, report.explained.join(" ")),
-      report.notes.length > 0 && h("ul", { class: "notes" }, report.notes.map((/** @type {string} */ note) => h("li", {}, note))),
+      report.notes.length > 0 &&
+        h(
+          "ul",
+          { class: "notes" },
+          report.notes.map((/** @type {string} */ note) => h("li", {}, note)),
+        ),
       bar,
       sections,
     ),
@@ -58,7 +75,13 @@ function heading(report, live) {
   return h(
     "header",
     {},
-    h("div", {}, h("h1", {}, report.name), h("p", { class: "title" }, report.title), h("p", { class: "facts" }, report.facts.join(" \u00b7 "))),
+    h(
+      "div",
+      {},
+      h("h1", {}, report.name),
+      h("p", { class: "title" }, report.title),
+      h("p", { class: "facts" }, report.facts.join(" \u00b7 ")),
+    ),
     h("div", { class: "tools" }, live, themeButton()),
   );
 }
@@ -74,7 +97,12 @@ function decoded(panel, array) {
     if (kind !== "band") return { kind, group, y: drawn(array(curve.y), panel.wraps && kind === "line") };
     const half = array(curve.half);
     const centre = curve.centre === null ? new Float32Array(half.length) : array(curve.centre);
-    return { kind, group, low: drawn(half.map((value, place) => centre[place] - value)), high: drawn(half.map((value, place) => centre[place] + value)) };
+    return {
+      kind,
+      group,
+      low: drawn(half.map((value, place) => centre[place] - value)),
+      high: drawn(half.map((value, place) => centre[place] + value)),
+    };
   });
   return { ...panel, x: Array.from(array(panel.x)), curves };
 }
@@ -86,14 +114,23 @@ function decoded(panel, array) {
  * @param {string[]} names */
 function track(panel, array, span, names) {
   const x = array(panel.x);
-  const lines = panel.tracks.map((/** @type {any} */ line) => ({ group: line.group, east: array(line.east), north: array(line.north) }));
+  const lines = panel.tracks.map((/** @type {any} */ line) => ({
+    group: line.group,
+    east: array(line.east),
+    north: array(line.north),
+  }));
   const refused = panel.refused.flatMap((/** @type {any} */ mark) => {
     const line = lines.find((/** @type {any} */ one) => one.group === mark.group);
-    return line ? mark.at.map((/** @type {number} */ at) => ({ at, group: mark.group, east: line.east[at], north: line.north[at] })) : [];
+    return line
+      ? mark.at.map((/** @type {number} */ at) => ({ at, group: mark.group, east: line.east[at], north: line.north[at] }))
+      : [];
   });
   const within = () => {
     const [from, to] = span.shown();
-    const places = /** @type {[number, number]} */ ([x.findIndex((t) => t >= from - 1e-6), x.findLastIndex((t) => t <= to + 1e-6) + 1]);
+    const places = /** @type {[number, number]} */ ([
+      x.findIndex((t) => t >= from - 1e-6),
+      x.findLastIndex((t) => t <= to + 1e-6) + 1,
+    ]);
     return { lines, places, refused: refused.filter((/** @type {any} */ fix) => fix.at >= places[0] && fix.at < places[1]) };
   };
   const told = lines.map((/** @type {any} */ line) => (line.group < 0 ? "the truth" : names[line.group])).join(", ");

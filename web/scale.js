@@ -24,7 +24,10 @@ export function rangeOf(shown, first, last, log) {
         if (value !== null) [value, -value].forEach(take);
       }
     } else if (kind === "band") {
-      const some = y.slice(first, last + 1).filter((value) => value !== null).sort((a, b) => Number(a) - Number(b));
+      const some = y
+        .slice(first, last + 1)
+        .filter((value) => value !== null)
+        .sort((a, b) => Number(a) - Number(b));
       if (some.length) take(Number(some[Math.floor(some.length / 2)]));
     } else {
       for (let place = first; place <= last; place++) if (y[place] !== null) take(Number(y[place]));

@@ -16,7 +16,8 @@ export function startSession() {
   const listeners = new Map();
   const give = (/** @type {any} */ message) => (listeners.get(message.got) ?? []).forEach((act) => act(message));
   worker.onmessage = ({ data }) => give(data);
-  worker.onerror = (event) => give({ got: "error", message: `the simulation could not start: ${event.message || "its worker was refused"}` });
+  worker.onerror = (event) =>
+    give({ got: "error", message: `the simulation could not start: ${event.message || "its worker was refused"}` });
   return {
     send: (message) => worker.postMessage(message),
     on: (got, act) => listeners.set(got, [...(listeners.get(got) ?? []), act]),

@@ -59,7 +59,10 @@ export function spanControls(span, from = null) {
   const begin = h("input", { type: "text", inputmode: "decimal", id: "span-begin", size: 7, autocomplete: "off" });
   const end = h("input", { type: "text", inputmode: "decimal", id: "span-end", size: 7, autocomplete: "off" });
   const reset = button("Whole run", () => span.reset(), { class: "quiet", id: "span-reset" });
-  const late = button("Statistics", () => span.set(Number(from), Infinity), { class: "quiet", title: `From ${from} s on, where the statistics are taken` });
+  const late = button("Statistics", () => span.set(Number(from), Infinity), {
+    class: "quiet",
+    title: `From ${from} s on, where the statistics are taken`,
+  });
   const wrong = h("span", { class: "wrong", role: "alert", id: "span-wrong" });
   const show = () => {
     const [from, to] = span.shown();

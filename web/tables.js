@@ -26,15 +26,34 @@ export function summaryTable(table) {
     paint();
   }
   const state = table.state && h("span", { class: `state ${table.state}` }, table.state);
-  const head = h("tr", {}, table.columns.map((/** @type {string} */ name) => h("th", { scope: "col" }, withUnit(name))));
+  const head = h(
+    "tr",
+    {},
+    table.columns.map((/** @type {string} */ name) => h("th", { scope: "col" }, withUnit(name))),
+  );
   const rows = table.rows.map((/** @type {string[]} */ [name, ...cells], /** @type {number} */ place) =>
-    h("tr", {}, h("th", { scope: "row" }, withUnit(name)), cells.map((cell, at) =>
-      h("td", { class: at === cells.length - 1 && table.warnings.includes(place) ? "warning" : null }, figure(cell)))));
+    h(
+      "tr",
+      {},
+      h("th", { scope: "row" }, withUnit(name)),
+      cells.map((cell, at) =>
+        h("td", { class: at === cells.length - 1 && table.warnings.includes(place) ? "warning" : null }, figure(cell)),
+      ),
+    ),
+  );
   return h(
     "section",
     { class: "summary" },
     h("h2", {}, swatch, table.caption, state),
-    h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": `Figures of ${table.caption}` }, h("table", {}, h("thead", {}, head), h("tbody", {}, rows))),
-    h("div", {}, table.below.map((/** @type {string} */ sentence) => h("p", { class: "below" }, sentence))),
+    h(
+      "div",
+      { class: "scroll", tabindex: "0", role: "group", "aria-label": `Figures of ${table.caption}` },
+      h("table", {}, h("thead", {}, head), h("tbody", {}, rows)),
+    ),
+    h(
+      "div",
+      {},
+      table.below.map((/** @type {string} */ sentence) => h("p", { class: "below" }, sentence)),
+    ),
   );
 }

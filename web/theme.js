@@ -31,7 +31,9 @@ export function groupColour(group) {
  * @param {string} hex
  * @param {number} opacity */
 export function faint(hex, opacity) {
-  return `${hex}${Math.round(255 * opacity).toString(16).padStart(2, "0")}`;
+  return `${hex}${Math.round(255 * opacity)
+    .toString(16)
+    .padStart(2, "0")}`;
 }
 
 /** Call `act` after each change of the colours.

@@ -66,7 +66,10 @@ export function timePlot(panel, span, names) {
       legend: { show: false },
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
-      axes: [axis(30, (u, _, low, high) => ticks(low, high, u.width / 90)), axis(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5))],
+      axes: [
+        axis(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
+        axis(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
+      ],
       series: [{}, ...series],
       bands,
       hooks: {
@@ -127,12 +130,20 @@ function layout(curves, hidden) {
     const paint = () => groupColour(curve.group);
     const first = series.length + 1;
     if (curve.kind === "band" || curve.kind === "between") {
-      series.push({ stroke: "transparent", width: 0, points: { show: false } }, { stroke: "transparent", width: 0, points: { show: false } });
+      series.push(
+        { stroke: "transparent", width: 0, points: { show: false } },
+        { stroke: "transparent", width: 0, points: { show: false } },
+      );
       const fill = () => (hidden.has(curve.group) ? "transparent" : faint(paint(), 0.16 * (curve.strength ?? 1)));
       bands.push({ series: [first, first + 1], fill });
       owners.push(curve, curve);
     } else if (curve.kind === "limit") {
-      const line = { stroke: () => (curve.group < 0 ? colour("limit") : paint()), width: 1.1, dash: [5, 3], points: { show: false } };
+      const line = {
+        stroke: () => (curve.group < 0 ? colour("limit") : paint()),
+        width: 1.1,
+        dash: [5, 3],
+        points: { show: false },
+      };
       series.push({ ...line }, { ...line });
       owners.push(curve, curve);
     } else if (curve.kind === "line") {
@@ -143,7 +154,12 @@ function layout(curves, hidden) {
       owners.push(curve);
     } else {
       const size = curve.kind === "points" ? 2.5 : 7;
-      series.push({ stroke: paint, width: 1, paths: () => null, points: { show: true, size, fill: paint, stroke: paint, ...(curve.kind === "crosses" ? { paths: crosses } : {}) } });
+      series.push({
+        stroke: paint,
+        width: 1,
+        paths: () => null,
+        points: { show: true, size, fill: paint, stroke: paint, ...(curve.kind === "crosses" ? { paths: crosses } : {}) },
+      });
       owners.push(curve);
     }
   }
@@ -158,7 +174,11 @@ function columns(x, curves) {
   const found = [x];
   for (const curve of curves) {
     if (curve.kind === "band" || curve.kind === "between") found.push(curve.high, curve.low);
-    else if (curve.kind === "limit") found.push(curve.y, curve.y?.map((value) => (value === null ? null : -value)));
+    else if (curve.kind === "limit")
+      found.push(
+        curve.y,
+        curve.y?.map((value) => (value === null ? null : -value)),
+      );
     else found.push(curve.y);
   }
   return found;

@@ -27,7 +27,12 @@ const KEYS = "Press plus and minus to zoom, arrow keys to move, 0 for the whole 
 export function trackPlot(title, scene, label) {
   const canvas = h("canvas", { role: "img", tabindex: "0", class: "track", "aria-label": `${title}. ${label} ${KEYS}` });
   const readout = h("output", { class: "readout" });
-  const element = h("div", { class: "panel tall" }, h("div", { class: "head" }, h("h3", {}, title, h("span", { class: "unit" }, " m")), readout), canvas);
+  const element = h(
+    "div",
+    { class: "panel tall" },
+    h("div", { class: "head" }, h("h3", {}, title, h("span", { class: "unit" }, " m")), readout),
+    canvas,
+  );
   /** @type {Set<number>} */
   const hidden = new Set();
   /** @type {{east: number, north: number, scale: number} | null} */
@@ -58,8 +63,15 @@ export function trackPlot(title, scene, label) {
   canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     /** @type {Record<string, () => void>} */
     const acts = {
-      "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: reset, Escape: reset,
-      ArrowLeft: () => move(-40, 0), ArrowRight: () => move(40, 0), ArrowUp: () => move(0, 40), ArrowDown: () => move(0, -40),
+      "+": () => zoom(1.5),
+      "=": () => zoom(1.5),
+      "-": () => zoom(1 / 1.5),
+      0: reset,
+      Escape: reset,
+      ArrowLeft: () => move(-40, 0),
+      ArrowRight: () => move(40, 0),
+      ArrowUp: () => move(0, 40),
+      ArrowDown: () => move(0, -40),
     };
     if (!acts[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
@@ -168,7 +180,13 @@ function paint(canvas, size, scene, hidden, view) {
  * @param {(east: number) => number} x
  * @param {(north: number) => number} y */
 function ends(context, scene, hidden, x, y) {
-  const disc = (/** @type {number} */ east, /** @type {number} */ north, /** @type {number} */ radius, /** @type {string} */ fill, /** @type {string} */ edge) => {
+  const disc = (
+    /** @type {number} */ east,
+    /** @type {number} */ north,
+    /** @type {number} */ radius,
+    /** @type {string} */ fill,
+    /** @type {string} */ edge,
+  ) => {
     context.beginPath();
     context.arc(x(east), y(north), radius, 0, 2 * Math.PI);
     context.fillStyle = fill;
@@ -178,7 +196,8 @@ function ends(context, scene, hidden, x, y) {
     context.stroke();
   };
   const begun = scene.lines[0];
-  if (begun?.east.length && Number.isFinite(begun.east[0])) disc(begun.east[0], begun.north[0], 4, colour("surface"), colour("ink"));
+  if (begun?.east.length && Number.isFinite(begun.east[0]))
+    disc(begun.east[0], begun.north[0], 4, colour("surface"), colour("ink"));
   for (const line of scene.lines) {
     const last = Math.min(scene.places[1], line.east.length) - 1;
     if (hidden.has(line.group) || last < 0) continue;
@@ -201,8 +220,10 @@ function grid(context, [width, height], view, x, y) {
     context.lineTo(Math.round(c) + 0.5, Math.round(d) + 0.5);
   };
   const [west, south] = [view.east - width / 2 / view.scale, view.north - height / 2 / view.scale];
-  for (let at = Math.ceil(west / step); at * step < west + width / view.scale; at++) line(x(at * step), 0, x(at * step), height);
-  for (let at = Math.ceil(south / step); at * step < south + height / view.scale; at++) line(0, y(at * step), width, y(at * step));
+  for (let at = Math.ceil(west / step); at * step < west + width / view.scale; at++)
+    line(x(at * step), 0, x(at * step), height);
+  for (let at = Math.ceil(south / step); at * step < south + height / view.scale; at++)
+    line(0, y(at * step), width, y(at * step));
   context.stroke();
   const length = step * view.scale;
   context.strokeStyle = context.fillStyle = colour("muted");
@@ -214,7 +235,11 @@ function grid(context, [width, height], view, x, y) {
   context.lineTo(12 + length, height - 16);
   context.stroke();
   context.font = "11.5px system-ui, sans-serif";
-  context.fillText(step >= 1000 ? `${tick(step / 1000)} km` : step >= 1 ? `${tick(step)} m` : `${tick(step * 100)} cm`, 17, height - 17);
+  context.fillText(
+    step >= 1000 ? `${tick(step / 1000)} km` : step >= 1 ? `${tick(step)} m` : `${tick(step * 100)} cm`,
+    17,
+    height - 17,
+  );
   const [right, top] = [width - 18, 14];
   context.beginPath();
   context.moveTo(right, top + 14);
@@ -238,11 +263,15 @@ function pointers(canvas, zoom, move, over) {
     const [a, b] = [...down.values()];
     return Math.hypot(a[0] - b[0], a[1] - b[1]);
   };
-  canvas.addEventListener("wheel", (event) => {
-    if (!event.ctrlKey && document.activeElement !== canvas) return;
-    event.preventDefault();
-    zoom(Math.exp(-event.deltaY / 400));
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      if (!event.ctrlKey && document.activeElement !== canvas) return;
+      event.preventDefault();
+      zoom(Math.exp(-event.deltaY / 400));
+    },
+    { passive: false },
+  );
   canvas.addEventListener("pointerdown", (event) => {
     down.set(event.pointerId, [event.offsetX, event.offsetY]);
     canvas.setPointerCapture(event.pointerId);
