@@ -127,40 +127,44 @@ export function readings(live, at) {
 export function endTables(live, at, history) {
   const last = history.count() - 1;
   const time = at("time").at;
-  return live.estimators.map((/** @type {any} */ { id, prefix, kind, channels, stated }, /** @type {number} */ group) => {
-    const from = kind === "navigation" ? 0 : 0.75 * history.value(time, last);
-    const rms = (/** @type {number} */ place) => {
-      let [sum, count, largest] = [0, 0, 0];
-      for (let record = 0; record <= last; record++) {
-        if (history.value(time, record) < from - 1e-9) continue;
-        const value = history.value(place, record);
-        sum += value * value;
-        largest = Math.max(largest, Math.abs(value));
-        count++;
+  return live.estimators.map(
+    (/** @type {any} */ { id, prefix, kind, channels, stated, needs_s: needs }, /** @type {number} */ group) => {
+      const from = kind === "navigation" ? 0 : 0.75 * history.value(time, last);
+      const rms = (/** @type {number} */ place) => {
+        let [sum, count, largest] = [0, 0, 0];
+        for (let record = 0; record <= last; record++) {
+          if (history.value(time, record) < from - 1e-9) continue;
+          const value = history.value(place, record);
+          sum += value * value;
+          largest = Math.max(largest, Math.abs(value));
+          count++;
+        }
+        return { rms: Math.sqrt(sum / count), largest };
+      };
+      /** @type {string[]} */
+      const sure = [];
+      const rows = channels.map((/** @type {string} */ channel, /** @type {number} */ k) => {
+        const place = at(`${prefix}error`).at + k;
+        const found = rms(place);
+        const own = stated.indexOf(channel);
+        const sigma = own < 0 ? null : rms(at(`${prefix}sigma`).at + own).rms;
+        if (sigma && found.rms > live.too_sure * sigma) sure.push(`${channel.replace(/_.*/, "")} ${number(found.rms / sigma)}`);
+        const cells = [history.value(place, last), found.rms, found.largest, ...(sigma === null ? [] : [sigma])];
+        return [LABELS[/** @type {keyof typeof LABELS} */ (channel)], ...cells.map(number)];
+      });
+      const below = from > 0 ? [`Statistics from ${number(from)} s on`] : [];
+      if (sure.length && needs <= live.duration_s) {
+        below.push(`the errors are larger than this estimator states, rms over stated sigma: ${sure.join(", ")}`);
       }
-      return { rms: Math.sqrt(sum / count), largest };
-    };
-    const rows = channels.map((/** @type {string} */ channel, /** @type {number} */ k) => {
-      const place = at(`${prefix}error`).at + k;
-      const found = rms(place);
-      const own = stated.indexOf(channel);
-      const cells = [
-        history.value(place, last),
-        found.rms,
-        found.largest,
-        ...(own < 0 ? [] : [rms(at(`${prefix}sigma`).at + own).rms]),
-      ];
-      return [LABELS[/** @type {keyof typeof LABELS} */ (channel)], ...cells.map(number)];
-    });
-    const below = from > 0 ? [`Statistics from ${number(from)} s on`] : [];
-    return summaryTable({
-      caption: id,
-      columns: ["error", "final", "rms", "max", ...(stated.length ? ["stated"] : [])],
-      rows,
-      group,
-      below,
-      warnings: [],
-      state: "",
-    });
-  });
+      return summaryTable({
+        caption: id,
+        columns: ["error", "final", "rms", "max", ...(stated.length ? ["stated"] : [])],
+        rows,
+        group,
+        below,
+        warnings: [],
+        state: "",
+      });
+    },
+  );
 }

@@ -31,14 +31,13 @@ export function summaryTable(table) {
     {},
     table.columns.map((/** @type {string} */ name) => h("th", { scope: "col" }, withUnit(name))),
   );
+  const marked = new Set(table.warnings.map((/** @type {number[]} */ [row, column]) => `${row},${column}`));
   const rows = table.rows.map((/** @type {string[]} */ [name, ...cells], /** @type {number} */ place) =>
     h(
       "tr",
       {},
       h("th", { scope: "row" }, withUnit(name)),
-      cells.map((cell, at) =>
-        h("td", { class: at === cells.length - 1 && table.warnings.includes(place) ? "warning" : null }, figure(cell)),
-      ),
+      cells.map((cell, at) => h("td", { class: marked.has(`${place},${at + 1}`) ? "warning" : null }, figure(cell))),
     ),
   );
   return h(

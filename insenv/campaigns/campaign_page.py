@@ -36,7 +36,8 @@ def campaign_page_document(found: Statistics) -> dict[str, Any]:
     if found.nees is not None:
         sections.append(section("Consistency", [_nees(found, pool, keep)], columns=1))
     rows = [(text, *map(number, values)) for text, values in campaign_rows(found)]
-    above = [place for place, (_, values) in enumerate(campaign_rows(found)) if values[3] is not None and values[3] > 3]
+    ratio = CAMPAIGN_COLUMNS.index("rms/limit")
+    above = [(k, ratio) for k, (_, values) in enumerate(campaign_rows(found)) if (values[ratio - 1] or 0.0) > 3.0]
     levels = [f"{level:g} %" for level in found.percentile_levels]
     ends = [(label(name), *map(number, row["percentiles"].values())) for name, row in found.figures().items()]
     plan = found.plan

@@ -17,6 +17,7 @@ from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
+from insenv.evaluation.errors import TOO_SURE
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
@@ -198,6 +199,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         ],
         "controls": [_control(control) for control in live.controls],
         "limit": _limit(live.plain, progress),
+        "too_sure": TOO_SURE,
         "notes": _notes(plant),
     }
 

@@ -67,7 +67,7 @@ def test_all_parts_of_a_navigation_run(driven):
 
 def test_figures_are_those_of_the_table(driven):
     for table, result in zip(run_document(driven)["tables"], driven.results, strict=True):
-        assert [row[1:] for row in table["rows"]] == [[number(v) for v in values] for _, values in error_rows(result)]
+        assert [row[1:] for row in table["rows"]] == [[number(v) for v in values.values()] for _, values in error_rows(result)]
         assert table["caption"] == result.estimator and all(note in table["below"] for note in result.notes)
 
 
@@ -155,7 +155,9 @@ def test_figures_shown_are_those_printed(browser, page, driven):
         "[...document.querySelectorAll('.summary tbody tr')].map((r) => [...r.children].map((c) => c.textContent))"
     )
     printed = [
-        [name.replace("[", "").replace("]", ""), *map(number, values)] for r in driven.results for name, values in error_rows(r)
+        [name.replace("[", "").replace("]", ""), *map(number, values.values())]
+        for r in driven.results
+        for name, values in error_rows(r)
     ]
     assert [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in cells] == printed
 

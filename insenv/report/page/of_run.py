@@ -80,10 +80,11 @@ def _summary(result: Result, place: int, report: RunData) -> dict[str, Any]:
     shown = [name for name in CHANNELS if name in result.errors]
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     cells = [
-        (text, *map(number, values), *(number(rms.get(channel)) for _, rms in published))
+        (text, *map(number, values.values()), *(number(rms.get(channel)) for _, rms in published))
         for channel, (text, values) in zip(shown, rows, strict=True)
     ]
-    above = [i for i, (_, values) in enumerate(rows) if len(values) > 3 and values[-1] is not None and values[-1] > 3]
+    ratio = error_columns(result)[-1]
+    above = [(k, len(values)) for k, (_, values) in enumerate(rows) if (values.get(ratio) or 0.0) > 3.0 and "/" in ratio]
     start = "" if result.from_s <= 0 else f"Statistics from {result.from_s:g} s on"
     columns = (*error_columns(result), *(f"rms of {name}" for name, _ in published))
     below = [*([start] if start else []), *below]

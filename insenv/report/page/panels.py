@@ -78,15 +78,15 @@ def track_panel(pool: Pool, times: Array, tracks: Sequence[tuple[int, Array, Arr
 
 def table(
     caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, group: int | None = None, below: Sequence[str] = (),
-    warnings: Sequence[int] = (), state: str = "",
+    warnings: Sequence[tuple[int, int]] = (), state: str = "",
 ) -> dict[str, Any]:  # fmt: skip
-    """A table of texts; the first column names the row. below: sentences. warnings: places of rows whose last cell is marked.
+    """A table of texts; the first column names the row. below: sentences. warnings: row and column of marked cells.
 
     state: a word on the health of what the table shows ("consistent", "overconfident", "diverged").
     """
     return {
         "caption": caption, "columns": list(columns), "rows": [list(row) for row in rows], "group": group,
-        "below": list(below), "warnings": list(warnings), "state": state,
+        "below": list(below), "warnings": [list(place) for place in warnings], "state": state,
     }  # fmt: skip
 
 
