@@ -14,7 +14,7 @@ DOCS := .venv/.stamp-docs
 MAVPROXY_TOOLS := MAVProxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0 lxml==6.1.3
 MAVPROXY := .venv/.stamp-mavproxy-1.8.75
 
-.PHONY: help demo layout test test-slow test-mavlink test-fmu test-rl check format consistency mutants bench docs clean
+.PHONY: help demo layout test test-slow test-web test-mavlink test-fmu test-rl check format consistency mutants bench docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -30,6 +30,10 @@ test: layout ## set up .venv and run all checks: ruff, mypy, import-linter, pyte
 
 test-slow: $(TEST) ## tests that compile for minutes: each estimator in the plant's loop, each environment
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow $(PYTEST_ARGS)
+
+test-web: $(TEST) ## pages in headless Chromium (Debian: chromium, chromium-driver), and WebAssembly of all models (minutes)
+	@$(PIP) install --quiet -e '.[test,plot,web]'
+	INSENV_TEST_WEB=1 $(BIN)/python -m pytest tests/web $(PYTEST_ARGS)
 
 test-mavlink: $(TEST) $(MAVPROXY) ## long tests of MAVLink: MAVProxy in its own environment, long streams
 	INSENV_TEST_MAVLINK=1 INSENV_MAVPROXY=.venv/mavproxy/bin/python \

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 import site_docstrings  # noqa: E402
+import site_gallery  # noqa: E402
 import site_pages  # noqa: E402
 import site_sources  # noqa: E402
 
@@ -33,7 +34,7 @@ def digest(*folders: str) -> str:
     return found.hexdigest()[:16]
 
 
-CODE = digest("insenv", "scenarios", "fmu", "examples")
+CODE = digest("insenv", "scenarios", "fmu", "web", "examples")
 """What decides what a tutorial prints, apart from its own text."""
 MAKER = digest("tools") + hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
 BUILD = ROOT / "build" / "docs"
@@ -47,6 +48,8 @@ def settings_of_kernels() -> Path:
     return profile.parent
 
 
+GALLERY = BUILD / "gallery"
+GALLERY.mkdir(parents=True, exist_ok=True)
 os.environ["IPYTHONDIR"] = str(settings_of_kernels())
 
 project = "insenv"
@@ -85,6 +88,7 @@ python_maximum_signature_line_length = 88
 html_theme = "pydata_sphinx_theme"
 html_title = "insenv"
 html_static_path = ["_static"]
+html_extra_path = [str(GALLERY)]
 html_favicon = "_static/favicon.svg"
 html_css_files = ["site.css"]
 html_show_sourcelink = False
@@ -115,6 +119,11 @@ def write_pages(app: Any) -> None:
     for file in folder.rglob("*.*"):
         if file.relative_to(folder).as_posix() not in pages:
             file.unlink()
+
+
+def write_gallery(app: Any) -> None:
+    """Write the live pages, which the site has in live/."""
+    site_gallery.write_pages(GALLERY, CODE)
 
 
 def extend_page(app: Any, name: str, text: list[str]) -> None:
@@ -158,6 +167,7 @@ def setup(app: Any) -> dict[str, bool]:
     """Connect the functions above."""
     app.add_config_value("insenv_code", CODE + MAKER, "env")  # another one: all pages are read again
     app.connect("builder-inited", write_pages)
+    app.connect("builder-inited", write_gallery)
     app.connect("source-read", extend_page)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", shorter)

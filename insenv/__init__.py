@@ -63,10 +63,10 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 Public names
 ------------
 `run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates, `tune` how to tune a filter;
-`load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator,
-a vehicle or a sensor.  `Report`, `Summary`, `Comparison`, `Budget` and `Tuning` are what runs, campaigns, campaigns of several
-estimators, budgets and tuning give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with
-Gymnasium.  docs/api.md lists all public names.
+`load` reads a scenario; `page` writes a page that simulates in a browser; `export_fmu` and `export_ssp` write FMUs; `fusion`
+composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report`, `Summary`, `Comparison`, `Budget` and
+`Tuning` are what runs, campaigns, campaigns of several estimators, budgets and tuning give.  Each loads on first use:
+``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -99,6 +99,7 @@ if TYPE_CHECKING:
     from insenv.scenario import Scenario, limit, load
     from insenv.sensors import Sensor, SensorSection
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
+    from insenv.web.page import page
     from insenv.workbench.budget import budget
     from insenv.workbench.budget_result import Budget
     from insenv.workbench.tune import tune
@@ -132,6 +133,7 @@ __all__ = [
     "fusion",
     "limit",
     "load",
+    "page",
     "register",
     "replay",
     "run",
@@ -161,6 +163,7 @@ _HOMES = {
     "insenv.workbench.budget_result": ("Budget",),
     "insenv.workbench.tune": ("tune",),
     "insenv.workbench.tune_result": ("Tuning",),
+    "insenv.web.page": ("page",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

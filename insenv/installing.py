@@ -5,6 +5,7 @@ insenv is on no package index, so ``pip install 'insenv[plot]'`` fails: an extra
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
 from importlib.metadata import PackageNotFoundError, requires
@@ -31,6 +32,14 @@ def install_package(name: str) -> str:
     """Command that installs a package in the version that insenv requires, if any: ``pip install onavdata==0.2.5``."""
     required = (text for text, _ in _requirements() if _plain(_AFTER_NAME.split(text)[0]) == _plain(name))
     return f"pip install {shlex.quote(next(required, name))}"
+
+
+def is_installed(module: str) -> bool:
+    """Whether a module can be imported."""
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:  # of an import hook
+        return False
 
 
 def _is_checkout(root: Path) -> bool:

@@ -11,6 +11,7 @@ import posixpath
 import re
 from functools import lru_cache
 
+import site_gallery
 import site_tables
 from pages import ROOT
 
@@ -26,6 +27,8 @@ def extended(name: str, text: str) -> str:
     """The source of page `name` (its path in docs/ without suffix) as the site reads it."""
     if name.startswith("estimators/") and site_tables.estimators_on(text):
         text = f"{text.rstrip()}\n\n{site_tables.estimator_tables(text)}"
+    if name == "gallery":
+        text = site_gallery.with_links(text)
     if name == "api":
         for public in insenv.__all__:
             text = text.replace(f"| `insenv.{public}` |", f"| [`insenv.{public}`](generated/api/{public}.rst) |")

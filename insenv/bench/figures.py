@@ -10,6 +10,7 @@ from pathlib import Path
 
 from insenv.bench.figure import Figure
 from insenv.errors import InputError
+from insenv.installing import is_installed
 
 
 def figures(only: str | None = None) -> Iterator[Figure]:
@@ -49,7 +50,7 @@ def _processor() -> str:
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
     # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
-    from insenv.bench import envs, estimators, fmu, lockstep, mavlink, speed, truth
+    from insenv.bench import envs, estimators, fmu, lockstep, mavlink, speed, truth, web
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -93,4 +94,5 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "step.aqe-sukf.update": estimators.sukf,
         "step.lssvm.update": estimators.lssvm,
         "step.lssvm.infer": estimators.lssvm_infer,
+        **({"web.samples": web.samples, "web.size": web.size} if all(map(is_installed, ("wasmtime", "ziglang"))) else {}),
     }

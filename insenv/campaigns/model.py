@@ -10,29 +10,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import pi
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 
-from insenv import attitude, geodesy
-from insenv.core.elementary import select, sin_cos, wrap_angle
+from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
 from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.consistency import nees
-from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
+from insenv.evaluation.symbols import channels_of, error_of, sigma_of, stated_of
 from insenv.plant import loop_model
 from insenv.plant.loop import PREFIX
-
-_DEG = 180.0 / pi
-_GROUPS = (
-    (ATTITUDE, "q_nb", "attitude_sigma"),
-    (POSITION, "latitude", "position_sigma"),
-    (VELOCITY, "velocity_n", "velocity_sigma"),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +77,7 @@ class _Statistics:
     def __init__(self, loop: Model, estimator: Estimator) -> None:
         self.loop, self.estimator = loop, estimator
         outputs = estimator.model.outputs
-        self.channels = tuple(c for names, row, _ in _GROUPS if row in outputs for c in names)
-        self.stated = tuple(c for names, row, sigma in _GROUPS if row in outputs and sigma in outputs for c in names)
+        self.channels, self.stated = channels_of(outputs), stated_of(outputs)
         self.degrees = self._degrees()
         count = len(self.channels)
         rows = [
@@ -116,7 +106,7 @@ class _Statistics:
 
     def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
         """Add the squared errors; the first evaluation after a record restarts the sum."""
-        error = self._error(x, self._named(self.estimator.model, PREFIX, p, x))
+        error = error_of(self.channels, self._named(self.estimator.model, PREFIX, p, x), x)
         continues = x.evaluated < p.evaluations
         # selected rather than multiplied by 0: a NaN must not survive the restart
         squared = select(continues, x.squared_error, 0.0)
@@ -126,11 +116,11 @@ class _Statistics:
         """The outputs at a record."""
         found = self._named(self.estimator.model, PREFIX, p, x)
         rows: dict[str, Any] = {
-            "error": self._error(x, found),
+            "error": error_of(self.channels, found, x),
             "mean_square": x.squared_error / (x.evaluated + (x.evaluated == 0)),
         }
         if self.stated:
-            rows["sigma"] = _sigma(self.stated, found)
+            rows["sigma"] = sigma_of(self.stated, found)
         if self.degrees:
             own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
             rows["nees"] = nees(self.estimator, own, found, x)[0]
@@ -150,32 +140,3 @@ class _Statistics:
         tables = ((p, model.parameters), (x, model.state))
         own = [SimpleNamespace(**{r.name: getattr(values, prefix + r.name) for r in table}) for values, table in tables]
         return SimpleNamespace(**model.output(*own))
-
-    def _error(self, x: Values, found: Values) -> Any:
-        """Errors by channel, with the formulas of `insenv.evaluation.errors.errors`."""
-        parts = []
-        if "roll_deg" in self.channels:
-            angles = zip(attitude.to_euler(found.q_nb), attitude.to_euler(x.q_nb), strict=True)
-            parts += [_DEG * wrap_angle(estimate - truth) for estimate, truth in angles]
-        if "north_m" in self.channels:
-            places = [(v.latitude, v.longitude, v.height) for v in (found, x)]
-            parts.append(geodesy.ned_offset(*places[0], *places[1]))
-        if "vn_mps" in self.channels:
-            parts.append(found.velocity_n - x.velocity_n)
-        return ca.vertcat(*parts)
-
-
-def _sigma(channels: tuple[str, ...], found: Values) -> Any:
-    """Standard deviations by channel, with the formulas of `insenv.evaluation.errors.stated_sigma`."""
-    parts = []
-    for names, _, row in _GROUPS:
-        if names[0] not in channels:
-            continue
-        sigma = getattr(found, row)
-        if names is ATTITUDE:
-            s, c = sin_cos(attitude.to_euler(found.q_nb)[2])
-            north, east = sigma[0] * sigma[0], sigma[1] * sigma[1]
-            level = (north * c * c + east * s * s, north * s * s + east * c * c)
-            sigma = _DEG * ca.vertcat(*(ca.sqrt(square) for square in level), sigma[2])
-        parts.append(sigma)
-    return ca.vertcat(*parts)

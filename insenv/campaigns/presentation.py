@@ -47,7 +47,7 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     yield Text(f"{plan.name}: {plan.estimator}", "bold")
     yield Text(campaign_facts(found))
     for variation in plan.variations:
-        yield Text(f"{variation.key} drawn {_drawn(variation)}")
+        yield Text(f"{variation.key} drawn {drawn(variation)}")
     yield Text()
     figures = found.figures()
     table = _table(*CAMPAIGN_COLUMNS)
@@ -120,7 +120,7 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
     yield Text()
 
 
-def _drawn(variation: Variation) -> str:
+def drawn(variation: Variation) -> str:
     """From what a key is drawn, in words."""
     distribution = variation.distribution
     if distribution.kind != "uniform":
@@ -172,16 +172,19 @@ def campaign_frame(found: Statistics) -> DataFrame:
 
 
 def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
-    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg.
+    """Write campaign.npz and .json; if `figure`, the page campaign.html, and, with matplotlib, campaign.png and .svg.
 
     table: format of a table of the runs, `runs.csv` or `runs.parquet`; empty: none.
     """
+    from insenv.campaigns.campaign_page import campaign_page
+
     if table:
         check_format(table)
     note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
     tables = [f"runs.{table}"] if table else []
-    names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ()), *tables]
+    kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
+    names = [*(f"{NAME}.{kind}" for kind in kinds), *tables]
     paths = tuple(folder.path / name for name in names)
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
@@ -190,6 +193,8 @@ def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True,
         part(names[1]).write_text(text, encoding="ascii")
         for name in tables:
             write_runs(found, part(name), table)
+        if figure:
+            part(f"{NAME}.html").write_text(campaign_page(found), encoding="utf-8", newline="\n")
         if drawn:
             save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(paths, note)

@@ -56,7 +56,7 @@ class Summary(Statistics):
         return data_frame(columns.pop("run"), columns, "run")
 
     def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
-        """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, the figure.
+        """Write campaign.npz and campaign.json and, if `figure`, the page and (with matplotlib) the figure.
 
         table: "csv" or "parquet" for a table of the runs as well.
 

@@ -51,11 +51,11 @@ Out = Annotated[
         "-o",
         parser=given_path,
         metavar="DIR",
-        help="Write the results (.npz, .json) and the figure (.png, .svg) there.",
+        help="Write the results (.npz, .json), the page (.html) and the figure (.png, .svg) there.",
     ),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 if a filter has diverged from its fixes.")]
-NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure.")]
+NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure and no page.")]
 
 
 def deferred(command: Callable[..., int | None]) -> Callable[..., Work]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -44,6 +44,9 @@ def run(
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="With --out: the page NAME.html can simulate too (insenv page).")
+    ] = False,
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
@@ -57,9 +60,17 @@ def run(
     chosen, given = _known(estimators or []), parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
+    if live and (folder is None or no_figure):
+        raise InputError("--live is about the page that --out DIR writes: allowed with --out and without --no-figure")
     with working(loaded.name) as progress:
+        documents = {}
+        if live:
+            from insenv.web.live import live as made
+            from insenv.web.live import live_document
+
+            documents["live"] = live_document(made(loaded, chosen or None, seed=seed, duration_s=duration, settings=given))
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
-        finish = _written(report, folder, not no_figure, as_json)
+        finish = _written(report, folder, not no_figure, as_json, documents)
     finish()
     return _status(report, strict)
 
@@ -115,12 +126,14 @@ def _status(report: Report, strict: bool) -> int:
     return FAILED
 
 
-def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json: bool) -> Callable[[], None]:
-    """Write the files; return the function that prints the report."""
+def _written(
+    report: Report, folder: OutputFolder | None, figure: bool, as_json: bool, more: Mapping[str, Any] | None = None
+) -> Callable[[], None]:
+    """Write the files, with `more` documents in the page; return the function that prints the report."""
     from insenv.cli.output import print_json, print_line, print_report
     from insenv.report import document, write_files
 
-    written = None if folder is None else write_files(report, folder, figure)
+    written = None if folder is None else write_files(report, folder, figure, more)
     paths = [str(path) for path in written.paths] if written else []
 
     def finish() -> None:

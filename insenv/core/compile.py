@@ -70,10 +70,21 @@ class NoRoomError(CompileError):
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler's command line and flags."""
+    """A C compiler's command line and flags.
+
+    linker: command line with flags of a separate linker; empty: the compiler links.
+    """
 
     command: tuple[str, ...]
     flags: tuple[str, ...]
+    linker: tuple[str, ...] = ()
+
+    def commands(self, source: Path, library: Path) -> list[list[str]]:
+        """The command lines that make the library of a C source."""
+        if not self.linker:
+            return [[*self.command, *self.flags, str(source), "-o", str(library), "-lm"]]
+        compiled = str(source.with_suffix(".o"))
+        return [[*self.command, *self.flags, str(source), "-o", compiled], [*self.linker, compiled, "-o", str(library)]]
 
     @functools.cached_property
     def identity(self) -> str:
@@ -111,7 +122,7 @@ def compile_library(source: str, compiler: Compiler) -> Path:
 
 def _library_in(cache: Path, source: str, compiler: Compiler) -> Path:
     """Path of the library in this cache folder, compiled if it is not there.  Raises `CompileError`, OSError."""
-    parts = (source, *compiler.flags, compiler.identity)
+    parts = (source, *compiler.flags, *compiler.linker, compiler.identity)
     key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
     entry = cache / key
     library = entry / "model.so"
@@ -162,15 +173,15 @@ def _build(source: str, compiler: Compiler, cache: Path, entry: Path) -> None:
 def _compile(source: str, compiler: Compiler, build: Path) -> None:
     text = build / "model.c"
     text.write_text(source)
-    command = [*compiler.command, *compiler.flags, str(text), "-o", str(build / "model.so"), "-lm"]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except OSError as error:
-        raise CompileError(f"{compiler.command[0]} cannot be run: {error.strerror or error}") from None
-    if done.returncode and shutil.disk_usage(build).free < SMALLEST_ROOM:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    if done.returncode:
-        raise CompileError(f"{' '.join(compiler.command)} failed on generated code:\n{done.stderr[-2000:]}")
+    for command in compiler.commands(text, build / "model.so"):
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise CompileError(f"{command[0]} cannot be run: {error.strerror or error}") from None
+        if done.returncode and shutil.disk_usage(build).free < SMALLEST_ROOM:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        if done.returncode:
+            raise CompileError(f"{' '.join(compiler.command)} failed on generated code:\n{done.stderr[-2000:]}")
 
 
 def _is_intact(entry: Path) -> bool:

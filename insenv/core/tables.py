@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -155,6 +156,10 @@ class Table:
 
     def start_vector(self) -> Vector:
         """The start values as one flat vector."""
+        return np.array(self._start)
+
+    @cached_property
+    def _start(self) -> Vector:
         return np.concatenate([row.flat_start() for row in self.rows] or [np.zeros(0)])
 
     def pack(self, values: Mapping[str, Any], base: Vector | None = None) -> Vector:

@@ -17,6 +17,7 @@ from insenv.envs.starts import Ranges, Starts
 from insenv.envs.task import HUGE_ACTION, Task
 from insenv.errors import InputError
 from insenv.scenario import Scenario, ScenarioLike, load
+from insenv.scenario.commands import DRIVEN
 from insenv.scenario.description import MAX_DURATION_S
 
 Array = NDArray[np.float64]
@@ -75,6 +76,8 @@ def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
             f"scenario {found.name or found.title!r} has a vehicle of kind {found.vehicle.kind!r}: this environment is for "
             f"{vehicle!r}"
         )
+    if found.commands:
+        raise InputError(f"scenario {found.name!r} {DRIVEN}")
     return found
 
 

@@ -1,4 +1,4 @@
-"""Folders of the data files of insenv: the scenarios, and the C sources and templates of an FMU.
+"""Folders of the data files of insenv: the scenarios, the C sources and templates of an FMU, the front end of pages.
 
 In an installed wheel they are inside the package (``insenv/_data``); in a source checkout, and therefore in an editable
 install, they are top-level folders of the repository.
@@ -21,6 +21,11 @@ def scenario_folder() -> Path:
 def fmu_folder() -> Path:
     """Folder of the C sources and templates of an FMU. Raises `InsenvError` if it is missing."""
     return _folder("fmu", _PACKAGE)
+
+
+def web_folder() -> Path:
+    """Folder of the front end of pages: scripts, style, template. Raises `InsenvError` if it is missing."""
+    return _folder("web", _PACKAGE)
 
 
 def examples_folder() -> Path:

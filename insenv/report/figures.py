@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from insenv import style
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.health import APART, course
-from insenv.report import tracks
+from insenv.report import attitudes, tracks
 from insenv.report.outages import outages
 from insenv.report.run_data import RunData
 from insenv.report.scales import set_scale
@@ -33,7 +33,9 @@ def draw(report: RunData) -> Figure:
     """
     with style.page() as figure:
         shown = [name for name in CHANNELS if any(name in r.errors for r in report.results)]
-        page = _track_page if not shown else _attitude_page if set(shown) <= set(ATTITUDE) else _navigation_page
+        placed = any(tracks.track_of(r) is not None for r in report.results)
+        alone = _track_page if placed else attitudes.page
+        page = alone if not shown else _attitude_page if set(shown) <= set(ATTITUDE) else _navigation_page
         handles = page(figure, report, shown)
         seed = "" if report.seed is None else f", seed {report.seed}"
         style.title(figure, f"{report.title or report.scenario}\n{report.scenario}{seed}, {report.duration_s:g} s")
@@ -42,8 +44,8 @@ def draw(report: RunData) -> Figure:
 
 
 def drawable(report: RunData) -> bool:
-    """Whether there are errors or a track to draw."""
-    return any(len(r.time) and (r.errors or tracks.track_of(r) is not None) for r in report.results)
+    """Whether there are errors, a track or an attitude to draw."""
+    return any(len(r.time) and (r.errors or tracks.track_of(r) is not None or "q_nb" in r.outputs) for r in report.results)
 
 
 def _error_label(channel: str) -> str:

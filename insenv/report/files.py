@@ -1,4 +1,4 @@
-"""Result files: every array of a run with its unit, frame and meaning, a summary, the figure.
+"""Result files: every array of a run with its unit, frame and meaning, a summary, the page, the figure.
 
 All of them are written, or none: an interrupted run leaves the files of an earlier run as they were.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -24,12 +24,13 @@ from insenv.files.output import as_path, staged
 from insenv.installing import install_extra
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable
+from insenv.report.page import run_page
 from insenv.report.run_data import RunData
 from insenv.style import save
 
 FORMAT = "insenv-results"
 VERSION = 1
-NOTHING_TO_DRAW = "no figure: there is neither a reference to compare with nor a track"
+NOTHING_TO_DRAW = "no figure: there is neither a reference to compare with nor an estimate to show"
 _TRUTH = ("time", "q_nb", "velocity_n", "latitude", "longitude", "height")
 _UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 
@@ -41,7 +42,7 @@ def no_matplotlib() -> str:
 
 @dataclass(frozen=True)
 class FilesWritten:
-    """paths: the files written, in the order npz, json, png, svg. note: what was omitted and why, or empty."""
+    """paths: the files written, in the order npz, json, html, png, svg. note: what was omitted and why, or empty."""
 
     paths: tuple[Path, ...]
     note: str = ""
@@ -76,8 +77,12 @@ class OutputFolder:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
 
-def write_files(report: RunData, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write NAME.npz, NAME.json and, if `figure` and matplotlib is installed, NAME.png and NAME.svg; NAME is the scenario's.
+def write_files(
+    report: RunData, folder: OutputFolder, figure: bool = True, documents: Mapping[str, Any] | None = None
+) -> FilesWritten:
+    """Write NAME.npz and NAME.json; if `figure`, the page NAME.html, and, with matplotlib, NAME.png and NAME.svg.
+
+    NAME is the scenario's.  documents: further ones of the page by kind, such as "live".
 
     Raises `InsenvError` if that fails; then none of them is written.
     """
@@ -86,7 +91,8 @@ def write_files(report: RunData, folder: OutputFolder, figure: bool = True) -> F
     if figure:
         note = NOTHING_TO_DRAW if not drawable(report) else no_matplotlib() if not find_spec("matplotlib") else ""
     drawn = figure and not note
-    names = [f"{name}.npz", f"{name}.json", *((f"{name}.png", f"{name}.svg") if drawn else ())]
+    kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
+    names = [f"{name}.{kind}" for kind in kinds]
     paths = tuple(folder.path / n for n in names)
     arrays, described = collect(report)
     meta = {
@@ -101,6 +107,8 @@ def write_files(report: RunData, folder: OutputFolder, figure: bool = True) -> F
             np.savez_compressed(stream, allow_pickle=False, meta=np.array(to_json(meta, indent=None)), **arrays)
         text = to_json(document(report, [str(path) for path in paths])) + "\n"
         part(names[1]).write_text(text, encoding="ascii")
+        if figure:
+            part(f"{name}.html").write_text(run_page(report, documents), encoding="utf-8", newline="\n")
         if drawn:
             save(draw(report), {kind: part(f"{name}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(paths, note)

@@ -54,7 +54,7 @@ class Report(RunData):
         return data_frame(result.time, {**columns, **result.outputs})
 
     def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
-        """Write every array, the summary and, if `figure` and matplotlib is installed, the figure, as ``--out`` does.
+        """Write every array, the summary and, if `figure`, the page and (with matplotlib) the figure, as ``--out`` does.
 
         Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """

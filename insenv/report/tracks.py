@@ -86,12 +86,18 @@ def track_of(result: Result) -> Track | None:
     return None if any(value is None for value in place.values()) else Track(result.time, **place)
 
 
-def _ground(track: Track, origin: Track) -> tuple[Array, Array]:
-    """East and north (n,) of a track, m, from the first known position of `origin`: arcs along the ellipsoid."""
+def ground(track: Track, origin: Track) -> tuple[Array, Array]:
+    """East and north (n,) of a track, m, from the first known position of `origin`: arcs on the ellipsoid; NaN: not known."""
     assert track.latitude is not None and track.longitude is not None
     assert origin.latitude is not None and origin.longitude is not None
     latitude, longitude = (float(a[np.isfinite(a)][0]) for a in (origin.latitude, origin.longitude))
-    there = np.isfinite(track.latitude) & np.isfinite(track.longitude)
     meridian, transverse = (float(radius) for radius in geodesy.numeric.radii(math.sin(latitude)))
-    turned = (track.longitude[there] - longitude + math.pi) % (2 * math.pi) - math.pi
-    return turned * transverse * math.cos(latitude), (track.latitude[there] - latitude) * meridian
+    turned = (track.longitude - longitude + math.pi) % (2 * math.pi) - math.pi
+    return turned * transverse * math.cos(latitude), (track.latitude - latitude) * meridian
+
+
+def _ground(track: Track, origin: Track) -> tuple[Array, Array]:
+    """East and north of the known positions of a track."""
+    east, north = ground(track, origin)
+    there = np.isfinite(east) & np.isfinite(north)
+    return east[there], north[there]

@@ -58,7 +58,7 @@ def run(
     check_progress(progress)
     scenario = load(scenario)
     chosen = get_all(named_estimators(scenario) if estimators is None else estimators)
-    plant = build(scenario, seed=seed, duration_s=duration_s)
+    plant = build(scenario, seed=seed, duration_s=duration_s, driven=True)
     every = recording_interval(plant.samples)
     rows = setting_rows(settings, chosen)
     families, chosen = chosen, [plant.adapted(estimator, settings) for estimator in chosen]
@@ -71,7 +71,7 @@ def run(
     bridged = 0
     total = plant.samples // every * every
     for begin, count in chunks(total, every):
-        shown = runner.run(count)
+        shown = runner.run(count, plant.inputs(begin, count))
         columns = plant.model.outputs.unpack(shown)
         columns = {name: np.array(column) for name, column in columns.items()}
         columns["dt"] = np.full(count, plant.sample_interval)

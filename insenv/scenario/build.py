@@ -21,6 +21,7 @@ from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge, get
 from insenv.instruments import TOLD
 from insenv.plant import plant_model
+from insenv.scenario.commands import DRIVEN, Commanded, commanded, input_rows
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
 from insenv.scenario.sensor_notes import motion_error, sensor_notes
 from insenv.scenario.tuning import Settings, choices_in, own_settings
@@ -44,7 +45,7 @@ class Plant:
     """A scenario ready to run.
 
     model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: number of
-    inertial samples.  knowledge: initial knowledge of the estimators.
+    inertial samples.  knowledge: initial knowledge of the estimators.  commands: of the scenario, see `inputs`.
     """
 
     scenario: Scenario
@@ -55,6 +56,7 @@ class Plant:
     duration_s: float
     seed: int
     knowledge: Knowledge
+    commands: Commanded = ()
 
     @property
     def in_place(self) -> bool:
@@ -65,6 +67,10 @@ class Plant:
     def sensors(self) -> frozenset[str]:
         """Ids of the sensors other than the inertial unit."""
         return frozenset(self.scenario.sensors)
+
+    def inputs(self, begin: int, count: int) -> Vector | None:
+        """Inputs (count, inputs.size) of the samples from `begin` on; None if the scenario has no commands."""
+        return input_rows(self.model, self.commands, begin, count)
 
     @cached_property
     def tunings(self) -> dict[str, dict[str, Any]]:
@@ -93,9 +99,14 @@ class Plant:
         return parameters
 
 
-def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None) -> Plant:
-    """The plant of a scenario; `seed` and `duration_s` (None: the scenario's) are checked.  Raises `InputError`."""
+def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None, *, driven: bool = False) -> Plant:
+    """The plant of a scenario; `seed` and `duration_s` (None: the scenario's) are checked.
+
+    driven: whether the caller feeds `Plant.inputs`.  Raises `InputError`, also for commands that the caller would not feed.
+    """
     seed, duration = seed_and_duration(scenario, seed, duration_s)
+    if scenario.commands and not driven:
+        raise InputError(f"scenario {scenario.name!r} {DRIVEN}")
     model, parameters = plant_of(scenario)
     return _plant(scenario, model, parameters, model.parameters.pack({**parameters, "seed": seed}), seed, duration)
 
@@ -123,6 +134,7 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
         duration_s=duration,
         seed=seed,
         knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, told_rows, seed),
+        commands=commanded(model, scenario.commands, scenario.rate_hz),
     )
 
 
@@ -158,6 +170,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
     check_speed_of_sinusoids(rows, interval)
     model.parameters.pack(rows)
+    commanded(model, scenario.commands, scenario.rate_hz)
     return model, rows
 
 
@@ -275,17 +288,29 @@ def start_errors(known: KnowledgeSection, seed: ArrayLike) -> Vector:
     """Initial errors (..., 9) for seeds (...), reported minus true: roll, pitch, heading (rad); position (m), velocity (m/s)
     in n.
     """
+    errors = start_sigmas(known) * start_normals(known, seed)
+    for place, given in enumerate(given_errors(known)):
+        if given is not None:
+            errors[..., place] = given
+    return errors
+
+
+def start_normals(known: KnowledgeSection, seed: ArrayLike) -> Vector:
+    """The standard normals (..., 9) behind `start_errors`; 0 if errors are not drawn."""
     uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
     drawn = [_NORMAL.inv_cdf(u) for u in uniforms.ravel().tolist()]
-    normals = np.reshape(drawn, uniforms.shape) * known.draw_errors
+    return np.reshape(drawn, uniforms.shape) * known.draw_errors
+
+
+def start_sigmas(known: KnowledgeSection) -> Vector:
+    """Reported standard deviations (9,) of the errors, in the order and units of `start_errors`."""
     tilt = radians(known.tilt_sigma_deg)
-    sigma = np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
-    errors = sigma * normals
-    for place, given in enumerate((known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)):
-        if given is not None:
-            errors[..., place] = radians(given)
-    if known.position_error_m is not None:
-        errors[..., 3:6] = known.position_error_m
-    if known.velocity_error_mps is not None:
-        errors[..., 6:9] = known.velocity_error_mps
-    return errors
+    return np.array([tilt, tilt, radians(known.heading_sigma_deg), *known.position_sigma_m, *known.velocity_sigma_mps])
+
+
+def given_errors(known: KnowledgeSection) -> tuple[float | None, ...]:
+    """The errors that are given (9), in the order and units of `start_errors`; None for one that is drawn."""
+    angles = (known.roll_error_deg, known.pitch_error_deg, known.heading_error_deg)
+    position = (None,) * 3 if known.position_error_m is None else known.position_error_m
+    velocity = (None,) * 3 if known.velocity_error_mps is None else known.velocity_error_mps
+    return (*(None if angle is None else radians(angle) for angle in angles), *position, *velocity)

@@ -61,6 +61,9 @@ class Scenario(Section):
     gnss: GnssSection | None = key(None, "the GNSS receiver; none if absent")
     gravity: GravitySection = key(GravitySection(), "true gravity minus normal gravity; none if absent")
     knowledge: KnowledgeSection = key(KnowledgeSection(), "initial conditions as known to the estimators")
+    commands: tuple[dict[str, Number], ...] = key(
+        (), "commands by time that replace the vehicle's legs, as a page that is driven writes them: at_s, and values in SI"
+    )
     estimator: dict[str, dict[str, Parameter]] = key(
         {}, 'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; see below'
     )

@@ -54,6 +54,8 @@ def limit(scenario: ScenarioLike, *, duration_s: float | None = None, progress: 
 
 def no_limit(plant: Plant) -> str:
     """The sentence why a plant has no limit; empty if it has one."""
+    if plant.commands:
+        return "no limit: limits are taken along the course of a scenario, not along commands"
     further = sorted(plant.sensors - KNOWN)
     if not further:
         return ""

@@ -7,6 +7,7 @@ vehicle.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from math import isfinite, pi, radians, tan
 from types import SimpleNamespace
 
@@ -149,6 +150,7 @@ def survey_pattern(lines: int, length_m: float, bank_deg: float = 20.0) -> list[
     return legs
 
 
+@lru_cache(maxsize=256)
 def turn_timing(angle: float, bank: float, speed: float) -> tuple[float, float]:
     """For a turn by an angle (rad) at a bank (rad) and speed (m/s): the time (s) for which to command the bank, and
     then to level.

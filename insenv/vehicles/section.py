@@ -11,7 +11,7 @@ from pydantic import Field
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
 from insenv.files.values import PerAxis, within
-from insenv.vehicles.traits import VehicleTraits
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
 MAX_WAVES = 16
@@ -45,6 +45,15 @@ class VehicleSection(Section):
     def in_place(self) -> bool:
         """Whether the vehicle stays in place, within metres."""
         raise NotImplementedError
+
+    @property
+    def sticks(self) -> tuple[StickCommand, ...]:
+        """The commands that a joystick sets: those of the kind, for a vehicle that takes them."""
+        return self.traits.sticks
+
+    def steerable(self) -> VehicleSection:
+        """The same vehicle, to the bit where nothing is commanded, with every command that it can take; for pages."""
+        return self
 
     def vehicle(self) -> Vehicle:
         """Equations of motion.  Sections with equal equations return the same object, to share one compiled model."""

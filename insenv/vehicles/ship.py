@@ -17,6 +17,7 @@ from insenv.core.elementary import maximum
 from insenv.core.model import Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError, nearest
+from insenv.vehicles import surroundings
 from insenv.vehicles.nodes import PLACES
 from insenv.vehicles.phasors import Phasors, total, total_rate
 from insenv.vehicles.script import Script
@@ -46,7 +47,11 @@ _TURN = Tracker(("turn_rate", "turn_rate_rate", "turn_rate_second"), "Turn rate 
 
 
 def ship(
-    regular: int | Mapping[str, int] = 1, wave_components: int = 0, under_way: bool = False, seeded: bool = False
+    regular: int | Mapping[str, int] = 1,
+    wave_components: int = 0,
+    under_way: bool = False,
+    seeded: bool = False,
+    steered_sea: bool = False,
 ) -> Vehicle:
     """A ship.
 
@@ -55,6 +60,8 @@ def ship(
     wave_components: number of angular frequencies of an irregular sea, common to the six motions, with random phases.
     under_way: whether the ship moves, with commands for speed and turn rate; otherwise it is moored.
     seeded: whether random angles are added to the phases of the regular sinusoids as well.
+    steered_sea: of a moored ship: whether commands change the size of its motion and send a wave past it
+        (`insenv.vehicles.surroundings`).
 
     Parameters: ``mean_roll``, ``mean_pitch``, ``start_heading`` (rad); by motion ``<motion>_amplitude`` (rad,
     m), ``<motion>_angular_frequency`` (rad/s), ``<motion>_phase`` (rad) of A sin(w t + phase);
@@ -77,6 +84,8 @@ def ship(
         parameters += _UNDER_WAY_PARAMETERS + SCRIPT.parameters
         state += Table((Row("way_heading", "Heading of the track, not wrapped", "rad"),)) + _SPEED.state + _TURN.state
         state += SCRIPT.state
+    if steered_sea:
+        parameters, state = parameters + surroundings.PARAMETERS, state + surroundings.STATE
 
     def start(p: Values, r: Any = None) -> dict[str, Any]:
         rows: dict[str, Any] = {}
@@ -108,22 +117,29 @@ def ship(
                 t = place * p.sample_interval
                 rows.update(along_all((_SPEED, _TURN), x, t))
                 rows["way_heading"] = x.way_heading + _TURN.integral(x, t)
+        if steered_sea:
+            for rows, place in zip(places, PLACES, strict=True):
+                rows.update(surroundings.along(x, place * p.sample_interval))
         return places
 
     def derivative(p: Values, x: Values) -> dict[str, Any]:
         rates = {name: rate for bank in banks for name, rate in bank.derivative(p, x).items()}
         if under_way:
             rates |= {**derivative_all((_SPEED, _TURN), x), "way_heading": x.turn_rate}
-        return rates
+        return {**rates, **surroundings.derivative(x)} if steered_sea else rates
 
     def angles(p: Values, x: Values) -> list[Any]:
         way = x.way_heading if under_way else p.start_heading
         mean = dict(zip(ANGLES, (p.mean_roll, p.mean_pitch, way), strict=True))
-        attitude = [mean[channel] + total(banks, x, channel) for channel in ANGLES]
+        sway = [total(banks, x, channel) for channel in ANGLES]
+        sway = surroundings.angles(p, x, sway) if steered_sea else sway
+        attitude = [mean[channel] + angle for channel, angle in zip(ANGLES, sway, strict=True)]
         return [*attitude, way] if under_way else attitude
 
     def velocity_n(p: Values, x: Values, pairs: Sequence[SineCosine]) -> Any:
         displaced = ca.vertcat(*[total_rate(banks, p, x, channel) for channel in DISPLACEMENTS])
+        if steered_sea:
+            return surroundings.velocity(x, ca.vertcat(*[total(banks, x, channel) for channel in DISPLACEMENTS]), displaced)
         if not under_way:
             return displaced
         sine, cosine = pairs[3]
@@ -140,8 +156,8 @@ def ship(
         velocity_n=velocity_n,
         start=start,
         start_uniforms=sum(bank.start_uniforms for bank in banks),
-        hold=hold if under_way else None,
-        inputs=SCRIPT.inputs if under_way else Table(),
+        hold=hold if under_way else surroundings.hold if steered_sea else None,
+        inputs=SCRIPT.inputs if under_way else surroundings.INPUTS if steered_sea else Table(),
         steps=SCRIPT.steps if under_way else {},
     )
 

@@ -9,17 +9,20 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Strict, model_validator
 
 from insenv.files.toml import Number, Section, key
+from insenv.vehicles import surroundings
 from insenv.vehicles.routes import ship_course
 from insenv.vehicles.section import MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, in_legs
 from insenv.vehicles.ship import SHIP_TRAITS, regular_sway, ship
-from insenv.vehicles.traits import VehicleTraits
+from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import Vehicle
 from insenv.vehicles.waves import Hull, irregular_sea
 
 
 @lru_cache(maxsize=64)
-def _ship(counts: tuple[tuple[str, int], ...], wave_components: int, under_way: bool, seeded: bool) -> Vehicle:
-    return ship(dict(counts), wave_components, under_way, seeded)
+def _ship(
+    counts: tuple[tuple[str, int], ...], wave_components: int, under_way: bool, seeded: bool, steered_sea: bool
+) -> Vehicle:
+    return ship(dict(counts), wave_components, under_way, seeded, steered_sea)
 
 
 class _Wave(Section):
@@ -102,6 +105,9 @@ class ShipSection(VehicleSection):
     sway: SwaySection | None = key(None, "regular sway; not together with sea")
     random_phases: bool = key(False, "add random phases, drawn from the seed, to those of the sway", strict=True)
     sea: SeaSection | None = key(None, "irregular sea; not together with sway")
+    steered_sea: bool = key(
+        False, "whether commands change the size of a moored ship's motion and send a wave past it; pages use it", strict=True
+    )
     start_speed_mps: Number = key(0.0, "speed along the heading at time 0", "m/s", ge=0, le=60)
     legs: tuple[ShipLeg, ...] = key((), "the course, leg by leg", max_length=MAX_LEGS)
     repeat_legs: bool = key(False, "repeat the legs", strict=True)
@@ -113,9 +119,22 @@ class ShipSection(VehicleSection):
         return self
 
     @property
+    def _steered(self) -> bool:
+        return self.steered_sea and self.in_place
+
+    @property
     def in_place(self) -> bool:
         """Whether it is moored."""
         return not self.legs and self.start_speed_mps == 0.0
+
+    @property
+    def sticks(self) -> tuple[StickCommand, ...]:
+        """Those of a ship under way, or of the surroundings of a moored one."""
+        return surroundings.STICKS if self.in_place else self.traits.sticks
+
+    def steerable(self) -> ShipSection:
+        """A moored ship whose surroundings commands can change."""
+        return self.model_copy(update={"steered_sea": True}) if self.in_place else self
 
     def _regular(self) -> tuple[dict[str, int], dict[str, list[float]]]:
         sway = self.sway or SwaySection()
@@ -126,7 +145,7 @@ class ShipSection(VehicleSection):
         """Equations of motion."""
         counts, _ = self._regular()
         components = self.sea.components if self.sea else 0
-        return _ship(tuple(counts.items()), components, not self.in_place, self.random_phases and bool(counts))
+        return _ship(tuple(counts.items()), components, not self.in_place, self.random_phases and bool(counts), self._steered)
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""

@@ -49,7 +49,8 @@ class Vehicle:
     steps: conditional steps that run before the step ``sample`` (commands).
 
     The angles must change by less than 0.25 rad per sample; their rates and `velocity_n` must be continuous from sample
-    to sample.
+    to sample.  The acceleration should be: a sample takes that at its start from the end of the one before, so that a jump
+    there puts 1/12 of the jump times the sample interval into the increment.
     """
 
     id: str

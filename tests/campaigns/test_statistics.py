@@ -274,7 +274,7 @@ def test_files_hold_every_run_and_the_figure(tmp_path):
     plan = small_plan(12, variations=[parse_variation("imu.gyro_bias_deg_h=0:1")])
     found = run_campaign(plan)
     written = found.save(tmp_path)
-    assert [p.name for p in written.paths] == ["campaign.npz", "campaign.json", "campaign.png", "campaign.svg"]
+    assert [p.name for p in written.paths] == ["campaign.npz", "campaign.json", "campaign.html", "campaign.png", "campaign.svg"]
     with np.load(tmp_path / "campaign.npz", allow_pickle=False) as arrays:
         assert arrays["runs/seed"].tolist() == list(range(3, 15))
         assert arrays["runs/heading_deg/final"].shape == arrays["runs/imu.gyro_bias_deg_h"].shape == (12,)

@@ -4,6 +4,7 @@ import re
 
 import pytest
 import site_docstrings
+import site_gallery
 import site_pages
 import site_sources
 import site_tables
@@ -97,3 +98,14 @@ def test_parameters_of_a_docstring_begin_lines():
     doc = ["Parameters", "----------", "one: see two: it", "goes on.", "two: 2"]
     found = site_docstrings.as_rst(doc, set())
     assert found[2:] == ["``one``", "    see two: it goes on.", "", "``two``", "    2", ""]
+
+
+def test_each_live_page_of_the_gallery_can_run_and_has_a_link():
+    text = site_gallery.GALLERY.read_text(encoding="utf-8")
+    wanted = site_gallery.commands(text)
+    assert {"better-gyro.html", "tunnel.html"} <= set(wanted) and text.count("$ insenv page") == len(wanted) >= 7
+    for scenario, ids in wanted.values():
+        assert insenv.load(scenario).name == scenario
+        assert all(estimators.get(id).kind for id in ids) and ids
+    shown = site_gallery.with_links(text)
+    assert all(f'href="live/{name}"' in shown for name in wanted) and "not run" not in shown

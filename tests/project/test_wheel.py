@@ -42,7 +42,7 @@ def installed(wheel, tmp_path_factory):
 def package_files(folder, prefix):
     """Names in the wheel of the files that stand under `folder` of the checkout and are not compiled."""
     files = (p for p in (ROOT / folder).rglob("*") if p.is_file())
-    kinds = {".py", ".c", ".h", ".toml", ".xml", ".csv", ".gz", ".md"}
+    kinds = {".py", ".c", ".h", ".toml", ".xml", ".csv", ".gz", ".md", ".js", ".css", ".html"}
     kept = (p.relative_to(ROOT / folder) for p in files if p.suffix in kinds)
     return {f"{prefix}/{path.as_posix()}" for path in kept}
 
@@ -51,6 +51,7 @@ def test_contents(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     wanted = package_files("insenv", "insenv") | {"insenv/py.typed"}
     wanted |= package_files("scenarios", "insenv/_data/scenarios") | package_files("fmu", "insenv/_data/fmu")
+    wanted |= package_files("web", "insenv/_data/web")
     wanted |= package_files("examples", "insenv/_data/examples")
     assert wanted <= names
     assert {name.split("/")[0].split("-")[0] for name in names} == {"insenv"}

@@ -288,7 +288,7 @@ def test_without_matplotlib_the_rest_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr("insenv.report.files.find_spec", lambda name: None)
     written = write_files(report(), OutputFolder(tmp_path))
     assert install_extra("plot") in written.note
-    assert {p.suffix for p in tmp_path.iterdir()} == {".npz", ".json"}
+    assert {p.suffix for p in tmp_path.iterdir()} == {".npz", ".json", ".html"}
 
 
 def test_arrays_of_an_unregistered_estimator_are_kept():
@@ -341,11 +341,26 @@ def test_figure_leaves_matplotlib_as_it_was():
     ids=["no reference", "position only", "no error at all", "not known", "dollars"],
 )
 def test_unusual_reports_are_drawn(made, tmp_path):
-    assert len(write_files(made, OutputFolder(tmp_path)).paths) == 4
+    assert len(write_files(made, OutputFolder(tmp_path)).paths) == 5
+
+
+def test_an_alignment_without_reference_shows_its_attitude_with_its_sigma(tmp_path):
+    made = report(result("q-method", ATTITUDE, errors={}, limit={}), truth=Track(TIME), seed=None)
+    drawn = draw(made)
+    assert [axis.get_ylabel() for axis in drawn.axes] == ["roll [deg]", "pitch [deg]", "heading [deg]"]
+    assert all(len(axis.lines) == 1 and len(axis.collections) == 1 for axis in drawn.axes)
+    assert all(axis.get_ylim()[1] - axis.get_ylim()[0] > 2 * 3 * 0.02 for axis in drawn.axes)  # the sigma is seen
+    assert {path.suffix for path in write_files(made, OutputFolder(tmp_path)).paths} == {
+        ".npz",
+        ".json",
+        ".html",
+        ".png",
+        ".svg",
+    }
 
 
 def test_nothing_to_draw(tmp_path):
-    made = report(result("q-method", ATTITUDE, errors={}), truth=Track(TIME), seed=None)
+    made = report(result("q-method", ATTITUDE, errors={}, outputs={}), truth=Track(TIME), seed=None)
     assert "no figure" in write_files(made, OutputFolder(tmp_path)).note
 
 

@@ -35,7 +35,7 @@ def test_reports_are_short(tmp_path):
     report = insenv.run(SHIP, ["q-method", "analytic"], duration_s=2.0)
     assert len(repr(report)) < 400 and "q-method" in repr(report)
     assert "<table" in report._repr_html_()
-    assert {path.suffix for path in report.save(tmp_path).paths} == {".npz", ".json", ".png", ".svg"}
+    assert {path.suffix for path in report.save(tmp_path).paths} == {".npz", ".json", ".html", ".png", ".svg"}
     summary = insenv.campaign(SHIP, "q-method", 3, duration_s=2.0)
     assert len(repr(summary)) < 400 and len(repr(report.results[0])) < 400
 

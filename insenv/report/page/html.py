@@ -1,0 +1,108 @@
+"""One self-contained HTML file from the folder ``web/`` and JSON documents.
+
+The modules of ``web/`` are joined into one script: each stands once, after those that it imports.  A content security
+policy forbids every request, and every script and style but those of the page, which it names by their digests.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from insenv.errors import InsenvError
+from insenv.files.resources import web_folder
+from insenv.report.document import to_json
+
+LIMIT = 2_000_000
+"""Bytes that a page may have."""
+ENTRY = "main.js"
+WORKER = "worker.js"
+_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?:async )?(?:function|const|class) (\w+)", re.MULTILINE)
+_LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
+
+
+def assembled(title: str, documents: Mapping[str, Any]) -> str:
+    """The text of a page that shows `documents`, JSON values by kind ("report", "live"); with "live" it may run WebAssembly."""
+    folder = web_folder()
+    style = (folder / "vendor/uPlot/uPlot.min.css").read_text("utf-8") + (folder / "style.css").read_text("utf-8")
+    library = (folder / "vendor/uPlot/uPlot.iife.min.js").read_text("utf-8")
+    script = f'{library}\n(() => {{\n"use strict";\n{joined(folder, ENTRY)}}})();\n'
+    live = "live" in documents
+    parts = [_data(kind, to_json(value, indent=None)) for kind, value in documents.items()]
+    if live:
+        parts.append(f'<script type="text/plain" id="worker">\n{_inline((folder / WORKER).read_text("utf-8"))}</script>')
+    filled = {
+        "title": escape(title),
+        "policy": policy(script, style, live),
+        "style": style,
+        "script": _inline(script),
+        "documents": "\n".join(parts),
+    }
+    template = (folder / "page.html").read_text("utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found.group(1)], template)
+
+
+def check_size(text: str) -> None:
+    """Raise `InsenvError` if a page is larger than `LIMIT`."""
+    size = len(text.encode("utf-8"))
+    if size > LIMIT:
+        raise InsenvError(f"the page has {size / 1e6:.2f} MB: allowed are {LIMIT / 1e6:g} MB")
+
+
+def policy(script: str, style: str, live: bool) -> str:
+    """The content security policy: no request at all; this script and this style; a worker and WebAssembly if `live`."""
+    more = "'wasm-unsafe-eval'; worker-src blob:" if live else ""
+    allowed = [f"'sha256-{_digest(text)}'" for text in (script, style)]
+    return f"default-src 'none'; script-src {allowed[0]} {more}; style-src {allowed[1]}; img-src data: blob:".replace(" ;", ";")
+
+
+def joined(folder: Path, entry: str) -> str:
+    """The module `entry` with all that it imports as one text: each module is a function that gives what it exports.
+
+    Raises `InsenvError` for a circle of imports, and for other forms of import and export.
+    """
+    texts: dict[str, str] = {}
+
+    def add(name: str, above: tuple[str, ...]) -> None:
+        if name in above:
+            raise InsenvError(f"web/{name} imports itself: {' > '.join((*above, name))}")
+        if name in texts:
+            return
+        text = (folder / name).read_text("utf-8")
+        for _, other in _IMPORT.findall(text):
+            add(other, (*above, name))
+        exported = ", ".join(_EXPORT.findall(text))
+        text = _IMPORT.sub(lambda found: f"const {{{found[1]}}} = {_variable(found[2])};\n", text)
+        text = _EXPORT.sub(lambda found: found.group().removeprefix("export "), text)
+        if found := _LEFT.search(text):
+            raise InsenvError(
+                f"web/{name}: {found.group().strip()!r}: allowed are `import {{NAMES}} from` and `export` of a name"
+            )
+        texts[name] = f"// --- {name}\nconst {_variable(name)} = (() => {{\n{text}\nreturn {{ {exported} }};\n}})();\n"
+
+    add(entry, ())
+    return "".join(texts.values())
+
+
+def _variable(name: str) -> str:
+    return "module_" + name.removesuffix(".js").replace("-", "_")
+
+
+def _data(kind: str, text: str) -> str:
+    return f'<script type="application/json" id="{escape(kind)}">{text.replace("<", chr(92) + "u003c")}</script>'
+
+
+def _inline(script: str) -> str:
+    if re.search(r"</script|<!--", script, re.IGNORECASE):
+        raise InsenvError("a script of web/ holds '</script' or '<!--', which would end it inside a page")
+    return script
+
+
+def _digest(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

@@ -1,0 +1,95 @@
+"""The parts of a page as plain values: panels over time, the track, tables.  web/README.md describes their form.
+
+A curve refers to an entry of the page's legend by number (`group`) and to arrays by number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from insenv.report.page.arrays import Array, Pool
+
+TRUTH_GROUP = -1
+"""The group of curves of the truth or the reference."""
+
+
+@dataclass
+class TimePanel:
+    """A panel over time.
+
+    times (n,) s. threshold: up to which the vertical scale is linear, beyond it logarithmic; None: linear. log: a logarithmic
+    scale. wraps: angles in degrees, drawn with a gap where they wrap. from_s: start of the statistics, s. shade: intervals of
+    time without fixes, s.
+    """
+
+    pool: Pool
+    title: str
+    unit: str
+    times: Array
+    threshold: float | None = None
+    log: bool = False
+    wraps: bool = False
+    from_s: float | None = None
+    shade: Sequence[tuple[float, float]] = ()
+    curves: list[dict[str, Any]] = field(default_factory=list)
+
+    def curve(self, group: int, values: Array, kind: str = "line") -> None:
+        """A line; `kind` may be "points", "crosses" (of what was refused) or "limit" (drawn at plus and minus the values)."""
+        self.curves.append({"kind": kind, "group": group, "y": self.pool.add(values)})
+
+    def around(self, group: int, half: Array, centre: Array | None = None) -> None:
+        """A band of plus and minus `half` around `centre` (zero if None)."""
+        middle = None if centre is None else self.pool.add(centre)
+        self.curves.append({"kind": "band", "group": group, "half": self.pool.add(half), "centre": middle})
+
+    def between(self, group: int, low: Array, high: Array, strength: float = 1.0) -> None:
+        """A band between two arrays; `strength` scales its opacity."""
+        both = {"low": self.pool.add(low), "high": self.pool.add(high)}
+        self.curves.append({"kind": "between", "group": group, **both, "strength": strength})
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "type": "time",
+            "title": self.title,
+            "unit": self.unit,
+            "x": self.pool.add(self.times),
+            "threshold": self.threshold,
+            "log": self.log,
+            "wraps": self.wraps,
+            "from_s": self.from_s,
+            "shade": [list(interval) for interval in self.shade],
+            "curves": self.curves,
+        }
+
+
+def track_panel(pool: Pool, times: Array, tracks: Sequence[tuple[int, Array, Array]], marks: Sequence[Any]) -> dict[str, Any]:
+    """The track from above. tracks: group, east and north (n,) m at `times`. marks: group and indices of refused fixes."""
+    return {
+        "type": "track",
+        "title": "Track seen from above",
+        "unit": "m",
+        "x": pool.add(times),
+        "tracks": [{"group": group, "east": pool.add(east), "north": pool.add(north)} for group, east, north in tracks],
+        "refused": [{"group": group, "at": [int(place) for place in places]} for group, places in marks],
+    }
+
+
+def table(
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, group: int | None = None, below: Sequence[str] = (),
+    warnings: Sequence[tuple[int, int]] = (), state: str = "",
+) -> dict[str, Any]:  # fmt: skip
+    """A table of texts; the first column names the row. below: sentences. warnings: row and column of marked cells.
+
+    state: a word on the health of what the table shows ("consistent", "overconfident", "diverged").
+    """
+    return {
+        "caption": caption, "columns": list(columns), "rows": [list(row) for row in rows], "group": group,
+        "below": list(below), "warnings": [list(place) for place in warnings], "state": state,
+    }  # fmt: skip
+
+
+def section(title: str, panels: Sequence[Mapping[str, Any]], columns: int = 3, note: str = "") -> dict[str, Any]:
+    """Panels under a heading, up to `columns` beside each other."""
+    return {"title": title, "panels": list(panels), "columns": columns, "note": note}

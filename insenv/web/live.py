@@ -1,0 +1,301 @@
+"""The document `live` of a page: a scenario and its estimators as WebAssembly, with what starts, steers and labels them."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from insenv.core.model import Model
+from insenv.core.progress import Progress
+from insenv.core.tables import Table, Vector
+from insenv.core.wasm import wasm, wasm_source
+from insenv.errors import InputError
+from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
+from insenv.evaluation.errors import TOO_SURE
+from insenv.files.toml import validated
+from insenv.plant.feeding import recording_interval
+from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
+from insenv.scenario.build import given_errors, start_normals, start_sigmas
+from insenv.scenario.choice import named_estimators
+from insenv.scenario.commands import PREFIX, VALID
+from insenv.scenario.description import scenario_class
+from insenv.scenario.tuning import Settings, setting_rows
+from insenv.web.controls import Control, Prober
+from insenv.web.model import PageModel, page_model
+from insenv.web.start import known_vector, start_source, told_places
+
+SEEDS = 1024
+"""Seeds that a page offers, from 0 on, beside that of the scenario."""
+LIMIT_TIMES = 300
+"""Number of times at which the limit is shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Live:
+    """A scenario ready to run in a page.
+
+    plain: the scenario as it stands.  plant: the same to the bit, with every command that the vehicle can take.
+    parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
+    known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
+    prober: finds `controls`.
+    """
+
+    plain: Plant
+    plant: Plant
+    page: PageModel
+    wasm: bytes
+    parameters: Vector
+    known: Vector
+    seeds: tuple[int, ...]
+    normals: Vector
+    prober: Prober
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The values of the scenario's file, with the page's seed, duration, estimators and settings."""
+        return self.prober.values
+
+    @cached_property
+    def controls(self) -> tuple[Control, ...]:
+        """What the page may change."""
+        return self.prober.controls()
+
+    @property
+    def every(self) -> int:
+        """Samples from one record to the next, as `insenv.run` records them."""
+        return recording_interval(self.plant.samples)
+
+
+def live(
+    scenario: ScenarioLike,
+    estimators: EstimatorsLike | None = None,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    settings: Settings | None = None,
+) -> Live:
+    """Compile a scenario and estimators for a page; the arguments are those of `insenv.run`.
+
+    Raises `InputError` for what is unknown or wrong, and for an estimator that goes back over a whole run; `InsenvError`
+    without the compiler.
+    """
+    loaded = load(scenario)
+    chosen = get_all(named_estimators(loaded) if estimators is None else estimators)
+    plain = build(loaded, seed=seed, duration_s=duration_s, driven=True)
+    loaded = loaded.model_copy(update={"vehicle": loaded.vehicle.steerable()})
+    plant = build(loaded, seed=seed, duration_s=duration_s, driven=True)
+    rows = setting_rows(settings, chosen)
+    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in chosen]
+    page = page_model(plant.model, tuple(chosen))
+    parameters = page_parameters(page, plant, chosen, rows)
+    starts = [place for place, _ in told_places(page, plant)]
+    prober = Prober(with_run(loaded, plant, chosen, settings), lambda values: numbers(values, page, settings), starts)
+    known = loaded.knowledge
+    seeds = (*range(SEEDS), *((plant.seed,) if plant.seed >= SEEDS else ()))
+    return Live(
+        plain=plain,
+        plant=plant,
+        page=page,
+        wasm=wasm(wasm_source(page.model, start_source(page, plant))),
+        parameters=parameters,
+        known=known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed)),
+        seeds=seeds,
+        normals=start_normals(known, np.array(seeds)),
+        prober=prober,
+    )
+
+
+def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | None = None) -> tuple[Vector, Vector]:
+    """Parameters and `known_vector` of a page's model for the values of a scenario.
+
+    Raises `InputError` for values that are not allowed, or that another model would run.
+    """
+    plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
+    own = [member.estimator for member in page.members]
+    chosen = [plant.adapted(estimator, settings, whole=False) for estimator in own]
+    if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, own, strict=True)):
+        raise InputError("these values are run by another model than that of the page")
+    rows = setting_rows(settings, chosen)
+    known = plant.scenario.knowledge
+    vector = known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed))
+    return page_parameters(page, plant, chosen, rows), vector
+
+
+def with_run(scenario: Scenario, plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> Scenario:
+    """The scenario with the seed, duration, estimators and settings of a page, as a file would have them.
+
+    Estimators that are not registered are in no file.
+    """
+    values = scenario.model_dump(mode="json", exclude_unset=True)
+    known = registered()
+    named = [estimator.id for estimator in chosen if estimator.id in known]
+    values |= {"seed": plant.seed, "duration_s": plant.duration_s, "estimators": named}
+    for id, table in (settings or {}).items():
+        if id in known:
+            values.setdefault("estimator", {}).setdefault(id, {}).update(table)
+    return load(values)
+
+
+def page_parameters(
+    page: PageModel, plant: Plant, chosen: Sequence[Estimator], rows: Mapping[str, Mapping[str, Any]]
+) -> Vector:
+    """Parameters of a page's model: those of `insenv.run`."""
+    parts = [plant.model.parameters.pack(plant.parameters)]
+    for estimator in chosen:
+        parts.append(estimator.model.parameters.pack(plant.parameters_of(estimator, rows[estimator.id], whole=False)))
+    return np.concatenate(parts)
+
+
+def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any]:
+    """The document that a page embeds: see docs/page.md."""
+    plant, model = live.plant, live.page.model
+    scenario = plant.scenario
+    if not 0 < plant.samples < 2**31:
+        raise InputError(f"duration_s = {plant.duration_s:g} s: a page runs at most 2^31 samples")
+    named = model.parameters.unpack(live.parameters)
+    told = {
+        member.prefix: {row.name: named[member.prefix + row.name] for row in member.estimator.model.parameters}
+        for member in live.page.members
+    }
+    return {
+        "kind": "live",
+        "name": scenario.name,
+        "title": scenario.title,
+        "vehicle": scenario.vehicle.kind,
+        "seed": plant.seed,
+        "rate_hz": scenario.rate_hz,
+        "duration_s": plant.duration_s,
+        "samples": plant.samples // live.every * live.every,
+        "every": live.every,
+        "wasm": base64.b64encode(compressed(live.wasm)).decode(),
+        "start": {"p": _base64(live.parameters), "known": _base64(live.known), "u": _base64(model.inputs.start_vector())},
+        "sizes": {"p": model.parameters.size, "x": model.state.size, "u": model.inputs.size, "y": model.outputs.size},
+        "seed_place": model.parameters.slice("seed").start,
+        "seeds": {"numbers": _ranges(live.seeds), "normals": _base64(live.normals)},
+        "tables": {"inputs": _rows(model.inputs), "outputs": _rows(model.outputs)},
+        "estimators": [
+            {
+                "id": member.estimator.id,
+                "title": member.estimator.title,
+                "kind": member.estimator.kind,
+                "prefix": member.prefix,
+                "channels": list(member.channels),
+                "stated": list(member.stated),
+                "needs_s": member.estimator.needed_s(told[member.prefix]),
+                "notes": list(member.estimator.notes(told[member.prefix], plant.duration_s)),
+            }
+            for member in live.page.members
+        ],
+        "commands": _commands(plant, model),
+        "values": live.values,
+        "outages": [
+            _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
+        ],
+        "controls": [_control(control) for control in live.controls],
+        "limit": _limit(live.plain, progress),
+        "too_sure": TOO_SURE,
+        "notes": _notes(plant),
+    }
+
+
+def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
+    """The commands of the vehicle, the sticks that set them, and those of the scenario; None if it takes none."""
+    names = [name.removeprefix(PREFIX) for name in model.inputs.names if name.startswith(PREFIX) and name != VALID]
+    if not names:
+        return None
+    rows = [
+        {
+            "name": name,
+            "at": model.inputs.slice(PREFIX + name).start,
+            "state": model.state.slice(f"commanded_{name}").start,
+        }
+        for name in names
+    ]
+    sticks = [
+        {**vars(stick), "scale": stick.value(1.0, 1.0) * stick.sign}
+        for stick in plant.scenario.vehicle.sticks
+        if stick.command in names
+    ]
+    given = [
+        {"sample": sample, "values": {row["name"]: float(values[row["at"]]) for row in rows}}
+        for sample, values in plant.commands
+    ]
+    return {"valid": model.inputs.slice(VALID).start, "rows": rows, "sticks": sticks, "given": given}
+
+
+def _outages(parameters: Table, id: str) -> dict[str, Any]:
+    """Where the outage windows of a sensor are among the parameters."""
+    begin, end = (parameters.slice(f"{id}_outage_{name}") for name in ("start", "end"))
+    return {"sensor": id, "key": f"{id}.outages_s", "start": begin.start, "end": end.start, "most": begin.stop - begin.start}
+
+
+def _control(control: Control) -> dict[str, Any]:
+    shown = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
+    if control.options:
+        options = [{"value": o.value, "label": o.label, "set": dict(o.setting), "p": o.p} for o in control.options]
+        return shown | {"options": options}
+    bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
+    return shown | bounds | {"targets": [vars(target) for target in control.targets]}
+
+
+def _notes(plant: Plant) -> list[str]:
+    """What a reader of the page must know of it."""
+    notes = [*plant.scenario.notes, no_limit(plant)]
+    if plant.parameters["imu_drop_probability"] > 0.0:
+        notes.append(
+            "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
+        )
+    return [note for note in notes if note]
+
+
+def _limit(plant: Plant, progress: Progress | None) -> dict[str, Any] | None:
+    """The limit of the scenario as it stands, by channel; None if there is none."""
+    if no_limit(plant):
+        return None
+    times = np.linspace(0.0, plant.duration_s, LIMIT_TIMES + 1)[1:]
+    found = limit_of(plant, progress).at(times)
+    return {"time_s": _rounded(times), "sigma": {name: _rounded(values) for name, values in found.items()}}
+
+
+def _rounded(values: Vector) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]
+
+
+def compressed(module: bytes) -> bytes:
+    """A module as a page holds it: gzip."""
+    return gzip.compress(module, 9, mtime=0)
+
+
+def _rows(table: Table) -> list[dict[str, Any]]:
+    found = []
+    for row in table:
+        start = table.slice(row.name).start
+        bounds = {k: v for k, v in (("minimum", row.lower), ("maximum", row.upper)) if np.isfinite(v)}
+        found.append(
+            {"name": row.name, "meaning": row.meaning, "unit": row.unit, "frame": row.frame, "at": start, "size": row.size}
+            | bounds
+            | ({"flag": True} if row.flag else {})
+        )
+    return found
+
+
+def _ranges(seeds: Sequence[int]) -> list[list[int]]:
+    """Seeds as ranges [first, last]."""
+    ranges: list[list[int]] = []
+    for seed in seeds:
+        if ranges and seed == ranges[-1][1] + 1:
+            ranges[-1][1] = seed
+        else:
+            ranges.append([seed, seed])
+    return ranges
+
+
+def _base64(numbers: Vector) -> str:
+    """The bytes of float64 numbers, little endian."""
+    return base64.b64encode(np.ascontiguousarray(numbers, dtype="<f8").tobytes()).decode()

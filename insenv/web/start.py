@@ -1,0 +1,125 @@
+"""The start of a page's model in the page itself: what `insenv.scenario` draws and derives for a seed, as C.
+
+A run starts in three steps: the plant's state from its parameters and seed; what the estimators are told of it, the truth
+plus the errors of the start; and the estimators' state from that.  Each is the expression that Python evaluates, so that
+another seed, latitude or heading gives the same bits.  The standard normals behind the errors come from a table for the
+seeds that a page offers: the inverse of their distribution takes a logarithm, which machines round differently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from insenv import attitude, geodesy
+from insenv.core.codegen import function_source
+from insenv.core.tables import Table, Vector
+from insenv.errors import InputError
+from insenv.estimators import Estimator, Knowledge
+from insenv.scenario import Plant
+from insenv.web.model import PageModel
+
+FIELDS = ("roll", "pitch", "heading", "latitude", "longitude", "height", "velocity_n")
+"""Fields of `Knowledge` that depend on the truth at the start; with the three of the velocity there are nine numbers."""
+KNOWN = 9
+
+_BEGIN = """
+/* Fill in what the estimators are told, and the state at time 0.  known: {normals, sigmas, errors, whether an error is
+ * given}, nine of each.  Returns 1 if a reported angle is beyond a full turn: the functions that wrap it in Python are not
+ * exactly rounded. */
+EXPORTED(begin) int begin(const double *known, double *p, double *x) {
+  double r[N_UNIFORMS + 1], e[9], told[9];
+  if (START_UNIFORMS) uniforms(p[SEED_PLACE], 0.0, 0xFFFFFFFFu, START_UNIFORMS, r);
+  plant_start(p, r, x);
+  for (int i = 0; i < 9; ++i) e[i] = known[27 + i] != 0 ? known[18 + i] : known[9 + i] * known[i];
+  reported(x, e, told);
+  for (int i = 0; i < 3; ++i) if (fabs(told[i]) > %s) return 1;
+%s
+  others_start(p, x + %d);
+  return 0;
+}
+"""
+
+
+def start_source(page: PageModel, plant: Plant) -> str:
+    """C source of the export ``begin(known, p, x)``.  Raises `InputError` for an estimator that cannot be started so."""
+    copies = "\n".join(f"  p[{at}] = told[{source}];" for at, source in told_places(page, plant))
+    return "\n".join(
+        [
+            function_source("plant_start", page.plant.kernels["start"].function, "pr"),
+            function_source("reported", _reported(page.plant.state), "xe"),
+            function_source("others_start", _others(page), "p"),
+            _BEGIN % (repr(2.0 * np.pi), copies, page.plant.state.size),
+        ]
+    )
+
+
+def told_places(page: PageModel, plant: Plant) -> list[tuple[int, int]]:
+    """Pairs of an element of the page model's parameters and the one of the nine numbers that an estimator copies there.
+
+    Found by asking each estimator for its parameters with other knowledge.  Raises `InputError` if one does more than copy.
+    """
+    places = []
+    for member in page.members:
+        first = page.model.parameters.slice(member.prefix + member.estimator.model.parameters.names[0]).start
+        found = _copied(member.estimator, plant)
+        places += [(first + at, source) for at, source in found]
+    return places
+
+
+def _copied(estimator: Estimator, plant: Plant) -> list[tuple[int, int]]:
+    table = estimator.model.parameters
+    base = table.pack(plant.parameters_of(estimator, whole=False))
+    trials = []
+    for scale in (1.0, -0.7):
+        given = scale * np.array([0.0123, 0.0234, 0.345, 0.456, 0.567, 678.9, 1.1, 2.3, 0.4])
+        values = {**dict(zip(FIELDS[:6], given[:6].tolist(), strict=True)), "velocity_n": given[6:]}
+        known: Knowledge = replace(plant.knowledge, **values)
+        trials.append((given, table.pack(estimator.parameters(known, plant.tunings))))
+    places = []
+    for at in range(table.size):
+        if all(trial[at] == base[at] for _, trial in trials):
+            continue
+        sources = [i for i in range(KNOWN) if all(trial[at] == given[i] for given, trial in trials)]
+        if len(sources) != 1:
+            raise InputError(f"estimator {estimator.id!r} has no page: its start is computed from what is known, not copied")
+        places.append((at, sources[0]))
+    return places
+
+
+def _reported(state: Table) -> Any:
+    """The nine numbers that the estimators are told, from the plant's state and the errors: `insenv.scenario.build`."""
+    x, e = ca.SX.sym("x", state.size), ca.SX.sym("e", KNOWN)
+    true = state.symbols(x)
+    angles = [angle + e[i] for i, angle in enumerate(attitude.to_euler(true.q_nb))]
+    place = geodesy.geodetic_from_ned_offset(e[3:6], true.latitude, true.longitude, true.height)
+    told = ca.vertcat(*angles, *place, true.velocity_n + e[6:9])
+    return ca.Function("reported", [x, e], [ca.densify(told)], {"cse": True})
+
+
+def _others(page: PageModel) -> Any:
+    """The state rows behind those of the plant, from the parameters."""
+    model, plant = page.model, page.plant.state
+    p, r = ca.SX.sym("p", model.parameters.size), ca.SX.sym("r", model.start_uniforms)
+    named = model.parameters.symbols(p)
+    begin: dict[str, Any] = {}
+    if model.start is not None:
+        begin = dict(model.start(named, r) if model.start_uniforms else model.start(named))
+    rest = Table(tuple(row for row in model.state if row.name not in plant))
+    values = {**vars(rest.symbols(ca.SX(ca.DM(rest.start_vector())))), **{k: v for k, v in begin.items() if k in rest}}
+    return ca.Function("others_start", [p], [ca.densify(rest.assemble(values))], {"cse": True})
+
+
+def known_vector(sigma: Vector, given: Sequence[float | None], drawn: Vector) -> Vector:
+    """The argument `known` of ``begin``: normals, sigmas, errors, and whether each error is given (36,)."""
+    errors = [0.0 if value is None else value for value in given]
+    return np.concatenate([drawn, sigma, errors, [float(value is not None) for value in given]])
+
+
+def flat(values: Iterable[Any]) -> Vector:
+    """Numbers and vectors one after the other."""
+    return np.concatenate([np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values])

@@ -1,0 +1,81 @@
+"""Headless Chromium for the tests of pages: opens a page from disk, reads its console, checks its accessibility."""
+
+import json
+import shutil
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+DRIVER = shutil.which("chromedriver")
+AXE = Path(__file__).resolve().parents[1] / "web" / "axe" / "axe.min.js"
+PHONE, LAPTOP = (390, 844), (1280, 900)
+browser_needed = pytest.mark.skipif(
+    not (CHROMIUM and DRIVER), reason="no Chromium with its driver here: install chromium and chromium-driver (chromedriver)"
+)
+
+
+@contextmanager
+def chromium():
+    """A headless Chromium that keeps its console."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for switch in ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--disable-dev-shm-usage"):
+        options.add_argument(switch)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    try:
+        yield Browser(driver)
+    finally:
+        driver.quit()
+
+
+class Browser:
+    """A browser with short names for what the tests do."""
+
+    def __init__(self, driver):
+        self.driver = driver
+
+    def open(self, path, size=LAPTOP, dark=False, fragment=""):
+        """Open a page from disk in a window of this size."""
+        width, height = size
+        theme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": theme})
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        self.driver.get("about:blank")  # a changed fragment alone would not load the page again
+        self.driver.get(Path(path).resolve().as_uri() + fragment)
+
+    def value(self, expression, *given):
+        """The value of a JavaScript expression, with `given` as `arguments`."""
+        return self.driver.execute_script(f"return {expression}", *given)
+
+    def until(self, expression, timeout_s=30.0):
+        """Wait until an expression is true; return its value."""
+        end = time.monotonic() + timeout_s
+        while not (found := self.value(expression)):
+            assert time.monotonic() < end, f"after {timeout_s} s not true: {expression}"
+            time.sleep(0.05)
+        return found
+
+    def console(self):
+        """Messages of the console since the last call, without those of the software renderer."""
+        messages = [entry["message"] for entry in self.driver.get_log("browser")]
+        return [text for text in messages if "GPU" not in text and "SwiftShader" not in text and "WebGL" not in text]
+
+    def violations(self):
+        """What axe-core has to say about accessibility: id, help and element of each violation."""
+        self.driver.execute_script(AXE.read_text(encoding="utf-8"))
+        found = self.driver.execute_async_script(
+            "const done = arguments[arguments.length - 1]; axe.run().then((found) => done(JSON.stringify(found.violations)));"
+        )
+        return [(one["id"], one["help"], one["nodes"][0]["html"][:160]) for one in json.loads(found)]
+
+    def screenshot(self, path):
+        """Keep a picture of the window."""
+        self.driver.save_screenshot(str(path))

@@ -1,0 +1,49 @@
+"""The surroundings of a moored ship: a steered sea, and a passing wave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import insenv
+from insenv.core.runner import make_runner
+from insenv.scenario import build, load
+
+SCENARIOS = ("ship-swaying", "ship-irregular-sea", "large-misalignment")
+
+
+def steered(name: str, **further: Any) -> dict[str, Any]:
+    values = load(name).model_dump(mode="json", exclude_unset=True)
+    return {**values, **further, "vehicle": {**values["vehicle"], "steered_sea": True}}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_without_commands_the_run_is_the_same_to_the_bit(name: str) -> None:
+    plain, other = build(load(name), duration_s=20.0), build(load(steered(name)), duration_s=20.0)
+    shown, same = (make_runner(plant.model, plant.parameters).run(plant.samples) for plant in (plain, other))
+    assert other.model.inputs.size == 3 and shown.tobytes() == same.tobytes()
+
+
+def test_commands_move_the_ship_truly() -> None:
+    """With a perfect unit free-inertial navigation follows a growing sea and a passing wave: truth and increments agree."""
+    commands = [{"at_s": 5.0, "sea": 2.0}, {"at_s": 20.0, "wave": 2.0}, {"at_s": 30.0, "wave": 0.0}]
+    scenario = steered(
+        "ship-swaying", commands=commands, duration_s=60.0, imu={"grade": "perfect"}, knowledge={"draw_errors": False}
+    )
+    report = insenv.run(scenario, "wander-sins")
+    plain = insenv.run({**load("ship-swaying").model_dump(mode="json", exclude_unset=True), "duration_s": 60.0}, "q-method")
+    assert report.truth.height is not None and plain.truth.height is not None
+    lifted = report.truth.height - plain.truth.height
+    time = report.truth.time
+    assert np.all(lifted[time < 5.0] == 0.0)
+    assert np.max(np.abs(report.truth.height[(time > 35.0)] - report.truth.height[0])) > 1.5  # twice the sway of 1 m
+    for channel in ("north_m", "east_m", "down_m"):
+        assert np.max(np.abs(report.results[0].errors[channel])) < 1e-5
+
+
+def test_a_ship_under_way_keeps_its_own_commands() -> None:
+    section = load("ship-underway").vehicle
+    assert section.steerable() is section
+    assert build(load(steered("ship-underway"))).model is build(load("ship-underway")).model

@@ -1,0 +1,53 @@
+"""Which keys become controls, and between which bounds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import insenv
+from insenv.scenario import load
+from insenv.web.controls import setting_of, with_values
+from insenv.web.live import live
+
+pytest.importorskip("ziglang")
+
+
+@pytest.mark.slow
+def test_keys_with_another_effect_are_no_controls() -> None:
+    found = {control.key: control for control in live("ship-irregular-sea", "q-method", duration_s=10.0).controls}
+    assert "start.latitude_deg" in found and "start.heading_deg" not in found  # the heading changes every wave
+    assert len(found["vehicle.sea"].options) == 6 and len(found["imu.grade"].options) > 30
+    assert not any("drop" in key or key.startswith("vehicle.sea.") for key in found)
+
+
+def test_bounds_keep_what_run_refuses_out() -> None:
+    """The fastest and largest motion that the controls of a ship at 50 Hz allow is one that `insenv run` takes."""
+    made = live("ship-dvl", "loosely-coupled", duration_s=10.0)
+    sway = {control.key: control for control in made.controls if "sway" in control.key}
+    roll, period = sway["vehicle.sway.roll.0.amplitude_deg"], sway["vehicle.sway.roll.0.period_s"]
+    assert roll.maximum < 80.0 and roll.minimum == 0.0 and period.minimum > 0.5
+    corner = {key: c.minimum if c.targets[0].form == "inverse" else c.maximum for key, c in sway.items()}
+    load(with_values(made.values, setting_of(made.controls, corner)))
+    beyond = {key: 80.0 if key.endswith("amplitude_deg") else 0.5 for key in corner}
+    with pytest.raises(insenv.InputError, match="rotation of"):
+        load(with_values(made.values, setting_of(made.controls, beyond)))
+
+
+@pytest.mark.slow
+def test_an_estimator_of_ones_own_has_a_page(tmp_path: Path) -> None:
+    own = insenv.fusion(["gyro_scale"], id="mine")
+    made = live("car-city-drive", own, duration_s=10.0)
+    assert made.values["estimators"] == [] and made.page.members[0].estimator.id == "mine"
+    assert insenv.page("car-city-drive", tmp_path / "mine.html", own, duration_s=10.0).stat().st_size > 100_000
+
+
+def test_a_page_of_settings(tmp_path: Path) -> None:
+    """Settings are in the parameters of the page, and in the scenario that it gives."""
+    settings = {"loosely-coupled": {"innovation_gate": 4.25}}
+    made = live("car-city-drive", "loosely-coupled", duration_s=10.0, settings=settings)
+    place = made.page.model.parameters.slice("e0_innovation_gate")
+    assert np.all(made.parameters[place] == 4.25)
+    assert made.values["estimator"]["loosely-coupled"]["innovation_gate"] == 4.25

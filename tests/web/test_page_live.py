@@ -1,0 +1,257 @@
+"""Live pages in headless Chromium: their numbers are those of `insenv.run`; they are driven, linked to and kept as scenarios.
+
+`make test-web` runs all of them; without INSENV_TEST_WEB the short ones run.
+"""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from browser import LAPTOP, PHONE, browser_needed, chromium
+
+import insenv
+from insenv.report.page.html import LIMIT
+from insenv.report.tables import number
+
+web = pytest.importorskip("insenv.web.page")
+pytest.importorskip("ziglang", reason="ziglang is not installed: there is no compiler to WebAssembly")
+pytestmark = browser_needed
+long = pytest.mark.skipif("INSENV_TEST_WEB" not in os.environ, reason="a long test of pages: run `make test-web`")
+END = "document.querySelector('.end').hidden === false"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def ship(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "ship.html"
+    return web.page("ship-swaying", path, ["q-method"], duration_s=60.0)
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "car.html"
+    return web.page("car-city-drive", path, ["loosely-coupled", "wander-sins"], duration_s=120.0)
+
+
+def fast(browser):
+    """Run to the end as fast as it goes."""
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script(
+        "const speed = document.getElementById('speed'); speed.value = ''; speed.dispatchEvent(new Event('change'));"
+        "document.getElementById('run').click();"
+    )
+    browser.until(END, timeout_s=120.0)
+
+
+def shown(browser):
+    """The figures at the end, by row."""
+    rows = "[...document.querySelectorAll('.end tbody tr')].map((row) => [...row.cells].map((cell) => cell.textContent))"
+    return [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in browser.value(rows)]
+
+
+def printed(report):
+    """What `insenv run` prints: final, rms and max, and the stated sigma."""
+    found = []
+    for result in report.results:
+        statistics, stated = result.statistics(), result.stated()
+        for channel in result.errors:
+            values = [statistics[kind][channel] for kind in ("final", "rms", "max")]
+            found.append([number(value) for value in [*values, *([stated[channel]] if stated else [])]])
+    return found
+
+
+def test_run_to_the_end_shows_the_numbers_of_insenv_run(browser, ship):
+    browser.open(ship)
+    fast(browser)
+    report = insenv.run("ship-swaying", ["q-method"], duration_s=60.0)
+    assert [row[1:] for row in shown(browser)] == printed(report)
+    assert browser.console() == []
+    assert ship.stat().st_size < LIMIT
+
+
+def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_repeats_them(browser, ship):
+    from selenium.webdriver import Keys
+    from selenium.webdriver.common.by import By
+
+    browser.open(ship)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    field = browser.driver.find_element(By.ID, "seed")
+    field.clear()
+    field.send_keys("7", Keys.TAB)
+    browser.driver.execute_script(
+        "const grade = document.getElementById('control-imu.grade'); grade.value = 'navigation';"
+        "grade.dispatchEvent(new Event('change'));"
+    )
+    fast(browser)
+    found = shown(browser)
+    values = insenv.load("ship-swaying").model_dump(mode="json", exclude_unset=True)
+    values["imu"]["grade"] = "navigation"
+    report = insenv.run(values, ["q-method"], seed=7, duration_s=60.0)
+    assert [row[1:] for row in found] == printed(report)
+    link = browser.until("location.hash.includes('seed=7') && location.hash")
+    assert "imu.grade=navigation" in link
+    browser.open(ship, fragment=link)
+    fast(browser)
+    assert shown(browser) == found
+    assert browser.console() == []
+
+
+@pytest.mark.parametrize(
+    ("fragment", "message"),
+    [
+        ("#imu.mass_kg=3", "imu.mass_kg: this page has no control of that name"),
+        ("#seed=1.5", "seed = 1.5: allowed is a whole number"),
+        ("#seed=999999", "seed = 999999: this page offers the seeds 0 to 1023"),
+        ("#start.latitude_deg=95", "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"),
+        ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
+        ("#commands=[[1,{%22sail%22:1}]]", "command"),
+        ("#commands=[1", "commands = [1: this is no list of values"),
+    ],
+)
+def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, message):
+    browser.open(ship, fragment=fragment)
+    told = browser.until("document.getElementById('wrong')?.textContent")
+    assert message in told
+    assert browser.console() == []
+
+
+def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
+    from selenium.webdriver import Keys
+    from selenium.webdriver.common.by import By
+
+    browser.open(ship)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    field = browser.driver.find_element(By.ID, "control-start.latitude_deg")
+    field.clear()
+    field.send_keys("95", Keys.TAB)
+    told = browser.until("[...document.querySelectorAll('.controls [role=alert]')].map((one) => one.textContent).join('')")
+    assert told == "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"
+
+
+@pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
+def test_the_page_is_accessible_and_fits(browser, ship, size, dark):
+    browser.open(ship, size, dark)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true))")
+    assert browser.violations() == []
+    assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+    assert browser.console() == []
+
+
+@long
+def test_a_car_is_driven_with_keys_and_its_scenario_gives_the_same_numbers(browser, car, tmp_path):
+    from selenium.webdriver import ActionChains, Keys
+    from selenium.webdriver.common.by import By
+
+    browser.open(car)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    # texts that are offered as files are kept here
+    browser.driver.execute_script(
+        "window.kept = []; const old = URL.createObjectURL;"
+        "URL.createObjectURL = (blob) => { blob.text().then((text) => window.kept.push(text)); return old(blob); };"
+    )
+    assert browser.violations() == []
+    pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
+    pad.click()
+    keys = ActionChains(browser.driver)
+    keys.key_down(Keys.ARROW_UP).pause(1.0).key_up(Keys.ARROW_UP).key_down(Keys.ARROW_RIGHT).pause(0.6).key_up(Keys.ARROW_RIGHT)
+    keys.perform()
+    cut = browser.driver.find_element(By.ID, "cut-gnss")
+    cut.click()
+    browser.until("document.getElementById('cut-gnss').getAttribute('aria-pressed') === 'true'")
+    cut.click()
+    browser.until("document.getElementById('cut-gnss').getAttribute('aria-pressed') === 'false'")
+    browser.driver.execute_script(
+        "const speed = document.getElementById('speed'); speed.value = ''; speed.dispatchEvent(new Event('change'));"
+    )
+    browser.until(END, timeout_s=120.0)
+    found = shown(browser)
+    link = browser.until("location.hash.includes('commands=') && location.hash")
+    browser.driver.find_element(By.ID, "toml").click()
+    text = browser.until("window.kept[0]")
+    (tmp_path / "driven.toml").write_text(text, encoding="utf-8")
+    report = insenv.run(tmp_path / "driven.toml")
+    assert [row[1:] for row in found] == printed(report)
+    east = report.results[0].outputs["longitude"][-1] - report.results[0].outputs["longitude"][0]
+    assert abs(east) > 1e-6  # it has been driven
+    browser.open(car, fragment=link)
+    fast(browser)
+    assert shown(browser) == found
+    assert browser.console() == []
+
+
+@long
+def test_many_units_stay_about_the_limit(browser, ship):
+    browser.open(ship)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.getElementById('cloud').click()")
+    browser.until("document.getElementById('cloud-done').textContent === '64 of 64'", timeout_s=300.0)
+    rows = "[...document.querySelectorAll('.cloud tbody tr')].map((row) => [...row.cells].map((cell) => cell.textContent))"
+    found = {row[0].split()[0]: [float(text) for text in row[1:]] for row in browser.value(rows)}
+    runs = [insenv.run("ship-swaying", ["q-method"], seed=seed, duration_s=60.0).results[0] for seed in range(1, 65)]
+    for channel, (rms, largest, _, _) in found.items():
+        ends = np.array([result.errors[f"{channel}_deg"][-1] for result in runs])
+        assert rms == pytest.approx(float(np.sqrt(np.mean(ends**2))), rel=5e-3)
+        assert largest == pytest.approx(float(np.abs(ends).max()), rel=5e-3)
+
+
+@long
+def test_frames_keep_coming_while_it_runs(browser, car, record_property):
+    browser.open(car)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    times = browser.driver.execute_async_script(
+        "const done = arguments[0]; document.getElementById('run').click(); const times = [];"
+        "const tick = (now) => { times.push(now); if (times.length < 240) requestAnimationFrame(tick); else done(times); };"
+        "requestAnimationFrame(tick);"
+    )
+    frames = np.diff(times)
+    record_property("median_frame_ms", float(np.median(frames)))
+    record_property("p95_frame_ms", float(np.quantile(frames, 0.95)))
+    print(f"frames: median {np.median(frames):.1f} ms, 95 % {np.quantile(frames, 0.95):.1f} ms, largest {frames.max():.1f} ms")
+    assert len(frames) == 239 and browser.value("document.getElementById('clock').textContent") != "0:00.0"
+
+
+@long
+def test_the_page_of_a_run_becomes_live(browser, tmp_path):
+    from insenv.report import OutputFolder, write_files
+    from insenv.web.live import live, live_document
+
+    report = insenv.run("ship-swaying", ["q-method"], duration_s=60.0)
+    more = {"live": live_document(live("ship-swaying", ["q-method"], duration_s=60.0))}
+    path = next(path for path in write_files(report, OutputFolder(tmp_path), documents=more).paths if path.suffix == ".html")
+    assert path.stat().st_size < LIMIT
+    browser.open(path)
+    browser.until("document.getElementById('make-live')")
+    assert browser.violations() == []
+    browser.driver.execute_script("document.getElementById('make-live').click()")
+    fast(browser)
+    assert [row[1:] for row in shown(browser)] == printed(report)
+    assert browser.console() == []
+
+
+def test_a_finger_on_the_field_commands_and_a_run_after_a_cloud_goes_on(browser, ship):
+    from selenium.webdriver.common.by import By
+
+    browser.open(ship, PHONE)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.getElementById('cloud').click()")
+    browser.until("parseInt(document.getElementById('cloud-done').textContent) >= 1")
+    browser.driver.execute_script("document.getElementById('run').click()")
+    browser.until("document.getElementById('clock').textContent > '0:01.0'")
+    pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
+    browser.driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", pad)
+    box = browser.value("arguments[0].getBoundingClientRect().toJSON()", pad)
+    place = {"x": box["x"] + 0.75 * box["width"], "y": box["y"] + 0.25 * box["height"]}
+    for kind, points in (("touchStart", [place]), ("touchMove", [{**place, "x": place["x"] + 4}]), ("touchEnd", [])):
+        browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    link = browser.until("decodeURIComponent(location.hash).includes('\"wave\"') && decodeURIComponent(location.hash)")
+    waves = [command[1]["wave"] for command in json.loads(link.partition("commands=")[2])]
+    assert max(waves) == pytest.approx(0.5, abs=0.05) and waves[-1] == 0
+    assert browser.console() == []

@@ -1,0 +1,85 @@
+"""The front end: vendored files as they were published, modules joined in order, a policy that forbids requests."""
+
+import hashlib
+import re
+import shutil
+import subprocess
+
+import pytest
+from places import ROOT
+
+from insenv.errors import InsenvError
+from insenv.report.page.html import assembled, joined
+
+WEB = ROOT / "web"
+VENDORED = {
+    "web/vendor/uPlot/uPlot.iife.min.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
+    "web/vendor/uPlot/uPlot.min.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+    "web/vendor/uPlot/LICENSE": "8f989229699b4fe2f1a0432d0e9edc338a8a911e250e2d1b01ecd770a5f5b1bd",
+    "tests/web/axe/axe.min.js": "29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c",
+    "tests/web/axe/LICENSE": "af175b9d96ee93c21a036152e1b905b0b95304d4ae8c2c921c7609100ba8df7e",
+}
+
+
+@pytest.mark.parametrize("path", VENDORED)
+def test_vendored_files_are_as_published(path):
+    assert hashlib.sha256((ROOT / path).read_bytes()).hexdigest() == VENDORED[path]
+
+
+def test_vendored_versions_are_named():
+    assert "1.6.32" in (WEB / "vendor/uPlot/README.md").read_text("utf-8")
+    assert "4.14.1" in (ROOT / "tests/web/axe/README.md").read_text("utf-8")
+    assert b"axe v4.14.1" in (ROOT / "tests/web/axe/axe.min.js").read_bytes()[:200]
+
+
+def test_a_page_makes_no_request_and_runs_its_own_script_alone():
+    page = assembled("a & b", {"report": {"text": "</script><b>"}})
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page).group(1)
+    assert policy.startswith("default-src 'none'; script-src 'sha256-") and "unsafe" not in policy
+    assert "<title>a &amp; b</title>" in page and "</script><b>" not in page and r"\u003c/script>\u003cb>" in page
+    # nothing in the page names something to load; the namespace of SVG and licences are no requests
+    loaded = re.findall(r"""(?:src|href)\s*=\s*["'](?!data:|#)[^"']+|@import|url\((?!["']?data:)""", page)
+    assert not loaded
+
+
+def modules(tmp_path, **texts):
+    for name, text in texts.items():
+        (tmp_path / f"{name}.js").write_text(text)
+    return tmp_path
+
+
+def test_modules_are_joined_after_those_that_they_import(tmp_path):
+    folder = modules(
+        tmp_path,
+        main='import { two } from "./b.js";\nimport { one } from "./a.js";\nprint(one() + two);\n',
+        a="const hidden = 1;\nexport function one() {\n  return hidden;\n}\n",
+        b='import { one } from "./a.js";\nconst hidden = 2;\nexport const two = one() + hidden;\n',
+    )
+    text = joined(folder, "main.js")
+    assert [line for line in text.splitlines() if line.startswith("// ---")] == ["// --- a.js", "// --- b.js", "// --- main.js"]
+    assert "import" not in text and "export" not in text
+    if node := shutil.which("node"):
+        done = subprocess.run([node, "-e", f"const print = console.log;\n{text}"], capture_output=True, text=True, check=True)
+        assert done.stdout == "4\n"
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (
+            {"main": 'import { a } from "./a.js";\n', "a": 'import { m } from "./main.js";\nexport const a = 1;\n'},
+            "imports itself",
+        ),
+        ({"main": 'import * as a from "./a.js";\n'}, "allowed are"),
+        ({"main": "export default 1;\n"}, "allowed are"),
+    ],
+)
+def test_other_forms_of_import_are_refused(tmp_path, texts, message):
+    with pytest.raises(InsenvError, match=message):
+        joined(modules(tmp_path, **texts), "main.js")
+
+
+@pytest.mark.skipif(not shutil.which("tsc"), reason="no TypeScript compiler (tsc) here")
+def test_types():
+    done = subprocess.run(["tsc", "-p", str(WEB)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout

@@ -1,0 +1,91 @@
+/** The state of a live page in its address: a link repeats the run. */
+
+/**
+ * @typedef {object} State
+ * @property {number} seed
+ * @property {Record<string, any>} values  of controls by key
+ * @property {{sample: number, values: Record<string, number>}[] | undefined} commands
+ */
+
+/** The part of an address after "#" for a state.
+ * @param {State} state
+ * @param {number} seed  of the scenario, which needs no mention
+ * @returns {string} */
+export function addressOf(state, seed) {
+  const parts = new URLSearchParams();
+  if (state.seed !== seed) parts.set("seed", String(state.seed));
+  for (const [key, value] of Object.entries(state.values))
+    parts.set(key, typeof value === "string" ? value : JSON.stringify(value));
+  if (state.commands?.length)
+    parts.set("commands", JSON.stringify(state.commands.map(({ sample, values }) => [sample, values])));
+  return parts.toString();
+}
+
+/** The state that an address holds. Throws an Error with one sentence for what it cannot mean.
+ * @param {string} fragment  with or without "#"
+ * @param {any} live  the document
+ * @returns {State} */
+export function stateOf(fragment, live) {
+  /** @type {State} */
+  const state = { seed: live.seed, values: {}, commands: undefined };
+  const parts = new URLSearchParams(fragment.replace(/^#/, ""));
+  for (const [key, text] of parts) {
+    if (key === "seed") {
+      if (!/^\d+$/.test(text)) throw new Error(`seed = ${text}: allowed is a whole number`);
+      state.seed = Number(text);
+    } else if (key === "commands") {
+      state.commands = commandsOf(text);
+    } else {
+      state.values[key] = valueOf(key, text, live);
+    }
+  }
+  return state;
+}
+
+/** @param {string} text
+ * @returns {{sample: number, values: Record<string, number>}[]} */
+function commandsOf(text) {
+  const found = parsed("commands", text);
+  const good =
+    Array.isArray(found) &&
+    found.every(
+      (one) =>
+        Array.isArray(one) && one.length === 2 && Number.isInteger(one[0]) && one[1] !== null && typeof one[1] === "object",
+    );
+  if (!good) throw new Error("commands: allowed are pairs of a sample and the values of commands");
+  return found.map(([sample, values]) => ({ sample, values }));
+}
+
+/** @param {string} key
+ * @param {string} text
+ * @param {any} live */
+function valueOf(key, text, live) {
+  if (live.outages.some((/** @type {any} */ outage) => outage.key === key)) return parsed(key, text);
+  const control = live.controls.find((/** @type {any} */ one) => one.key === key);
+  if (!control) throw new Error(`${key}: this page has no control of that name`);
+  if (control.options) return text;
+  return checked(control, text);
+}
+
+/** The number that a control is given as a text. Throws an Error that says what is allowed.
+ * @param {{key: string, unit: string, minimum: number, maximum: number}} control
+ * @param {string} text
+ * @returns {number} */
+export function checked({ key, unit, minimum, maximum }, text) {
+  const value = Number(text);
+  const [shown, end] = [text.trim() === "" ? "nothing" : text, unit ? ` ${unit}` : ""];
+  if (text.trim() === "" || !(value >= minimum && value <= maximum)) {
+    throw new Error(`${key} = ${shown}${end}: allowed is ${minimum} to ${maximum}${end}`);
+  }
+  return value;
+}
+
+/** @param {string} key
+ * @param {string} text */
+function parsed(key, text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    throw new Error(`${key} = ${text.slice(0, 40)}: this is no list of values`);
+  }
+}

@@ -1,0 +1,194 @@
+/** Controls of a scenario's keys: names, units, bounds and meanings are those of the document. */
+
+import { checked } from "./address.js";
+import { button, h } from "./dom.js";
+import { roundDown } from "./numbers.js";
+
+const GROUPS = {
+  imu: "Inertial unit",
+  gnss: "GNSS",
+  knowledge: "What estimators are told",
+  vehicle: "Vehicle",
+  start: "Start",
+};
+
+/**
+ * @typedef {object} Controls
+ * @property {HTMLElement} element
+ * @property {(seed: number, values: Record<string, any>) => void} show  what is in force
+ */
+
+/**
+ * @param {any} live  the document
+ * @param {(seed: number | null, values: Record<string, any>) => void} change  what differs now: the seed (null: as it is) and values
+ *   by key; undefined for the scenario's own
+ * @param {() => void} restore  the scenario as it was
+ * @returns {Controls}
+ */
+export function controlPanel(live, change, restore) {
+  /** @type {Map<string, (value: any) => void>} */
+  const shown = new Map();
+  const seed = seedRow(live, (value) => change(value, {}));
+  const known = [...new Set([...Object.keys(GROUPS), ...live.controls.map((/** @type {any} */ one) => one.group)])];
+  const groups = known
+    .map((group) => ({ group, controls: live.controls.filter((/** @type {any} */ control) => control.group === group) }))
+    .filter(({ controls }) => controls.length)
+    .map(({ group, controls }, place) => {
+      const rows = controls.map((/** @type {any} */ control) => {
+        const take = (/** @type {any} */ value) => change(null, { [control.key]: value });
+        const row = control.options ? choice(control, take) : amount(control, take);
+        shown.set(control.key, row.show);
+        return row.element;
+      });
+      const name = GROUPS[/** @type {keyof typeof GROUPS} */ (group)] ?? group;
+      return h("details", { open: place === 0 }, h("summary", {}, name), h("div", { class: "rows" }, rows));
+    });
+  const element = h(
+    "section",
+    { class: "controls", "aria-label": "Settings" },
+    h("h2", {}, "Settings"),
+    h("p", { class: "quiet" }, "A change starts the run again."),
+    seed.element,
+    groups,
+    button("Restore the scenario", restore, { class: "quiet", id: "restore" }),
+  );
+  return {
+    element,
+    show: (number, values) => {
+      seed.show(number);
+      // one of several sets of numbers brings its own figures: those of its section that are not given are then not known here
+      const sections = live.controls
+        .filter((/** @type {any} */ one) => one.options && one.key in values)
+        .map((/** @type {any} */ one) => section(one.key));
+      for (const control of live.controls) {
+        const own = sections.includes(section(control.key)) && !control.options ? null : control.value;
+        shown.get(control.key)?.(control.key in values ? values[control.key] : own);
+      }
+    },
+  };
+}
+
+/** The section of a scenario that a key is in.
+ * @param {string} key */
+function section(key) {
+  return key.split(".")[0];
+}
+
+/** @param {any} live
+ * @param {(value: number) => void} take */
+function seedRow(live, take) {
+  const ranges = live.seeds.numbers;
+  const allowed = ranges
+    .map((/** @type {number[]} */ [first, last]) => (first === last ? String(first) : `${first} to ${last}`))
+    .join(", ");
+  const input = h("input", {
+    id: "seed",
+    type: "number",
+    min: ranges[0][0],
+    max: ranges.at(-1)[1],
+    step: 1,
+    "aria-describedby": "seed-wrong",
+  });
+  const wrong = h("p", { class: "wrong", role: "alert", id: "seed-wrong" });
+  const give = () => {
+    const value = Number(input.value);
+    const offered =
+      input.value.trim() !== "" &&
+      ranges.some((/** @type {number[]} */ [first, last]) => Number.isInteger(value) && value >= first && value <= last);
+    wrong.textContent = offered ? "" : `seed = ${input.value || "nothing"}: allowed is ${allowed}`;
+    if (offered) take(value);
+  };
+  input.addEventListener("change", give);
+  const next = button(
+    "Next",
+    () => {
+      input.value = String(Number(input.value) + 1);
+      give();
+    },
+    { class: "quiet", title: "The next unit and weather" },
+  );
+  const element = h(
+    "div",
+    { class: "control" },
+    h("label", { for: "seed" }, "seed"),
+    h("div", { class: "pair" }, input, next),
+    wrong,
+  );
+  return {
+    element,
+    show: (/** @type {number} */ value) => {
+      input.value = String(value);
+      wrong.textContent = "";
+    },
+  };
+}
+
+/** One of several sets of numbers.
+ * @param {any} control
+ * @param {(value: any) => void} take */
+function choice(control, take) {
+  const id = `control-${control.key}`;
+  const options = control.options.map((/** @type {any} */ option) => h("option", { value: option.value }, option.label));
+  const select = h("select", { id, title: control.meaning, onchange: () => take(select.value) }, options);
+  const element = h("div", { class: "control" }, h("label", { for: id, title: control.meaning }, control.label), select);
+  return { element, show: (/** @type {any} */ value) => (select.value = value ?? "") };
+}
+
+/** A number with its unit, and a slider over its usual range.
+ * @param {any} control
+ * @param {(value: any) => void} take */
+function amount(control, take) {
+  const { key, label, unit, meaning, low, high, minimum, maximum } = control;
+  const id = `control-${key}`;
+  const bounds = `${meaning}; ${minimum} to ${maximum}${unit ? ` ${unit}` : ""}`;
+  const input = h("input", {
+    id,
+    type: "text",
+    inputmode: "decimal",
+    autocomplete: "off",
+    placeholder: "drawn",
+    "aria-describedby": `${id}-told`,
+    title: bounds,
+  });
+  const slider = h("input", {
+    type: "range",
+    min: low,
+    max: high,
+    step: "any",
+    "aria-label": `${label}, slider`,
+    title: bounds,
+  });
+  const wrong = h("p", { class: "wrong", role: "alert" });
+  const give = (/** @type {string} */ text) => {
+    try {
+      const value = checked(control, text);
+      wrong.textContent = "";
+      take(value);
+    } catch (error) {
+      wrong.textContent = error instanceof Error ? error.message : String(error);
+    }
+  };
+  input.addEventListener("change", () => give(input.value));
+  const step = roundDown(Math.max((high - low) / 400, 1e-12));
+  const rounded = () => String(Number((Math.round(Number(slider.value) / step) * step).toPrecision(10)));
+  slider.addEventListener("input", () => (input.value = rounded()));
+  slider.addEventListener("change", () => give(rounded()));
+  const element = h(
+    "div",
+    { class: "control" },
+    h("label", { for: id, title: meaning }, label),
+    h("div", { class: "pair" }, input, h("span", { class: "unit" }, unit)),
+    slider,
+    h("span", { class: "hidden", id: `${id}-told` }, bounds),
+    wrong,
+  );
+  return {
+    element,
+    show: (/** @type {any} */ value) => {
+      input.value = value === null || value === undefined ? "" : String(value);
+      input.placeholder = control.value === null ? "drawn" : "of the set";
+      slider.value = String(value ?? (low + high) / 2);
+      wrong.textContent = "";
+    },
+  };
+}

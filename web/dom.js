@@ -1,0 +1,65 @@
+/**
+ * Elements of the page.
+ *
+ * @typedef {Node | string | number | null | undefined | false} Child
+ */
+
+/**
+ * An element with attributes and children. An attribute `on...` is a listener; one that is `false` or null is left out.
+ * @param {string} tag
+ * @param {Record<string, any>} [attributes]
+ * @param {...(Child | Child[])} children
+ * @returns {any}
+ */
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === false || value === null || value === undefined) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else element.setAttribute(name, value === true ? "" : String(value));
+  }
+  for (const child of children.flat()) {
+    if (child !== null && child !== undefined && child !== false) element.append(child instanceof Node ? child : String(child));
+  }
+  return element;
+}
+
+/** Replace the children of an element.
+ * @param {Element} element
+ * @param {...Child} children */
+export function fill(element, ...children) {
+  element.replaceChildren(
+    ...children.filter((child) => child || child === 0).map((child) => (child instanceof Node ? child : String(child))),
+  );
+}
+
+/** The JSON document of a kind that this page holds, or null.
+ * @param {string} kind
+ * @returns {any} */
+export function embedded(kind) {
+  const element = document.getElementById(kind);
+  return element ? JSON.parse(element.textContent ?? "null") : null;
+}
+
+/** A button.
+ * @param {string} text
+ * @param {() => void} act
+ * @param {Record<string, any>} [attributes] */
+export function button(text, act, attributes = {}) {
+  return h("button", { type: "button", onclick: act, ...attributes }, text);
+}
+
+/** Call `act` at most once a frame, however often it is asked for.
+ * @param {() => void} act
+ * @returns {() => void} */
+export function onceAFrame(act) {
+  let asked = false;
+  return () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => {
+      asked = false;
+      act();
+    });
+  };
+}

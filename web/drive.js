@@ -1,0 +1,170 @@
+/** Driving: the commands of a vehicle by keys, and by dragging on a pad with mouse or finger. */
+
+import { button, h } from "./dom.js";
+import { fixed } from "./numbers.js";
+
+const TICK_MS = 50;
+const RATE = 0.5;
+const TURN = { ArrowLeft: -1, ArrowRight: 1, a: -1, d: 1 };
+const PUSH = { w: 1, s: -1, ArrowUp: 1, ArrowDown: -1 };
+
+/**
+ * @typedef {object} Driver
+ * @property {HTMLElement} element
+ * @property {(speed: number, cuts: Record<string, boolean>) => void} show  the speed (m/s) now, and which sensors are cut off
+ * @property {() => void} release
+ */
+
+/**
+ * @param {any} live  the document; it has commands, or sensors to cut off
+ * @param {(values: Record<string, number>) => void} command  by name, SI
+ * @param {(sensor: string, on: boolean) => void} cut
+ * @returns {Driver}
+ */
+export function driver(live, command, cut) {
+  /** @type {any[]} */
+  const sticks = live.commands?.sticks ?? [];
+  const across = sticks.find((stick) => stick.axes.some((/** @type {string} */ axis) => axis === "y" || axis === "r"));
+  const along = sticks.find((stick) => stick.axes.includes("z")) ?? sticks.find((stick) => stick !== across);
+  const state = { across: 0, along: /** @type {number | null} */ (null), speed: 0 };
+  /** @type {Set<string>} */
+  const held = new Set();
+  const telling = h("output", { class: "quiet" });
+  const knob = h("i", { "aria-hidden": "true" });
+  const pad = h(
+    "div",
+    { class: "pad", tabindex: "0", role: "application", "aria-label": "Drive: arrow keys or W, A, S, D; or drag" },
+    knob,
+  );
+
+  const value = (/** @type {any} */ stick, /** @type {number} */ deflection) =>
+    (stick.one_sided ? Math.max(0, stick.sign * deflection) : stick.sign * deflection) * stick.full_scale * stick.scale;
+  const give = () => {
+    /** @type {Record<string, number>} */
+    const values = {};
+    if (across) values[across.command] = value(across, state.across);
+    if (along && state.along !== null) values[along.command] = value(along, state.along);
+    command(values);
+    place();
+  };
+  /** The deflection of what is in force before the first command: the speed of a vehicle, or 1 of what multiplies the scenario's own. */
+  const inForce = () => {
+    if (!along) return 0;
+    const now = along.command === "speed" ? state.speed : along.unit === "" ? 1 : 0;
+    return Math.min(1, now / (along.full_scale * along.scale));
+  };
+  const place = () => {
+    knob.style.left = `${50 + 50 * state.across}%`;
+    knob.style.top = `${100 - 100 * Math.max(0, state.along ?? inForce())}%`;
+    const told = [along && state.along !== null && said(along, state.along), across && said(across, state.across)];
+    telling.textContent = told.filter(Boolean).join(", ");
+  };
+  const begin = () => {
+    state.along ??= inForce();
+  };
+  let last = 0;
+  const tick = () => {
+    const turn = [...held].reduce((sum, key) => sum + (TURN[/** @type {keyof typeof TURN} */ (key)] ?? 0), 0);
+    const push = [...held].reduce((sum, key) => sum + (PUSH[/** @type {keyof typeof PUSH} */ (key)] ?? 0), 0);
+    const now = performance.now();
+    const passed = Math.min(0.2, (now - last) / 1000);
+    last = now;
+    const before = [state.across, state.along];
+    state.across = Math.sign(turn);
+    if (push) {
+      begin();
+      const least = along?.one_sided ? 0 : -1;
+      state.along = Math.min(1, Math.max(least, (state.along ?? 0) + Math.sign(push) * RATE * passed));
+    }
+    if (before[0] !== state.across || before[1] !== state.along) give();
+    if (held.size) setTimeout(tick, TICK_MS);
+  };
+  const named = (/** @type {KeyboardEvent} */ event) => (event.key.length === 1 ? event.key.toLowerCase() : event.key);
+  pad.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+    const key = named(event);
+    if (!(key in TURN || key in PUSH) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    if (event.repeat) return;
+    held.add(key);
+    last = performance.now() - TICK_MS;
+    tick();
+  });
+  const release = () => {
+    const some = held.size > 0;
+    held.clear();
+    if (some || state.across !== 0) {
+      state.across = 0;
+      give();
+    }
+  };
+  pad.addEventListener("keyup", (/** @type {KeyboardEvent} */ event) => {
+    if (held.delete(named(event)) && !held.size) tick();
+  });
+  pad.addEventListener("blur", () => held.size && release());
+  addEventListener("blur", () => held.size && release());
+  const drag = (/** @type {PointerEvent} */ event) => {
+    const box = pad.getBoundingClientRect();
+    state.across = Math.max(-1, Math.min(1, (2 * (event.clientX - box.left)) / box.width - 1));
+    state.along = Math.max(0, Math.min(1, 1 - (event.clientY - box.top) / box.height));
+    give();
+  };
+  pad.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
+    pad.setPointerCapture(event.pointerId);
+    drag(event);
+  });
+  pad.addEventListener(
+    "pointermove",
+    (/** @type {PointerEvent} */ event) => pad.hasPointerCapture(event.pointerId) && drag(event),
+  );
+  for (const name of ["pointerup", "pointercancel"]) pad.addEventListener(name, release);
+
+  const ways = [
+    along && `Up and down: ${along.title.toLowerCase()}.`,
+    across && `Left and right: ${across.title.toLowerCase()}.`,
+  ]
+    .filter(Boolean)
+    .join(" ");
+  const cuts = live.outages.map((/** @type {any} */ { sensor }) => {
+    const name = sensor === "gnss" ? "GNSS" : sensor;
+    const element = button(`Cut ${name}`, () => cut(sensor, element.getAttribute("aria-pressed") !== "true"), {
+      "aria-pressed": "false",
+      class: "cut",
+      id: `cut-${sensor}`,
+    });
+    return { sensor, element };
+  });
+  const element = h(
+    "section",
+    { class: "drive", "aria-label": "Drive" },
+    sticks.length > 0 && h("h2", {}, along?.command === "sea" ? "Sea and wave" : "Drive"),
+    sticks.length > 0 && pad,
+    sticks.length > 0 &&
+      h("p", { class: "quiet" }, `${ways} Click the field, then use the arrow keys or W, A, S, D; or drag in it.`),
+    telling,
+    h(
+      "div",
+      { class: "cuts" },
+      cuts.map((/** @type {any} */ one) => one.element),
+    ),
+  );
+  return {
+    element,
+    show: (speed, now) => {
+      state.speed = speed;
+      if (state.along === null) place();
+      for (const one of cuts) one.element.setAttribute("aria-pressed", String(Boolean(now[one.sensor])));
+    },
+    release: () => {
+      state.along = null;
+      state.across = 0;
+      held.clear();
+      place();
+    },
+  };
+}
+
+/** @param {any} stick
+ * @param {number} deflection */
+function said(stick, deflection) {
+  return `${stick.title.toLowerCase()} ${fixed((stick.one_sided ? Math.max(0, deflection) : deflection) * stick.full_scale, 1)} ${stick.unit}`;
+}

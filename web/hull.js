@@ -1,0 +1,173 @@
+/** The vehicle in three dimensions, true (solid) and estimated (outlines), over a compass rose: plain canvas, no GPU needed. */
+
+import { h } from "./dom.js";
+import { meshOf } from "./meshes.js";
+import { colour, faint, groupColour } from "./theme.js";
+
+/** @typedef {[number, number, number]} Vector  in n or b, m */
+
+const DISTANCE = 7;
+const ELEVATION = 0.42;
+const QUARTER = 0.6;
+
+/** A vector in b, turned into n by a quaternion (w, x, y, z) of the attitude.
+ * @param {ArrayLike<number>} q
+ * @param {Vector} v
+ * @returns {Vector} */
+export function turned(q, [x, y, z]) {
+  const [w, a, b, c] = [q[0], q[1], q[2], q[3]];
+  const [tx, ty, tz] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
+  return [x + w * tx + b * tz - c * ty, y + w * ty + c * tx - a * tz, z + w * tz + a * ty - b * tx];
+}
+
+/**
+ * @param {string} kind  of vehicle
+ */
+export function hullView(kind) {
+  const canvas = h("canvas", {
+    class: "hull",
+    role: "img",
+    "aria-label": "The vehicle seen from its quarter: true attitude solid, estimates as outlines",
+  });
+  const mesh = meshOf(kind);
+  let [azimuth, aside, elevation] = [0, QUARTER, ELEVATION];
+  let fresh = true;
+  let size = [300, 240];
+  new ResizeObserver(() => {
+    size = [canvas.clientWidth, canvas.clientHeight];
+    canvas.width = Math.round(size[0] * devicePixelRatio);
+    canvas.height = Math.round(size[1] * devicePixelRatio);
+  }).observe(canvas);
+  /** @type {[number, number] | null} */
+  let held = null;
+  canvas.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
+    held = [event.offsetX, event.offsetY];
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => {
+    if (!held) return;
+    aside -= (event.offsetX - held[0]) * 0.008;
+    elevation = Math.min(1.5, Math.max(0.05, elevation + (event.offsetY - held[1]) * 0.006));
+    held = [event.offsetX, event.offsetY];
+  });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => (held = null));
+
+  /** @param {ArrayLike<number>} truth  q_nb
+   * @param {{group: number, q: ArrayLike<number>}[]} estimates
+   * @param {number} heading  deg */
+  const draw = (truth, estimates, heading) => {
+    const context = canvas.getContext("2d");
+    if (!context) return;
+    const target = (heading * Math.PI) / 180;
+    const behind = Math.atan2(Math.sin(target - azimuth), Math.cos(target - azimuth));
+    azimuth += fresh ? behind : 0.06 * behind;
+    fresh = false;
+    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    context.clearRect(0, 0, size[0], size[1]);
+    const project = camera(azimuth + aside, elevation, size);
+    rose(context, project);
+    solid(
+      context,
+      project,
+      mesh.map((face) => face.map((corner) => turned(truth, corner))),
+    );
+    context.lineWidth = 1.2;
+    for (const { group, q } of estimates) {
+      context.strokeStyle = groupColour(group);
+      context.fillStyle = faint(groupColour(group), 0.06);
+      for (const face of mesh) {
+        outline(
+          context,
+          face.map((corner) => project(turned(q, corner))),
+        );
+        context.fill();
+        context.stroke();
+      }
+    }
+  };
+  return { element: canvas, draw, reset: () => (fresh = true) };
+}
+
+/** The projection of a camera that looks at the origin in the direction `azimuth`, from above by `elevation` (rad).
+ * @param {number} azimuth
+ * @param {number} elevation
+ * @param {number[]} size
+ * @returns {(point: Vector) => Vector}  x, y on the canvas, and the distance */
+function camera(azimuth, elevation, [width, height]) {
+  const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];
+  const focal = 1.7 * Math.min(width * 0.8, height);
+  return ([n, e, d]) => {
+    const depth = DISTANCE + n * ca * ce + e * sa * ce + d * se;
+    const scale = focal / depth;
+    return [width / 2 + scale * (-n * sa + e * ca), 0.45 * height - scale * (n * ca * se + e * sa * se - d * ce), depth];
+  };
+}
+
+/** @param {CanvasRenderingContext2D} context
+ * @param {Vector[]} corners */
+function outline(context, corners) {
+  context.beginPath();
+  corners.forEach(([x, y], place) => (place ? context.lineTo(x, y) : context.moveTo(x, y)));
+  context.closePath();
+}
+
+/** Faces from the farthest to the nearest, shaded by their direction.
+ * @param {CanvasRenderingContext2D} context
+ * @param {(point: Vector) => Vector} project
+ * @param {Vector[][]} faces */
+function solid(context, project, faces) {
+  const shown = faces.map((face) => {
+    const corners = face.map(project);
+    return { corners, depth: corners.reduce((sum, corner) => sum + corner[2], 0) / corners.length, light: lightOn(face) };
+  });
+  shown.sort((a, b) => b.depth - a.depth);
+  context.lineWidth = 0.8;
+  context.strokeStyle = faint(colour("ink"), 0.35);
+  for (const { corners, light } of shown) {
+    outline(context, corners);
+    context.fillStyle = `color-mix(in oklab, ${colour("hull")} ${Math.round(55 + 45 * light)}%, ${colour("shadow")})`;
+    context.fill();
+    context.stroke();
+  }
+}
+
+/** The light on a face, 0 to 1: from above and a little from the north-west.
+ * @param {Vector[]} face */
+function lightOn([a, b, c]) {
+  const [u, v] = [b.map((value, k) => value - a[k]), c.map((value, k) => value - a[k])];
+  const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+  const length = Math.hypot(...normal) || 1;
+  return Math.abs((0.35 * normal[0] - 0.2 * normal[1] - 0.9 * normal[2]) / length);
+}
+
+/** A compass rose below the vehicle.
+ * @param {CanvasRenderingContext2D} context
+ * @param {(point: Vector) => Vector} project */
+function rose(context, project) {
+  const below = 0.75;
+  const at = (/** @type {number} */ degrees, /** @type {number} */ radius) => {
+    const angle = (degrees * Math.PI) / 180;
+    return project([radius * Math.cos(angle), radius * Math.sin(angle), below]);
+  };
+  context.strokeStyle = colour("rule");
+  context.lineWidth = 1;
+  outline(
+    context,
+    Array.from({ length: 72 }, (_, place) => at(5 * place, 2.3)),
+  );
+  context.stroke();
+  context.beginPath();
+  for (let degrees = 0; degrees < 360; degrees += 30) {
+    const [[x, y], [a, b]] = [at(degrees, 2.3), at(degrees, degrees % 90 ? 2.18 : 2.05)];
+    context.moveTo(x, y);
+    context.lineTo(a, b);
+  }
+  context.stroke();
+  context.fillStyle = colour("muted");
+  context.font = "12px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  ["N", "E", "S", "W"].forEach((letter, place) =>
+    context.fillText(letter, .../** @type {[number, number]} */ (at(90 * place, 2.55).slice(0, 2))),
+  );
+}

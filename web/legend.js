@@ -1,0 +1,63 @@
+/** The legend: what the colours and lines mean; estimators can be hidden. */
+
+import { h } from "./dom.js";
+import { colour, groupColour, onTheme } from "./theme.js";
+
+/**
+ * @param {{name: string}[]} groups  the estimators (or what else has a colour)
+ * @param {{kind: string, text: string}[]} others  what else is drawn: "truth", "limit", "band", "outage", "cross", "statistics"
+ * @param {(group: number, shown: boolean) => void} show
+ */
+export function legend(groups, others, show) {
+  const entries = groups.map(({ name }, group) => {
+    const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
+    const button = h(
+      "button",
+      { type: "button", class: "entry", "aria-pressed": "true", title: `Show or hide ${name}` },
+      swatch,
+      name,
+    );
+    button.addEventListener("click", () => {
+      const shown = button.getAttribute("aria-pressed") !== "true";
+      button.setAttribute("aria-pressed", String(shown));
+      show(group, shown);
+    });
+    const paint = () => (swatch.style.background = groupColour(group));
+    onTheme(paint);
+    paint();
+    return groups.length > 1 ? button : h("span", { class: "entry" }, swatch, name);
+  });
+  for (const { kind, text } of others) {
+    const swatch = h("i", { class: `swatch ${kind}`, "aria-hidden": "true" });
+    if (kind === "cross") swatch.textContent = "\u00d7";
+    const paint = () => {
+      if (kind === "band") swatch.style.background = `${colour("c0")}33`;
+    };
+    onTheme(paint);
+    paint();
+    entries.push(h("span", { class: "entry" }, swatch, text));
+  }
+  return h("div", { class: "legend", role: "group", "aria-label": "Legend" }, entries);
+}
+
+/** What a set of curves needs in the legend besides the estimators.
+ * @param {{curves?: {kind: string, group: number}[], shade?: unknown[], from_s?: number | null, threshold?: number | null, refused?: {at: unknown[]}[]}[]} panels
+ * @param {string} truth  "truth" or "reference"
+ * @param {boolean} [shares]  whether bands between two curves are shares of runs
+ * @returns {{kind: string, text: string}[]} */
+export function othersOf(panels, truth, shares = false) {
+  const curves = panels.flatMap((panel) => panel.curves ?? []);
+  const found = [];
+  if (curves.some((curve) => curve.kind === "line" && curve.group < 0)) found.push({ kind: "truth", text: truth });
+  if (curves.some((curve) => curve.kind === "limit")) found.push({ kind: "limit", text: "theoretical limit, \u00b11 sigma" });
+  if (curves.some((curve) => curve.kind === "band")) found.push({ kind: "band", text: "stated \u00b13 sigma" });
+  if (shares) found.push({ kind: "band", text: "68 % and 95 % of the runs" });
+  if (panels.some((panel) => panel.shade?.length)) found.push({ kind: "outage", text: "no GNSS" });
+  if (panels.some((panel) => panel.from_s)) found.push({ kind: "statistics", text: "time of the statistics" });
+  if (panels.some((panel) => panel.threshold))
+    found.push({ kind: "linear", text: "scale: about linear here, logarithmic beyond" });
+  const crossed =
+    curves.some((curve) => curve.kind === "crosses") || panels.some((panel) => panel.refused?.some((one) => one.at.length));
+  if (crossed) found.push({ kind: "cross", text: "fix refused" });
+  return found;
+}

@@ -1,0 +1,268 @@
+/** The plots of a live page: errors with sigma and limit, biases, test ratios; they grow with the records. */
+
+import { h } from "./dom.js";
+import { between } from "./history.js";
+import { number, roundDown } from "./numbers.js";
+import { timePlot } from "./timeplot.js";
+
+const NAMES = {
+  roll_deg: ["Roll error", "deg"],
+  pitch_deg: ["Pitch error", "deg"],
+  heading_deg: ["Heading error", "deg"],
+  north_m: ["North error", "m"],
+  east_m: ["East error", "m"],
+  down_m: ["Down error", "m"],
+  vn_mps: ["Velocity north error", "m/s"],
+  ve_mps: ["Velocity east error", "m/s"],
+  vd_mps: ["Velocity down error", "m/s"],
+};
+const BIASES = [
+  ["gyro_bias", "Gyro bias", "deg/h", (180 / Math.PI) * 3600],
+  ["accel_bias", "Accelerometer bias", "ug", 1e6 / 9.80665],
+];
+const AXES = ["forward", "right", "down"];
+const AT_ONCE = 2;
+
+/** The title and unit of a channel of errors.
+ * @param {string} channel */
+export function channelName(channel) {
+  return NAMES[/** @type {keyof typeof NAMES} */ (channel)] ?? [channel, ""];
+}
+
+/** Up to which error the scale of a channel is about linear: some limits of its settled part; null without a limit.
+ * @param {any} live
+ * @param {string} channel */
+export function thresholdOf(live, channel) {
+  const limit = live.limit?.sigma[channel];
+  if (!limit) return null;
+  const settled = Math.max(...limit.slice(Math.floor(limit.length / 4)));
+  return settled > 0 ? roundDown(4 * settled) : null;
+}
+
+/**
+ * @param {any} live
+ * @param {import("./span.js").Span} span
+ */
+export function livePanels(live, span) {
+  const at = (/** @type {string} */ name) => live.tables.outputs.find((/** @type {any} */ row) => row.name === name);
+  const ids = live.estimators.map((/** @type {any} */ one) => one.id);
+  /** @type {number[]} */
+  const x = [];
+  /** @type {{panel: any, feeds: ((history: any, place: number, time: number) => void)[], plot: any, due: boolean, seen: boolean}[]} */
+  const panels = [];
+  let limited = true;
+
+  const add = (/** @type {string} */ title, /** @type {string} */ unit, /** @type {any} */ more) => {
+    const panel = {
+      title,
+      unit,
+      threshold: null,
+      log: false,
+      from_s: null,
+      shade: /** @type {[number, number][]} */ ([]),
+      x,
+      curves: /** @type {any[]} */ ([]),
+      ...more,
+    };
+    const made = { panel, feeds: /** @type {any[]} */ ([]), plot: null, due: false, seen: false };
+    panels.push(made);
+    return made;
+  };
+  const channels = [...new Set(live.estimators.flatMap((/** @type {any} */ one) => one.channels))];
+  const groups = [
+    channels.filter((c) => c.endsWith("_deg")),
+    channels.filter((c) => c.endsWith("_m")),
+    channels.filter((c) => c.endsWith("_mps")),
+  ];
+  const sections = groups
+    .filter((group) => group.length)
+    .map((group, place) => ({
+      title: ["Attitude error", "Position error", "Velocity error"][place],
+      columns: 3,
+      panels: group.map((channel) => errorPanel(add, live, at, channel, () => limited)),
+    }));
+  const biases = BIASES.flatMap(([row, title, unit, factor]) =>
+    AXES.map((axis, k) => biasPanel(add, live, at, row, `${title}, ${axis}`, unit, Number(factor), k)),
+  ).filter(Boolean);
+  if (biases.length) sections.push({ title: "Estimated biases", columns: 3, panels: /** @type {any[]} */ (biases) });
+  const ratios = ratioPanel(add, live, at);
+  if (ratios) sections.push({ title: "Test ratios of fixes", columns: 1, panels: [ratios] });
+
+  const watcher = new IntersectionObserver(
+    (entries) => {
+      for (const entry of entries) {
+        const found = panels.find((one) => one.plot.element === entry.target);
+        if (found) found.seen = entry.isIntersecting;
+      }
+    },
+    { rootMargin: "120px" },
+  );
+  for (const one of panels) {
+    one.plot = timePlot(one.panel, span, ids);
+    watcher.observe(one.plot.element);
+  }
+  let next = 0;
+  return {
+    x,
+    elements: sections.map((section) =>
+      h(
+        "section",
+        {},
+        h("h2", {}, section.title),
+        h(
+          "div",
+          { class: `panels of-${section.columns}` },
+          section.panels.map((/** @type {any} */ one) => one.plot.element),
+        ),
+      ),
+    ),
+    panels: panels.map((one) => one.panel),
+    show: (/** @type {number} */ group, /** @type {boolean} */ shown) => panels.forEach((one) => one.plot.show(group, shown)),
+    /** Take the records from one place to before another. */
+    take: (/** @type {any} */ history, /** @type {number} */ first, /** @type {number} */ after) => {
+      for (let place = first; place < after; place++) {
+        const time = history.value(at("time").at, place);
+        x.push(time);
+        for (const one of panels) for (const feed of one.feeds) feed(history, place, time);
+      }
+      for (const one of panels) one.due = true;
+    },
+    clear: () => {
+      x.length = 0;
+      for (const one of panels) {
+        for (const curve of one.panel.curves)
+          for (const values of [curve.y, curve.low, curve.high]) if (values) values.length = 0;
+        one.due = true;
+      }
+    },
+    /** Draw some of the panels that are due and seen: a frame has time for a few. */
+    draw: (all = false) => {
+      for (let some = 0, looked = 0; looked < panels.length && (all || some < AT_ONCE); looked++) {
+        const one = panels[next++ % panels.length];
+        if (!one.due || !(one.seen || all)) continue;
+        one.plot.update(x, one.panel.curves);
+        one.due = false;
+        some++;
+      }
+    },
+    shade: (/** @type {[number, number][]} */ windows) => {
+      for (const one of panels) one.panel.shade.splice(0, one.panel.shade.length, ...windows);
+    },
+    limited: (/** @type {boolean} */ shown) => (limited = shown),
+    told: () =>
+      panels
+        .filter((one) => one.panel.curves.length)
+        .map((one) => `${one.panel.title} ${number(one.panel.curves.at(-1)?.y?.at(-1))}`),
+  };
+}
+
+/** @param {any} add
+ * @param {any} live
+ * @param {(name: string) => any} at
+ * @param {string} channel
+ * @param {() => boolean} limited */
+function errorPanel(add, live, at, channel, limited) {
+  const [title, unit] = channelName(channel);
+  const made = add(title, unit, { threshold: thresholdOf(live, channel) });
+  const { curves } = made.panel;
+  const wraps = channel.endsWith("_deg");
+  live.estimators.forEach((/** @type {any} */ { prefix, channels, stated }, /** @type {number} */ group) => {
+    const [error, sigma] = [channels.indexOf(channel), stated.indexOf(channel)];
+    if (sigma >= 0) {
+      const place = at(`${prefix}sigma`).at + sigma;
+      const band = { kind: "band", group, low: /** @type {number[]} */ ([]), high: /** @type {number[]} */ ([]) };
+      curves.push(band);
+      made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {
+        const value = 3 * history.value(place, record);
+        band.low.push(-value);
+        band.high.push(value);
+      });
+    }
+    if (error >= 0) {
+      const place = at(`${prefix}error`).at + error;
+      const line = { kind: "line", group, y: /** @type {(number | null)[]} */ ([]) };
+      curves.push(line);
+      made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {
+        const value = history.value(place, record);
+        const before = record ? history.value(place, record - 1) : value;
+        line.y.push(wraps && Math.abs(value - before) > 180 ? null : value);
+      });
+    }
+  });
+  const limit = live.limit?.sigma[channel];
+  if (limit) {
+    const line = { kind: "limit", group: -1, y: /** @type {(number | null)[]} */ ([]) };
+    curves.push(line);
+    made.feeds.push((/** @type {any} */ _, /** @type {number} */ __, /** @type {number} */ time) =>
+      line.y.push(limited() ? between(live.limit.time_s, limit, time) : null),
+    );
+  }
+  return made;
+}
+
+/** @param {any} add
+ * @param {any} live
+ * @param {(name: string) => any} at
+ * @param {any} row
+ * @param {string} title
+ * @param {any} unit
+ * @param {number} factor  from SI
+ * @param {number} axis */
+function biasPanel(add, live, at, row, title, unit, factor, axis) {
+  const owners = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({
+      group,
+      at: at(`${one.prefix}${row}`),
+      sigma: at(`${one.prefix}${row}_estimate_sigma`),
+    }))
+    .filter((/** @type {any} */ one) => one.at);
+  if (!owners.length) return null;
+  const made = add(title, unit, {});
+  const true_ = at(`${row}_true`);
+  const feed = (/** @type {any} */ line, /** @type {number} */ place) =>
+    made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) =>
+      line.y.push(factor * history.value(place, record)),
+    );
+  if (true_) {
+    const line = { kind: "line", group: -1, y: [] };
+    made.panel.curves.push(line);
+    feed(line, true_.at + axis);
+  }
+  for (const owner of owners) {
+    const line = { kind: "line", group: owner.group, y: [] };
+    made.panel.curves.push(line);
+    feed(line, owner.at.at + axis);
+  }
+  return made;
+}
+
+/** @param {any} add
+ * @param {any} live
+ * @param {(name: string) => any} at */
+function ratioPanel(add, live, at) {
+  const filters = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({ ...one, group }))
+    .filter((/** @type {any} */ one) => at(`${one.prefix}nis_used`));
+  if (!filters.length) return null;
+  const made = add("Innovations over their stated sigmas, rms since the last record", "1", { log: true });
+  for (const { prefix, group } of filters) {
+    const points = { kind: "points", group, y: /** @type {(number | null)[]} */ ([]) };
+    const crosses = { kind: "crosses", group, y: /** @type {(number | null)[]} */ ([]) };
+    made.panel.curves.push(points, crosses);
+    const rows = ["nis_used", "nis_refused", "nis_used_count", "nis_refused_count"].map((name) => at(prefix + name));
+    const sum = (/** @type {any} */ history, /** @type {any} */ row, /** @type {number} */ record) => {
+      let total = 0;
+      for (let k = 0; k < row.size; k++)
+        total += history.value(row.at + k, record) - (record ? history.value(row.at + k, record - 1) : 0);
+      return total;
+    };
+    made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {
+      const [used, refused, usedCount, refusedCount] = rows.map((row) => sum(history, row, record));
+      const count = usedCount + refusedCount;
+      const ratio = count > 0 ? Math.sqrt((used + refused) / count) : null;
+      points.y.push(ratio && !refusedCount ? ratio : null);
+      crosses.y.push(ratio && refusedCount ? ratio : null);
+    });
+  }
+  return made;
+}

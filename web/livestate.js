@@ -1,0 +1,90 @@
+/** The state of a live page: which settings differ, when sensors are cut off; and what leaves the page: files and links. */
+
+import { h } from "./dom.js";
+
+/** What must be said of the scenario and of the estimators.
+ * @param {any} live */
+export function notesOf(live) {
+  const of = (/** @type {any} */ { id, notes = [], needs_s: needs = 0 }) =>
+    [...notes, ...(needs > live.duration_s ? [`this run is too short: it needs ${Math.ceil(needs)} s to converge`] : [])].map(
+      (note) => `${id}: ${note}`,
+    );
+  const notes = [...live.notes, ...live.estimators.flatMap(of)];
+  return (
+    notes.length > 0 &&
+    h(
+      "ul",
+      { class: "notes" },
+      notes.map((note) => h("li", {}, note)),
+    )
+  );
+}
+
+/** The values with some changed; a value of the scenario itself is left out.
+ * @param {any} live
+ * @param {Record<string, any>} before
+ * @param {Record<string, any>} values */
+export function changed(live, before, values) {
+  const now = { ...before, ...values };
+  for (const [key, value] of Object.entries(values)) {
+    const control = live.controls.find((/** @type {any} */ one) => one.key === key);
+    if (control && control.value === value) delete now[key];
+    // a grade replaces the single figures of its section
+    if (control?.options)
+      for (const other of Object.keys(now))
+        if (other !== key && other.startsWith(`${key.split(".")[0]}.`) && !other.endsWith("outages_s")) delete now[other];
+  }
+  return now;
+}
+
+/** The times without GNSS, s.
+ * @param {any} live
+ * @param {Record<string, any>} values
+ * @returns {[number, number][]} */
+export function outagesOf(live, values) {
+  return live.outages
+    .filter((/** @type {any} */ one) => one.sensor === "gnss")
+    .flatMap((/** @type {any} */ { sensor, key }) => values[key] ?? live.values[sensor]?.outages_s ?? []);
+}
+
+/** Which sensors are cut off at a time.
+ * @param {any} live
+ * @param {Record<string, any>} values
+ * @param {number} time  s
+ * @returns {Record<string, boolean>} */
+export function cutNow(live, values, time) {
+  return Object.fromEntries(
+    live.outages.map((/** @type {any} */ { sensor, key }) => {
+      const windows = values[key] ?? live.values[sensor]?.outages_s ?? [];
+      return [sensor, windows.some((/** @type {number[]} */ [begin, end]) => time >= begin - 0.01 && time < end)];
+    }),
+  );
+}
+
+/** @param {any} one
+ * @param {any} other */
+export function same(one, other) {
+  return JSON.stringify(one ?? []) === JSON.stringify(other ?? []);
+}
+
+/** Offer a text as a file.
+ * @param {string} name
+ * @param {string} text */
+export function download(name, text) {
+  const address = URL.createObjectURL(new Blob([text], { type: "application/toml" }));
+  const anchor = h("a", { href: address, download: name });
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
+/** Copy the address of the page.
+ * @param {HTMLElement} element  the button, which says so */
+export async function copy(element) {
+  try {
+    await navigator.clipboard.writeText(location.href);
+    element.textContent = "Link copied";
+  } catch {
+    element.textContent = "The link is in the address bar";
+  }
+  setTimeout(() => (element.textContent = "Copy link"), 2000);
+}

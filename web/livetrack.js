@@ -1,0 +1,63 @@
+/** The track of a live page: the truth, the estimates that navigate, fixes used and refused. */
+
+import { trackPlot } from "./track.js";
+
+const EARTH = 6371000; // m: shows a fix beside the vehicle, where a per mille of their distance is not seen
+const FARTHEST = 1000; // m: a fix farther away is none yet
+
+/**
+ * @param {any} live
+ * @param {(name: string) => any} at  a row of the outputs
+ */
+export function makeTrack(live, at) {
+  const navigators = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({ group, row: at(`${one.prefix}offset_n`) }))
+    .filter((/** @type {any} */ one) => one.row);
+  const sources = [{ group: -1, row: at("offset_n") }, ...navigators];
+  const lines = sources.map(({ group }) => ({
+    group,
+    east: /** @type {number[]} */ ([]),
+    north: /** @type {number[]} */ ([]),
+  }));
+  const filter = live.estimators
+    .map((/** @type {any} */ one, /** @type {number} */ group) => ({
+      group,
+      count: at(`${one.prefix}fix_count`),
+      refused: at(`${one.prefix}fix_refused_count`),
+    }))
+    .find((/** @type {any} */ one) => one.count);
+  /** @type {any} */
+  const scene = { lines, refused: [], accepted: [], places: [0, 0] };
+  const plot = trackPlot("Track seen from above", scene, "The truth and the estimates; crosses are refused fixes.");
+  const mark = (/** @type {any} */ history, /** @type {number} */ place) => {
+    if (!filter || place === 0 || !at("gnss_latitude")) return;
+    const grown = (/** @type {any} */ row) => history.value(row.at, place) > history.value(row.at, place - 1);
+    if (!grown(filter.count)) return;
+    const [latitude, longitude] = [history.value(at("latitude").at, place), history.value(at("longitude").at, place)];
+    const north = EARTH * (history.value(at("gnss_latitude").at, place) - latitude);
+    const east = EARTH * Math.cos(latitude) * (history.value(at("gnss_longitude").at, place) - longitude);
+    if (!(Math.hypot(north, east) < FARTHEST)) return;
+    const fix = { group: filter.group, north: lines[0].north[place] + north, east: lines[0].east[place] + east };
+    (grown(filter.refused) ? scene.refused : scene.accepted).push(fix);
+  };
+  return {
+    element: plot.element,
+    show: plot.show,
+    take: (/** @type {any} */ history, /** @type {number} */ first, /** @type {number} */ after) => {
+      for (let place = first; place < after; place++) {
+        sources.forEach(({ row }, k) => {
+          lines[k].north.push(history.value(row.at, place));
+          lines[k].east.push(history.value(row.at + 1, place));
+        });
+        mark(history, place);
+      }
+      scene.places = [0, after];
+    },
+    clear: () => {
+      for (const line of lines) line.north.length = line.east.length = 0;
+      scene.refused.length = scene.accepted.length = 0;
+      scene.places = [0, 0];
+    },
+    draw: plot.draw,
+  };
+}

@@ -1,0 +1,70 @@
+/** Numbers as text, as `insenv run` prints them, and round steps for axes. */
+
+const MINUS = "\u2212";
+
+/**
+ * Three significant digits; a dash for an unknown value. The same text as `number` of insenv/report/tables.py.
+ * @param {number | null | undefined} value
+ */
+export function number(value) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "-";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size < 1e-4 || size >= 999999.5) {
+    const [digits, power] = value.toExponential(1).split("e");
+    return `${digits}e${power[0]}${power.slice(1).padStart(2, "0")}`;
+  }
+  return value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
+}
+
+/** A number for an axis: as short as it can be, with a typographic minus.
+ * @param {number} value */
+export function tick(value) {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  const text = size >= 1e-4 && size < 1e6 ? String(Number(value.toPrecision(6))) : value.toExponential().replace("e+", "e");
+  return text.replaceAll("-", MINUS);
+}
+
+/** A fixed number of decimals, with a typographic minus.
+ * @param {number | null | undefined} value
+ * @param {number} decimals */
+export function fixed(value, decimals) {
+  return value === null || value === undefined || !Number.isFinite(value) ? "-" : value.toFixed(decimals).replace("-", MINUS);
+}
+
+/** A time as minutes and seconds.
+ * @param {number} seconds */
+export function clock(seconds) {
+  const whole = Math.floor(seconds + 1e-9);
+  const tenths = Math.floor((seconds - whole) * 10 + 1e-6);
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}.${tenths}`;
+}
+
+/** The largest of 1, 2, 5, 10, ... that is not above `value`.
+ * @param {number} value */
+export function roundDown(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  const step = [5, 2, 1].find((one) => one * power <= value * (1 + 1e-9)) ?? 1;
+  return step * power;
+}
+
+/** Round values from `low` to `high`, about `count` of them.
+ * @param {number} low
+ * @param {number} high
+ * @param {number} count */
+export function ticks(low, high, count) {
+  if (!(high > low)) return [low];
+  const rough = (high - low) / Math.max(1, count);
+  const least = roundDown(rough);
+  const step =
+    [least, 2 * least, 2.5 * least, 5 * least, 10 * least].find((one) => {
+      const lead = one / 10 ** Math.floor(Math.log10(one) + 1e-9);
+      return one >= rough * (1 - 1e-9) && Math.abs(lead - 2.5) > 0.01;
+    }) ?? 10 * least;
+  const found = [];
+  for (let place = Math.ceil(low / step - 1e-9); place * step <= high * (1 + 1e-9) + step * 1e-9; place++) {
+    found.push(Number((place * step).toPrecision(12)));
+  }
+  return found;
+}

@@ -1,0 +1,58 @@
+/** Tables of figures: names and units at the left, aligned figures, the health of a filter as a word. */
+
+import { h } from "./dom.js";
+import { groupColour, onTheme } from "./theme.js";
+
+/** A text that may hold a unit in brackets, as "heading [deg]": the unit is shown beside it.
+ * @param {string} text */
+function withUnit(text) {
+  const found = /^(.*) \[(.*)\]$/.exec(text);
+  return found ? [found[1], h("span", { class: "unit" }, ` ${found[2]}`)] : [text];
+}
+
+/** Figures as they are printed, with a typographic minus.
+ * @param {string} text */
+function figure(text) {
+  return text.replace(/^-(?=\d)/, "\u2212");
+}
+
+/** The table of an estimator.
+ * @param {any} table  see web/README.md */
+export function summaryTable(table) {
+  const swatch = table.group === null ? null : h("i", { class: "swatch line", "aria-hidden": "true" });
+  if (swatch) {
+    const paint = () => (swatch.style.background = groupColour(table.group));
+    onTheme(paint);
+    paint();
+  }
+  const state = table.state && h("span", { class: `state ${table.state}` }, table.state);
+  const head = h(
+    "tr",
+    {},
+    table.columns.map((/** @type {string} */ name) => h("th", { scope: "col" }, withUnit(name))),
+  );
+  const marked = new Set(table.warnings.map((/** @type {number[]} */ [row, column]) => `${row},${column}`));
+  const rows = table.rows.map((/** @type {string[]} */ [name, ...cells], /** @type {number} */ place) =>
+    h(
+      "tr",
+      {},
+      h("th", { scope: "row" }, withUnit(name)),
+      cells.map((cell, at) => h("td", { class: marked.has(`${place},${at + 1}`) ? "warning" : null }, figure(cell))),
+    ),
+  );
+  return h(
+    "section",
+    { class: "summary" },
+    h("h2", {}, swatch, table.caption, state),
+    h(
+      "div",
+      { class: "scroll", tabindex: "0", role: "group", "aria-label": `Figures of ${table.caption}` },
+      h("table", {}, h("thead", {}, head), h("tbody", {}, rows)),
+    ),
+    h(
+      "div",
+      {},
+      table.below.map((/** @type {string} */ sentence) => h("p", { class: "below" }, sentence)),
+    ),
+  );
+}

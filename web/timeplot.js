@@ -1,0 +1,335 @@
+/** A panel over time: curves, bands, limits, shading, zoom by pointer and keys, the values under the pointer. */
+
+import { h, onceAFrame } from "./dom.js";
+import { number, tick, ticks } from "./numbers.js";
+import { marks, rangeOf } from "./scale.js";
+import { colour, faint, groupColour, onTheme } from "./theme.js";
+
+/**
+ * @typedef {object} Curve
+ * @property {"line" | "thin" | "points" | "crosses" | "limit" | "band" | "between"} kind
+ * @property {number} group  place in the legend; -1: the truth
+ * @property {(number | null)[]} [y]
+ * @property {(number | null)[]} [low]  of a band
+ * @property {(number | null)[]} [high]  of a band
+ * @property {number} [strength]  scales the opacity of a band
+ *
+ * @typedef {object} Panel
+ * @property {string} title
+ * @property {string} unit
+ * @property {number | null} threshold
+ * @property {boolean} log
+ * @property {number | null} from_s
+ * @property {[number, number][]} shade
+ * @property {number[]} x
+ * @property {Curve[]} curves
+ *
+ * @typedef {object} TimePlot
+ * @property {HTMLElement} element
+ * @property {(group: number, shown: boolean) => void} show
+ * @property {(x: number[], curves: Curve[]) => void} update  other values of the same curves
+ */
+
+const SYNC = "time";
+const KEYS = "Drag or press plus and minus to zoom, arrow keys to move, 0 for the whole run.";
+const HEIGHT = 184;
+/** Part of the threshold up to which the scale is about linear: the settled errors then fill a third of a panel. */
+const BEND = 0.5;
+
+/**
+ * @param {Panel} panel
+ * @param {import("./span.js").Span} span
+ * @param {string[]} names  of the groups
+ * @returns {TimePlot}
+ */
+export function timePlot(panel, span, names) {
+  let curves = panel.curves;
+  const readout = h("output", { class: "readout" });
+  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": told(panel, names), onkeydown: keys(span) });
+  const title = h("h3", {}, panel.title, panel.unit !== "1" && h("span", { class: "unit" }, ` ${panel.unit}`));
+  const element = h("div", { class: "panel" }, h("div", { class: "head" }, title, readout), area);
+  /** @type {Set<number>} */
+  const hidden = new Set();
+  const { series, bands, owners } = layout(curves, hidden);
+  const counted = () => ranged(curves, hidden);
+  const range = (/** @type {any} */ u) => {
+    const [from, to] = span.shown();
+    const x = /** @type {number[]} */ (u.data[0]);
+    return rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+  };
+  const threshold = panel.threshold;
+  const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 4, asinh: BEND * threshold };
+  const plot = new uPlot(
+    {
+      width: 300,
+      height: HEIGHT,
+      legend: { show: false },
+      cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
+      scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
+      axes: [
+        axis(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
+        axis(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
+      ],
+      series: [{}, ...series],
+      bands,
+      hooks: {
+        setSelect: [(/** @type {any} */ u) => selected(u, span)],
+        setCursor: [(/** @type {any} */ u) => read(u, readout, owners, names)],
+        drawClear: [(/** @type {any} */ u) => background(u, panel)],
+      },
+    },
+    columns(panel.x, curves),
+    area,
+  );
+  plot.over.addEventListener("dblclick", () => span.reset());
+  new ResizeObserver(onceAFrame(() => plot.setSize({ width: Math.max(120, area.clientWidth), height: HEIGHT }))).observe(area);
+  const again = () => {
+    const [min, max] = span.shown();
+    plot.setScale("x", { min, max });
+  };
+  span.onChange(onceAFrame(again));
+  onTheme(() => plot.redraw(false, true));
+  return {
+    element,
+    show: (group, shown) => {
+      if (shown) hidden.delete(group);
+      else hidden.add(group);
+      owners.forEach((owner, place) => owner.group === group && plot.setSeries(place + 1, { show: shown }));
+      again();
+    },
+    update: (x, now) => {
+      curves = now;
+      plot.setData(columns(x, now), false);
+      again();
+    },
+  };
+}
+
+/** What a screen reader tells of a panel: the last value of each estimator.
+ * @param {Panel} panel
+ * @param {string[]} names */
+function told(panel, names) {
+  const unit = panel.unit === "1" ? "" : ` ${panel.unit}`;
+  const ends = panel.curves
+    .filter((curve) => curve.kind === "line" && curve.y?.length)
+    .map((curve) => `${curve.group < 0 ? "truth" : names[curve.group]} ${number(curve.y?.[curve.y.length - 1])}${unit}`);
+  return `${panel.title} over time. At the end: ${ends.join(", ") || "no value"}. ${KEYS}`;
+}
+
+/** The series and bands of uPlot, and the curve that owns each series.
+ * @param {Curve[]} curves
+ * @param {Set<number>} hidden */
+function layout(curves, hidden) {
+  /** @type {any[]} */
+  const series = [];
+  /** @type {any[]} */
+  const bands = [];
+  /** @type {Curve[]} */
+  const owners = [];
+  for (const curve of curves) {
+    const paint = () => groupColour(curve.group);
+    const first = series.length + 1;
+    if (curve.kind === "band" || curve.kind === "between") {
+      series.push(
+        { stroke: "transparent", width: 0, points: { show: false } },
+        { stroke: "transparent", width: 0, points: { show: false } },
+      );
+      const fill = () => (hidden.has(curve.group) ? "transparent" : faint(paint(), 0.16 * (curve.strength ?? 1)));
+      bands.push({ series: [first, first + 1], fill });
+      owners.push(curve, curve);
+    } else if (curve.kind === "limit") {
+      const line = {
+        stroke: () => (curve.group < 0 ? colour("limit") : paint()),
+        width: 1.1,
+        dash: [5, 3],
+        points: { show: false },
+      };
+      series.push({ ...line }, { ...line });
+      owners.push(curve, curve);
+    } else if (curve.kind === "line") {
+      series.push({ stroke: paint, width: curve.group < 0 ? 4 : 1.3, points: { show: false } });
+      owners.push(curve);
+    } else if (curve.kind === "thin") {
+      series.push({ stroke: () => faint(paint(), 0.4), width: 0.8, points: { show: false } });
+      owners.push(curve);
+    } else {
+      const size = curve.kind === "points" ? 2.5 : 7;
+      series.push({
+        stroke: paint,
+        width: 1,
+        paths: () => null,
+        points: { show: true, size, fill: paint, stroke: paint, ...(curve.kind === "crosses" ? { paths: crosses } : {}) },
+      });
+      owners.push(curve);
+    }
+  }
+  return { series, bands, owners };
+}
+
+/** The columns of uPlot.
+ * @param {number[]} x
+ * @param {Curve[]} curves */
+function columns(x, curves) {
+  /** @type {any[]} */
+  const found = [x];
+  for (const curve of curves) {
+    if (curve.kind === "band" || curve.kind === "between") found.push(curve.high, curve.low);
+    else if (curve.kind === "limit")
+      found.push(
+        curve.y,
+        curve.y?.map((value) => (value === null ? null : -value)),
+      );
+    else found.push(curve.y);
+  }
+  return found;
+}
+
+/** The curves by which the vertical range is chosen.
+ * @param {Curve[]} curves
+ * @param {Set<number>} hidden
+ * @returns {{y: (number | null)[], kind: string}[]} */
+function ranged(curves, hidden) {
+  /** @type {{y: (number | null)[], kind: string}[]} */
+  const found = [];
+  for (const { kind, group, y, low, high } of curves) {
+    if (hidden.has(group)) continue;
+    if (kind === "band" && low && high) found.push({ y: low, kind }, { y: high, kind });
+    else if (kind === "between" && low && high) found.push({ y: low, kind: "line" }, { y: high, kind: "line" });
+    else if (y) found.push({ y, kind });
+  }
+  return found;
+}
+
+/** @param {number} size
+ * @param {(u: any, place: number, low: number, high: number) => number[]} splits */
+function axis(size, splits) {
+  return {
+    size,
+    splits,
+    filter: (/** @type {any} */ _, /** @type {number[]} */ values) => values, // uPlot leaves marks of logarithmic scales out
+    values: (/** @type {any} */ _, /** @type {number[]} */ values) => values.map(tick),
+    stroke: () => colour("muted"),
+    font: "11.5px system-ui, sans-serif",
+    gap: 3,
+    grid: { stroke: () => colour("grid"), width: 1 },
+    ticks: { show: false },
+  };
+}
+
+/** Shade times without fixes and before the statistics; draw the line of zero (or one on a logarithmic scale).
+ * @param {any} u
+ * @param {Panel} panel */
+function background(u, panel) {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  const block = (/** @type {number} */ from, /** @type {number} */ to, /** @type {string} */ paint) => {
+    const [left, right] = [u.valToPos(from, "x", true), u.valToPos(to, "x", true)];
+    ctx.fillStyle = paint;
+    ctx.fillRect(left, bbox.top, right - left, bbox.height);
+  };
+  if (panel.from_s !== null) block(panel.from_s, u.scales.x.max, colour("statistics"));
+  for (const [from, to] of panel.shade) block(from, Math.min(to, u.scales.x.max), colour("outage"));
+  if (panel.threshold !== null && u.scales.y.max > panel.threshold) {
+    const [top, bottom] = [u.valToPos(BEND * panel.threshold, "y", true), u.valToPos(-BEND * panel.threshold, "y", true)];
+    ctx.fillStyle = colour("linear");
+    ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
+  }
+  const base = panel.log ? 1 : 0;
+  if (u.scales.y.min < base && u.scales.y.max > base) {
+    const height = Math.round(u.valToPos(base, "y", true)) + 0.5;
+    ctx.strokeStyle = colour("zero");
+    ctx.lineWidth = 1;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, height);
+    ctx.lineTo(bbox.left + bbox.width, height);
+    ctx.stroke();
+  }
+  ctx.restore();
+}
+
+/** The paths of crosses at the points of a series.
+ * @param {any} u
+ * @param {number} place
+ * @param {number} first
+ * @param {number} last */
+function crosses(u, place, first, last) {
+  const path = new Path2D();
+  const half = 3.2 * devicePixelRatio;
+  for (let at = first; at <= last; at++) {
+    const value = u.data[place][at];
+    if (value === null || value === undefined) continue;
+    const [x, y] = [u.valToPos(u.data[0][at], "x", true), u.valToPos(value, "y", true)];
+    path.moveTo(x - half, y - half);
+    path.lineTo(x + half, y + half);
+    path.moveTo(x - half, y + half);
+    path.lineTo(x + half, y - half);
+  }
+  return { stroke: path, fill: null, flags: 3 };
+}
+
+/** Show the part that was drawn over.
+ * @param {any} u
+ * @param {import("./span.js").Span} span */
+function selected(u, span) {
+  const { left, width } = u.select;
+  if (width > 3) span.set(u.posToVal(left, "x"), u.posToVal(left + width, "x"));
+  if (width > 0) u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+}
+
+/** Write the values under the pointer.
+ * @param {any} u
+ * @param {HTMLElement} readout
+ * @param {Curve[]} owners
+ * @param {string[]} names */
+function read(u, readout, owners, names) {
+  const place = u.cursor.idx;
+  if (place === null || place === undefined) {
+    readout.replaceChildren();
+    return;
+  }
+  const parts = [h("span", { class: "at" }, `${number(u.data[0][place])} s`)];
+  owners.forEach((owner, index) => {
+    const value = u.data[index + 1][place];
+    if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;
+    const part = h("span", { title: names[owner.group] ?? "truth" }, number(value));
+    part.style.color = owner.group < 0 ? colour("muted") : groupColour(owner.group);
+    parts.push(part);
+  });
+  readout.replaceChildren(...parts);
+}
+
+/** @param {import("./span.js").Span} span */
+function keys(span) {
+  /** @type {Record<string, () => void>} */
+  const acts = {
+    "+": () => span.zoom(0.5),
+    "=": () => span.zoom(0.5),
+    "-": () => span.zoom(2),
+    0: () => span.reset(),
+    Escape: () => span.reset(),
+    ArrowLeft: () => span.move(-0.2),
+    ArrowRight: () => span.move(0.2),
+  };
+  return (/** @type {KeyboardEvent} */ event) => {
+    const act = acts[event.key];
+    if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    act();
+  };
+}
+
+/** The first place of sorted values that is not below `value`.
+ * @param {ArrayLike<number>} sorted
+ * @param {number} value */
+export function firstFrom(sorted, value) {
+  let [low, high] = [0, sorted.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (sorted[middle] < value) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}

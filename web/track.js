@@ -1,0 +1,292 @@
+/** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
+
+import { h, onceAFrame } from "./dom.js";
+import { number, roundDown, tick } from "./numbers.js";
+import { colour, groupColour, onTheme } from "./theme.js";
+
+/**
+ * @typedef {object} Line
+ * @property {number} group
+ * @property {ArrayLike<number>} east  m
+ * @property {ArrayLike<number>} north  m
+ *
+ * @typedef {object} Scene
+ * @property {Line[]} lines
+ * @property {{group: number, east: number, north: number}[]} refused  fixes refused
+ * @property {{east: number, north: number}[]} [accepted]  fixes used
+ * @property {[number, number]} places  first place drawn, and the one after the last
+ */
+
+const KEYS = "Press plus and minus to zoom, arrow keys to move, 0 for the whole track.";
+
+/**
+ * @param {string} title
+ * @param {Scene} scene
+ * @param {string} label  what a screen reader tells
+ */
+export function trackPlot(title, scene, label) {
+  const canvas = h("canvas", { role: "img", tabindex: "0", class: "track", "aria-label": `${title}. ${label} ${KEYS}` });
+  const readout = h("output", { class: "readout" });
+  const element = h(
+    "div",
+    { class: "panel tall" },
+    h("div", { class: "head" }, h("h3", {}, title, h("span", { class: "unit" }, " m")), readout),
+    canvas,
+  );
+  /** @type {Set<number>} */
+  const hidden = new Set();
+  /** @type {{east: number, north: number, scale: number} | null} */
+  let view = null;
+  let size = [300, 300];
+  const draw = onceAFrame(() => paint(canvas, size, scene, hidden, view ?? fitted(scene, size, hidden)));
+  const change = (/** @type {(view: {east: number, north: number, scale: number}) => void} */ act) => {
+    view = view ?? { ...fitted(scene, size, hidden) };
+    act(view);
+    draw();
+  };
+  const zoom = (/** @type {number} */ factor) => change((now) => (now.scale *= factor));
+  const move = (/** @type {number} */ right, /** @type {number} */ up) =>
+    change((now) => {
+      now.east += right / now.scale;
+      now.north += up / now.scale;
+    });
+  const reset = () => {
+    view = null;
+    draw();
+  };
+  pointers(canvas, zoom, move, (x, y) => {
+    const now = view ?? fitted(scene, size, hidden);
+    const [east, north] = [now.east + (x - size[0] / 2) / now.scale, now.north - (y - size[1] / 2) / now.scale];
+    readout.textContent = Number.isFinite(x) ? `east ${number(east)}  north ${number(north)}` : "";
+  });
+  canvas.addEventListener("dblclick", reset);
+  canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+    /** @type {Record<string, () => void>} */
+    const acts = {
+      "+": () => zoom(1.5),
+      "=": () => zoom(1.5),
+      "-": () => zoom(1 / 1.5),
+      0: reset,
+      Escape: reset,
+      ArrowLeft: () => move(-40, 0),
+      ArrowRight: () => move(40, 0),
+      ArrowUp: () => move(0, 40),
+      ArrowDown: () => move(0, -40),
+    };
+    if (!acts[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    acts[event.key]();
+  });
+  new ResizeObserver(() => {
+    size = [canvas.clientWidth, canvas.clientHeight];
+    canvas.width = Math.round(size[0] * devicePixelRatio);
+    canvas.height = Math.round(size[1] * devicePixelRatio);
+    draw();
+  }).observe(canvas);
+  onTheme(draw);
+  return {
+    element,
+    show: (/** @type {number} */ group, /** @type {boolean} */ shown) => {
+      if (shown) hidden.delete(group);
+      else hidden.add(group);
+      draw();
+    },
+    update: (/** @type {Scene} */ now) => {
+      scene = now;
+      draw();
+    },
+    draw,
+  };
+}
+
+/** The view that shows all.
+ * @param {Scene} scene
+ * @param {number[]} size
+ * @param {Set<number>} hidden */
+function fitted(scene, size, hidden) {
+  let [west, east, south, north] = [Infinity, -Infinity, Infinity, -Infinity];
+  for (const line of scene.lines) {
+    if (hidden.has(line.group)) continue;
+    const [first, after] = scene.places;
+    for (let place = first; place < Math.min(after, line.east.length); place++) {
+      const [x, y] = [line.east[place], line.north[place]];
+      if (!(Number.isFinite(x) && Number.isFinite(y))) continue;
+      west = Math.min(west, x);
+      east = Math.max(east, x);
+      south = Math.min(south, y);
+      north = Math.max(north, y);
+    }
+  }
+  if (west > east) return { east: 0, north: 0, scale: 1 };
+  const scale = Math.min((size[0] - 70) / Math.max(east - west, 0.1), (size[1] - 60) / Math.max(north - south, 0.1));
+  return { east: (west + east) / 2, north: (south + north) / 2, scale };
+}
+
+/** @param {HTMLCanvasElement} canvas
+ * @param {number[]} size
+ * @param {Scene} scene
+ * @param {Set<number>} hidden
+ * @param {{east: number, north: number, scale: number}} view */
+function paint(canvas, size, scene, hidden, view) {
+  const context = canvas.getContext("2d");
+  if (!context) return;
+  const [width, height] = size;
+  context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  const x = (/** @type {number} */ east) => width / 2 + (east - view.east) * view.scale;
+  const y = (/** @type {number} */ north) => height / 2 - (north - view.north) * view.scale;
+  grid(context, size, view, x, y);
+  context.lineJoin = "round";
+  const [first, after] = scene.places;
+  for (const line of scene.lines) {
+    if (hidden.has(line.group)) continue;
+    context.strokeStyle = groupColour(line.group);
+    context.lineWidth = line.group >= 0 ? 1.4 : scene.lines.length > 1 ? 4 : 1.6;
+    context.beginPath();
+    let pen = false;
+    for (let place = first; place < Math.min(after, line.east.length); place++) {
+      const [east, north] = [line.east[place], line.north[place]];
+      if (!(Number.isFinite(east) && Number.isFinite(north))) {
+        pen = false;
+        continue;
+      }
+      if (pen) context.lineTo(x(east), y(north));
+      else context.moveTo(x(east), y(north));
+      pen = true;
+    }
+    context.stroke();
+  }
+  context.fillStyle = colour("fix");
+  for (const fix of scene.accepted ?? []) context.fillRect(x(fix.east) - 1, y(fix.north) - 1, 2, 2);
+  context.lineWidth = 1.5;
+  for (const fix of scene.refused) {
+    if (hidden.has(fix.group)) continue;
+    context.strokeStyle = groupColour(fix.group);
+    const [a, b] = [x(fix.east), y(fix.north)];
+    context.beginPath();
+    context.moveTo(a - 3.5, b - 3.5);
+    context.lineTo(a + 3.5, b + 3.5);
+    context.moveTo(a - 3.5, b + 3.5);
+    context.lineTo(a + 3.5, b - 3.5);
+    context.stroke();
+  }
+  ends(context, scene, hidden, x, y);
+}
+
+/** The start of the first line, and where each line is now.
+ * @param {CanvasRenderingContext2D} context
+ * @param {Scene} scene
+ * @param {Set<number>} hidden
+ * @param {(east: number) => number} x
+ * @param {(north: number) => number} y */
+function ends(context, scene, hidden, x, y) {
+  const disc = (
+    /** @type {number} */ east,
+    /** @type {number} */ north,
+    /** @type {number} */ radius,
+    /** @type {string} */ fill,
+    /** @type {string} */ edge,
+  ) => {
+    context.beginPath();
+    context.arc(x(east), y(north), radius, 0, 2 * Math.PI);
+    context.fillStyle = fill;
+    context.fill();
+    context.strokeStyle = edge;
+    context.lineWidth = 1.5;
+    context.stroke();
+  };
+  const begun = scene.lines[0];
+  if (begun?.east.length && Number.isFinite(begun.east[0]))
+    disc(begun.east[0], begun.north[0], 4, colour("surface"), colour("ink"));
+  for (const line of scene.lines) {
+    const last = Math.min(scene.places[1], line.east.length) - 1;
+    if (hidden.has(line.group) || last < 0) continue;
+    disc(line.east[last], line.north[last], line.group < 0 ? 4 : 3, groupColour(line.group), colour("surface"));
+  }
+}
+
+/** @param {CanvasRenderingContext2D} context
+ * @param {number[]} size
+ * @param {{east: number, north: number, scale: number}} view
+ * @param {(east: number) => number} x
+ * @param {(north: number) => number} y */
+function grid(context, [width, height], view, x, y) {
+  const step = roundDown(110 / view.scale);
+  context.strokeStyle = colour("grid");
+  context.lineWidth = 1;
+  context.beginPath();
+  const line = (/** @type {number} */ a, /** @type {number} */ b, /** @type {number} */ c, /** @type {number} */ d) => {
+    context.moveTo(Math.round(a) + 0.5, Math.round(b) + 0.5);
+    context.lineTo(Math.round(c) + 0.5, Math.round(d) + 0.5);
+  };
+  const [west, south] = [view.east - width / 2 / view.scale, view.north - height / 2 / view.scale];
+  for (let at = Math.ceil(west / step); at * step < west + width / view.scale; at++)
+    line(x(at * step), 0, x(at * step), height);
+  for (let at = Math.ceil(south / step); at * step < south + height / view.scale; at++)
+    line(0, y(at * step), width, y(at * step));
+  context.stroke();
+  const length = step * view.scale;
+  context.strokeStyle = context.fillStyle = colour("muted");
+  context.lineWidth = 1.5;
+  context.beginPath();
+  context.moveTo(12, height - 16);
+  context.lineTo(12, height - 11);
+  context.lineTo(12 + length, height - 11);
+  context.lineTo(12 + length, height - 16);
+  context.stroke();
+  context.font = "11.5px system-ui, sans-serif";
+  context.fillText(
+    step >= 1000 ? `${tick(step / 1000)} km` : step >= 1 ? `${tick(step)} m` : `${tick(step * 100)} cm`,
+    17,
+    height - 17,
+  );
+  const [right, top] = [width - 18, 14];
+  context.beginPath();
+  context.moveTo(right, top + 14);
+  context.lineTo(right, top);
+  context.moveTo(right - 3.5, top + 5);
+  context.lineTo(right, top);
+  context.lineTo(right + 3.5, top + 5);
+  context.stroke();
+  context.fillText("N", right - 4, top + 27);
+}
+
+/** Wheel with Ctrl, drag and pinch.
+ * @param {HTMLCanvasElement} canvas
+ * @param {(factor: number) => void} zoom
+ * @param {(right: number, up: number) => void} move
+ * @param {(x: number, y: number) => void} over  the pointer's place, NaN outside */
+function pointers(canvas, zoom, move, over) {
+  /** @type {Map<number, [number, number]>} */
+  const down = new Map();
+  const apart = () => {
+    const [a, b] = [...down.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  };
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      if (!event.ctrlKey && document.activeElement !== canvas) return;
+      event.preventDefault();
+      zoom(Math.exp(-event.deltaY / 400));
+    },
+    { passive: false },
+  );
+  canvas.addEventListener("pointerdown", (event) => {
+    down.set(event.pointerId, [event.offsetX, event.offsetY]);
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    over(event.offsetX, event.offsetY);
+    const before = down.get(event.pointerId);
+    if (!before) return;
+    const gap = down.size === 2 ? apart() : 0;
+    down.set(event.pointerId, [event.offsetX, event.offsetY]);
+    if (down.size === 2) zoom(apart() / Math.max(1, gap));
+    else move(before[0] - event.offsetX, event.offsetY - before[1]);
+  });
+  for (const name of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(name, (event) => down.delete(/** @type {PointerEvent} */ (event).pointerId));
+  }
+  canvas.addEventListener("pointerleave", () => over(NaN, NaN));
+}
