@@ -63,7 +63,8 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 Public names
 ------------
 `run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion`
-composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs and campaigns
+composes a filter; `register` adds an estimator, a vehicle or a sensor; `record` makes the log of a simulated drive, and
+`write` puts results and logs into the formats of other tools.  `Report` and `Summary` are what runs and campaigns
 give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists
 all public names.
 """
@@ -89,6 +90,7 @@ if TYPE_CHECKING:
     from insenv.errors import InputError, InsenvError
     from insenv.estimators import Estimator, Knowledge
     from insenv.estimators.fusion import fusion
+    from insenv.export import record, write
     from insenv.extending import register
     from insenv.fmu import export_fmu, export_ssp
     from insenv.report import Report
@@ -122,10 +124,12 @@ __all__ = [
     "fusion",
     "limit",
     "load",
+    "record",
     "register",
     "replay",
     "run",
     "testing",
+    "write",
 ]
 
 _HOMES = {
@@ -137,6 +141,7 @@ _HOMES = {
     "insenv.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),
     "insenv.estimators.fusion": ("fusion",),
+    "insenv.export": ("record", "write"),
     "insenv.extending": ("register",),
     "insenv.fmu": ("export_fmu", "export_ssp"),
     "insenv.report": ("Report",),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from insenv.cli.exports import Csv, Gpx, Kml, Log, chosen_formats, exported
 from insenv.cli.options import (
     Duration,
     Estimators,
@@ -33,6 +34,7 @@ class Start(str, Enum):
 
     coarse = "coarse"
     reference = "reference"
+    stated = "stated"
 
 
 @deferred
@@ -44,22 +46,29 @@ def run(
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
+    csv: Csv = False,
+    gpx: Gpx = False,
+    kml: Kml = False,
+    log: Log = False,
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.cli.output import working
+    from insenv.export import record
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
     from insenv.scenario.tuning import parsed_settings
 
     chosen, given = _known(estimators or []), parsed_settings(settings or [])
+    formats = chosen_formats(out, {"csv": csv, "gpx": gpx, "kml": kml, "log": log})
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     with working(loaded.name) as progress:
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
-        finish = _written(report, folder, not no_figure, as_json)
+        more = exported(report, out, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
+        finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)
 
@@ -71,16 +80,21 @@ def replay(
     ],
     estimators: Estimators = None,
     start: Annotated[
-        Start, typer.Option(help="Start from the log alone, or from the state of the log's reference.")
+        Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its [initial].")
     ] = Start.coarse,
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
+    csv: Csv = False,
+    gpx: Gpx = False,
+    kml: Kml = False,
+    as_log: Log = False,
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
     """Run estimators on a recorded log; print their errors against its reference."""
     from insenv.cli.output import working
+    from insenv.logs import load
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
     from insenv.scenario.tuning import parsed_settings
@@ -88,10 +102,12 @@ def replay(
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen, given = _known(estimators), parsed_settings(settings or [])
+    formats = chosen_formats(out, {"csv": csv, "gpx": gpx, "kml": kml, "log": as_log})
     folder = None if out is None else OutputFolder(out)
     with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)
-        finish = _written(report, folder, not no_figure, as_json)
+        more = exported(report, out, formats, lambda: load(log))
+        finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)
 
@@ -115,13 +131,15 @@ def _status(report: Report, strict: bool) -> int:
     return FAILED
 
 
-def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json: bool) -> Callable[[], None]:
-    """Write the files; return the function that prints the report."""
+def _written(
+    report: Report, folder: OutputFolder | None, figure: bool, as_json: bool, more: Sequence[str] = ()
+) -> Callable[[], None]:
+    """Write the files; return the function that prints the report.  more: paths of files written before."""
     from insenv.cli.output import print_json, print_line, print_report
     from insenv.report import document, write_files
 
     written = None if folder is None else write_files(report, folder, figure)
-    paths = [str(path) for path in written.paths] if written else []
+    paths = [*(str(path) for path in written.paths), *more] if written else []
 
     def finish() -> None:
         if written and written.note:
@@ -132,7 +150,9 @@ def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json:
         print_report(report)
         print_line()
         if written:
-            print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
+            base = written.paths[0].parent
+            names = ", ".join(Path(path).relative_to(base).as_posix() for path in paths)
+            print_line(f"written to {base}: {names}")
         else:
             print_line("--out DIR writes the figure and every array of the run")
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError, nearest
-from insenv.logs.columns import FileSection
+from insenv.logs.columns import FileSection, MeasurementSection
 from insenv.logs.description import PositionSection
 from insenv.logs.faults import all_of
 from insenv.logs.joining import join
@@ -19,6 +19,9 @@ from insenv.logs.readers import Column, TextTable, check_finite, column_names, r
 from insenv.logs.recorded import Source
 from insenv.logs.resources import read_bytes
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
+
+_AGES = (-1.0, 3600.0)
+"""Allowed ages of a measurement on arrival, s: a delay that a receiver overestimates makes it negative."""
 
 
 @dataclass
@@ -65,6 +68,24 @@ class LogReader:
         time = table.column(section.time) * (TIME_UNITS[section.time_unit] * section.time_scale) + section.time_offset_s
         _check_increasing(table, time)
         return self._within(name, table, time)
+
+    def validity(self, section: MeasurementSection, table: TextTable, stamp: Array) -> tuple[Array, Array | None, Array | None]:
+        """Times of validity (m,) s, arrivals and ages: None of both where the stamps are those of validity.
+
+        Raises `InputError` for an age that no measurement has.
+        """
+        if section.age is None:
+            return stamp, None, None
+        age = table.column(section.age)
+        bad = np.flatnonzero((age < _AGES[0]) | (age > _AGES[1]))
+        if bad.size:
+            raise InputError(
+                f"{table.where(bad[0])}, column {section.age!r}: age is {age[bad[0]]:g} s, allowed {_AGES[0]:g} to"
+                f" {_AGES[1]:g} s"
+            )
+        time = stamp - age
+        _check_increasing(table, time)
+        return time, stamp, age
 
     def _tables(
         self,

@@ -7,21 +7,21 @@ from typing import Any, Literal
 from pydantic import ValidationInfo, field_validator
 
 from insenv.files.toml import Number, Positive, Vector3, key
-from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection
+from insenv.logs.columns import AngleUnit, Column, Columns3, MeasurementSection
 from insenv.logs.units import axes_matrix
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 
 _AXES = 'axes of the columns: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs'
 
 
-class BarometerSection(FileSection, barometer.BarometerFigures):
+class BarometerSection(MeasurementSection, barometer.BarometerFigures):
     """The barometer: heights, and its errors."""
 
     height: Column = key(..., "column of the height by the air pressure [m], up positive")
     height_offset_m: Number = key(0.0, "added to the height: the geoid undulation for heights above mean sea level", "m")
 
 
-class MagnetometerSection(FileSection, magnetometer.MagnetometerFigures):
+class MagnetometerSection(MeasurementSection, magnetometer.MagnetometerFigures):
     """The magnetometer: the field in three axes, its errors, and the field of the Earth."""
 
     field: Columns3 = key(..., "columns of the field's x, y, z")
@@ -39,7 +39,7 @@ class MagnetometerSection(FileSection, magnetometer.MagnetometerFigures):
         return value
 
 
-class OdometerSection(FileSection, odometer.OdometerFigures):
+class OdometerSection(MeasurementSection, odometer.OdometerFigures):
     """The odometer: speeds, and its errors."""
 
     speed: Column = key(..., "column of the speed, forward positive")
@@ -48,7 +48,7 @@ class OdometerSection(FileSection, odometer.OdometerFigures):
     mounting_deg: Vector3 = key((0.0, 0.0, 0.0), "nominal rotation from body to odometer axes, as a rotation vector", "deg")
 
 
-class DvlSection(FileSection, dvl.DvlFigures):
+class DvlSection(MeasurementSection, dvl.DvlFigures):
     """The Doppler velocity log: velocities in three axes, and its errors."""
 
     velocity: Columns3 = key(..., "columns of the velocity's x, y, z [m/s]")
@@ -63,7 +63,7 @@ class DvlSection(FileSection, dvl.DvlFigures):
         return value
 
 
-class HeadingSection(FileSection, heading.HeadingFigures):
+class HeadingSection(MeasurementSection, heading.HeadingFigures):
     """The two-antenna heading: azimuths of the baseline, and its errors."""
 
     azimuth: Column = key(..., "column of the azimuth of the baseline, clockwise from north")
@@ -72,6 +72,7 @@ class HeadingSection(FileSection, heading.HeadingFigures):
     azimuth_sigma_deg: Positive | None = key(
         None, "constant standard deviation, where the log has none", "deg", validate_default=True
     )
+    baseline: Columns3 | None = key(None, "columns of the measured baseline north, east, down [m]; absent: the azimuth alone")
     baseline_m: Vector3 = key(..., "from the first to the second antenna: forward, right, down", "m")
 
     @field_validator("azimuth_sigma_deg")
@@ -82,7 +83,7 @@ class HeadingSection(FileSection, heading.HeadingFigures):
         return value
 
 
-SECTIONS: dict[str, type[FileSection]] = {
+SECTIONS: dict[str, type[MeasurementSection]] = {
     "barometer": BarometerSection,
     "magnetometer": MagnetometerSection,
     "odometer": OdometerSection,

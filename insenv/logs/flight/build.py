@@ -280,6 +280,8 @@ def _as_log_description(
             "grade": description.grade,
             "max_gap_s": description.max_gap_s,
         },
+        "vehicle_kind": description.vehicle_kind,
+        "in_place": description.in_place,
         "evaluation": description.evaluation.model_dump(),
         "estimator": description.estimator,
     }

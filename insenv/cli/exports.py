@@ -1,0 +1,39 @@
+"""Options of `insenv run` and `insenv replay` that write results and sensors in the formats of other tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from insenv.errors import InputError
+
+if TYPE_CHECKING:
+    from insenv.logs import RecordedLog
+    from insenv.report import Report
+
+Csv = Annotated[bool, typer.Option("--csv", help="With --out: write truth, estimate, errors and sigma as CSV.")]
+Gpx = Annotated[bool, typer.Option("--gpx", help="With --out: write truth and estimates as a GPX file.")]
+Kml = Annotated[bool, typer.Option("--kml", help="With --out: write truth and estimates as a KML file.")]
+Log = Annotated[bool, typer.Option("--log", help="With --out: write the sensors as a log that `insenv replay` reads.")]
+
+
+def chosen_formats(out: Path | None, flags: Mapping[str, bool]) -> tuple[str, ...]:
+    """The names of the formats asked for.  Raises `InputError` if there is no folder for them, or a package is missing."""
+    from insenv.export import check_formats
+
+    chosen = tuple(name for name, given in flags.items() if given)
+    if chosen and out is None:
+        raise InputError(f"--{chosen[0]} writes files: --out DIR names their folder")
+    return check_formats(chosen)
+
+
+def exported(report: Report, out: Path | None, formats: tuple[str, ...], log: Callable[[], RecordedLog]) -> list[str]:
+    """Write the formats; return the paths.  log: the log of the same drive, made only if a format needs it."""
+    from insenv.export import needs_log, write
+
+    if out is None or not formats:
+        return []
+    return [str(path) for path in write(report, out, formats, log=log() if needs_log(formats) else None)]

@@ -1,0 +1,140 @@
+"""The formats in which results and sensors are written, and `write`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from insenv.errors import InputError, InsenvError, nearest
+from insenv.export import gpx, kml, text_log
+from insenv.export.log_tables import csv_text
+from insenv.export.tracks import columns_of
+from insenv.files.output import staged
+from insenv.logs import RecordedLog
+from insenv.report.files import OutputFolder, file_name
+from insenv.report.run_data import RunData
+
+Files = Mapping[str, "str | bytes"]
+"""Contents by name; a name may have one folder in it."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is written: the report of a run, or None; the log of its sensors, or None; the first part of all file names."""
+
+    report: RunData | None
+    log: RecordedLog | None
+    name: str
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: its title, the function that gives its files, and whether that takes the report and the log."""
+
+    title: str
+    files: Callable[[Given], Files]
+    report: bool = True
+    log: bool = False
+
+
+def _csv(given: Given) -> Files:
+    assert given.report is not None
+    return {
+        f"{given.name}-{result.estimator}.csv": csv_text(columns_of(given.report, result)) for result in given.report.results
+    }
+
+
+def _gpx(given: Given) -> Files:
+    assert given.report is not None
+    return {f"{given.name}.gpx": gpx.gpx_text(given.report)}
+
+
+def _kml(given: Given) -> Files:
+    assert given.report is not None
+    return {f"{given.name}.kml": kml.kml_text(given.report)}
+
+
+def _log(given: Given) -> Files:
+    assert given.log is not None
+    return text_log.texts(given.log, f"{given.name}-log")
+
+
+FORMATS: Mapping[str, Format] = {
+    "csv": Format("truth, estimate, errors, sigma and limit as a CSV file for each estimator", _csv),
+    "gpx": Format("truth and estimates as tracks of a GPX file", _gpx),
+    "kml": Format("truth and estimates as tracks of a KML file, with their attitude", _kml),
+    "log": Format("the sensors as a log that `insenv replay` reads: CSV files and their description", _log, False, True),
+}
+"""Formats by name."""
+
+
+def check_formats(formats: Iterable[str]) -> tuple[str, ...]:
+    """The names, each once.  Raises `InputError` for an unknown one."""
+    if isinstance(formats, str):
+        formats = (formats,)
+    found = tuple(dict.fromkeys(formats))
+    for name in found:
+        if name not in FORMATS:
+            raise InputError(f"formats: unknown name {name!r}{nearest(str(name), FORMATS)}")
+    return found
+
+
+def needs_log(formats: Iterable[str]) -> bool:
+    """Whether one of the formats needs the log of the sensors."""
+    return any(FORMATS[name].log for name in formats)
+
+
+def write(
+    source: RunData | RecordedLog,
+    folder: str | Path,
+    formats: Iterable[str],
+    *,
+    log: RecordedLog | None = None,
+    name: str | None = None,
+) -> tuple[Path, ...]:
+    """Write the results of a run, the log of a drive, or both, in the formats of other tools; return the paths.
+
+    Parameters
+    ----------
+    source: the `Report` of a run or a replay, or a `RecordedLog`.
+    folder: it is made if it does not exist.  All files are written, or none.
+    formats: names of `FORMATS`: "csv", "gpx", "kml" of a report; "log" of a log.
+    log: the log of the same drive, beside a report: `record` makes that of a scenario.
+    name: first part of the file names; None: the scenario's.
+
+    Raises `InputError` for an unknown format, for one that needs what is not given, for a package that is missing, or for a
+    folder that cannot be written to; `InsenvError` if writing fails.
+    """
+    report = source if isinstance(source, RunData) else None
+    log = source if isinstance(source, RecordedLog) else log
+    if report is None and log is None:
+        raise InputError(f"source = {source!r}: allowed is a Report or a RecordedLog")
+    chosen = check_formats(formats)
+    title = report.scenario if report is not None else log.description.title if log is not None else ""
+    given = Given(report, log, name if name is not None else file_name(title or "run"))
+    files: dict[str, str | bytes] = {}
+    for each in chosen:
+        for needed, there, what in ((FORMATS[each].report, report, "a Report"), (FORMATS[each].log, log, "a RecordedLog")):
+            if needed and there is None:
+                raise InputError(f"format {each!r} needs {what}")
+        files |= FORMATS[each].files(given)
+    return _written(OutputFolder(folder), files)
+
+
+def _written(folder: OutputFolder, files: Files) -> tuple[Path, ...]:
+    try:
+        with ExitStack() as stack:
+            part = stack.enter_context(folder.staged())
+            below = {}
+            for inner in {Path(name).parent for name in files} - {Path(".")}:
+                (folder.path / inner).mkdir(exist_ok=True)
+                below[inner] = stack.enter_context(staged(folder.path / inner))
+            for name, content in files.items():
+                parent = Path(name).parent
+                temporary = below[parent](Path(name).name) if parent in below else part(name)
+                temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+    except OSError as error:
+        raise InsenvError(f"cannot write to {str(folder.path)!r}: {error.strerror or error}") from error
+    return tuple(folder.path / name for name in files)
