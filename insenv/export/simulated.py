@@ -183,7 +183,7 @@ def _initial(plant: Plant) -> dict[str, Any]:
         "position_sigma_m": list(given.position_sigma_m),
         "velocity_sigma_mps": list(given.velocity_sigma_mps),
         "tilt_sigma_deg": given.tilt_sigma_deg,
-        "heading_sigma_deg": given.heading_sigma_deg,
+        "heading_sigma_deg": min(given.heading_sigma_deg, 180.0),
     }
 
 

@@ -280,7 +280,7 @@ class InitialSection(Section):
     velocity_sigma_mps: Sigma3 | None = key(None, "standard deviations N, E, D of the initial velocity", "m/s")
     tilt_sigma_deg: Number | None = key(None, "standard deviation of initial roll and pitch", "deg", gt=0, le=180)
     heading_sigma_deg: Number | None = key(
-        None, "standard deviation of the initial heading; 180: the heading is unknown", "deg", gt=0, le=360
+        None, "standard deviation of the initial heading; 180: the heading is unknown", "deg", gt=0, le=180
     )
 
 
