@@ -7,7 +7,7 @@ east and down of the truth; velocities in m/s.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,11 @@ class Track:
     latitude: Array | None = None
     longitude: Array | None = None
     height: Array | None = None
+
+    def since(self, first: int) -> Track:
+        """The track from row `first` on."""
+        series = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: values[first:] for name, values in series.items() if values is not None})
 
     def euler_deg(self) -> Array:
         """Roll, pitch, heading (n, 3), degrees."""
