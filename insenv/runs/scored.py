@@ -46,7 +46,7 @@ def _result(source: Source, score: Score) -> Result:
         f" median, at most {np.max(delays) * 1e3:.3g} ms",
     )
     if source.stride > 1:
-        notes += f"one in {source.stride} of them is recorded"
+        notes = (*notes, f"one in {source.stride} of them is recorded")
     result = result_of(Called(source.name, "latitude" in rows), rows, truth, limit, us_per_sample=0.0, notes=notes)
     return replace(result, sigma=stated(source))
 
