@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 Csv = Annotated[bool, typer.Option("--csv", help="With --out: write truth, estimate, errors and sigma as CSV.")]
 Gpx = Annotated[bool, typer.Option("--gpx", help="With --out: write truth and estimates as a GPX file.")]
 Kml = Annotated[bool, typer.Option("--kml", help="With --out: write truth and estimates as a KML file.")]
+Bag = Annotated[bool, typer.Option("--bag", help="With --out: write sensors, truth and estimates as a ROS 2 bag.")]
+Mcap = Annotated[bool, typer.Option("--mcap", help="With --out: write the same messages as an MCAP recording.")]
+Rerun = Annotated[bool, typer.Option("--rerun", help="With --out: write them as a recording for the Rerun viewer.")]
+Nmea = Annotated[bool, typer.Option("--nmea", help="With --out: write the fixes of the receiver as NMEA 0183.")]
 Log = Annotated[bool, typer.Option("--log", help="With --out: write the sensors as a log that `insenv replay` reads.")]
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from insenv.cli.exports import Csv, Gpx, Kml, Log, chosen_formats, exported
+from insenv.cli.exports import Bag, Csv, Gpx, Kml, Log, Mcap, Nmea, Rerun, chosen_formats, exported
 from insenv.cli.options import (
     Duration,
     Estimators,
@@ -49,6 +49,10 @@ def run(
     csv: Csv = False,
     gpx: Gpx = False,
     kml: Kml = False,
+    bag: Bag = False,
+    mcap: Mcap = False,
+    rerun: Rerun = False,
+    nmea: Nmea = False,
     log: Log = False,
     strict: Strict = False,
     as_json: Json = False,
@@ -62,7 +66,10 @@ def run(
     from insenv.scenario.tuning import parsed_settings
 
     chosen, given = _known(estimators or []), parsed_settings(settings or [])
-    formats = chosen_formats(out, {"csv": csv, "gpx": gpx, "kml": kml, "log": log})
+    formats = chosen_formats(
+        out,
+        {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": log},
+    )
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     with working(loaded.name) as progress:
@@ -88,6 +95,10 @@ def replay(
     csv: Csv = False,
     gpx: Gpx = False,
     kml: Kml = False,
+    bag: Bag = False,
+    mcap: Mcap = False,
+    rerun: Rerun = False,
+    nmea: Nmea = False,
     as_log: Log = False,
     strict: Strict = False,
     as_json: Json = False,
@@ -102,7 +113,10 @@ def replay(
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen, given = _known(estimators), parsed_settings(settings or [])
-    formats = chosen_formats(out, {"csv": csv, "gpx": gpx, "kml": kml, "log": as_log})
+    formats = chosen_formats(
+        out,
+        {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": as_log},
+    )
     folder = None if out is None else OutputFolder(out)
     with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)

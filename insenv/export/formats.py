@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from insenv.errors import InputError, InsenvError, nearest
-from insenv.export import gpx, kml, text_log
+from insenv.export import gpx, kml, nmea, rerun_recording, ros, text_log
 from insenv.export.log_tables import csv_text
 from insenv.export.tracks import columns_of
 from insenv.files.output import staged
@@ -56,6 +56,23 @@ def _kml(given: Given) -> Files:
     return {f"{given.name}.kml": kml.kml_text(given.report)}
 
 
+def _bag(given: Given) -> Files:
+    return ros.bag(given.report, given.log, given.name, mcap=False)
+
+
+def _mcap(given: Given) -> Files:
+    return ros.bag(given.report, given.log, given.name, mcap=True)
+
+
+def _rerun(given: Given) -> Files:
+    return rerun_recording.recording(given.report, given.log, given.name)
+
+
+def _nmea(given: Given) -> Files:
+    assert given.log is not None
+    return {f"{given.name}.nmea": nmea.nmea_text(given.log)}
+
+
 def _log(given: Given) -> Files:
     assert given.log is not None
     return text_log.texts(given.log, f"{given.name}-log")
@@ -65,6 +82,10 @@ FORMATS: Mapping[str, Format] = {
     "csv": Format("truth, estimate, errors, sigma and limit as a CSV file for each estimator", _csv),
     "gpx": Format("truth and estimates as tracks of a GPX file", _gpx),
     "kml": Format("truth and estimates as tracks of a KML file, with their attitude", _kml),
+    "bag": Format("sensors, truth and estimates as a ROS 2 bag", _bag, False, True),
+    "mcap": Format("the same messages as an MCAP recording", _mcap, False, True),
+    "rerun": Format("the same as a recording for the Rerun viewer, with errors, sigma and limit", _rerun, False, True),
+    "nmea": Format("the fixes of the receiver as NMEA 0183", _nmea, False, True),
     "log": Format("the sensors as a log that `insenv replay` reads: CSV files and their description", _log, False, True),
 }
 """Formats by name."""
@@ -100,7 +121,8 @@ def write(
     ----------
     source: the `Report` of a run or a replay, or a `RecordedLog`.
     folder: it is made if it does not exist.  All files are written, or none.
-    formats: names of `FORMATS`: "csv", "gpx", "kml" of a report; "log" of a log.
+    formats: names of `FORMATS`: "csv", "gpx", "kml" of a report; "log", "nmea" of a log; "bag", "mcap", "rerun" of a log and,
+        if there is one, a report.
     log: the log of the same drive, beside a report: `record` makes that of a scenario.
     name: first part of the file names; None: the scenario's.
 

@@ -68,6 +68,67 @@ def test_kml_is_valid_and_read_by_fastkml(tmp_path: Path, report: Any) -> None:
     assert {(item.angle.tilt, item.angle.roll) for item in track.track_items} == {(0.0, 0.0)}
 
 
+def test_nmea_is_read_by_pynmea2() -> None:
+    import pynmea2
+
+    from insenv.export.nmea import nmea_text
+
+    scenario = {
+        "title": "South and west", "duration_s": 20.0,
+        "start": {"latitude_deg": -33.5, "longitude_deg": -70.001, "height_m": 520.0, "heading_deg": 200.0},
+        "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]}, "gnss": {"grade": "rtk", "interval_s": 0.2},
+    }  # fmt: skip
+    fixes = insenv.record(scenario).gnss
+    assert fixes is not None and fixes.velocity_n is not None
+    lines = nmea_text(insenv.record(scenario)).split("\r\n")
+    sentences = [pynmea2.parse(line, check=True) for line in lines if line]
+    kinds = {kind: [s for s in sentences if s.sentence_type == kind] for kind in ("GGA", "RMC", "VTG", "GST")}
+    assert {kind: len(each) for kind, each in kinds.items()} == dict.fromkeys(kinds, len(fixes.time))
+    for kind in ("GGA", "RMC"):
+        np.testing.assert_allclose([s.latitude for s in kinds[kind]], np.degrees(fixes.latitude), atol=1e-9)
+        np.testing.assert_allclose([s.longitude for s in kinds[kind]], np.degrees(fixes.longitude), atol=1e-9)
+    np.testing.assert_allclose([float(s.altitude) for s in kinds["GGA"]], fixes.height, atol=6e-4)
+    assert {float(s.geo_sep) for s in kinds["GGA"]} == {0.0} and {s.gps_qual for s in kinds["GGA"]} == {1}
+    seconds = [s.timestamp.minute * 60 + s.timestamp.second + s.timestamp.microsecond * 1e-6 for s in kinds["RMC"]]
+    np.testing.assert_allclose(seconds, fixes.time, atol=5.1e-4)
+    speed = np.hypot(*fixes.velocity_n[:, :2].T)
+    np.testing.assert_allclose([s.spd_over_grnd * 1852 / 3600 for s in kinds["RMC"]], speed, atol=5e-4)
+    np.testing.assert_allclose([s.spd_over_grnd_kmph / 3.6 for s in kinds["VTG"]], speed, atol=5e-4)
+    assert kinds["RMC"][-1].true_course == pytest.approx(200.0, abs=1.0)
+    np.testing.assert_allclose([s.std_dev_latitude for s in kinds["GST"]], fixes.position_sigma[:, 0], atol=6e-4)
+    np.testing.assert_allclose([s.std_dev_altitude for s in kinds["GST"]], fixes.position_sigma[:, 2], atol=6e-4)
+
+
+def test_rerun_reads_its_recording(tmp_path: Path, report: Any) -> None:
+    chunk = pytest.importorskip("rerun.chunk")
+    log = insenv.record("car-city-drive", seed=4, duration_s=30.0)
+    (path,) = insenv.write(report, tmp_path, "rerun", log=log)
+    found: dict[str, list[Any]] = {}
+    for each in chunk.RrdReader(str(path)).stream().to_chunks():
+        found.setdefault(each.entity_path, []).append(each.to_record_batch())
+    result = report.results[0]
+    for entity, time, values in (
+        ("/error/loosely-coupled/heading_deg", result.time, result.errors["heading_deg"]),
+        ("/sigma/loosely-coupled/north_m", result.time, result.sigma["north_m"]),
+        ("/limit/loosely-coupled/vd_mps", result.time, result.limit_sigma["vd_mps"]),
+    ):
+        seconds, scalars = column(found[entity], "time"), column(found[entity], "Scalars:scalars")
+        np.testing.assert_allclose([s.total_seconds() for s in seconds], time, atol=2e-6)
+        np.testing.assert_array_equal([s[0] for s in scalars], values)
+    rates = np.array(column(found["/imu/gyro"], "Scalars:scalars"))
+    np.testing.assert_allclose(rates, log.delta_angle / log.dt[:, None])
+    places = np.array(column(found["/map/truth"], "GeoPoints:positions"))[:, 0]
+    np.testing.assert_allclose(places[:, 0], np.degrees(report.truth.latitude), atol=1e-12)
+    way = np.array(column(found["/world/truth"], "Transform3D:translation"))[:, 0]
+    north = np.degrees(way[-1, 1] / 6.37e6)
+    assert north == pytest.approx(np.degrees(report.truth.latitude[-1] - report.truth.latitude[0]), abs=2e-6)
+
+
+def column(batches: list[Any], name: str) -> list[Any]:
+    """A column of record batches as a list."""
+    return [value for batch in batches for value in batch.column(batch.schema.names.index(name)).to_pylist()]
+
+
 def test_what_has_no_positions_is_refused(tmp_path: Path) -> None:
     log = insenv.record("ship-swaying", duration_s=10.0)
     from dataclasses import replace
