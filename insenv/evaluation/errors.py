@@ -43,6 +43,12 @@ class Track:
         series = {each.name: getattr(self, each.name) for each in fields(self)}
         return replace(self, **{name: values[first:] for name, values in series.items() if values is not None})
 
+    def at(self, times: Array) -> dict[str, Array]:
+        """The rows that are known at times (m,) s of the track, by name."""
+        rows = np.searchsorted(self.time, times - 1e-9).clip(0, max(len(self.time) - 1, 0))
+        series = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "time"}
+        return {name: values[rows] for name, values in series.items() if values is not None}
+
     def euler_deg(self) -> Array:
         """Roll, pitch, heading (n, 3), degrees."""
         if self.q_nb is None:

@@ -138,3 +138,14 @@ def csv_text(columns: Mapping[str, Array]) -> str:
     """A header and one line per row; each number in the fewest digits from which it is read back to the bit."""
     rows = zip(*(np.asarray(column, dtype=np.float64).tolist() for column in columns.values()), strict=True)
     return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def tables(log: RecordedLog) -> dict[str, Columns]:
+    """All tables of a log by section: imu, gnss, the instruments, reference; those that it has."""
+    found = {"imu": imu_columns(log)}
+    if log.gnss is not None:
+        found["gnss"] = gnss_columns(log.gnss)
+    found |= {each.id: instrument_columns(each) for each in log.instruments}
+    if log.reference is not None:
+        found["reference"] = reference_columns(log.reference)
+    return found

@@ -31,21 +31,19 @@ def texts(log: RecordedLog, name: str) -> dict[str, str]:
 
     Raises `InputError` for a log without samples of its own.
     """
-    tables: dict[str, log_tables.Columns] = {"imu": log_tables.imu_columns(log)}
+    tables = log_tables.tables(log)
     if len(tables["imu"]["time_s"]) < 3:
         raise InputError(f"{log.description.title}: {len(tables['imu']['time_s'])} samples: a log has 3 or more")
     keys: dict[str, dict[str, Any]] = {"imu": log_tables.IMU}
     if log.gnss is not None:
-        tables["gnss"], keys["gnss"] = log_tables.gnss_columns(log.gnss), log_tables.gnss_keys(log.gnss)
+        keys["gnss"] = log_tables.gnss_keys(log.gnss)
     for each in log.instruments:
-        tables[each.id], keys[each.id] = log_tables.instrument_columns(each), log_tables.instrument_keys(each)
-    if log.reference is not None:
-        found = log_tables.reference_columns(log.reference)
-        if len(found["time_s"]):
-            tables["reference"], keys["reference"] = found, log_tables.reference_keys(log.reference)
+        keys[each.id] = log_tables.instrument_keys(each)
+    if log.reference is not None and len(tables["reference"]["time_s"]):
+        keys["reference"] = log_tables.reference_keys(log.reference)
     sections = {id: {"file": file_of(id, name), **keys[id], **_kept(log, id)} for id in keys}
     text = _HEAD.format(name=name) + toml_text({**_common(log.description), **sections})
-    return {f"{name}.toml": text, **{file_of(id, name): log_tables.csv_text(table) for id, table in tables.items()}}
+    return {f"{name}.toml": text, **{file_of(id, name): log_tables.csv_text(tables[id]) for id in keys}}
 
 
 _HEAD = """# A recorded log: insenv replay {name}.toml -e ID --start stated starts from [initial].

@@ -63,8 +63,7 @@ def columns_of(report: RunData, result: Result) -> dict[str, Array]:
     """
     times = result.time
     columns: dict[str, Array] = {"time_s": times}
-    rows = np.searchsorted(report.truth.time, times).clip(0, len(report.truth.time) - 1)
-    truth = Track(times, **{n: None if (v := getattr(report.truth, n)) is None else v[rows] for n in _SERIES})
+    truth = Track(times, **report.truth.at(times))
     for prefix, track in (("truth", truth), ("estimate", track_of(times, result.outputs))):
         if track.q_nb is not None:
             columns |= {f"{prefix}_{name}": values for name, values in zip(ATTITUDE, track.euler_deg().T, strict=True)}

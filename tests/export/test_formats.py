@@ -38,6 +38,22 @@ def test_csv_has_truth_estimate_errors_sigma_and_limit(tmp_path: Path, report: A
     np.testing.assert_allclose(table["estimate_vn_mps"] - table["truth_vn_mps"], table["error_vn_mps"], atol=1e-12)
 
 
+def test_data_frames_hold_truth_and_sensors(report: Any) -> None:
+    from insenv.export import to_dataframes
+
+    frame = report.to_dataframe("loosely-coupled")
+    np.testing.assert_array_equal(frame["truth_latitude"], report.truth.latitude)
+    np.testing.assert_array_equal(frame["truth_q_nb_2"], report.truth.q_nb[:, 2])
+    np.testing.assert_allclose(frame["velocity_n_0"] - frame["truth_velocity_n_0"], frame["error_vn_mps"], atol=1e-12)
+    log = insenv.record("car-city-drive", seed=4, duration_s=5.0)
+    frames = to_dataframes(log)
+    assert set(frames) == {"imu", "gnss", "reference"}
+    np.testing.assert_array_equal(frames["imu"]["delta_angle_y_rad"], log.delta_angle[:, 1])
+    np.testing.assert_array_equal(frames["imu"].index, log.imu_time)
+    assert log.gnss is not None
+    np.testing.assert_array_equal(frames["gnss"]["latitude_rad"], log.gnss.latitude)
+
+
 def test_gpx_is_read_by_gpxpy(tmp_path: Path, report: Any) -> None:
     import gpxpy
 
