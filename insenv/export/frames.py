@@ -17,7 +17,8 @@ def to_dataframes(log: RecordedLog) -> dict[str, DataFrame]:
 
     The columns are those of the CSV files that `insenv.write` makes of a log.  Raises `InsenvError` if pandas is missing.
     """
-    return {
-        name: data_frame(columns["time_s"], {k: v for k, v in columns.items() if k != "time_s"})
-        for name, columns in tables(log).items()
-    }
+    found = {}
+    for name, columns in tables(log).items():
+        time = columns.pop("time_s")
+        found[name] = data_frame(time, columns)
+    return found

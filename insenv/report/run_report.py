@@ -38,9 +38,9 @@ class Report(RunData):
     def to_dataframe(self, estimator: str | None = None) -> DataFrame:
         """One estimator's result as a pandas DataFrame, indexed by time (s).
 
-        Columns: ``error_CHANNEL``, ``sigma_CHANNEL``, ``limit_CHANNEL``, the truth as ``truth_ROW``, and the estimator's outputs by
-        row name (``NAME_0``, ``NAME_1``, ... for vectors). estimator: may be None if the run has only one. Raises `InputError` for
-        an unknown estimator, `InsenvError` if pandas is missing.
+        Columns: ``error_CHANNEL``, ``sigma_CHANNEL``, ``limit_CHANNEL``, the truth as ``truth_ROW``, and the estimator's
+        outputs by row name (``NAME_0``, ``NAME_1``, ... for vectors). estimator: may be None if the run has only one.
+        Raises `InputError` for an unknown estimator, `InsenvError` if pandas is missing.
         """
         results = {result.estimator: result for result in self.results}
         if estimator is None and len(results) != 1:
