@@ -72,6 +72,8 @@ def run(
     )
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
+    if nmea and loaded.gnss is None:
+        raise InputError(f"--nmea: scenario {loaded.name!r} has no [gnss]")
     with working(loaded.name) as progress:
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
         more = exported(report, out, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from insenv.errors import InputError, InsenvError, nearest
@@ -12,6 +13,7 @@ from insenv.export import gpx, kml, nmea, rerun_recording, ros, text_log
 from insenv.export.log_tables import csv_text
 from insenv.export.tracks import columns_of
 from insenv.files.output import staged
+from insenv.installing import install_extra
 from insenv.logs import RecordedLog
 from insenv.report.files import OutputFolder, file_name
 from insenv.report.run_data import RunData
@@ -31,12 +33,25 @@ class Given:
 
 @dataclass(frozen=True)
 class Format:
-    """A format: its title, the function that gives its files, and whether that takes the report and the log."""
+    """A format: its title, the function that gives its files, and whether that needs the report and the log.
+
+    package, extra: the package that writes it, and the extra of insenv that installs this; empty: none.
+    """
 
     title: str
     files: Callable[[Given], Files]
     report: bool = True
     log: bool = False
+    package: str = ""
+    extra: str = ""
+
+    def missing(self) -> str:
+        """The sentence that its package is not installed; empty if it is."""
+        try:
+            there = not self.package or find_spec(self.package) is not None
+        except ValueError:  # the module is set to None
+            there = False
+        return "" if there else f"{self.package} is not installed: {install_extra(self.extra)}"
 
 
 def _csv(given: Given) -> Files:
@@ -80,11 +95,13 @@ def _log(given: Given) -> Files:
 
 FORMATS: Mapping[str, Format] = {
     "csv": Format("truth, estimate, errors, sigma and limit as a CSV file for each estimator", _csv),
-    "gpx": Format("truth and estimates as tracks of a GPX file", _gpx),
+    "gpx": Format("truth and estimates as tracks of a GPX file", _gpx, package="gpxpy", extra="workbench"),
     "kml": Format("truth and estimates as tracks of a KML file, with their attitude", _kml),
-    "bag": Format("sensors, truth and estimates as a ROS 2 bag", _bag, False, True),
-    "mcap": Format("the same messages as an MCAP recording", _mcap, False, True),
-    "rerun": Format("the same as a recording for the Rerun viewer, with errors, sigma and limit", _rerun, False, True),
+    "bag": Format("sensors, truth and estimates as a ROS 2 bag", _bag, False, True, "rosbags", "view"),
+    "mcap": Format("the same messages as an MCAP recording", _mcap, False, True, "rosbags", "view"),
+    "rerun": Format(
+        "the same as a recording for the Rerun viewer, with errors, sigma and limit", _rerun, False, True, "rerun", "view"
+    ),
     "nmea": Format("the fixes of the receiver as NMEA 0183", _nmea, False, True),
     "log": Format("the sensors as a log that `insenv replay` reads: CSV files and their description", _log, False, True),
 }
@@ -92,13 +109,15 @@ FORMATS: Mapping[str, Format] = {
 
 
 def check_formats(formats: Iterable[str]) -> tuple[str, ...]:
-    """The names, each once.  Raises `InputError` for an unknown one."""
+    """The names, each once.  Raises `InputError` for an unknown one, or one whose package is missing."""
     if isinstance(formats, str):
         formats = (formats,)
     found = tuple(dict.fromkeys(formats))
     for name in found:
         if name not in FORMATS:
             raise InputError(f"formats: unknown name {name!r}{nearest(str(name), FORMATS)}")
+        if missing := FORMATS[name].missing():
+            raise InputError(f"format {name!r}: {missing}")
     return found
 
 

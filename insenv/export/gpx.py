@@ -6,19 +6,16 @@ import numpy as np
 
 from insenv.errors import InputError
 from insenv.export.tracks import date_of, tracks_of
-from insenv.installing import install_extra
 from insenv.report.run_data import RunData
 
 
 def gpx_text(report: RunData) -> str:
     """The tracks of a report.  Heights are above the ellipsoid.
 
-    Raises `InputError` if gpxpy is missing or nothing has positions.
+    Raises `InputError` if nothing has positions.
     """
-    try:
-        from gpxpy import gpx
-    except ModuleNotFoundError:
-        raise InputError(f"--gpx needs gpxpy, which is not installed: {install_extra('workbench')}") from None
+    from gpxpy import gpx
+
     document = gpx.GPX()
     document.creator, document.name, document.description = "insenv", report.scenario, report.title
     for named in tracks_of(report):

@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
-from insenv.errors import InputError
 from insenv.evaluation.errors import Track
 from insenv.export.ros import ENU, FLU, track_of_reference
 from insenv.export.tracks import NamedTrack, tracks_of
-from insenv.installing import install_extra
 from insenv.logs import RecordedLog
 from insenv.report.run_data import RunData
 
@@ -27,11 +25,9 @@ Array = NDArray[np.float64]
 
 
 def recording(report: RunData | None, log: RecordedLog | None, name: str) -> dict[str, bytes]:
-    """The file NAME.rrd.  Raises `InputError` if rerun-sdk is missing."""
-    try:
-        import rerun
-    except ModuleNotFoundError:
-        raise InputError(f"--rerun needs rerun-sdk, which is not installed: {install_extra('view')}") from None
+    """The file NAME.rrd."""
+    import rerun
+
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / f"{name}.rrd"
         stream = rerun.RecordingStream("insenv", recording_id=name)

@@ -24,7 +24,6 @@ from insenv import attitude, geodesy
 from insenv.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Track
 from insenv.export.tracks import EPOCH, NamedTrack, tracks_of
-from insenv.installing import install_extra
 from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.report.run_data import RunData
 
@@ -58,14 +57,11 @@ def nanoseconds(time: float) -> int:
 def bag(report: RunData | None, log: RecordedLog | None, name: str, mcap: bool) -> dict[str, bytes]:
     """The files of a bag (folder NAME-bag), or of an MCAP recording (NAME.mcap).
 
-    Raises `InputError` if rosbags is missing or there is nothing to write.
+    Raises `InputError` if there is nothing to write.
     """
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ModuleNotFoundError:
-        option = "--mcap" if mcap else "--bag"
-        raise InputError(f"{option} needs rosbags, which is not installed: {install_extra('view')}") from None
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
     store = get_typestore(Stores.ROS2_HUMBLE)
     messages = sorted(_messages(store.types, report, log), key=lambda each: each.at)
     if not messages:

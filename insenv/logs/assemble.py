@@ -20,8 +20,8 @@ from insenv.logs.recorded import Source
 from insenv.logs.resources import read_bytes
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
 
-_AGES = (-1.0, 3600.0)
-"""Allowed ages of a measurement on arrival, s: a delay that a receiver overestimates makes it negative."""
+_NEWEST = -1.0
+"""Smallest age of a measurement on arrival, s: a delay that a receiver underestimates makes it negative."""
 
 
 @dataclass
@@ -69,19 +69,20 @@ class LogReader:
         _check_increasing(table, time)
         return self._within(name, table, time)
 
-    def validity(self, section: MeasurementSection, table: TextTable, stamp: Array) -> tuple[Array, Array | None, Array | None]:
+    def validity(
+        self, section: MeasurementSection, table: TextTable, stamp: Array, oldest: float = 3600.0
+    ) -> tuple[Array, Array | None, Array | None]:
         """Times of validity (m,) s, arrivals and ages: None of both where the stamps are those of validity.
 
-        Raises `InputError` for an age that no measurement has.
+        oldest: largest age that estimators take, s.  Raises `InputError` for another age.
         """
         if section.age is None:
             return stamp, None, None
         age = table.column(section.age)
-        bad = np.flatnonzero((age < _AGES[0]) | (age > _AGES[1]))
+        bad = np.flatnonzero((age < _NEWEST) | (age > oldest))
         if bad.size:
             raise InputError(
-                f"{table.where(bad[0])}, column {section.age!r}: age is {age[bad[0]]:g} s, allowed {_AGES[0]:g} to"
-                f" {_AGES[1]:g} s"
+                f"{table.where(bad[0])}, column {section.age!r}: age is {age[bad[0]]:g} s, allowed {_NEWEST:g} to {oldest:g} s"
             )
         time = stamp - age
         _check_increasing(table, time)

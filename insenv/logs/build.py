@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
+from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.instruments import INSTRUMENTS
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
@@ -167,7 +168,7 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     height = table.column(section.height) + section.height_offset_m
     position_sigma = faults.attempt(lambda: _sigma(table, section.position_sigma, section.position_sigma_m, "m"))
     motion = faults.attempt(lambda: _motion(section, table))
-    delivery = faults.attempt(lambda: reader.validity(section, table, time))
+    delivery = faults.attempt(lambda: reader.validity(section, table, time, FIX_INPUTS["gnss_age"].upper))
     faults.check()
     assert place is not None and position_sigma is not None and motion is not None and delivery is not None
     return GnssFixes(delivery[0], place[0], wrap(place[1]), height, position_sigma, *motion, *delivery[1:])

@@ -47,7 +47,7 @@ def _result(source: Source, score: Score) -> Result:
     )
     if source.stride > 1:
         notes = (*notes, f"one in {source.stride} of them is recorded")
-    result = result_of(Called(source.name, "latitude" in rows), rows, truth, limit, us_per_sample=0.0, notes=notes)
+    result = result_of(Called(source.name, "latitude" in rows), rows, truth, limit, us_per_sample=float("nan"), notes=notes)
     return replace(result, sigma=stated(source))
 
 

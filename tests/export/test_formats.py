@@ -167,7 +167,7 @@ def test_wrong_calls_are_refused(tmp_path: Path, report: Any) -> None:
 
 def test_a_missing_package_is_named(tmp_path: Path, report: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "gpxpy", None)
-    with pytest.raises(InputError, match="gpxpy, which is not installed: pip install"):
+    with pytest.raises(InputError, match="format 'gpx': gpxpy is not installed: pip install"):
         insenv.write(report, tmp_path, "gpx")
 
 
@@ -187,3 +187,5 @@ def test_the_command_writes_beside_the_results_and_the_log_replays(tmp_path: Pat
     assert first.read_bytes() == second.read_bytes(), "a log that is read and written again is the same"
     status, _, errors = call("run", "car-city-drive", "--gpx")
     assert status == 2 and "--gpx writes files: --out DIR names their folder" in errors
+    status, _, errors = call("run", "ship-swaying", "--nmea", "--out", tmp_path / "none")
+    assert status == 2 and "--nmea: scenario 'ship-swaying' has no [gnss]" in errors and not (tmp_path / "none").exists()

@@ -74,7 +74,7 @@ def streamed() -> Iterator[Callable[..., tuple[Any, Client]]]:
         clients.append(client)
         client.start()
         loaded = load(scenario)
-        vehicle = Vehicle(loaded, seed=3, speed=2.0, rates={"HIL_STATE_QUATERNION": 50.0, "HOME_POSITION": 10.0})
+        vehicle = Vehicle(loaded, seed=3, speed=4.0, rates={"HIL_STATE_QUATERNION": 50.0, "HOME_POSITION": 10.0})
         plant = build(loaded, seed=3, duration_s=duration_s)
         vehicle.score = Score(vehicle.view, limit_of(plant) if limited else None)
         with open_link(f"udpout:127.0.0.1:{client.port}") as link:
@@ -309,7 +309,7 @@ def test_the_command_writes_what_a_run_writes(tmp_path: Path) -> None:
     out = tmp_path / "score"
     try:
         status, text, _ = call(
-            "stream", "car-city-drive", "--to", f"udpout:127.0.0.1:{client.port}", "--score", "--duration", "3",
+            "stream", "car-city-drive", "--to", f"udpout:127.0.0.1:{client.port}", "--score", "--duration", "3", "--speed", "4",
             "--rate", "HOME_POSITION=10", "--out", out, "--json",
         )  # fmt: skip
     finally:
