@@ -23,6 +23,8 @@ def report_of(score: Score) -> Report:
     notes += [f"refused {count} times: {sentence}" for sentence, count in score.refused.items()]
     if score.disturbed_at is not None:
         notes.append(f"no limit: the scenario was changed at {score.disturbed_at:g} s, from where on it is another one")
+    if score.limit is not None and simulation.time > score.limit.time[-1] + simulation.interval:
+        notes.append(f"no limit of estimates that last longer than the scenario, {score.limit.time[-1]:g} s")
     return Report(
         scenario=scenario.name,
         title=scenario.title,

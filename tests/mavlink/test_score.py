@@ -296,6 +296,16 @@ def test_what_changes_the_drive_ends_the_limit(vehicle: Vehicle) -> None:
     assert not report.results[0].limit and any("the scenario was changed at 2.005 s" in note for note in report.notes)
 
 
+def test_a_stream_that_outlasts_its_scenario_says_that_there_is_no_limit(vehicle: Vehicle) -> None:
+    assert vehicle.score is not None
+    vehicle.score.limit = limit_of(build(load("car-city-drive"), duration_s=1.0))
+    vehicle.score.take(make("ODOMETRY", time_usec=900_000))
+    assert report_of(vehicle.score).results[0].limit
+    vehicle.score.take(make("ODOMETRY", time_usec=1_500_000))
+    report = report_of(vehicle.score)
+    assert not report.results[0].limit and "no limit of estimates that last longer than the scenario, 1 s" in report.notes
+
+
 def test_without_a_score_estimates_of_clients_are_ignored(vehicle: Vehicle) -> None:
     from insenv.mavlink.answers import answers
 

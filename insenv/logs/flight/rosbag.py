@@ -72,7 +72,10 @@ def _placed(label: str, data: bytes, scratch: Path) -> Path:
     """The bag as a file or a folder."""
     if data[257:262] == b"ustar":
         with tarfile.open(fileobj=io.BytesIO(data)) as archive:
-            archive.extractall(scratch, filter="data")
+            for member in archive.getmembers():
+                content = archive.extractfile(member)
+                if content is not None:
+                    (scratch / Path(member.name).name).write_bytes(content.read())
         return scratch
     name = Path(label).name.lower()
     suffix = next((s for s in (".mcap", ".db3", ".bag") if s in name), ".mcap")
