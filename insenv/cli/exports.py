@@ -11,6 +11,7 @@ import typer
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
+    from insenv.export.formats import Files
     from insenv.logs import RecordedLog
     from insenv.report import Report
 
@@ -34,10 +35,10 @@ def chosen_formats(out: Path | None, flags: Mapping[str, bool]) -> tuple[str, ..
     return check_formats(chosen)
 
 
-def exported(report: Report, out: Path | None, formats: tuple[str, ...], log: Callable[[], RecordedLog]) -> list[str]:
-    """Write the formats; return the paths.  log: the log of the same drive, made only if a format needs it."""
-    from insenv.export import needs_log, write
+def exported(report: Report, formats: tuple[str, ...], log: Callable[[], RecordedLog]) -> Files:
+    """The files of the formats by name.  log: the log of the same drive, made only if a format needs it."""
+    from insenv.export.formats import Given, contents_of, needs_log
+    from insenv.report.files import file_name
 
-    if out is None or not formats:
-        return []
-    return [str(path) for path in write(report, out, formats, log=log() if needs_log(formats) else None)]
+    given = Given(report, log() if needs_log(formats) else None, file_name(report.scenario))
+    return contents_of(given, formats)

@@ -26,6 +26,7 @@ from insenv.cli.options import (
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
+    from insenv.export.formats import Files
     from insenv.report import OutputFolder, Report
 
 
@@ -76,7 +77,7 @@ def run(
         raise InputError(f"--nmea: scenario {loaded.name!r} has no [gnss]")
     with working(loaded.name) as progress:
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
-        more = exported(report, out, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
+        more = exported(report, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
         finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)
@@ -122,7 +123,7 @@ def replay(
     folder = None if out is None else OutputFolder(out)
     with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)
-        more = exported(report, out, formats, lambda: load(log))
+        more = exported(report, formats, lambda: load(log))
         finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)
@@ -147,15 +148,13 @@ def _status(report: Report, strict: bool) -> int:
     return FAILED
 
 
-def _written(
-    report: Report, folder: OutputFolder | None, figure: bool, as_json: bool, more: Sequence[str] = ()
-) -> Callable[[], None]:
-    """Write the files; return the function that prints the report.  more: paths of files written before."""
+def _written(report: Report, folder: OutputFolder | None, figure: bool, as_json: bool, more: Files) -> Callable[[], None]:
+    """Write the files, and those of other formats, `more`; return the function that prints the report."""
     from insenv.cli.output import print_json, print_line, print_report
     from insenv.report import document, write_files
 
-    written = None if folder is None else write_files(report, folder, figure)
-    paths = [*(str(path) for path in written.paths), *more] if written else []
+    written = None if folder is None else write_files(report, folder, figure, more)
+    paths = [str(path) for path in written.paths] if written else []
 
     def finish() -> None:
         if written and written.note:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from insenv.errors import InputError, InsenvError, nearest
+from insenv.errors import InputError, nearest
 from insenv.export import gpx, kml, nmea, rerun_recording, ros, text_log
 from insenv.export.log_tables import csv_text
 from insenv.export.tracks import columns_of
-from insenv.files.output import staged
 from insenv.installing import install_extra
 from insenv.logs import RecordedLog
-from insenv.report.files import OutputFolder, file_name
+from insenv.report.files import OutputFolder, file_name, write_contents
 from insenv.report.run_data import RunData
 
 Files = Mapping[str, "str | bytes"]
@@ -155,27 +153,20 @@ def write(
     chosen = check_formats(formats)
     title = report.scenario if report is not None else log.description.title if log is not None else ""
     given = Given(report, log, name if name is not None else file_name(title or "run"))
+    contents = contents_of(given, chosen)
+    target = OutputFolder(folder)
+    with target.staged() as part:
+        write_contents(contents, part)
+    return tuple(target.path / each for each in contents)
+
+
+def contents_of(given: Given, formats: Iterable[str]) -> Files:
+    """The contents of all files of some formats, by name.  Raises `InputError` for a format that needs what is not given."""
     files: dict[str, str | bytes] = {}
-    for each in chosen:
-        for needed, there, what in ((FORMATS[each].report, report, "a Report"), (FORMATS[each].log, log, "a RecordedLog")):
+    for name in formats:
+        form = FORMATS[name]
+        for needed, there, what in ((form.report, given.report, "a Report"), (form.log, given.log, "a RecordedLog")):
             if needed and there is None:
-                raise InputError(f"format {each!r} needs {what}")
-        files |= FORMATS[each].files(given)
-    return _written(OutputFolder(folder), files)
-
-
-def _written(folder: OutputFolder, files: Files) -> tuple[Path, ...]:
-    try:
-        with ExitStack() as stack:
-            part = stack.enter_context(folder.staged())
-            below = {}
-            for inner in {Path(name).parent for name in files} - {Path(".")}:
-                (folder.path / inner).mkdir(exist_ok=True)
-                below[inner] = stack.enter_context(staged(folder.path / inner))
-            for name, content in files.items():
-                parent = Path(name).parent
-                temporary = below[parent](Path(name).name) if parent in below else part(name)
-                temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-    except OSError as error:
-        raise InsenvError(f"cannot write to {str(folder.path)!r}: {error.strerror or error}") from error
-    return tuple(folder.path / name for name in files)
+                raise InputError(f"format {name!r} needs {what}")
+        files |= form.files(given)
+    return files
