@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from insenv.evaluation.errors import Result, Track
@@ -49,8 +47,8 @@ def _result(source: Source, score: Score) -> Result:
     )
     if source.stride > 1:
         notes = (*notes, f"one in {source.stride} of them is recorded")
-    result = result_of(Called(source.name, "latitude" in rows), rows, truth, limit, us_per_sample=float("nan"), notes=notes)
-    return replace(result, sigma=stated(source))
+    called = Called(source.name, "latitude" in rows)
+    return result_of(called, rows, truth, limit, us_per_sample=float("nan"), notes=notes, sigma=stated(source))
 
 
 def _joined(parts: list[Track]) -> Track:

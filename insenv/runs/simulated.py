@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -136,18 +137,22 @@ def result_of(
     notes: tuple[str, ...],
     health: Health | None = None,
     settled: bool = True,
+    sigma: dict[str, Array] | None = None,
 ) -> Result:
-    """The result of estimates by row name against the truth at the same times; limit None: there is none."""
+    """The result of estimates by row name against the truth at the same times.
+
+    limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
+    """
     found = errors(track_of(track.time, outputs), track)
     if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
         limit = None
     from_s = 0.0 if estimator.navigates else 0.75 * float(track.time[-1])
-    return Result(
+    result = Result(
         estimator=estimator.id,
         time=track.time,
         outputs=outputs,
         errors=found,
-        sigma=stated_sigma(outputs),
+        sigma=stated_sigma(outputs) if sigma is None else sigma,
         limit={} if limit is None else {name: value for name, value in limit.rms(track.time, from_s).items() if name in found},
         from_s=from_s,
         limit_sigma={} if limit is None else {name: value for name, value in limit.at(track.time).items() if name in found},
@@ -156,3 +161,4 @@ def result_of(
         health=health,
         settled=settled,
     )
+    return replace(result, notes=(*result.notes, *result.too_sure()))

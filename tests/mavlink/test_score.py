@@ -138,6 +138,15 @@ def test_odometry_with_known_errors_is_scored_with_these(streamed: Any) -> None:
     assert set(np.round(times, 3)) <= set(np.round(result.time, 3)), "an answer has the time of the estimate"
 
 
+def test_a_client_that_states_too_small_a_sigma_is_told_so(vehicle: Vehicle) -> None:
+    assert vehicle.score is not None
+    pose = [0.0] * 21
+    pose[0] = pose[6] = pose[11] = pose[15] = pose[18] = pose[20] = 1e-8
+    vehicle.score.take(make("ODOMETRY", time_usec=1_000_000, pose_covariance=pose))
+    notes = report_of(vehicle.score).results[0].notes
+    assert any("larger than this estimator states" in note and "heading" in note for note in notes)
+
+
 def test_attitudes_alone_are_scored_as_an_alignment_by_each_message(streamed: Any) -> None:
     def reply(client: Client, message: Any) -> None:
         wrong, _ = off(message)
