@@ -31,6 +31,8 @@ _LIMITS = {"latitude": np.pi / 2, "longitude": 2 * np.pi, "height": 1e7, "veloci
 _POSITION = ("latitude", "longitude", "height")
 NORM = 0.01
 """Largest difference of the norm of a quaternion from 1: beyond it something else was sent."""
+ROUNDING = 1e-12
+"""A norm that differs from 1 by less is left as it is: so are the bits of a quaternion that was normalised."""
 ORTHONORMAL = 1e-3
 """Largest element of C^T C - I of a matrix."""
 
@@ -93,4 +95,4 @@ def _quaternion(value: Any) -> Array:
     norm = float(np.linalg.norm(row))
     if abs(norm - 1.0) > NORM:
         raise InputError(f"q_nb = {row.tolist()} has the norm {norm:.6g}: allowed is 1 within {NORM:g}")
-    return row / norm
+    return row if abs(norm - 1.0) < ROUNDING else row / norm
