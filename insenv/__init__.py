@@ -64,9 +64,10 @@ Public names
 ------------
 `run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates, `tune` how to tune a filter;
 `load` reads a scenario; `page` writes a page that simulates in a browser; `export_fmu` and `export_ssp` write FMUs; `fusion`
-composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report`, `Summary`, `Comparison`, `Budget` and
-`Tuning` are what runs, campaigns, campaigns of several estimators, budgets and tuning give.  Each loads on first use:
-``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
+composes a filter; `register` adds an estimator, a vehicle or a sensor; `record` makes the log of a simulated drive, and
+`write` puts results and logs into the formats of other tools.  `Report`, `Summary`, `Comparison`, `Budget` and `Tuning` are
+what runs, campaigns, campaigns of several estimators, budgets and tuning give.  Each loads on first use: ``import insenv``
+is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -91,6 +92,7 @@ if TYPE_CHECKING:
     from insenv.errors import InputError, InsenvError
     from insenv.estimators import Estimator, Knowledge
     from insenv.estimators.fusion import fusion
+    from insenv.export import record, write
     from insenv.extending import register
     from insenv.fmu import export_fmu, export_ssp
     from insenv.report import Report
@@ -134,11 +136,13 @@ __all__ = [
     "limit",
     "load",
     "page",
+    "record",
     "register",
     "replay",
     "run",
     "testing",
     "tune",
+    "write",
 ]
 
 _HOMES = {
@@ -151,6 +155,7 @@ _HOMES = {
     "insenv.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),
     "insenv.estimators.fusion": ("fusion",),
+    "insenv.export": ("record", "write"),
     "insenv.extending": ("register",),
     "insenv.fmu": ("export_fmu", "export_ssp"),
     "insenv.report": ("Report",),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from insenv.cli.exports import Bag, Csv, Gpx, Kml, Log, Mcap, Nmea, Rerun, chosen_formats, exported
 from insenv.cli.options import (
     Duration,
     Estimators,
@@ -25,6 +26,7 @@ from insenv.cli.options import (
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
+    from insenv.export.formats import Files
     from insenv.report import OutputFolder, Report
 
 
@@ -33,6 +35,7 @@ class Start(str, Enum):
 
     coarse = "coarse"
     reference = "reference"
+    stated = "stated"
 
 
 @deferred
@@ -47,21 +50,36 @@ def run(
     live: Annotated[
         bool, typer.Option("--live", help="With --out: the page NAME.html can simulate too (insenv page).")
     ] = False,
+    csv: Csv = False,
+    gpx: Gpx = False,
+    kml: Kml = False,
+    bag: Bag = False,
+    mcap: Mcap = False,
+    rerun: Rerun = False,
+    nmea: Nmea = False,
+    log: Log = False,
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.cli.output import working
+    from insenv.export import record
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
     from insenv.scenario.tuning import parsed_settings
 
     chosen, given = _known(estimators or []), parsed_settings(settings or [])
+    formats = chosen_formats(
+        out,
+        {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": log},
+    )
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     if live and (folder is None or no_figure):
         raise InputError("--live is about the page that --out DIR writes: allowed with --out and without --no-figure")
+    if nmea and loaded.gnss is None:
+        raise InputError(f"--nmea: scenario {loaded.name!r} has no [gnss]")
     with working(loaded.name) as progress:
         documents = {}
         if live:
@@ -70,7 +88,8 @@ def run(
 
             documents["live"] = live_document(made(loaded, chosen or None, seed=seed, duration_s=duration, settings=given))
         report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
-        finish = _written(report, folder, not no_figure, as_json, documents)
+        more = exported(report, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
+        finish = _written(report, folder, not no_figure, as_json, more, documents)
     finish()
     return _status(report, strict)
 
@@ -82,16 +101,25 @@ def replay(
     ],
     estimators: Estimators = None,
     start: Annotated[
-        Start, typer.Option(help="Start from the log alone, or from the state of the log's reference.")
+        Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its [initial].")
     ] = Start.coarse,
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
+    csv: Csv = False,
+    gpx: Gpx = False,
+    kml: Kml = False,
+    bag: Bag = False,
+    mcap: Mcap = False,
+    rerun: Rerun = False,
+    nmea: Nmea = False,
+    as_log: Log = False,
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
     """Run estimators on a recorded log; print their errors against its reference."""
     from insenv.cli.output import working
+    from insenv.logs import load
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
     from insenv.scenario.tuning import parsed_settings
@@ -99,10 +127,15 @@ def replay(
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen, given = _known(estimators), parsed_settings(settings or [])
+    formats = chosen_formats(
+        out,
+        {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": as_log},
+    )
     folder = None if out is None else OutputFolder(out)
     with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)
-        finish = _written(report, folder, not no_figure, as_json)
+        more = exported(report, formats, lambda: load(log))
+        finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)
 
@@ -127,13 +160,18 @@ def _status(report: Report, strict: bool) -> int:
 
 
 def _written(
-    report: Report, folder: OutputFolder | None, figure: bool, as_json: bool, more: Mapping[str, Any] | None = None
+    report: Report,
+    folder: OutputFolder | None,
+    figure: bool,
+    as_json: bool,
+    more: Files,
+    documents: Mapping[str, Any] | None = None,
 ) -> Callable[[], None]:
-    """Write the files, with `more` documents in the page; return the function that prints the report."""
+    """Write the files, those of other formats (`more`) and `documents` in the page; return what prints the report."""
     from insenv.cli.output import print_json, print_line, print_report
     from insenv.report import document, write_files
 
-    written = None if folder is None else write_files(report, folder, figure, more)
+    written = None if folder is None else write_files(report, folder, figure, more, documents)
     paths = [str(path) for path in written.paths] if written else []
 
     def finish() -> None:
@@ -145,7 +183,9 @@ def _written(
         print_report(report)
         print_line()
         if written:
-            print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
+            base = written.paths[0].parent
+            names = ", ".join(Path(path).relative_to(base).as_posix() for path in paths)
+            print_line(f"written to {base}: {names}")
         else:
             print_line("--out DIR writes the figure and every array of the run")
 

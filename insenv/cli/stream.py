@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from insenv.cli.ending import Ending
+    from insenv.evaluation.limits import Limit
     from insenv.mavlink import Stream
+    from insenv.report import Report
+    from insenv.scenario import Scenario
 
 MOST_LINKS = 4
 """A telemetry log has two bits for the number of a link."""
@@ -40,6 +43,8 @@ def stream(
     system: int,
     show_errors: bool,
     undulation: float,
+    scored: bool,
+    out: Path | None,
     as_json: bool,
 ) -> None:
     """Stream until the duration is over or an end is requested, and print a summary."""
@@ -47,7 +52,10 @@ def stream(
     from insenv.cli.output import print_json
     from insenv.mavlink import Stream, Vehicle
     from insenv.mavlink.messages import parse_rates
+    from insenv.mavlink.score import Score
     from insenv.mavlink.wire import Signing, TlogWriter, open_link
+    from insenv.report import OutputFolder, document, write_files
+    from insenv.runs.scored import report_of
     from insenv.scenario import load
 
     loaded = load(scenario)
@@ -56,6 +64,9 @@ def stream(
     if duration is None and speed == 0.0:
         duration = loaded.duration_s
     addresses = _checked_addresses(to)
+    folder = None if out is None else OutputFolder(out)
+    limit = _limit(loaded, seed, duration) if scored else None
+    report: Report | None = None
     with ending() as request:
         with ExitStack() as stack:
             signing = None if signing_key_file is None else Signing.from_key_file(signing_key_file)
@@ -63,6 +74,7 @@ def stream(
                 loaded, estimator, seed=seed, rates=wanted, speed=speed, system=system, show_errors=show_errors,
                 undulation=undulation,
             )  # fmt: skip
+            vehicle.score = Score(vehicle.view, limit) if scored else None
             links = [
                 stack.enter_context(open_link(address, signing=signing, system=system, number=number))
                 for number, address in enumerate(addresses)
@@ -74,7 +86,23 @@ def stream(
             running.run(duration, watch, request)
             shown = ", ".join(str(link.address) for link in links)
             summary = running.summary() | {"address": shown, "tlog": None if tlog is None else str(tlog)}
-        written(lambda: print_json(summary) if as_json else _print_summary(summary), request)
+            if vehicle.score is not None:
+                report = report_of(vehicle.score)
+                files = write_files(report, folder).paths if folder is not None and report.results else ()
+                summary["score"] = document(report, [str(path) for path in files])
+        written(lambda: print_json(summary) if as_json else _print_summary(summary, report), request)
+
+
+def _limit(scenario: Scenario, seed: int | None, duration_s: float | None) -> Limit | None:
+    """The limit along the scenario, with a progress bar; None if it has none."""
+    from insenv.cli.output import working
+    from insenv.scenario import build, limit_of, no_limit
+
+    plant = build(scenario, seed=seed, duration_s=duration_s)
+    if no_limit(plant):
+        return None
+    with working(f"limit of {scenario.name}") as progress:
+        return limit_of(plant, progress)
 
 
 def _checked_addresses(to: Sequence[str]) -> Sequence[str]:
@@ -159,6 +187,8 @@ def picture(running: Stream, rates: Rates, now: float | None = None, width: int 
     table.add_row("time", f"{simulation.time:.1f} s, {pace}; {simulation.time / max(running.wall_s, 1e-3):.3g} times real time")
     table.add_row("alignment", f"{view.state}{_sigmas(view.tilt_sigma_deg, view.heading_sigma_deg)}; GNSS {gnss}")
     table.add_row("error", ", ".join(f"{name} {value:.3g} {_UNITS[name]}" for name, value in view.errors.items()))
+    for source in vehicle.score.sources.values() if vehicle.score is not None else ():
+        table.add_row(source.name, _scored(source.latest, vehicle.score.limit_at(source.time)))  # type: ignore[union-attr]
     late = running.pacer.lateness
     table.add_row("lateness", f"p50 {late(0.5) * 1e3:.2f} ms, p99 {late(0.99) * 1e3:.2f} ms; {running.cpu_share:.0%} of a core")
     table.add_row("link", f"{', '.join(str(link.address) for link in running.links)}; clients: {shown or 'none yet'}")
@@ -186,14 +216,24 @@ def picture(running: Stream, rates: Rates, now: float | None = None, width: int 
     return Group(table, Text(""), streamed, Text("Ctrl-C ends the stream"))
 
 
+def _scored(errors: dict[str, float], limit: dict[str, float]) -> str:
+    """Errors of the latest estimate of a client, each with the limit."""
+    parts = []
+    for name, error in errors.items():
+        what, _, unit = name.rpartition("_")
+        beside = f" ({limit[name]:.2g})" if name in limit else ""
+        parts.append(f"{what} {error:.3g}{beside} {'m/s' if unit == 'mps' else unit}")
+    return ", ".join(parts)
+
+
 def _sigmas(tilt_deg: float, heading_deg: float) -> str:
     if tilt_deg != tilt_deg:
         return ""
     return f" (1 sigma: tilt {tilt_deg:.3g} deg, heading {heading_deg:.3g} deg)"
 
 
-def _print_summary(summary: dict[str, Any]) -> None:
-    from insenv.cli.output import print_line
+def _print_summary(summary: dict[str, Any], report: Report | None = None) -> None:
+    from insenv.cli.output import print_line, print_report
 
     link, late = summary["link"], summary["lateness_ms"]
     total = sum(summary["sent"].values())
@@ -210,3 +250,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
             print_line(f"{what}: " + ", ".join(f"{name} {count}" for name, count in summary[key].items()))
     if summary["tlog"]:
         print_line(f"written: {summary['tlog']}")
+    if report is not None:
+        print_line()
+        print_report(report)
+        if files := summary["score"].get("files"):
+            print_line(f"written: {', '.join(files)}")

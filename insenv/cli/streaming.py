@@ -72,6 +72,16 @@ def stream(
         Optional[Lockstep],  # noqa: UP045
         typer.Option(help="Advance sample by sample with an autopilot that connects (docs/lockstep.md)."),
     ] = None,
+    score: Annotated[
+        bool,
+        typer.Option("--score", help="Judge the estimates that clients send: ODOMETRY, ATTITUDE and others (docs/score.md)."),
+    ] = False,
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--out", "-o", parser=given_path, metavar="DIR", help="With --score: write the results, as of a run, there."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Stream the simulated vehicle and its estimate live over MAVLink to ground stations and other clients."""
@@ -81,7 +91,12 @@ def stream(
     if lockstep is not None:
         if signing_key_file is not None:
             raise InputError("--lockstep allows no --signing-key-file: autopilots do not sign")
-        for option, given in (("--errors", errors), ("--system", system != 1), ("--undulation", undulation != 0.0)):
+        for option, given in (
+            ("--errors", errors),
+            ("--system", system != 1),
+            ("--undulation", undulation != 0.0),
+            ("--score", score),
+        ):
             if given:
                 raise InputError(f"{option}: not allowed with --lockstep")
         if to and len(to) > 1:
@@ -91,10 +106,12 @@ def stream(
             tlog=tlog, rates=rate or [], as_json=as_json,
         )  # fmt: skip
         return
+    if out is not None and not score:
+        raise InputError("--out: allowed with --score, whose results it takes")
     if not to:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     live.stream(
         scenario, estimator, to=to, seed=seed, speed=1.0 if speed is None else speed, duration_s=duration, tlog=tlog,
         rates=rate or [], signing_key_file=signing_key_file, system=system, show_errors=errors, undulation=undulation,
-        as_json=as_json,
+        scored=score, out=out, as_json=as_json,
     )  # fmt: skip

@@ -7,7 +7,7 @@ east and down of the truth; velocities in m/s.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,17 @@ class Track:
     latitude: Array | None = None
     longitude: Array | None = None
     height: Array | None = None
+
+    def since(self, first: int) -> Track:
+        """The track from row `first` on."""
+        series = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: values[first:] for name, values in series.items() if values is not None})
+
+    def at(self, times: Array) -> dict[str, Array]:
+        """The rows that are known at times (m,) s of the track, by name."""
+        rows = np.searchsorted(self.time, times - 1e-9).clip(0, max(len(self.time) - 1, 0))
+        series = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "time"}
+        return {name: values[rows] for name, values in series.items() if values is not None}
 
     def euler_deg(self) -> Array:
         """Roll, pitch, heading (n, 3), degrees."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError, nearest
-from insenv.logs.columns import FileSection
+from insenv.logs.columns import FileSection, MeasurementSection
 from insenv.logs.description import PositionSection
 from insenv.logs.faults import all_of
 from insenv.logs.joining import join
@@ -19,6 +19,9 @@ from insenv.logs.readers import Column, TextTable, check_finite, column_names, r
 from insenv.logs.recorded import Source
 from insenv.logs.resources import read_bytes
 from insenv.logs.units import ANGLE_UNITS, TIME_UNITS, Array
+
+_NEWEST = -1.0
+"""Smallest age of a measurement on arrival, s: a delay that a receiver underestimates makes it negative."""
 
 
 @dataclass
@@ -65,6 +68,25 @@ class LogReader:
         time = table.column(section.time) * (TIME_UNITS[section.time_unit] * section.time_scale) + section.time_offset_s
         _check_increasing(table, time)
         return self._within(name, table, time)
+
+    def validity(
+        self, section: MeasurementSection, table: TextTable, stamp: Array, oldest: float = 3600.0
+    ) -> tuple[Array, Array | None, Array | None]:
+        """Times of validity (m,) s, arrivals and ages: None of both where the stamps are those of validity.
+
+        oldest: largest age that estimators take, s.  Raises `InputError` for another age.
+        """
+        if section.age is None:
+            return stamp, None, None
+        age = table.column(section.age)
+        bad = np.flatnonzero((age < _NEWEST) | (age > oldest))
+        if bad.size:
+            raise InputError(
+                f"{table.where(bad[0])}, column {section.age!r}: age is {age[bad[0]]:g} s, allowed {_NEWEST:g} to {oldest:g} s"
+            )
+        time = stamp - age
+        _check_increasing(table, time)
+        return time, stamp, age
 
     def _tables(
         self,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
+from insenv.estimators.parts.rows import FIX_INPUTS
 from insenv.instruments import INSTRUMENTS
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
@@ -27,6 +28,9 @@ from insenv.logs.repeats import repeats
 from insenv.logs.sampling import covered_steps, sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
 from insenv.sensors.contract import Place
+
+_LONGEST = 100.0
+"""Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
 
 
 def build(description: LogDescription, folder: Path) -> RecordedLog:
@@ -60,6 +64,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         notes=tuple(reader.notes),
         description=description,
         instruments=readings,
+        unit=None if description.imu.unit is None else description.imu.unit.rows(1.0 / float(np.median(imu.dt))),
         told=told_of(description, gnss, readings),
     )
 
@@ -72,6 +77,8 @@ def told_of(description: LogDescription, gnss: GnssFixes | None, readings: Seque
     elif initial.latitude_deg is not None and initial.longitude_deg is not None:
         place = Place(math.radians(initial.latitude_deg), math.radians(initial.longitude_deg), initial.height_m or 0.0)
     rows: dict[str, Any] = {}
+    if gnss is not None and description.gnss is not None:
+        rows |= description.gnss.told()
     for each in readings:
         rows |= instruments.told(each.id, getattr(description, each.id), place)
     return rows
@@ -91,24 +98,40 @@ def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixe
 
 def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     expected = kf_gins.IMU_FIELDS if section.format == "kf-gins" else None
-    columns = (*section.gyro, *section.accel)
+    columns = (*section.gyro, *section.accel, *(() if section.interval is None else (section.interval,)))
     table, stamps = reader.read("imu", section, columns, expected, between=section.kind == "rate")
     sampled = sampling(stamps, section.rate_hz)
     reader.notes += sampled.notes
     gyro = table.columns(section.gyro) @ section.gyro_matrix().T
     accel = table.columns(section.accel) @ section.accel_matrix().T
     samples = np.hstack([gyro, accel])
-    covered = None
-    if section.kind == "increment":
+    covered, lengths = None, None if section.interval is None else _intervals(section, table, stamps)
+    if section.kind == "increment" and lengths is None:
         covered = covered_steps(stamps, accel, sampled, section.stamp)
         if covered.any():
             reader.notes.append(
                 f"imu: {np.count_nonzero(covered)} increments are those of several samples by their size: each covers the time"
                 " since the one before"
             )
-    found = increments(stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered)
+    found = increments(
+        stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths
+    )
     reader.notes += implausible(found)
     return found
+
+
+def _intervals(section: ImuSection, table: TextTable, stamps: Array) -> Array:
+    """Lengths (m,) s of the sample intervals as the log states them.  Raises `InputError` for one that no sample has."""
+    assert section.interval is not None
+    lengths = table.column(section.interval)
+    usual = float(np.median(np.diff(stamps)))
+    bad = np.flatnonzero((lengths <= 0.0) | (lengths > _LONGEST * usual))
+    if bad.size:
+        raise InputError(
+            f"{table.where(bad[0])}, column {section.interval!r}: interval is {lengths[bad[0]]:g} s, allowed is above 0"
+            f" up to {_LONGEST:g} times the median step of the time stamps, {usual:g} s"
+        )
+    return lengths
 
 
 def _velocity(section: PositionSection, table: TextTable) -> Array | None:
@@ -127,7 +150,7 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
         variants = dict.fromkeys(kf_gins.GNSS_VELOCITY_FIELDS, further)
     wanted = [section.latitude, section.longitude, section.height]
     wanted += [c for group in (section.position_sigma, section.velocity, section.velocity_sigma) if group for c in group]
-    wanted += [c for c in (section.speed, section.course, section.speed_sigma) if c is not None]
+    wanted += [c for c in (section.speed, section.course, section.speed_sigma, section.age) if c is not None]
     course = () if section.course is None else (section.course,)
     table, time = reader.read("gnss", section, wanted, expected, variants, optional=course)
     if table.fields in variants:
@@ -145,9 +168,10 @@ def _gnss(section: GnssSection, reader: LogReader) -> GnssFixes:
     height = table.column(section.height) + section.height_offset_m
     position_sigma = faults.attempt(lambda: _sigma(table, section.position_sigma, section.position_sigma_m, "m"))
     motion = faults.attempt(lambda: _motion(section, table))
+    delivery = faults.attempt(lambda: reader.validity(section, table, time, FIX_INPUTS["gnss_age"].upper))
     faults.check()
-    assert place is not None and position_sigma is not None and motion is not None
-    return GnssFixes(time, place[0], wrap(place[1]), height, position_sigma, *motion)
+    assert place is not None and position_sigma is not None and motion is not None and delivery is not None
+    return GnssFixes(delivery[0], place[0], wrap(place[1]), height, position_sigma, *motion, *delivery[1:])
 
 
 def _motion(section: GnssSection, table: TextTable) -> tuple[Array | None, Array | None]:

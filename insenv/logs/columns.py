@@ -59,3 +59,12 @@ class FileSection(Section):
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] = key("s", "unit of the time column")
     time_scale: Positive = key(1.0, "further factor on the time, for a clock that runs fast or slow")
     time_offset_s: Number = key(0.0, "added to the time after unit and scale; all tables must share one clock", "s")
+
+
+class MeasurementSection(FileSection):
+    """The files of measurements that arrive some time after they were made."""
+
+    age: Column | None = key(
+        None,
+        "column of the time from the measurement to its stamp [s], where stamps are of arrival; absent: stamps are of validity",
+    )

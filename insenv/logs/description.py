@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import AfterValidator, ValidationInfo, field_validator, model_validator
 
 from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, key
+from insenv.files.values import NotNegative as PerAxis
 from insenv.logs import kf_gins
-from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, Sigma3
+from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
 from insenv.logs.instrument_sections import (
     BarometerSection,
     DvlSection,
@@ -18,6 +19,7 @@ from insenv.logs.instrument_sections import (
     OdometerSection,
 )
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
+from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors import imu_grade
 
 
@@ -71,6 +73,12 @@ class ImuSection(FileSection):
         "grade of the catalogue (docs/sensors.md) for which estimators are tuned and state their accuracy; [estimator.ID] "
         "overrides single parameters",
     )
+    unit: UnitSection | None = key(
+        None, "data sheet of the unit, with the keys of a scenario's [imu], for one that is not in the catalogue"
+    )
+    interval: Column | None = key(
+        None, "column of the length of the interval that each sample covers [s]; absent: from the time stamps"
+    )
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
     )
@@ -97,6 +105,20 @@ class ImuSection(FileSection):
             allowed = (GYRO_UNITS if info.field_name == "gyro_unit" else ACCEL_UNITS)[kind]
             if value not in allowed:
                 raise ValueError(f"does not go with kind = {kind!r}: allowed {', '.join(allowed)}")
+        return value
+
+    @field_validator("unit")
+    @classmethod
+    def _one_sheet(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is not None and info.data.get("grade"):
+            raise ValueError("give either grade (of [imu]) or the section imu.unit, which may have a grade itself")
+        return value
+
+    @field_validator("interval")
+    @classmethod
+    def _mean_over_interval(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is not None and info.data.get("stamp") == "instant":
+            raise ValueError("does not go with stamp = 'instant': such a sample covers no interval")
         return value
 
     @field_validator("stamp")
@@ -131,7 +153,7 @@ class PositionSection(FileSection):
     velocity_vertical: Literal["down", "up"] = key("down", "positive direction of the third velocity column")
 
 
-class GnssSection(PositionSection):
+class GnssSection(PositionSection, MeasurementSection):
     """Position fixes of the antenna, each at its time of validity."""
 
     latitude: Column = key(..., "column of the geodetic latitude (WGS-84)")
@@ -155,6 +177,15 @@ class GnssSection(PositionSection):
     speed_sigma: Column | None = key(None, "column of the standard deviation of the speed [m/s]")
     speed_sigma_mps: Positive | None = key(None, "constant standard deviation of the speed", "m/s", validate_default=True)
     lever_arm_m: Vector3 = key(..., "from the IMU to the antenna: forward, right, down", "m")
+    lever_arm_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "error of that lever arm, 1 sigma of each axis", "m")
+    delay_sigma_s: Number = key(0.0, "error of the time of validity, 1 sigma", "s", ge=0, le=3600)
+    wander_sigma_m: PerAxis = key((0.0, 0.0, 0.0), "part of the position error that changes slowly, 1 sigma, N, E, D", "m")
+    wander_time_s: Positive = key(60.0, "correlation time of that part", "s", le=1e9)
+
+    def told(self) -> dict[str, Any]:
+        """What estimators are told of the receiver beside the fields of `Knowledge`: rows of `insenv.instruments.GNSS_TOLD`."""
+        rows = {"antenna_lever_arm_sigma": np.array(self.lever_arm_sigma_m), "gnss_delay_sigma": self.delay_sigma_s}
+        return {name: value for name, value in rows.items() if np.asarray(value).any()}
 
     @model_validator(mode="before")
     @classmethod
@@ -242,7 +273,7 @@ class InitialSection(Section):
     longitude_deg: Number | None = key(None, "initial longitude", "deg", ge=-360, le=360)
     height_m: Number | None = key(None, "initial height above the ellipsoid", "m")
     velocity_mps: Vector3 | None = key(None, "initial velocity north, east, down", "m/s")
-    roll_deg: Number | None = key(None, "initial roll", "deg", ge=-180, le=180)
+    roll_deg: Number | None = key(None, "initial roll", "deg", ge=-360, le=360)
     pitch_deg: Number | None = key(None, "initial pitch", "deg", ge=-90, le=90)
     heading_deg: Number | None = key(None, "initial heading, clockwise from north", "deg", ge=-360, le=360)
     position_sigma_m: Sigma3 | None = key(None, "standard deviations N, E, D of the initial position", "m")
@@ -284,6 +315,12 @@ class AnyLog(Section):
     licence: str = key("", "its licence, or that none is stated")
     start_s: Number | None = key(None, "use the log from this time on (its own clock)", "s")
     stop_s: Number | None = key(None, "use the log until this time", "s")
+    vehicle_kind: str = key(
+        "", 'kind of the vehicle, as in a scenario ("car", "ship"), by which estimators choose what aids them'
+    )
+    in_place: bool | None = key(
+        None, "whether the vehicle stays where it is, within metres; absent: unknown, unless the log shows travel", strict=True
+    )
     initial: InitialSection = key(InitialSection(), "initial conditions")
     evaluation: EvaluationSection = key(EvaluationSection(), "part of the log that is evaluated")
     estimator: dict[str, dict[str, Parameter]] = key(

@@ -63,6 +63,7 @@ def increments(
     max_gap_s: float,
     label: str = "imu",
     covered: np.ndarray | None = None,
+    lengths: Array | None = None,
 ) -> InertialSamples:
     """Bridge the gaps and integrate rates over the sample intervals.
 
@@ -70,12 +71,15 @@ def increments(
 
     stamps (m,) s, strictly increasing; samples (m, 6): gyro and accelerometer in SI and body FRD; sampled: how; kind, stamp,
     max_gap_s: see the keys of a log's [imu]; label: the unit, in messages; covered (m - 1,): long steps that increments cover
-    (`covered_steps`). Raises InputError for a longer gap.
+    (`covered_steps`); lengths (m,) s: of the sample intervals, where the log states them. Raises InputError for a longer gap.
     """
     is_rate, interval = kind == "rate", sampled.interval
     rates, unequal = samples, not is_rate and (sampled.gap_s is not None or (covered is not None and bool(covered.any())))
     if not is_rate:
-        rates = samples / (_lengths(stamps, interval, stamp, sampled, covered)[:, None] if unequal else interval)
+        if lengths is not None:
+            unequal, rates = False, samples / lengths[:, None]
+        else:
+            rates = samples / (_lengths(stamps, interval, stamp, sampled, covered)[:, None] if unequal else interval)
     result = bridge(stamps, rates, sampled, max_gap_s, label, covered)
     if stamp == "interval_end":
         end, dt = result.time, np.diff(result.time, prepend=result.time[0] - interval)
@@ -85,6 +89,8 @@ def increments(
     else:
         end, dt = result.time[1:], np.diff(result.time)
     bridged = ~result.original
+    if lengths is not None:
+        dt[result.original] = lengths
     if stamp == "instant":
         integrals = 0.5 * (result.rates[1:] + result.rates[:-1]) * dt[:, None]
         bridged = bridged[1:]

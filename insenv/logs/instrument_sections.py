@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ValidationInfo, field_validator
 
 from insenv.files.toml import Number, Positive, Vector3, key
-from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection
+from insenv.logs.columns import AngleUnit, Column, Columns3, MeasurementSection
 from insenv.logs.units import axes_matrix
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 
@@ -21,14 +21,14 @@ Axes = Annotated[Any, AfterValidator(_check_axes)]
 _AXES = 'axes of the columns: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs'
 
 
-class BarometerSection(FileSection, barometer.BarometerFigures):
+class BarometerSection(MeasurementSection, barometer.BarometerFigures):
     """The barometer: heights, and its errors."""
 
     height: Column = key(..., "column of the height by the air pressure [m], up positive")
     height_offset_m: Number = key(0.0, "added to the height: the geoid undulation for heights above mean sea level", "m")
 
 
-class MagnetometerSection(FileSection, magnetometer.MagnetometerFigures):
+class MagnetometerSection(MeasurementSection, magnetometer.MagnetometerFigures):
     """The magnetometer: the field in three axes, its errors, and the field of the Earth."""
 
     field: Columns3 = key(..., "columns of the field's x, y, z")
@@ -40,7 +40,7 @@ class MagnetometerSection(FileSection, magnetometer.MagnetometerFigures):
     )
 
 
-class OdometerSection(FileSection, odometer.OdometerFigures):
+class OdometerSection(MeasurementSection, odometer.OdometerFigures):
     """The odometer: speeds, and its errors."""
 
     speed: Column = key(..., "column of the speed, forward positive")
@@ -49,7 +49,7 @@ class OdometerSection(FileSection, odometer.OdometerFigures):
     mounting_deg: Vector3 = key((0.0, 0.0, 0.0), "nominal rotation from body to odometer axes, as a rotation vector", "deg")
 
 
-class DvlSection(FileSection, dvl.DvlFigures):
+class DvlSection(MeasurementSection, dvl.DvlFigures):
     """The Doppler velocity log: velocities in three axes, and its errors."""
 
     velocity: Columns3 = key(..., "columns of the velocity's x, y, z [m/s]")
@@ -58,7 +58,7 @@ class DvlSection(FileSection, dvl.DvlFigures):
     water_track: bool = key(False, "whether the velocity is that through the water", strict=True)
 
 
-class HeadingSection(FileSection, heading.HeadingFigures):
+class HeadingSection(MeasurementSection, heading.HeadingFigures):
     """The two-antenna heading: azimuths of the baseline, and its errors."""
 
     azimuth: Column = key(..., "column of the azimuth of the baseline, clockwise from north")
@@ -67,6 +67,7 @@ class HeadingSection(FileSection, heading.HeadingFigures):
     azimuth_sigma_deg: Positive | None = key(
         None, "constant standard deviation, where the log has none", "deg", validate_default=True
     )
+    baseline: Columns3 | None = key(None, "columns of the measured baseline north, east, down [m]; absent: the azimuth alone")
     baseline_m: Vector3 = key(..., "from the first to the second antenna: forward, right, down", "m")
 
     @field_validator("azimuth_sigma_deg")
@@ -77,7 +78,7 @@ class HeadingSection(FileSection, heading.HeadingFigures):
         return value
 
 
-SECTIONS: dict[str, type[FileSection]] = {
+SECTIONS: dict[str, type[MeasurementSection]] = {
     "barometer": BarometerSection,
     "magnetometer": MagnetometerSection,
     "odometer": OdometerSection,

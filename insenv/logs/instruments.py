@@ -10,8 +10,9 @@ import numpy as np
 from insenv.errors import InputError
 from insenv.instruments import INSTRUMENTS
 from insenv.logs.assemble import LogReader
-from insenv.logs.readings import Readings
-from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, axes_matrix
+from insenv.logs.readers import TextTable
+from insenv.logs.readings import Readings, delivered
+from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, axes_matrix, wrap
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 from insenv.sensors.contract import Place
 from insenv.sensors.figures import FiguresSection
@@ -34,21 +35,36 @@ EQUATIONS: Mapping[str, Sampled] = {
 
 def read(id: str, section: Any, reader: LogReader) -> Readings:
     """The readings of a section.  Raises `InputError` for wrong columns or values."""
+    columns = [column for column in _columns(id, section) if column is not None]
+    table, stamp = reader.read(id, section, [*columns, *([] if section.age is None else [section.age])])
+    time, arrival, age = reader.validity(section, table, stamp)
+    values, rows = _values(id, section, table)
+    return Readings(id, id, time, values, rows, arrival, age)
+
+
+def _columns(id: str, section: Any) -> tuple[Any, ...]:
+    """The columns of the measured values, None for those that the section does not name."""
     if id == "barometer":
-        table, time = reader.read(id, section, [section.height])
-        return Readings(id, id, time, table.columns([section.height]) + section.height_offset_m, ("barometer_height",))
-    if id == "magnetometer":
-        table, time = reader.read(id, section, section.field)
-        field = table.columns(section.field) @ axes_matrix(section.axes).T * FIELD_UNITS[section.field_unit]
-        return Readings(id, id, time, field, ("magnetometer_field_b",))
+        return (section.height,)
     if id == "odometer":
-        table, time = reader.read(id, section, [section.speed])
-        return Readings(id, id, time, table.columns([section.speed]) * SPEED_UNITS[section.speed_unit], ("odometer_speed",))
+        return (section.speed,)
+    if id == "heading":
+        return (section.azimuth, section.azimuth_sigma, *(section.baseline or ()))
+    return tuple(section.field if id == "magnetometer" else section.velocity)
+
+
+def _values(id: str, section: Any, table: TextTable) -> tuple[Array, tuple[str, ...]]:
+    """The measured values (m, k) in SI and b or n, and the rows that they are.  Raises `InputError` for wrong values."""
+    if id == "barometer":
+        return table.columns([section.height]) + section.height_offset_m, ("barometer_height",)
+    if id == "magnetometer":
+        field = table.columns(section.field) @ axes_matrix(section.axes).T * FIELD_UNITS[section.field_unit]
+        return field, ("magnetometer_field_b",)
+    if id == "odometer":
+        return table.columns([section.speed]) * SPEED_UNITS[section.speed_unit], ("odometer_speed",)
     if id == "dvl":
-        table, time = reader.read(id, section, section.velocity)
-        return Readings(id, id, time, table.columns(section.velocity) @ axes_matrix(section.axes).T, ("dvl_velocity_b",))
+        return table.columns(section.velocity) @ axes_matrix(section.axes).T, ("dvl_velocity_b",)
     wanted = [section.azimuth] if section.azimuth_sigma is None else [section.azimuth, section.azimuth_sigma]
-    table, time = reader.read(id, section, wanted)
     angles = table.columns(wanted) * ANGLE_UNITS[section.azimuth_unit]
     if section.azimuth_sigma is None:
         angles = np.column_stack([angles, np.full(len(angles), np.radians(section.azimuth_sigma_deg))])
@@ -57,8 +73,11 @@ def read(id: str, section: Any, reader: LogReader) -> Readings:
         raise InputError(
             f"{table.where(bad[0])}: standard deviation of the azimuth is {angles[bad[0], 1]:g} rad, must be above 0"
         )
-    angles[:, 0] = np.arctan2(np.sin(angles[:, 0]), np.cos(angles[:, 0]))
-    return Readings(id, id, time, angles, ("heading_azimuth", "heading_azimuth_sigma"))
+    angles[:, 0] = wrap(angles[:, 0])
+    if section.baseline is None:
+        return angles, ("heading_azimuth", "heading_azimuth_sigma")
+    values = np.hstack([angles, table.columns(section.baseline)])
+    return values, ("heading_azimuth", "heading_azimuth_sigma", "heading_baseline_n")
 
 
 def told(id: str, section: FiguresSection | None, place: Place | None) -> dict[str, Any]:
@@ -99,17 +118,13 @@ def _default(id: str) -> FiguresSection:
 def sample_columns(readings: Sequence[Readings], end: Array, dt: Array) -> dict[str, Array]:
     """Columns of the estimators' inputs for samples that end at `end` (n,) s and are `dt` (n,) s long.
 
-    A measurement belongs to the first sample that ends at or after its time; its age is the difference.  Of several in one
-    sample the last counts.
+    Which measurement belongs to which sample: see `insenv.logs.readings.delivered`.
     """
     columns: dict[str, Array] = {}
     for each in readings:
         given = INSTRUMENTS[each.id]
-        inside = np.flatnonzero((each.time > end[0] - dt[0]) & (each.time <= end[-1]))
-        sample = np.searchsorted(end, each.time[inside], side="left")
-        last = np.append(np.diff(sample) > 0, True)[: len(inside)]
-        chosen, sample = inside[last], sample[last]
-        rows = {given.new: np.ones(len(chosen)), given.age: end[sample] - each.time[chosen]}
+        chosen, sample, age = delivered(each.time, each.arrival, each.age, end, dt)
+        rows = {given.new: np.ones(len(chosen)), given.age: age}
         rows |= {name: values[chosen] for name, values in each.columns().items()}
         for name, values in rows.items():
             start = given.measurement[name].flat_start().reshape(given.measurement[name].shape)

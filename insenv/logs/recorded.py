@@ -46,13 +46,16 @@ class Positions:
 class GnssFixes(Positions):
     """Fixes of the antenna at their times of validity.
 
-    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated. Raises
+    position_sigma (m, 3) m, N E D; velocity_n (m, 3) m/s and velocity_sigma (m, 3) m/s, or None. NaN: not stated.
+    arrival, age (m,) s: when each fix arrived, and its age then; None: at its time of validity. Raises
     `InputError` for a standard deviation that no estimator takes: with 0 a fix would be exact.
     """
 
     position_sigma: Array
     velocity_n: Array | None = None
     velocity_sigma: Array | None = None
+    arrival: Array | None = None
+    age: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("position_sigma", "velocity_sigma"):
@@ -137,6 +140,13 @@ class RecordedLog(InertialSamples):
         """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""
         rows = self._unit_rows
         return {"rotation_error": motion_error(rows, "gyro"), "thrust_error": motion_error(rows, "accel")}
+
+    def fix_wander(self) -> dict[str, Any]:
+        """The slowly changing error of the fixes that the description states, as the fields of `Knowledge`."""
+        section = self.description.gnss
+        if self.gnss is None or section is None:
+            return {}
+        return {"fix_wander_sigma": np.array(section.wander_sigma_m), "fix_wander_time": section.wander_time_s}
 
     @property
     def _unit_rows(self) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import importlib.resources
 import io
+import tarfile
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
@@ -21,8 +22,8 @@ def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
     """Read one file of a log.
 
     file: a path, relative to `folder` (that of the description) unless absolute, or ``package:NAME/path/inside/the/package``.
-    Files that end in .gz or .zip are unpacked (a zip must hold one file). Returns (name for messages, bytes).
-    Raises InputError: not found, unreadable, empty, package not installed.
+    Files that end in .gz or .zip are unpacked (a zip must hold one file); of the folder of a ROS 2 bag a tar archive is made.
+    Returns (name for messages, bytes). Raises InputError: not found, unreadable, empty, package not installed.
     """
     if file.startswith(PACKAGE):
         label, raw = file, _from_package(file)
@@ -37,12 +38,27 @@ def read_bytes(file: str, folder: Path) -> tuple[str, bytes]:
 
 
 def _from_path(path: Path) -> bytes:
+    if (path / "metadata.yaml").is_file():
+        return _folder(path)
     try:
         return path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: file not found") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def _folder(path: Path) -> bytes:
+    """A tar archive of a folder, without times and owners: the same for the same files."""
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+        for file in sorted(path.iterdir()):
+            if file.is_file():
+                entry = tarfile.TarInfo(file.name)
+                entry.size = file.stat().st_size
+                with file.open("rb") as content:
+                    archive.addfile(entry, content)
+    return stream.getvalue()
 
 
 def _from_package(file: str) -> bytes:

@@ -102,5 +102,6 @@ def _from_rows(rows: Sequence[Sequence[float]]) -> Array:
 
 
 def wrap(angle: Array) -> Array:
-    """Angles [rad] wrapped into [-pi, pi); any shape."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+    """Angles [rad] wrapped into [-pi, pi); any shape.  Angles within are returned to the bit."""
+    inside = (angle >= -math.pi) & (angle < math.pi)
+    return np.where(inside, angle, (angle + math.pi) % (2.0 * math.pi) - math.pi)

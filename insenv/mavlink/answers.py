@@ -14,6 +14,7 @@ from insenv.mavlink.filetransfer import replies
 from insenv.mavlink.messages.fields import Message
 from insenv.mavlink.messages.schedule import STREAMS
 from insenv.mavlink.parameters import NEXT_ALIGNMENT, REAL32
+from insenv.mavlink.received import READERS
 from insenv.mavlink.vehicle import Vehicle
 from insenv.mavlink.wire.frames import dialect
 
@@ -202,6 +203,17 @@ def _timesync(vehicle: Vehicle, message: Message) -> Answers:
     return [vehicle.view.fields.message("TIMESYNC", round(vehicle.simulation.time * 1e9), message.ts1)]
 
 
+def _scored(vehicle: Vehicle, message: Message) -> Answers:
+    """The errors of an estimate; the first refusal of a kind is announced to all."""
+    if vehicle.score is None:
+        return ()
+    before = len(vehicle.score.refused)
+    found = vehicle.score.take(message)
+    if len(vehicle.score.refused) > before:
+        vehicle.announce(list(vehicle.score.refused)[-1], "warning")
+    return found
+
+
 def _ping(vehicle: Vehicle, message: Message) -> Answers:
     if message.target_system != 0:
         return ()
@@ -228,5 +240,6 @@ HANDLERS: dict[str, Callable[[Vehicle, Message], Answers]] = {
     "SET_MODE": _set_mode,
     "TIMESYNC": _timesync,
     "PING": _ping,
+    **dict.fromkeys(READERS, _scored),
 }
 """By name of the message."""

@@ -58,6 +58,7 @@ class Simulation:
     velocities (m/s) that the estimator received.  bridged: number of lost samples; lost_in_a_row: consecutive ones up to
     the latest.  health: of the estimator since the alignment began, or None if it does not report it.  reported_heading_sigma:
     standard deviation (rad) of the heading from which the alignment began, 0 if the estimator takes none.
+    changed: whether commands or parameters have made the drive another one than the scenario's.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ class Simulation:
         self._from = np.concatenate([np.zeros(0, int), *(np.r_[outputs.slice(n)] for n in fed)]).astype(int)
         self._valid = inputs.slice("gnss_valid") if "gnss_valid" in inputs else None
         self._commands = self.plant.model.inputs.start_vector() if self.plant.model.inputs.rows else None
-        self._commanded = False
+        self._commanded = self.changed = False
 
     @property
     def time(self) -> float:
@@ -258,7 +259,7 @@ class Simulation:
             value = values.get(name, float(self._plant.x[state.slice(f"commanded_{name}")][0]))
             self._commands[inputs.slice(row.name)] = min(max(value, row.lower), row.upper)
         self._commands[inputs.slice("command_valid")] = 1.0
-        self._commanded = True
+        self._commanded = self.changed = True
 
     def state(self, name: str) -> float | None:
         """A scalar of the plant's state by row name; None if the plant has no such row."""
@@ -277,6 +278,7 @@ class Simulation:
     def set_plant_parameter(self, place: int, value: float) -> None:
         """Set element `place` of the plant's parameters, from the next sample on."""
         self._plant.p[place] = value
+        self.changed = True
 
     def estimator_parameter(self, place: int) -> float:
         """Element `place` of the estimator's parameters."""

@@ -15,6 +15,7 @@ from insenv.mavlink.messages.status import error_messages
 from insenv.mavlink.messages.view import MANUAL, MILLI_G, MM_S2
 from insenv.mavlink.metadata import GENERAL, checksum, metadata
 from insenv.mavlink.parameters import NEVER, NOW, Parameter, Parameters
+from insenv.mavlink.score import Score
 from insenv.mavlink.simulation import Simulation
 from insenv.mavlink.surroundings import Surroundings
 from insenv.scenario import Scenario
@@ -41,6 +42,7 @@ class Vehicle:
     the ellipsoid (m), the same everywhere.
     Raises `InputError` for an estimator, rate, speed, sender, unit or undulation that is not allowed.
 
+    score: judges the estimates that clients send, or None: they are ignored.
     files: what clients can read by FTP, by name: names, units and ranges of the parameters.
     """
 
@@ -76,6 +78,7 @@ class Vehicle:
         self.schedule = Schedule(scenario.rate_hz, rates)
         self.speed = checked_speed(speed)
         self.paused, self.show_errors = False, show_errors
+        self.score: Score | None = None
         commands = self.simulation.commands
         self.sticks = Sticks(stick for stick in self.view.traits.sticks if stick.command in commands)
         self.parameters = Parameters(list(self._own_parameters()), self.simulation)
@@ -95,6 +98,8 @@ class Vehicle:
         """Advance by one inertial sample, and return the messages that are due."""
         self._release_lost_control()
         self.simulation.advance()
+        if self.score is not None:
+            self.score.follow()
         sample = self.simulation.samples
         messages = []
         for name in self.schedule.due(sample):

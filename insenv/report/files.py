@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -42,7 +42,7 @@ def no_matplotlib() -> str:
 
 @dataclass(frozen=True)
 class FilesWritten:
-    """paths: the files written, in the order npz, json, html, png, svg. note: what was omitted and why, or empty."""
+    """paths: the files written: npz, json, html, png, svg, then further ones. note: what was omitted and why, or empty."""
 
     paths: tuple[Path, ...]
     note: str = ""
@@ -68,23 +68,38 @@ class OutputFolder:
 
     @contextmanager
     def staged(self) -> Iterator[Callable[[str], Path]]:
-        """Write all files of the block or none; see `insenv.files.output.staged`. Raises `InsenvError` if writing fails."""
+        """Write all files of the block or none; see `insenv.files.output.staged`. Raises `InsenvError` if writing fails.
+
+        A name may have folders in it, which are made.
+        """
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            with staged(self.path) as part:
+            with ExitStack() as stack:
+                parts: dict[Path, Callable[[str], Path]] = {}
+
+                def part(name: str) -> Path:
+                    inner = Path(name).parent
+                    if inner not in parts:
+                        (self.path / inner).mkdir(parents=True, exist_ok=True)
+                        parts[inner] = stack.enter_context(staged(self.path / inner))
+                    return parts[inner](Path(name).name)
+
+                self.path.mkdir(parents=True, exist_ok=True)
                 yield part
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
 
 def write_files(
-    report: RunData, folder: OutputFolder, figure: bool = True, documents: Mapping[str, Any] | None = None
+    report: RunData,
+    folder: OutputFolder,
+    figure: bool = True,
+    more: Mapping[str, str | bytes] | None = None,
+    documents: Mapping[str, Any] | None = None,
 ) -> FilesWritten:
     """Write NAME.npz and NAME.json; if `figure`, the page NAME.html, and, with matplotlib, NAME.png and NAME.svg.
 
-    NAME is the scenario's.  documents: further ones of the page by kind, such as "live".
-
-    Raises `InsenvError` if that fails; then none of them is written.
+    NAME is the scenario's.  more: contents of further files by name.  documents: further ones of the page by kind, such as
+    "live".  Raises `InsenvError` if that fails; then none of them is written.
     """
     name = file_name(report.scenario)
     note = ""
@@ -92,7 +107,7 @@ def write_files(
         note = NOTHING_TO_DRAW if not drawable(report) else no_matplotlib() if not find_spec("matplotlib") else ""
     drawn = figure and not note
     kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
-    names = [f"{name}.{kind}" for kind in kinds]
+    names = [*(f"{name}.{kind}" for kind in kinds), *(more or {})]
     paths = tuple(folder.path / n for n in names)
     arrays, described = collect(report)
     meta = {
@@ -111,7 +126,14 @@ def write_files(
             part(f"{name}.html").write_text(run_page(report, documents), encoding="utf-8", newline="\n")
         if drawn:
             save(draw(report), {kind: part(f"{name}.{kind}") for kind in ("png", "svg")})
+        write_contents(more or {}, part)
     return FilesWritten(paths, note)
+
+
+def write_contents(contents: Mapping[str, str | bytes], part: Callable[[str], Path]) -> None:
+    """Write texts and bytes by name through `part`, the function that `OutputFolder.staged` gives."""
+    for name, content in contents.items():
+        part(name).write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def file_name(scenario: str) -> str:

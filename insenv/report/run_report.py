@@ -38,9 +38,9 @@ class Report(RunData):
     def to_dataframe(self, estimator: str | None = None) -> DataFrame:
         """One estimator's result as a pandas DataFrame, indexed by time (s).
 
-        Columns: ``error_CHANNEL``, ``sigma_CHANNEL``, ``limit_CHANNEL`` and the estimator's outputs by row name (``NAME_0``,
-        ``NAME_1``, ... for vectors). estimator: may be None if the run has only one. Raises `InputError` for an unknown
-        estimator, `InsenvError` if pandas is missing.
+        Columns: ``error_CHANNEL``, ``sigma_CHANNEL``, ``limit_CHANNEL``, the truth as ``truth_ROW``, and the estimator's
+        outputs by row name (``NAME_0``, ``NAME_1``, ... for vectors). estimator: may be None if the run has only one.
+        Raises `InputError` for an unknown estimator, `InsenvError` if pandas is missing.
         """
         results = {result.estimator: result for result in self.results}
         if estimator is None and len(results) != 1:
@@ -51,7 +51,8 @@ class Report(RunData):
         columns = {f"error_{name}": values for name, values in result.errors.items()}
         columns |= {f"sigma_{name}": values for name, values in result.sigma.items()}
         columns |= {f"limit_{name}": values for name, values in result.limit_sigma.items()}
-        return data_frame(result.time, {**columns, **result.outputs})
+        truth = {f"truth_{name}": values for name, values in self.truth.at(result.time).items()}
+        return data_frame(result.time, {**columns, **truth, **result.outputs})
 
     def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
         """Write every array, the summary and, if `figure`, the page and (with matplotlib) the figure, as ``--out`` does.

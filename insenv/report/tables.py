@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
@@ -111,8 +112,10 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
     line = Text(result.estimator, "bold")
     shown = [name for name in CHANNELS if name in result.errors]
     start = "over the whole run" if result.from_s <= 0 else f"from {result.from_s:g} s on"
-    statistics_of = f"statistics {start}, " if shown else ""
-    line.append(f"   {statistics_of}{number(result.us_per_sample)} us a sample", "not bold")
+    # no time is known of an estimate that came from outside
+    facts_of = [f"statistics {start}"] if shown else []
+    facts_of += [f"{number(result.us_per_sample)} us a sample"] if isfinite(result.us_per_sample) else []
+    line.append(f"   {', '.join(facts_of)}", "not bold")
     yield line
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     if shown:

@@ -32,6 +32,11 @@ class Follower:
     outputs: list[Array] = field(default_factory=list)
     seconds: float = 0.0
 
+    @property
+    def first(self) -> int:
+        """Number of records before the first estimate: an estimator has one after every sample."""
+        return 0
+
     @classmethod
     def started(cls, estimator: Estimator, parameters: Mapping[str, Any], every: int) -> Follower:
         """The estimator started with `parameters` (SI, by row name); its outputs are recorded every `every` samples."""

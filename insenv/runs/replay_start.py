@@ -19,13 +19,14 @@ from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import RecordedLog
 from insenv.logs.description import InitialSection
+from insenv.logs.motion import travel
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
 from insenv.runs.rest import RestStart, gyrocompass_sigma, rest_of, start_at_rest
 
 Array = NDArray[np.float64]
 
-STARTS = ("coarse", "reference")
-"""Sources of the initial state of navigation: the log alone, or the reference solution."""
+STARTS = ("coarse", "reference", "stated")
+"""Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
@@ -47,6 +48,22 @@ def start_time(log: RecordedLog, start: str) -> float:
     return max(first, float(log.reference.time[0]))
 
 
+_STATE = (
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "velocity_mps",
+    "roll_deg",
+    "pitch_deg",
+    "heading_deg",
+    "position_sigma_m",
+    "velocity_sigma_mps",
+    "tilt_sigma_deg",
+    "heading_sigma_deg",
+)
+"""Keys of [initial] that a start "stated" needs."""
+
+
 @dataclass(frozen=True)
 class Start:
     """What is known where a replay starts, and sentences about it."""
@@ -60,6 +77,8 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
 
     Raises `InputError` if the log lacks what it needs, also if the vehicle is too slow to find the heading.
     """
+    if start == "stated":
+        return Start(_as_stated(log))
     if start == "reference":
         return Start(_from_reference(log, first))
     return _from_log(log, first) if estimator.navigates else Start(_place(log))
@@ -98,6 +117,36 @@ def _place(log: RecordedLog) -> Knowledge:
     )
 
 
+def _as_stated(log: RecordedLog) -> Knowledge:
+    """The state that [initial] gives, with its standard deviations.  Raises `InputError` if one is missing."""
+    initial = log.description.initial
+    missing = [name for name in _STATE if getattr(initial, name) is None]
+    if missing:
+        raise InputError(f"start 'stated': [initial] lacks {', '.join(missing)}")
+    given: Any = initial
+    span = float(log.imu_time[0]), float(log.imu_time[-1])
+    in_place = travel(log, *span) is None and (log.description.in_place or False)
+    return Knowledge(
+        latitude=float(np.radians(given.latitude_deg)),
+        longitude=float(np.radians(given.longitude_deg)),
+        height=given.height_m,
+        sample_interval=float(np.median(log.dt)),
+        velocity_n=np.array(given.velocity_mps),
+        roll=float(np.radians(given.roll_deg)),
+        pitch=float(np.radians(given.pitch_deg)),
+        heading=float(np.radians(given.heading_deg)),
+        position_sigma=np.array(given.position_sigma_m),
+        velocity_sigma=np.array(given.velocity_sigma_mps),
+        tilt_sigma=float(np.radians(given.tilt_sigma_deg)),
+        heading_sigma=float(np.radians(given.heading_sigma_deg)),
+        **log.motion_errors(),
+        **log.fix_wander(),
+        antenna_lever_arm=log.lever_arm_b,
+        instruments=log.told,
+        sensors=log.sensors(in_place=in_place),
+    )
+
+
 def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     """State of the reference solution where sample `first` begins."""
     reference = log.reference
@@ -122,6 +171,7 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
         heading=float(reference.heading[row]),
         **_sigmas(log.description.initial, **REFERENCE_SIGMAS),
         **log.motion_errors(),
+        **log.fix_wander(),
         antenna_lever_arm=log.lever_arm_b,
         instruments=log.told,
         sensors=log.sensors(in_place=False),
@@ -179,6 +229,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         gyro_bias_error=found.gyro_bias_error,
         rest_share=found.rest_share,
         **log.motion_errors(),
+        **log.fix_wander(),
         antenna_lever_arm=log.lever_arm_b,
         instruments=log.told,
         sensors=log.sensors(in_place=False),
@@ -204,7 +255,7 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     if until is None:
         raise InputError(
             "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
-            "give its limits by [initial] static_from_s and static_until_s"
+            f"give its limits by [initial] static_from_s and static_until_s{_hint(initial)}"
         )
     begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
     rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))
@@ -214,6 +265,12 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
         )
     before = rest[rest < first]
     return before if len(before) >= 100 else rest
+
+
+def _hint(initial: InitialSection) -> str:
+    """End of a message to who has stated the whole initial state."""
+    stated = all(getattr(initial, name) is not None for name in _STATE)
+    return "; start 'stated' starts from the state in [initial]" if stated else ""
 
 
 def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array]:

@@ -19,6 +19,7 @@ from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
+from insenv.logs.readings import delivered
 from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
@@ -45,7 +46,8 @@ def replay(
     log: the path of a flight log, the path of a ``.toml`` file that describes the files of a log, or a loaded
         `RecordedLog`.
     estimators: one or several, by id or as `Estimator` objects.
-    start: initial state of navigation: "coarse", from the log alone; "reference", from the log's reference solution.
+    start: initial state: "coarse", from the log alone; "reference", of navigation, from the log's reference solution; "stated",
+        all of it as the log's [initial] states it.
     settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the log's description:
         ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
     progress: called with the numbers of samples done and in all.
@@ -135,7 +137,7 @@ def prepared(
 ) -> Prepared:
     """A log and estimators ready for a replay; arguments and errors are those of `replay`."""
     if start not in STARTS:
-        raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
+        raise InputError(f"start {start!r}: allowed is {', '.join(STARTS[:-1])} or {STARTS[-1]}")
     families = get_all(estimators)
     log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
     description = log.description
@@ -173,14 +175,15 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
     if found is not None:
         motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
     sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
-    return Drive("the log", frozenset(sensors), None if found is None else False, motion=motion)
+    in_place = log.description.in_place if found is None else False
+    return Drive("the log", frozenset(sensors), in_place, vehicle=log.description.vehicle_kind, motion=motion)
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
     """Samples in `window` as columns by the names of the estimators' inputs, and the number of fixes left out.
 
-    A fix belongs to the first sample that ends at or after its time; its age, `gnss_age`, is the difference.  A
-    sample has at most one fix: of several, the last.
+    A fix belongs to the first sample that ends at or after its arrival, or its time where the log states no arrival; its
+    age, `gnss_age`, counts to the end of that sample.  A sample has at most one fix: of several, the last.
     """
     columns = {
         "delta_angle": log.delta_angle[window],
@@ -195,12 +198,14 @@ def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], i
 
 
 def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Array], int]:
-    inside = np.flatnonzero((gnss.time > end[0] - dt[0]) & (gnss.time <= end[-1]))
-    sample = np.searchsorted(end, gnss.time[inside], side="left")
-    last = np.append(np.diff(sample) > 0, True)[: len(inside)]
-    fix, sample = inside[last], sample[last]
+    fix, sample, age = delivered(gnss.time, gnss.arrival, gnss.age, end, dt)
+    arrived = gnss.time if gnss.arrival is None else gnss.arrival
+    inside = np.count_nonzero((arrived > end[0] - dt[0]) & (arrived <= end[-1]))
     valid = np.zeros(len(end))
     valid[sample] = 1
+
+    ages = np.zeros(len(end))
+    ages[sample] = age
 
     def spread(values: Array, otherwise: float = 0.0) -> Array:
         column = np.full((len(end), *values.shape[1:]), otherwise)
@@ -209,7 +214,7 @@ def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Arra
 
     columns = {
         "gnss_valid": valid,
-        "gnss_age": spread(end[np.searchsorted(end, gnss.time.clip(end[0], end[-1]), side="left")] - gnss.time),
+        "gnss_age": ages,
         "gnss_latitude": spread(gnss.latitude),
         "gnss_longitude": spread(gnss.longitude),
         "gnss_height": spread(gnss.height),
@@ -219,7 +224,7 @@ def _fix_columns(gnss: GnssFixes, end: Array, dt: Array) -> tuple[dict[str, Arra
         columns["gnss_velocity_valid"] = valid
         columns["gnss_velocity_n"] = spread(gnss.velocity_n)
         columns["gnss_velocity_sigma"] = spread(gnss.velocity_sigma, 1.0)
-    return columns, int(len(inside) - len(fix))
+    return columns, int(inside - len(fix))
 
 
 _UNIT = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")

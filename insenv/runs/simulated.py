@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 
 from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import make_runner, prepare
+from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
+from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
 from insenv.plant.feeding import bridge_lost, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
+from insenv.runs.function import Called, EstimateFunction, FunctionFollower, parted, sample_names
 from insenv.runs.smoothed import SmoothingFollower
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.choice import named_estimators
 from insenv.scenario.tuning import Settings, setting_rows
+from insenv.sensors import IMU
 
 Array = NDArray[np.float64]
 
@@ -33,7 +37,7 @@ def follower_of(estimator: Estimator, parameters: Mapping[str, Any], every: int)
 
 def run(
     scenario: ScenarioLike,
-    estimators: EstimatorsLike | None = None,
+    estimators: EstimatorsLike | EstimateFunction | Iterable[str | Estimator | EstimateFunction] | None = None,
     *,
     seed: int | None = None,
     duration_s: float | None = None,
@@ -46,18 +50,21 @@ def run(
     ----------
     scenario: a name that ``insenv list`` shows, the path of a ``.toml`` file, a `Scenario`, or the values of such a
     file.
-    estimators: one or several, by id or as `Estimator` objects; None: those that the scenario names.
+    estimators: one or several, by id, as `Estimator` objects, or as plain functions; None: those that the scenario names.  A
+        function takes one `Sample` and returns an attitude or a dict with it (`insenv.evaluation.outside.checked_estimate`).
     seed, duration_s: seed, and duration in s; None: the scenario's.
     settings: parameters by estimator id, with the keys of [estimator.ID], instead of those of the scenario:
         ``{"loosely-coupled": {"arw_deg_sqrt_h": 0.3}}``.
     progress: called with the numbers of samples done and in all; for the limit, once more from the first sample.
 
-    Raises `InputError` for an unknown name, a wrong value, or an estimator that cannot run on this scenario;
-    `InsenvError` if an estimator diverges.
+    Raises `InputError` for an unknown name, a wrong value, an estimator that cannot run on this scenario, or a function whose
+    estimate is none; `InsenvError` if an estimator diverges or a function fails.
     """
     check_progress(progress)
     scenario = load(scenario)
-    chosen = get_all(named_estimators(scenario) if estimators is None else estimators)
+    functions, others = parted(estimators)
+    named = named_estimators(scenario) if estimators is None else others
+    chosen = get_all(named) if named or not functions else []
     plant = build(scenario, seed=seed, duration_s=duration_s, driven=True)
     every = recording_interval(plant.samples)
     rows = setting_rows(settings, chosen)
@@ -65,7 +72,14 @@ def run(
     started = [plant.parameters_of(estimator, rows[estimator.id]) for estimator in chosen]
     prepare([plant.model, *(estimator.model for estimator in chosen)])
     runner = make_runner(plant.model, plant.parameters)
-    followers = [follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)]
+    followers: list[Follower | FunctionFollower] = [
+        follower_of(e, parameters, every) for e, parameters in zip(chosen, started, strict=True)
+    ]
+    visible = sample_names((IMU, *(section.sensor for section in scenario.sensors.values())))
+    for id, function in functions.items():
+        if any(estimator.id == id for estimator in chosen):
+            raise InputError(f"two estimators have the id {id!r}: results are kept by id, so a function needs another name")
+        followers.append(FunctionFollower(function, id, every, plant.knowledge, visible))
 
     kept: list[Array] = []
     bridged = 0
@@ -98,10 +112,38 @@ def members(families: Sequence[Estimator], chosen: Sequence[Estimator]) -> list[
     return [f"{member.id}: {member.title}" for family, member in zip(families, chosen, strict=True) if member is not family]
 
 
-def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None) -> Result:
+def _result(follower: Follower | FunctionFollower, plant: Plant, track: Track, limit: Limit | None) -> Result:
     outputs = follower.named()
-    estimator = follower.estimator
-    found, health = errors(track_of(track.time, outputs), track), follower.health(outputs)
+    health = follower.health(outputs)
+    return result_of(
+        follower.estimator,
+        outputs,
+        track.since(follower.first),
+        limit,
+        us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
+        notes=follower.notes(plant.duration_s, health),
+        health=health,
+        settled=not follower.too_short(plant.duration_s),
+    )
+
+
+def result_of(
+    estimator: Estimator | Called,
+    outputs: dict[str, Array],
+    track: Track,
+    limit: Limit | None,
+    *,
+    us_per_sample: float,
+    notes: tuple[str, ...],
+    health: Health | None = None,
+    settled: bool = True,
+    sigma: dict[str, Array] | None = None,
+) -> Result:
+    """The result of estimates by row name against the truth at the same times.
+
+    limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
+    """
+    found = errors(track_of(track.time, outputs), track)
     if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
         limit = None
     from_s = 0.0 if estimator.navigates else 0.75 * float(track.time[-1])
@@ -110,13 +152,13 @@ def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None)
         time=track.time,
         outputs=outputs,
         errors=found,
-        sigma=stated_sigma(outputs),
+        sigma=stated_sigma(outputs) if sigma is None else sigma,
         limit={} if limit is None else {name: value for name, value in limit.rms(track.time, from_s).items() if name in found},
         from_s=from_s,
-        us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=follower.notes(plant.duration_s, health),
-        health=health,
-        settled=not follower.too_short(plant.duration_s),
         limit_sigma={} if limit is None else {name: value for name, value in limit.at(track.time).items() if name in found},
+        us_per_sample=us_per_sample,
+        notes=notes,
+        health=health,
+        settled=settled,
     )
     return replace(result, notes=(*result.notes, *result.too_sure()))

@@ -55,7 +55,7 @@ def test_other_content_is_named(tmp_path, content, words):
 
 def test_a_binary_file_may_be_a_flight_log_of_another_name(tmp_path):
     (tmp_path / "flight.log").write_bytes(bytes(range(256)) * 10)
-    refused(replay(tmp_path / "flight.log"), "a binary file", ".tlog, .BIN or .ulg")
+    refused(replay(tmp_path / "flight.log"), "a binary file", ".tlog, .BIN, .ulg, .mcap, .db3 or .bag")
 
 
 @pytest.mark.parametrize("name", ["flight.tlog", "flight.BIN", "flight.ulg"])

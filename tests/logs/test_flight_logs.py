@@ -488,7 +488,7 @@ def test_a_writer_that_was_cut_off_leaves_a_readable_part(tmp_path: Path) -> Non
 def test_descriptions(tmp_path: Path) -> None:
     toml = tmp_path / "log.toml"
     for text, words in (
-        ('flight = "a.log"', "must end in .tlog, .BIN or .ulg"),
+        ('flight = "a.log"', "must end in .tlog, .BIN, .ulg, .mcap, .db3 or .bag"),
         ('flight = "a.tlog"\nleverarm = 1', "unknown key"),
         ('flight = "a.tlog"\nstart_s = 2\nstop_s = 1', "number|must be after"),
         ('flight = "a.tlog"\ngrade = "gold"', "gold"),

@@ -723,8 +723,9 @@ def test_messages_for_others_are_ignored():
     assert not answered(vehicle, sent("COMMAND_LONG", 7, 1, 31010, 0, *[0.0] * 7)) and vehicle.simulation.alignments == 1
     assert not answered(vehicle, sent("PARAM_REQUEST_LIST", 1, 1, system=1, component=1))  # our own, returned
     assert len(answered(vehicle, sent("PARAM_REQUEST_LIST", 0, 0))) == len(vehicle.parameters)
-    for name in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE", "ATTITUDE"):
+    for name in ("HEARTBEAT", "COMMAND_ACK", "PARAM_VALUE", "NAMED_VALUE_FLOAT"):
         assert name not in HANDLERS
+    assert not answered(vehicle, sent("ATTITUDE", 1000, *[0.0] * 6))
 
 
 # --- outbox and pacing ---------------------------------------------------------------------------------

@@ -148,7 +148,7 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
     [
         ({}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
         ({}, ["loosely-coupled"], "reference", "must give position, velocity and attitude"),
-        ({}, ["loosely-coupled"], "guess", "allowed is coarse or reference"),
+        ({}, ["loosely-coupled"], "guess", "allowed is coarse, reference or stated"),
         ({"gnss": ""}, ["loosely-coupled"], "coarse", "needs GNSS"),
         ({"initial": ""}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
         ({"initial": "[initial]\nstart_s = 99.0"}, ["q-method"], "coarse", "the log ends at"),

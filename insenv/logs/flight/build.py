@@ -14,8 +14,9 @@ import numpy as np
 from insenv.errors import InputError, nearest
 from insenv.files.toml import validated
 from insenv.logs.description import LogDescription
+from insenv.logs.flight import rosbag
 from insenv.logs.flight.description import FlightDescription
-from insenv.logs.flight.formats import SUFFIXES, format_of
+from insenv.logs.flight.formats import SUFFIXES, format_of, is_bag_folder
 from insenv.logs.flight.parameters import lever_arm, settings, unit_rows
 from insenv.logs.flight.segments import longest, only, rows_of
 from insenv.logs.flight.series import AnySeries, FixSeries, Flight, FlightFormat, ImuSeries, SolutionSeries
@@ -40,9 +41,12 @@ _NONE = "none"
 
 def build_flight(description: FlightDescription, folder: Path) -> RecordedLog:
     """The log of a description; a relative path starts at `folder`. Raises InputError for any wrong input."""
-    form = format_of(description.flight)
+    form = rosbag.FORMATS[0] if is_bag_folder(folder / description.flight) else format_of(description.flight)
     if form is None:
-        raise InputError(f"flight = {description.flight!r}: its name must end in {SUFFIXES} (or that and .gz, .zip)")
+        raise InputError(
+            f"flight = {description.flight!r}: its name must end in {SUFFIXES} (or that and .gz, .zip), or it is"
+            " the folder of a ROS 2 bag"
+        )
     label, data = read_bytes(description.flight, folder)
     flight = _read(form, label, data)
     notes = list(flight.notes)
@@ -280,6 +284,8 @@ def _as_log_description(
             "grade": description.grade,
             "max_gap_s": description.max_gap_s,
         },
+        "vehicle_kind": description.vehicle_kind,
+        "in_place": description.in_place,
         "evaluation": description.evaluation.model_dump(),
         "estimator": description.estimator,
     }

@@ -15,7 +15,10 @@ class FlightDescription(AnyLog):
     """A flight log and additional information about it."""
 
     flight: str = key(
-        ..., f"the log: {SUFFIXES}, relative to this TOML file; .gz and .zip with one file are unpacked", min_length=1
+        ...,
+        f"the log: {SUFFIXES}, or the folder of a ROS 2 bag, relative to this TOML file; .gz and .zip with one file are "
+        "unpacked",
+        min_length=1,
     )
     imu: str = key("", 'the inertial unit, if not the default: "HIGHRES_IMU", "IMU[1]", "sensor_combined"')
     gnss: str = key("", 'the receiver, likewise: "GPS_RAW_INT", "GPS[1]"; "none": without GNSS')

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from insenv.logs.flight import dataflash, telemetry, ulog
+from insenv.logs.flight import dataflash, rosbag, telemetry, ulog
 from insenv.logs.flight.series import FlightFormat
 
 FORMATS = (
     telemetry.FORMAT,
     dataflash.FORMAT,
     ulog.FORMAT,
+    *rosbag.FORMATS,
 )
 SUFFIXES = " or ".join((", ".join(f.suffix for f in FORMATS[:-1]), FORMATS[-1].suffix))
 """The ends of their names, for messages."""
@@ -24,5 +25,10 @@ def format_of(name: str | Path) -> FlightFormat | None:
 
 
 def is_flight_log(name: str | Path) -> bool:
-    """Whether a file name is that of a flight log."""
-    return format_of(name) is not None
+    """Whether a path is that of a flight log: by its name, or a folder that holds a ROS 2 bag."""
+    return format_of(name) is not None or is_bag_folder(Path(name))
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether a folder holds a ROS 2 bag."""
+    return path.is_dir() and (path / "metadata.yaml").is_file()

@@ -1,0 +1,194 @@
+"""`record`: a simulated drive as a recorded log, with the truth as its reference.
+
+The samples, the fixes and the readings of the instruments are those that estimators get in `insenv.run`, to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv import attitude
+from insenv.core.progress import Progress, check_progress
+from insenv.core.runner import make_runner, prepare
+from insenv.errors import InputError
+from insenv.estimators import get
+from insenv.export import log_tables
+from insenv.export.angles import degrees_of
+from insenv.export.text_log import file_of
+from insenv.instruments import INSTRUMENTS
+from insenv.logs import GnssFixes, LogDescription, RecordedLog, Reference
+from insenv.logs.inertial import Gaps
+from insenv.logs.instrument_sections import SECTIONS
+from insenv.logs.readings import Readings
+from insenv.plant.feeding import bridge_lost, chunks
+from insenv.scenario import Plant, ScenarioLike, build, load
+from insenv.sensors.imu_section import FIGURES
+
+Array = NDArray[np.float64]
+
+
+def record(
+    scenario: ScenarioLike, *, seed: int | None = None, duration_s: float | None = None, progress: Progress | None = None
+) -> RecordedLog:
+    """Simulate a scenario and return the log of its sensors; its reference is the truth.
+
+    scenario, seed, duration_s, progress: as in `insenv.run`.  ``insenv.replay(record(scenario), ID, start="stated")`` gives the
+    outputs of ``insenv.run(scenario, ID)``.  Lost samples are missing in the log; replay bridges them, as a run does.
+
+    Raises `InputError` for an unknown name or a wrong value.
+    """
+    check_progress(progress)
+    plant = build(load(scenario), seed=seed, duration_s=duration_s)
+    prepare([plant.model])
+    runner = make_runner(plant.model, plant.parameters)
+    parts: list[dict[str, Array]] = []
+    for begin, count in chunks(plant.samples, 1):
+        shown = plant.model.outputs.unpack(runner.run(count))
+        part = {name: np.array(column) for name, column in shown.items() if not name.startswith("true_")}
+        part["lost"] = part["imu_valid"] == 0
+        bridge_lost(part)
+        parts.append(part)
+        if progress is not None:
+            progress(begin + count, plant.samples)
+    return _log(plant, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+
+
+def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
+    scenario, time, lost = plant.scenario, columns["time"], columns["lost"].astype(bool)
+    if lost.all():
+        raise InputError(f"scenario {scenario.name!r}: every inertial sample is lost: there is nothing to record")
+    readings = tuple(_readings(id, columns) for id in INSTRUMENTS if id in scenario.sensors)
+    gnss = _fixes(columns) if scenario.gnss is not None else None
+    roll, pitch, heading = attitude.numeric.to_euler(columns["q_nb"])
+    place = {name: columns[name] for name in ("latitude", "longitude", "height", "velocity_n")}
+    reference = Reference(time, **place, roll=roll, pitch=pitch, heading=heading)
+    return RecordedLog(
+        imu_time=time,
+        delta_angle=columns["delta_angle"],
+        delta_velocity=columns["delta_velocity"],
+        dt=np.full(len(time), plant.sample_interval),
+        bridged=lost,
+        gaps=_gaps(time, lost, plant.sample_interval),
+        gnss=gnss if gnss is not None and len(gnss.time) else None,
+        lever_arm_b=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
+        reference=reference,
+        sources=(),
+        notes=(*scenario.notes, *_left_out(plant)),
+        description=LogDescription.model_validate(_description(plant, gnss, readings, reference)),
+        unit=scenario.imu.rows(scenario.rate_hz),
+        instruments=tuple(each for each in readings if len(each.time)),
+        told=plant.knowledge.instruments,
+    )
+
+
+def _gaps(time: Array, lost: NDArray[np.bool_], interval: float) -> Gaps:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(int)))
+    spans = [(float(time[a] - interval), float(time[b - 1])) for a, b in edges.reshape(-1, 2)]
+    longest = max((end - begin for begin, end in spans), default=0.0)
+    return Gaps(len(spans), int(lost.sum()), longest, tuple(spans))
+
+
+def _fixes(columns: Mapping[str, Array]) -> GnssFixes:
+    at = columns["gnss_valid"] != 0
+    moving = columns["gnss_velocity_valid"][at]
+    arrival, age = columns["time"][at], columns["gnss_age"][at]
+    place = {name: columns[f"gnss_{name}"][at] for name in ("latitude", "longitude", "height", "position_sigma")}
+    with_velocity = bool(moving.size) and bool(moving.all())
+    return GnssFixes(
+        arrival - age,
+        **place,
+        velocity_n=columns["gnss_velocity_n"][at] if with_velocity else None,
+        velocity_sigma=columns["gnss_velocity_sigma"][at] if with_velocity else None,
+        arrival=arrival,
+        age=age,
+    )
+
+
+def _readings(id: str, columns: Mapping[str, Array]) -> Readings:
+    given = INSTRUMENTS[id]
+    at = columns[given.new] != 0
+    values = np.concatenate([columns[name][at].reshape(int(at.sum()), -1) for name in given.values], axis=1)
+    arrival, age = columns["time"][at], columns[given.age][at]
+    return Readings(id, id, arrival - age, values, given.values, arrival, age)
+
+
+def _left_out(plant: Plant) -> list[str]:
+    """Notes on sensors that the format of a log does not have."""
+    others = [id for id in plant.scenario.sensors if id != "gnss" and id not in INSTRUMENTS]
+    return [f"the format of a log has no place for: {', '.join(others)}"] if others else []
+
+
+def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings, ...], reference: Reference) -> dict[str, Any]:
+    """Values of the log's description: the unit, the instruments and the start, as the estimators of a run are told of them."""
+    scenario = plant.scenario
+    data: dict[str, Any] = {
+        "title": scenario.title,
+        "source": f"simulated: scenario {scenario.name or 'without a name'}, seed {plant.seed}, {plant.duration_s:g} s",
+        "vehicle_kind": scenario.vehicle.kind,
+        "in_place": scenario.vehicle.in_place,
+        "initial": _initial(plant),
+        "estimator": {id: dict(table) for id, table in scenario.estimator.items()},
+        "imu": {
+            "file": file_of("imu"),
+            **log_tables.IMU,
+            "rate_hz": scenario.rate_hz,
+            "unit": {name: value for name, value in scenario.imu.model_dump(exclude_none=True).items() if name in _SHEET_KEYS},
+        },
+        "reference": {"file": file_of("reference"), **log_tables.reference_keys(reference)},
+    }
+    if scenario.estimators and not any(get(id).navigates for id in scenario.estimators):
+        data["evaluation"] = {"from_s": 0.75 * plant.duration_s}  # as a run judges alignments
+    if gnss is not None and len(gnss.time) and scenario.gnss is not None:
+        rows, told = plant.parameters, plant.knowledge.instruments
+        data["gnss"] = {
+            "file": file_of("gnss"),
+            **log_tables.gnss_keys(gnss),
+            "lever_arm_m": list(scenario.gnss.lever_arm_m),
+            "lever_arm_sigma_m": _list(told.get("antenna_lever_arm_sigma", 0.0)),
+            "delay_sigma_s": float(told.get("gnss_delay_sigma", 0.0)),
+            "wander_sigma_m": _list(rows.get("gnss_wander_sigma", 0.0)),
+            "wander_time_s": float(rows.get("gnss_wander_time", 60.0)),
+        }
+    for each in readings:
+        if len(each.time):
+            keys = {"file": file_of(each.id), **log_tables.instrument_keys(each)}
+            data[each.id] = {**_kept(scenario.sensors[each.id], each.id), **keys}
+    return data
+
+
+def _kept(section: Any, id: str) -> dict[str, Any]:
+    """The keys of an instrument's section in a scenario that a log has too: figures, places, water track."""
+    allowed = SECTIONS[id].model_fields
+    return {name: value for name, value in section.model_dump(mode="json", exclude_none=True).items() if name in allowed}
+
+
+def _initial(plant: Plant) -> dict[str, Any]:
+    """The initial conditions as the estimators of a run know them."""
+    known, given = plant.knowledge, plant.scenario.knowledge
+    roll, pitch, heading = known.roll, known.pitch, known.heading
+    if abs(pitch) > np.pi / 2:
+        roll, pitch, heading = (float(v) for v in attitude.numeric.to_euler(attitude.numeric.from_euler(roll, pitch, heading)))
+    return {
+        "latitude_deg": degrees_of(known.latitude),
+        "longitude_deg": degrees_of(known.longitude),
+        "height_m": known.height,
+        "velocity_mps": _list(known.velocity_n),
+        "roll_deg": degrees_of(roll),
+        "pitch_deg": degrees_of(pitch),
+        "heading_deg": degrees_of(heading),
+        "position_sigma_m": list(given.position_sigma_m),
+        "velocity_sigma_mps": list(given.velocity_sigma_mps),
+        "tilt_sigma_deg": given.tilt_sigma_deg,
+        "heading_sigma_deg": min(given.heading_sigma_deg, 180.0),
+    }
+
+
+def _list(value: Any) -> list[float]:
+    return [float(each) for each in np.broadcast_to(np.asarray(value, dtype=float), 3)]
+
+
+_SHEET_KEYS = ("grade", *FIGURES)

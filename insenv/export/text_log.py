@@ -1,0 +1,70 @@
+"""A recorded log as CSV files and the TOML file that describes them, which `insenv.replay` reads back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from insenv.errors import InputError
+from insenv.export import log_tables
+from insenv.export.toml_text import toml_text
+from insenv.logs import LogDescription, RecordedLog
+from insenv.logs.columns import FileSection, MeasurementSection
+from insenv.logs.description import GnssSection, ImuSection, ReferenceSection, columns_of
+from insenv.logs.instrument_sections import SECTIONS
+
+_AS_READ = {
+    *MeasurementSection.model_fields,
+    *("gyro_unit", "accel_unit", "kind", "stamp", "axes", "accel_axes", "gyro_scale", "accel_scale"),
+    *("position_unit", "height_offset_m", "velocity_vertical", "position_sigma_m", "velocity_sigma_mps", "speed_unit"),
+    *("course_unit", "speed_sigma_mps", "attitude_unit", "field_unit", "azimuth_unit", "azimuth_sigma_deg"),
+}
+"""Keys of a description that say how its files are to be read: those written here need others."""
+
+
+def file_of(section: str, name: str = "log") -> str:
+    """The name of a section's CSV file beside the description NAME.toml."""
+    return f"{name}-{section}.csv"
+
+
+def texts(log: RecordedLog, name: str) -> dict[str, str]:
+    """The files of a log by name: NAME.toml and a CSV file for the unit, the fixes, each instrument, the reference.
+
+    Raises `InputError` for a log without samples of its own.
+    """
+    tables = log_tables.tables(log)
+    if len(tables["imu"]["time_s"]) < 3:
+        raise InputError(f"{log.description.title}: {len(tables['imu']['time_s'])} samples: a log has 3 or more")
+    keys: dict[str, dict[str, Any]] = {"imu": log_tables.IMU}
+    if log.gnss is not None:
+        keys["gnss"] = log_tables.gnss_keys(log.gnss)
+    for each in log.instruments:
+        keys[each.id] = log_tables.instrument_keys(each)
+    if log.reference is not None and len(tables["reference"]["time_s"]):
+        keys["reference"] = log_tables.reference_keys(log.reference)
+    sections = {id: {"file": file_of(id, name), **keys[id], **_kept(log, id)} for id in keys}
+    text = _HEAD.format(name=name) + toml_text({**_common(log.description), **sections})
+    return {f"{name}.toml": text, **{file_of(id, name): log_tables.csv_text(tables[id]) for id in keys}}
+
+
+_HEAD = """# A recorded log: insenv replay {name}.toml -e ID --start stated starts from [initial].
+# Keys: docs/logs.md.
+
+"""
+
+
+def _common(description: LogDescription) -> dict[str, Any]:
+    """The keys that do not belong to a table; start_s and stop_s have had their effect."""
+    sections = {"imu", "gnss", "reference", *SECTIONS}
+    data = description.model_dump(mode="json", exclude_none=True, exclude_unset=True, exclude={"start_s", "stop_s", *sections})
+    return {name: value for name, value in data.items() if value not in ({}, "")}
+
+
+def _kept(log: RecordedLog, id: str) -> dict[str, Any]:
+    """What a section says beside how its files are read: grades, errors, lever arms."""
+    section = getattr(log.description, id)
+    if section is None:  # of a flight log, whose description has no instruments
+        return {}
+    models: dict[str, type[FileSection]] = {"imu": ImuSection, "gnss": GnssSection, "reference": ReferenceSection, **SECTIONS}
+    drop = _AS_READ | set(columns_of(models[id]))
+    data = section.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+    return {name: value for name, value in data.items() if name not in drop}

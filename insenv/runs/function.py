@@ -1,0 +1,182 @@
+"""A plain Python function as an estimator of a run: it takes one sample at a time and returns an attitude."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.errors import InputError, InsenvError, nearest
+from insenv.estimators import Estimator, Knowledge
+from insenv.evaluation.health import Health
+from insenv.evaluation.outside import checked_estimate
+from insenv.sensors import Sensor
+
+Array = NDArray[np.float64]
+
+EstimateFunction = Callable[["Sample"], Any]
+"""``(sample) -> `` q_nb, C_nb, a dict of rows (`insenv.evaluation.outside.checked_estimate`), or None: no estimate yet."""
+
+
+class Sample:
+    """One inertial sample and what arrived with it, as attributes.
+
+    time, dt (s); delta_angle (3, rad), delta_velocity (3, m/s), b; the rows of the other sensors by their names, such as
+    ``gnss_valid``, ``gnss_latitude`` (docs/sensors.md, docs/instruments.md); known: the initial `Knowledge`.
+    """
+
+    __slots__ = ("_columns", "_row", "known")
+
+    def __init__(self, columns: Mapping[str, Array], row: int, known: Knowledge) -> None:
+        self._columns, self._row, self.known = columns, row, known
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self._columns[name][self._row]
+        except KeyError:
+            raise AttributeError(f"a sample of this scenario has no {name!r}{nearest(name, self._columns)}") from None
+
+    def __dir__(self) -> list[str]:
+        return ["known", *self._columns]
+
+    def __repr__(self) -> str:
+        return f"Sample at {float(self.time):g} s: {', '.join(self._columns)}"
+
+
+def sample_names(sensors: Iterable[Sensor]) -> tuple[str, ...]:
+    """The columns of a plant that a `Sample` has: what sensors show, and nothing of the truth."""
+    shown = [name for sensor in sensors for name in sensor.outputs if not name.endswith("_true")]
+    return ("time", "dt", *shown)
+
+
+@dataclass(frozen=True)
+class Called:
+    """What a run asks of an estimator, of a function: its id, and what follows from its estimates."""
+
+    id: str
+    navigates: bool = False
+    smooths: str = ""
+
+
+@dataclass
+class FunctionFollower:
+    """A function that follows a run: its estimates so far, and the processor time of its calls (s).
+
+    names: columns that it may see.  The estimate recorded at a time is the latest that the function has returned.
+    """
+
+    function: EstimateFunction
+    id: str
+    every: int
+    known: Knowledge
+    names: tuple[str, ...]
+    estimates: list[dict[str, Array] | None] = field(default_factory=list)
+    seconds: float = 0.0
+    calls: int = 0
+    covered_s: float = 0.0
+
+    @property
+    def estimator(self) -> Called:
+        """Its id, and whether it navigates: its estimates have a position."""
+        latest = self._latest
+        return Called(self.id, latest is not None and "latitude" in latest)
+
+    @property
+    def _latest(self) -> dict[str, Array] | None:
+        return self.estimates[-1] if self.estimates else None
+
+    def follow(self, columns: Mapping[str, Array], count: int) -> None:
+        """Call the function for `count` samples (a multiple of `every`).
+
+        Raises `InputError` for a wrong estimate, `InsenvError` if the function raises an error.
+        """
+        shown = {name: columns[name].view() for name in self.names if name in columns}
+        for column in shown.values():
+            column.flags.writeable = False
+        latest = self._latest
+        for row in range(count):
+            sample = Sample(shown, row, self.known)
+            begin = time.process_time()
+            try:
+                given = self.function(sample)
+            except Exception as error:
+                text = f"{type(error).__name__}: {error}"
+                raise InsenvError(f"estimator {self.id!r} failed at {float(sample.time):g} s: {text}") from error
+            self.seconds += time.process_time() - begin
+            if given is not None:
+                latest = self._checked(given, latest, float(sample.time))
+            if (row + 1) % self.every == 0:
+                self.estimates.append(latest)
+        self.calls += count
+        self.covered_s += float(np.sum(columns["dt"]))
+
+    def _checked(self, given: Any, before: dict[str, Array] | None, at: float) -> dict[str, Array]:
+        where = f"estimator {self.id!r} at {at:g} s"
+        try:
+            found = checked_estimate(given)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        if "q_nb" not in found:
+            raise InputError(f"{where}: the estimate has {', '.join(found)}: allowed is one with q_nb")
+        if before is not None and before.keys() != found.keys():
+            rows = ", ".join(before)
+            raise InputError(f"{where}: the estimate has {', '.join(found)}, the one before {rows}: allowed are the same rows")
+        return found
+
+    @property
+    def first(self) -> int:
+        """Number of records before the first estimate.  Raises `InputError` if there is no estimate at all."""
+        there = next((i for i, estimate in enumerate(self.estimates) if estimate is not None), None)
+        if there is None:
+            raise InputError(f"estimator {self.id!r} returned no estimate in {self.covered_s:g} s")
+        return there
+
+    def named(self) -> dict[str, Array]:
+        """The estimates by row name, time along the first axis, from record `first` on."""
+        known = [estimate for estimate in self.estimates if estimate is not None]
+        _ = self.first
+        return {name: np.array([estimate[name] for estimate in known]) for name in known[0]}
+
+    def health(self, outputs: Mapping[str, Array]) -> Health | None:
+        """None: a function does not report it."""
+        return None
+
+    def too_short(self, duration_s: float) -> str:
+        """Empty: how long a function needs is not known."""
+        return ""
+
+    def notes(self, duration_s: float, found: Health | None = None) -> tuple[str, ...]:
+        """How slow the function is."""
+        each, pace = self.seconds / max(self.calls, 1), self.covered_s / max(self.seconds, 1e-9)
+        return (
+            f"a Python function, called {self.calls} times, {each * 1e6:.3g} us a call: {pace:.3g} times as fast as real time",
+        )
+
+
+def function_id(function: EstimateFunction) -> str:
+    """The id of a function: its name, or that of its class, in the form of the ids of estimators."""
+    name = getattr(function, "__name__", type(function).__name__)
+    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower() or "function"
+
+
+def parted(estimators: Any) -> tuple[dict[str, EstimateFunction], Any]:
+    """The functions among `estimators` by id, and the others.  Raises `InputError` for two functions of one name."""
+    if _is_function(estimators):
+        return {function_id(estimators): estimators}, []
+    if estimators is None or isinstance(estimators, (str, Estimator)) or not isinstance(estimators, Iterable):
+        return {}, estimators
+    given = list(estimators)
+    functions: dict[str, EstimateFunction] = {}
+    for one in given:
+        if _is_function(one) and functions.setdefault(function_id(one), one) is not one:
+            raise InputError(f"two functions have the name {function_id(one)!r}: results are kept by name")
+    return functions, [one for one in given if not _is_function(one)]
+
+
+def _is_function(given: Any) -> bool:
+    return callable(given) and not isinstance(given, (Estimator, type))

@@ -1,0 +1,191 @@
+"""Results in the formats of other tools, each read by the usual reader of its format."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import pytest
+from command_line import call
+
+import insenv
+from insenv.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def report() -> Any:
+    return insenv.run("car-city-drive", ["loosely-coupled", "wander-sins"], seed=4, duration_s=30.0)
+
+
+def test_csv_has_truth_estimate_errors_sigma_and_limit(tmp_path: Path, report: Any) -> None:
+    paths = insenv.write(report, tmp_path, "csv")
+    assert [path.name for path in paths] == ["car-city-drive-loosely-coupled.csv", "car-city-drive-wander-sins.csv"]
+    table = pandas.read_csv(paths[0])
+    result = report.results[0]
+    np.testing.assert_array_equal(table["time_s"], result.time)
+    for name in ("heading_deg", "north_m", "vd_mps"):
+        np.testing.assert_array_equal(table[f"error_{name}"], result.errors[name])
+        np.testing.assert_array_equal(table[f"sigma_{name}"], result.sigma[name])
+        np.testing.assert_array_equal(table[f"limit_{name}"], result.limit_sigma[name])
+    turned = table["estimate_heading_deg"] - table["truth_heading_deg"]
+    np.testing.assert_allclose((turned + 180.0) % 360.0 - 180.0, table["error_heading_deg"], atol=1e-9)
+    north = np.radians(table["estimate_latitude_deg"] - table["truth_latitude_deg"]) * 6.37e6
+    np.testing.assert_allclose(north, table["error_north_m"], rtol=0.01, atol=1e-3)
+    np.testing.assert_allclose(-(table["estimate_height_m"] - table["truth_height_m"]), table["error_down_m"], atol=1e-3)
+    np.testing.assert_allclose(table["estimate_vn_mps"] - table["truth_vn_mps"], table["error_vn_mps"], atol=1e-12)
+
+
+def test_data_frames_hold_truth_and_sensors(report: Any) -> None:
+    from insenv.export import to_dataframes
+
+    frame = report.to_dataframe("loosely-coupled")
+    np.testing.assert_array_equal(frame["truth_latitude"], report.truth.latitude)
+    np.testing.assert_array_equal(frame["truth_q_nb_2"], report.truth.q_nb[:, 2])
+    np.testing.assert_allclose(frame["velocity_n_0"] - frame["truth_velocity_n_0"], frame["error_vn_mps"], atol=1e-12)
+    log = insenv.record("car-city-drive", seed=4, duration_s=5.0)
+    frames = to_dataframes(log)
+    assert set(frames) == {"imu", "gnss", "reference"}
+    np.testing.assert_array_equal(frames["imu"]["delta_angle_y_rad"], log.delta_angle[:, 1])
+    np.testing.assert_array_equal(frames["imu"].index, log.imu_time)
+    assert log.gnss is not None
+    np.testing.assert_array_equal(frames["gnss"]["latitude_rad"], log.gnss.latitude)
+
+
+def test_gpx_is_read_by_gpxpy(tmp_path: Path, report: Any) -> None:
+    import gpxpy
+
+    (path,) = insenv.write(report, tmp_path, "gpx")
+    document = gpxpy.parse(path.read_text(encoding="utf-8"))
+    assert [track.name for track in document.tracks] == ["truth", "loosely-coupled", "wander-sins"]
+    points = document.tracks[0].segments[0].points
+    np.testing.assert_allclose([p.latitude for p in points], np.degrees(report.truth.latitude), atol=1e-12)
+    np.testing.assert_allclose([p.longitude for p in points], np.degrees(report.truth.longitude), atol=1e-12)
+    np.testing.assert_allclose([p.elevation for p in points], report.truth.height, atol=1e-9)
+    seconds = [(p.time - points[0].time).total_seconds() for p in points]
+    np.testing.assert_allclose(seconds, report.truth.time - report.truth.time[0], atol=1e-6)
+
+
+def test_kml_is_valid_and_read_by_fastkml(tmp_path: Path, report: Any) -> None:
+    import fastkml
+
+    (path,) = insenv.write(report, tmp_path, "kml")
+    document = fastkml.KML.parse(path, strict=True, validate=True).features[0]
+    assert [mark.name for mark in document.features] == ["truth", "loosely-coupled", "wander-sins"]
+    track = document.features[0].kml_geometry
+    points = np.array([item.coord.coords[0] for item in track.track_items])
+    np.testing.assert_allclose(points[:, 0], np.degrees(report.truth.longitude), atol=1e-9)
+    np.testing.assert_allclose(points[:, 1], np.degrees(report.truth.latitude), atol=1e-9)
+    np.testing.assert_allclose(points[:, 2], report.truth.height, atol=1e-4)
+    heading = [item.angle.heading for item in track.track_items]
+    np.testing.assert_allclose(heading, report.truth.euler_deg()[:, 2] % 360.0, atol=1e-4)
+    assert {(item.angle.tilt, item.angle.roll) for item in track.track_items} == {(0.0, 0.0)}
+
+
+def test_nmea_is_read_by_pynmea2() -> None:
+    import pynmea2
+
+    from insenv.export.nmea import nmea_text
+
+    scenario = {
+        "title": "South and west", "duration_s": 20.0,
+        "start": {"latitude_deg": -33.5, "longitude_deg": -70.001, "height_m": 520.0, "heading_deg": 200.0},
+        "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 12.0}]}, "gnss": {"grade": "rtk", "interval_s": 0.2},
+    }  # fmt: skip
+    fixes = insenv.record(scenario).gnss
+    assert fixes is not None and fixes.velocity_n is not None
+    lines = nmea_text(insenv.record(scenario)).split("\r\n")
+    sentences = [pynmea2.parse(line, check=True) for line in lines if line]
+    kinds = {kind: [s for s in sentences if s.sentence_type == kind] for kind in ("GGA", "RMC", "VTG", "GST")}
+    assert {kind: len(each) for kind, each in kinds.items()} == dict.fromkeys(kinds, len(fixes.time))
+    for kind in ("GGA", "RMC"):
+        np.testing.assert_allclose([s.latitude for s in kinds[kind]], np.degrees(fixes.latitude), atol=1e-9)
+        np.testing.assert_allclose([s.longitude for s in kinds[kind]], np.degrees(fixes.longitude), atol=1e-9)
+    np.testing.assert_allclose([float(s.altitude) for s in kinds["GGA"]], fixes.height, atol=6e-4)
+    assert {float(s.geo_sep) for s in kinds["GGA"]} == {0.0} and {s.gps_qual for s in kinds["GGA"]} == {1}
+    seconds = [s.timestamp.minute * 60 + s.timestamp.second + s.timestamp.microsecond * 1e-6 for s in kinds["RMC"]]
+    np.testing.assert_allclose(seconds, fixes.time, atol=5.1e-4)
+    speed = np.hypot(*fixes.velocity_n[:, :2].T)
+    np.testing.assert_allclose([s.spd_over_grnd * 1852 / 3600 for s in kinds["RMC"]], speed, atol=5e-4)
+    np.testing.assert_allclose([s.spd_over_grnd_kmph / 3.6 for s in kinds["VTG"]], speed, atol=5e-4)
+    assert kinds["RMC"][-1].true_course == pytest.approx(200.0, abs=1.0)
+    np.testing.assert_allclose([s.std_dev_latitude for s in kinds["GST"]], fixes.position_sigma[:, 0], atol=6e-4)
+    np.testing.assert_allclose([s.std_dev_altitude for s in kinds["GST"]], fixes.position_sigma[:, 2], atol=6e-4)
+
+
+def test_rerun_reads_its_recording(tmp_path: Path, report: Any) -> None:
+    chunk = pytest.importorskip("rerun.chunk")
+    log = insenv.record("car-city-drive", seed=4, duration_s=30.0)
+    (path,) = insenv.write(report, tmp_path, "rerun", log=log)
+    found: dict[str, list[Any]] = {}
+    for each in chunk.RrdReader(str(path)).stream().to_chunks():
+        found.setdefault(each.entity_path, []).append(each.to_record_batch())
+    result = report.results[0]
+    for entity, time, values in (
+        ("/error/loosely-coupled/heading_deg", result.time, result.errors["heading_deg"]),
+        ("/sigma/loosely-coupled/north_m", result.time, result.sigma["north_m"]),
+        ("/limit/loosely-coupled/vd_mps", result.time, result.limit_sigma["vd_mps"]),
+    ):
+        seconds, scalars = column(found[entity], "time"), column(found[entity], "Scalars:scalars")
+        np.testing.assert_allclose([s.total_seconds() for s in seconds], time, atol=2e-6)
+        np.testing.assert_array_equal([s[0] for s in scalars], values)
+    rates = np.array(column(found["/imu/gyro"], "Scalars:scalars"))
+    np.testing.assert_allclose(rates, log.delta_angle / log.dt[:, None])
+    places = np.array(column(found["/map/truth"], "GeoPoints:positions"))[:, 0]
+    np.testing.assert_allclose(places[:, 0], np.degrees(report.truth.latitude), atol=1e-12)
+    way = np.array(column(found["/world/truth"], "Transform3D:translation"))[:, 0]
+    north = np.degrees(way[-1, 1] / 6.37e6)
+    assert north == pytest.approx(np.degrees(report.truth.latitude[-1] - report.truth.latitude[0]), abs=2e-6)
+
+
+def column(batches: list[Any], name: str) -> list[Any]:
+    """A column of record batches as a list."""
+    return [value for batch in batches for value in batch.column(batch.schema.names.index(name)).to_pylist()]
+
+
+def test_what_has_no_positions_is_refused(tmp_path: Path) -> None:
+    log = insenv.record("ship-swaying", duration_s=10.0)
+    from dataclasses import replace
+
+    aligned = insenv.replay(replace(log, reference=None), "q-method", start="stated")
+    for name in ("gpx", "kml"):
+        with pytest.raises(InputError, match="neither truth nor estimate has positions"):
+            insenv.write(aligned, tmp_path, name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_wrong_calls_are_refused(tmp_path: Path, report: Any) -> None:
+    with pytest.raises(InputError, match="formats: unknown name 'gxp'; did you mean 'gpx'"):
+        insenv.write(report, tmp_path, ["gxp"])
+    with pytest.raises(InputError, match="format 'log' needs a RecordedLog"):
+        insenv.write(report, tmp_path, "log")
+    with pytest.raises(InputError, match="allowed is a Report or a RecordedLog"):
+        insenv.write("car-city-drive", tmp_path, "csv")  # type: ignore[arg-type]
+
+
+def test_a_missing_package_is_named(tmp_path: Path, report: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "gpxpy", None)
+    with pytest.raises(InputError, match="format 'gpx': gpxpy is not installed: pip install"):
+        insenv.write(report, tmp_path, "gpx")
+
+
+def test_the_command_writes_beside_the_results_and_the_log_replays(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    flags = ("--no-figure", "--csv", "--gpx", "--kml", "--log", "--json")
+    status, text, _ = call("run", "car-city-drive", "--duration", "20", "--out", out, *flags)
+    files = [Path(path).name for path in json.loads(text)["files"]]
+    assert status == 0
+    assert {"car-city-drive.npz", "car-city-drive.gpx", "car-city-drive.kml", "car-city-drive-log.toml"} <= set(files)
+    assert all((out / name).exists() for name in files)
+    again, log = tmp_path / "again", out / "car-city-drive-log.toml"
+    flags = ("--start", "stated", "--out", again, "--no-figure", "--log", "--json")
+    status, text, _ = call("replay", log, "-e", "loosely-coupled", *flags)
+    assert status == 0 and json.loads(text)["results"][0]["estimator"] == "loosely-coupled"
+    first, second = out / "car-city-drive-log-imu.csv", again / "car-city-drive-log-log-imu.csv"
+    assert first.read_bytes() == second.read_bytes(), "a log that is read and written again is the same"
+    status, _, errors = call("run", "car-city-drive", "--gpx")
+    assert status == 2 and "--gpx writes files: --out DIR names their folder" in errors
+    status, _, errors = call("run", "ship-swaying", "--nmea", "--out", tmp_path / "none")
+    assert status == 2 and "--nmea: scenario 'ship-swaying' has no [gnss]" in errors and not (tmp_path / "none").exists()

@@ -1,0 +1,146 @@
+"""Plain functions as estimators of a run: the same errors as those of the model with the same equations, and clear refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import insenv
+from insenv.core.runner import make_runner
+from insenv.errors import InputError, InsenvError
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
+
+
+def stepped(scenario: str, id: str, seed: int) -> Any:
+    """A function that steps the model of an estimator, one sample a call, started as a run starts it."""
+    plant = build(load(scenario), seed=seed)
+    estimator = plant.adapted(id)
+    runner = make_runner(estimator.model, plant.parameters_of(estimator))
+    names = estimator.model.inputs.names
+
+    def stepper(sample: Any) -> dict[str, Any]:
+        columns = {name: np.asarray(getattr(sample, name))[None] for name in names if name in dir(sample)}
+        outputs = estimator.model.outputs.unpack(runner.run(1, input_rows(estimator.model, columns, 1)))
+        rows = ("q_nb", "velocity_n", "latitude", "longitude", "height", "attitude_sigma", "position_sigma", "velocity_sigma")
+        return {name: outputs[name][0] for name in rows if name in outputs}
+
+    return stepper
+
+
+def test_a_function_with_the_equations_of_a_filter_gives_its_results_to_the_bit() -> None:
+    ids = ["loosely-coupled", stepped("car-city-drive", "loosely-coupled", 5)]
+    model, function = insenv.run("car-city-drive", ids, seed=5, duration_s=10.0).results
+    assert function.estimator == "stepper"
+    for name, values in model.errors.items():
+        np.testing.assert_allclose(function.errors[name], values, atol=1e-12, err_msg=name)
+        np.testing.assert_array_equal(function.sigma[name], model.sigma[name])
+    assert function.limit == model.limit and function.from_s == model.from_s == 0.0
+    assert "called 2000 times" in function.notes[0] and "real time" in function.notes[0]
+    assert function.us_per_sample > 10 * model.us_per_sample, "slow, and said"
+
+
+def gravity(sample: Any) -> Any:
+    """Roll and pitch by gravity of a still vehicle, with the heading that is told."""
+    x, y, z = -sample.delta_velocity
+    roll, pitch = np.arctan2(y, z), np.arctan2(-x, np.hypot(y, z))
+    return Rotation.from_euler("ZYX", [sample.known.heading, pitch, roll])
+
+
+def test_levelling_by_one_line_has_the_error_of_its_accelerometers() -> None:
+    """Theory: with a perfect unit at rest, roll and pitch are exact; the heading keeps the error that is told."""
+    scenario = {
+        "title": "Still", "duration_s": 2.0, "vehicle": {"kind": "car"},
+        "start": {"latitude_deg": 45.0, "longitude_deg": 0.0, "height_m": 0.0, "roll_deg": 3.0, "pitch_deg": -2.0,
+                  "heading_deg": 50.0},
+        "knowledge": {"heading_error_deg": 1.5},
+    }  # fmt: skip
+    report = insenv.run(scenario, gravity)
+    errors = report.results[0].errors
+    assert np.max(np.abs(errors["roll_deg"])) < 1e-6 and np.max(np.abs(errors["pitch_deg"])) < 1e-6
+    np.testing.assert_allclose(errors["heading_deg"], 1.5, atol=1e-6)
+    assert report.as_json()["results"][0]["estimator"] == "gravity"
+
+
+@pytest.mark.parametrize("form", ["quaternion", "matrix", "rotation", "dict"])
+def test_an_attitude_may_have_any_of_its_forms(form: str) -> None:
+    def level(sample: Any) -> Any:
+        rotation = Rotation.from_euler("ZYX", [sample.known.heading, sample.known.pitch, sample.known.roll])
+        q = rotation.as_quat(scalar_first=True)
+        return {"quaternion": q, "matrix": rotation.as_matrix(), "rotation": rotation, "dict": {"C_nb": rotation.as_matrix()}}[
+            form
+        ]
+
+    known = build(load("ship-swaying"), duration_s=1.0).knowledge
+    q = insenv.run("ship-swaying", level, duration_s=1.0).results[0].outputs["q_nb"][0]
+    expected = Rotation.from_euler("ZYX", [known.heading, known.pitch, known.roll]).as_quat(scalar_first=True)
+    np.testing.assert_allclose(abs(q @ expected), 1.0, atol=1e-14)
+
+
+def test_nothing_is_scored_before_the_first_estimate_and_the_latest_holds() -> None:
+    def slow(sample: Any) -> Any:
+        return [1.0, 0.0, 0.0, 0.0] if abs(sample.time - 0.5) < 1e-9 else None
+
+    result = insenv.run("ship-swaying", slow, duration_s=1.0).results[0]
+    assert result.time[0] == pytest.approx(0.5) and len(result.time) == 101
+
+
+def test_no_truth_is_in_a_sample() -> None:
+    seen: list[str] = []
+
+    def look(sample: Any) -> Any:
+        seen[:] = dir(sample)
+        with pytest.raises(ValueError, match="read-only"):
+            sample.delta_angle[0] = 1.0
+        return np.eye(3)
+
+    insenv.run("car-city-drive", look, duration_s=0.1)
+    assert {"known", "time", "dt", "delta_angle", "delta_velocity", "gnss_valid", "gnss_latitude"} <= set(seen)
+    assert not [name for name in seen if "true" in name or name in ("q_nb", "velocity_n", "latitude", "gyro_bias_true")]
+
+
+NO = {
+    "nan": ([np.nan, 0, 0, 0], r"q_nb = \[nan, 0.0, 0.0, 0.0\]: allowed are finite numbers"),
+    "norm": ([2.0, 0, 0, 0], "has the norm 2: allowed is 1 within 0.01"),
+    "shape": ([1.0, 0.0], r"q_nb has shape \(2,\): allowed is \(4,\) or \(3, 3\)"),
+    "text": ("north", "q_nb has type str"),
+    "left-handed": (np.diag([1.0, 1.0, -1.0]), "allowed is a rotation matrix, right-handed"),
+    "unknown": ({"q_bn": [1, 0, 0, 0]}, "'q_bn': unknown row of an estimate; did you mean 'q_nb'"),
+    "half": ({"q_nb": [1, 0, 0, 0], "latitude": 0.5}, "latitude without longitude, height: a position has all three"),
+    "degrees": ({"q_nb": [1, 0, 0, 0], "latitude": 48.0, "longitude": 11.0, "height": 0.0}, "allowed is up to 1.5708"),
+    "sigma": ({"q_nb": [1, 0, 0, 0], "attitude_sigma": [-1, 0, 0]}, "a standard deviation is not negative"),
+    "no attitude": ({"velocity_n": [0, 0, 0]}, "allowed is one with q_nb"),
+    "empty": ({}, "the estimate is empty"),
+    "none": (None, "returned no estimate in 0.1 s"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", NO)
+def test_a_wrong_estimate_is_refused_in_one_sentence(case: str) -> None:
+    value, message = NO[case]
+    with pytest.raises(InputError, match=message) as error:
+        insenv.run("ship-swaying", lambda sample: value, duration_s=0.1)
+    assert "\n" not in str(error.value)
+
+
+def test_a_function_that_fails_or_changes_its_rows_is_named() -> None:
+    def broken(sample: Any) -> Any:
+        return 1 / 0
+
+    def changing(sample: Any) -> Any:
+        return {"q_nb": [1, 0, 0, 0], **({"velocity_n": [0, 0, 0]} if sample.time > 0.05 else {})}
+
+    def curious(sample: Any) -> Any:
+        return sample.gnss_lattitude
+
+    with pytest.raises(InsenvError, match=r"estimator 'broken' failed at 0.005 s: ZeroDivisionError"):
+        insenv.run("ship-swaying", broken, duration_s=0.1)
+    with pytest.raises(InputError, match=r"estimator 'changing' at .*: the estimate has q_nb, velocity_n, the one before q_nb"):
+        insenv.run("ship-swaying", changing, duration_s=0.1)
+    with pytest.raises(InsenvError, match=r"no 'gnss_lattitude'; did you mean 'gnss_latitude'"):
+        insenv.run("car-city-drive", curious, duration_s=0.1)
+    with pytest.raises(InputError, match="two functions have the name 'broken'"):
+        insenv.run("ship-swaying", [broken, type("broken", (), {"__call__": lambda self, s: None})()], duration_s=0.1)
