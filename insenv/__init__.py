@@ -62,10 +62,10 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
 Public names
 ------------
-`run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion`
-composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs and campaigns
-give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists
-all public names.
+`run`, `replay` and `campaign` run estimators; `allan` measures an inertial unit; `load` reads a scenario; `export_fmu` and
+`export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report` and
+`Summary` are what runs and campaigns give.  Each loads on first use: ``import insenv`` is cheap.  It registers the
+environments with Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -97,6 +97,7 @@ if TYPE_CHECKING:
     from insenv.scenario import Scenario, limit, load
     from insenv.sensors import Sensor, SensorSection
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
+    from insenv.workbench.allan import allan
 
 __all__ = [
     "Estimator",
@@ -116,6 +117,7 @@ __all__ = [
     "Vehicle",
     "VehicleSection",
     "agents",
+    "allan",
     "campaign",
     "export_fmu",
     "export_ssp",
@@ -145,6 +147,7 @@ _HOMES = {
     "insenv.scenario": ("Scenario", "limit", "load"),
     "insenv.sensors": ("Sensor", "SensorSection"),
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
+    "insenv.workbench.allan": ("allan",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -23,8 +23,8 @@ from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import check_speed_of_sinusoids, told_of
 from insenv.scenario.description import MAX_SEED
 from insenv.scenario.sensor_notes import data_sheets, sensor_notes
-from insenv.sensors import imu_grade
 from insenv.sensors.gnss import OUTAGES
+from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 _FIGURES = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
@@ -66,7 +66,7 @@ class Ranges:
         if not isinstance(between, (tuple, list)) or len(between) != 2 or not all(isinstance(name, str) for name in between):
             raise refused("imu_range", between, "two grades of the catalogue")
         for grade in (*between, *([] if self.imu in (None, "random") else [self.imu])):
-            imu_grade(grade)
+            grade_of(grade)
         check_range("heading_deg", self.heading_deg, -360.0, 360.0, "deg")
         check_range("sea_state", self.sea_state, 0.0, 10.0)
         if self.initial_error is not None:

@@ -15,7 +15,7 @@ from insenv.scenario.gravity_section import GravitySection
 from insenv.scenario.tuning import choices_in, tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
-from insenv.sensors.imu_section import FIGURES
+from insenv.sensors.imu_figures import FIGURES
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
 

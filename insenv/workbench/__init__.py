@@ -1,0 +1,1 @@
+"""The workbench: from a log or a scenario to a decision."""
