@@ -16,8 +16,11 @@ from insenv.scenario.tuning import choices_in, tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.imu_figures import FIGURES
+from insenv.tracks.section import RecordedSection
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
+
+vehicle_registry.register(RecordedSection)  # it reads logs, which the layer of vehicles does not know
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53
@@ -108,10 +111,13 @@ class Scenario(Section):
                 sensor_registry.check_loaded(id)
             vehicle = data.get("vehicle")
             vehicle_registry.check_loaded(str(vehicle.get("kind")) if isinstance(vehicle, Mapping) else "")
+            return _with_its_place(data)
         return data
 
     @model_validator(mode="after")
     def _a_sample(self) -> Scenario:
+        if (lasts := self.vehicle.lasts_s) is not None and self.duration_s > lasts + 1e-6:
+            raise ValueError(f"duration_s = {self.duration_s:g} s: the track lasts {lasts:.6g} s")
         if round(self.duration_s * self.rate_hz) < 1:
             raise ValueError(f"duration_s = {self.duration_s:g} s is shorter than one sample of {1 / self.rate_hz:g} s")
         return self
@@ -119,6 +125,30 @@ class Scenario(Section):
     def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[Any, ...]]:
         """Pickle the values: unpickling makes the class again, from what is registered there."""
         return _restored, (self.model_dump(mode="json"), self.name)
+
+
+def _with_its_place(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The values with [start] and the duration of a vehicle whose motion has its own, where they are not stated."""
+    values = data.get("vehicle")
+    if isinstance(values, VehicleSection):
+        section = values
+    else:
+        kind = values.get("kind") if isinstance(values, Mapping) else None
+        known = vehicle_registry.registered().get(str(kind))
+        if known is None or known.start_values is VehicleSection.start_values:
+            return data
+        section = known.model_validate(values)
+    own = section.start_values()
+    if own is None:
+        return data
+    given = data.get("start")
+    stated = given if isinstance(given, Mapping) else {}
+    return {
+        "duration_s": section.lasts_s,
+        **data,
+        "vehicle": section,
+        "start": given if given and not stated else {**own, **stated},
+    }
 
 
 def scenario_class() -> type[Scenario]:

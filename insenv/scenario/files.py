@@ -58,7 +58,7 @@ def load(scenario: ScenarioLike) -> Scenario:
         raise InputError(
             f"{path}: describes a recorded log and is no scenario: `insenv replay {path} -e ID` runs estimators on it"
         )
-    return parse(beside(data, path.parent, "imu"), str(path), path.stem)
+    return parse(beside(beside(data, path.parent, "imu"), path.parent, "vehicle", key="file"), str(path), path.stem)
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:

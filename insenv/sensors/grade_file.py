@@ -87,15 +87,15 @@ def grade_of(grade: str | GradeTable) -> ImuGrade:
     return grade.grade()
 
 
-def beside(values: dict[str, Any], folder: Path, *section: str) -> dict[str, Any]:
-    """The values of a TOML file with the path of a grade file, at the key `grade` of `section`, that begins at its folder."""
+def beside(values: dict[str, Any], folder: Path, *section: str, key: str = "grade") -> dict[str, Any]:
+    """The values of a TOML file with the path at a key of `section` beginning at its folder; the name of a grade is none."""
     inner: Any = values
     for name in section:
         inner = inner.get(name) if isinstance(inner, Mapping) else None
-    grade = inner.get("grade") if isinstance(inner, Mapping) else None
-    if not isinstance(grade, str) or not grade.endswith(SUFFIX) or Path(grade).is_absolute():
+    path = inner.get(key) if isinstance(inner, Mapping) else None
+    if not isinstance(path, str) or (key == "grade" and not path.endswith(SUFFIX)) or Path(path).is_absolute():
         return values
-    changed: dict[str, Any] = {**inner, "grade": str(folder / grade)}
+    changed: dict[str, Any] = {**inner, key: str(folder / path)}
     for name in reversed(section):
         changed = {name: changed}
     return {**values, **changed}

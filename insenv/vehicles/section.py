@@ -45,6 +45,15 @@ class VehicleSection(Section):
         """Whether the vehicle stays in place, within metres."""
         raise NotImplementedError
 
+    @property
+    def lasts_s(self) -> float | None:
+        """Duration of the motion, s; None: without an end."""
+        return None
+
+    def start_values(self) -> dict[str, float] | None:
+        """The keys of [start] of a kind whose motion has a place of its own; None: the scenario states them."""
+        return None
+
     def vehicle(self) -> Vehicle:
         """Equations of motion.  Sections with equal equations return the same object, to share one compiled model."""
         raise NotImplementedError
