@@ -147,6 +147,8 @@ class Starts:
         vectors = np.tile(bases[0], (count, 1)) if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
         vectors[:, parameters.slice("seed").start] = seeds
         if ranges.heading_deg is not None:
+            if self.scenario.vehicle.lasts_s is not None:
+                raise InputError(f"heading_deg = {ranges.heading_deg!r}: the vehicle's track has its own: allowed is None")
             vectors[:, parameters.slice("start_heading").start] = np.radians(_at(ranges.heading_deg, heading))
         if ranges.sea_state is not None:
             rows = {name: vectors[:, parameters.slice(name)] for name in self._vehicle.names}

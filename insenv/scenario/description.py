@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, Union
 
-from pydantic import Field, PrivateAttr, Strict, create_model, model_validator
+from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
 from insenv.estimators import Drive, Estimator, get
 from insenv.files.toml import Number, Parameter, Section, Vector3, key, summary
@@ -17,10 +17,12 @@ from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.imu_figures import FIGURES
 from insenv.tracks.section import RecordedSection
+from insenv.tracks.waypoints import WaypointsSection
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
 
-vehicle_registry.register(RecordedSection)  # it reads logs, which the layer of vehicles does not know
+for _section in (RecordedSection, WaypointsSection):  # they read logs, which the layer of vehicles does not know
+    vehicle_registry.register(_section)
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53
@@ -137,7 +139,10 @@ def _with_its_place(data: Mapping[str, Any]) -> Mapping[str, Any]:
         known = vehicle_registry.registered().get(str(kind))
         if known is None or known.start_values is VehicleSection.start_values:
             return data
-        section = known.model_validate(values)
+        try:
+            section = known.model_validate(values)
+        except ValidationError:  # which the check of [vehicle] reports; nothing else is known then
+            return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
     own = section.start_values()
     if own is None:
         return data

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Literal
 
@@ -99,6 +100,70 @@ def _gpx(path: Path, columns: Columns) -> Points:
     return _points(path, rows)
 
 
+def _nmea(path: Path, columns: Columns) -> Points:
+    """Fixes of the sentences GGA, whose heights are above mean sea level and of the geoid; days follow from midnights."""
+    try:
+        import pynmea2
+    except ImportError:
+        raise InsenvError(f"pynmea2 is not installed: {install_extra('workbench')}") from None
+    rows: list[tuple[float, float, float, float]] = []
+    wrong, day = "", 0.0
+    for number, line in enumerate(path.read_text(encoding="ascii", errors="replace").splitlines(), 1):
+        start = line.find("$")
+        if start < 0 or line[start + 3 : start + 6] != "GGA":
+            continue
+        try:
+            fix = pynmea2.parse(line[start:], check=True)
+        except (pynmea2.ParseError, ValueError) as error:
+            wrong = wrong or f"{path}: line {number}: {error}"
+            continue
+        if not fix.gps_qual or fix.timestamp is None or not fix.lat or not fix.lon:
+            continue
+        stamp = fix.timestamp
+        time = stamp.hour * 3600.0 + stamp.minute * 60.0 + stamp.second + stamp.microsecond * 1e-6 + day
+        if rows and time < rows[-1][0] - 43200.0:
+            day, time = day + 86400.0, time + 86400.0
+        height = float(fix.altitude or 0.0) + float(fix.geo_sep or 0.0)
+        rows.append((time, fix.latitude, fix.longitude, height))
+    if wrong:
+        raise InputError(wrong)
+    if not rows:
+        raise InputError(f"{path}: no sentence GGA with a fix")
+    return _points(path, rows)
+
+
+def _kml(path: Path, columns: Columns) -> Points:
+    """The first gx:Track, pairs of when and gx:coord; a LineString has no times and is no recorded track."""
+    from xml.etree.ElementTree import ParseError, fromstring
+
+    text = path.read_bytes()
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise InputError(f"{path}: declares a document type: allowed is plain KML")
+    try:
+        root = fromstring(text)
+    except ParseError as error:
+        raise InputError(f"{path}: no KML file: {error}") from None
+    track = next((each for each in root.iter() if each.tag.endswith("}Track")), None)
+    if track is None:
+        raise InputError(f"{path}: no gx:Track: only points with times are a recorded track")
+    times = [each.text or "" for each in track if each.tag.endswith("}when")]
+    places = [(each.text or "").split() for each in track if each.tag.endswith("}coord")]
+    if len(times) != len(places):
+        raise InputError(f"{path}: {len(times)} times for {len(places)} places: allowed is one for each")
+    rows = []
+    for number, (stamp, place) in enumerate(zip(times, places, strict=True), 1):
+        try:
+            moment = datetime.fromisoformat(stamp.strip().replace("Z", "+00:00"))
+            longitude, latitude, height = (float(part) for part in (*place, "0")[:3])
+        except ValueError:
+            raise InputError(
+                f"{path}: point {number}: {stamp!r} at {place!r}: allowed is a time and two or three numbers"
+            ) from None
+        moment = moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)
+        rows.append((moment.timestamp(), latitude, longitude, height))
+    return _points(path, rows)
+
+
 def _log(path: Path, columns: Columns) -> Points:
     """The reference of a log, with its attitude if it has one, or else its fixes."""
     from insenv.logs import load
@@ -127,4 +192,12 @@ def _run(path: Path, columns: Columns) -> Points:
     return Points(str(path), time, latitude, longitude, height, attitude)
 
 
-_READERS: dict[str, Callable[[Path, Columns], Points]] = {".csv": _csv, ".txt": _csv, ".gpx": _gpx, ".npz": _run, ".toml": _log}
+_READERS: dict[str, Callable[[Path, Columns], Points]] = {
+    ".csv": _csv,
+    ".txt": _csv,
+    ".gpx": _gpx,
+    ".nmea": _nmea,
+    ".kml": _kml,
+    ".npz": _run,
+    ".toml": _log,
+}

@@ -129,9 +129,9 @@ def test_a_closed_form_through_gpx(tmp_path):
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     """The truth of a simulated drive through a city, with stops and turns: time (s) and rows, at 10 Hz."""
-    loaded = insenv.load({**insenv.load("car-city-drive").model_dump(mode="json"), "rate_hz": 50.0})
+    loaded = insenv.load({**insenv.load("car-city-drive").model_dump(mode="json"), "rate_hz": 100.0})
     time, shown = truth_of(loaded, 300.0)
-    return time[4::5], {name: values[4::5] for name, values in shown.items()}
+    return time[9::10], {name: values[9::10] for name, values in shown.items()}
 
 
 def test_a_track_of_one_hertz_does_not_ring(drive, tmp_path):
@@ -260,3 +260,59 @@ def test_files_that_are_no_tracks(name, text, tmp_path):
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=name):
         scenario(tmp_path / name)
+
+
+# --- other formats -------------------------------------------------------------------------------------
+
+
+def gga(time, latitude, longitude, height):
+    """A sentence GGA with its checksum; the geoid is 48 m above the ellipsoid."""
+
+    def angle(value, digits):
+        whole = int(np.degrees(value))
+        return f"{whole:0{digits}d}{(np.degrees(value) - whole) * 60.0:010.7f}"
+
+    clock = f"{int(time) // 3600 % 24:02d}{int(time) // 60 % 60:02d}{time % 60:05.2f}"
+    text = f"GPGGA,{clock},{angle(latitude, 2)},N,{angle(longitude, 3)},E,1,08,0.9,{height - 48.0:.3f},M,48.0,M,,"
+    return f"${text}*{np.bitwise_xor.reduce(np.frombuffer(text.encode(), np.uint8)):02X}"
+
+
+def check_same(loaded, time, tolerance=0.02):
+    at, shown = truth_of(loaded, float(time[-1] - time[0]) - 1.0)
+    true = closed_form(at)
+    assert 6.37e6 * np.abs(shown["latitude"].ravel() - true[:, 0]).max() < tolerance
+    assert np.abs(shown["height"].ravel() - true[:, 2]).max() < tolerance
+
+
+def test_nmea_over_midnight(tmp_path):
+    time = np.arange(0.0, 100.0)
+    lines = [gga(86370.0 + t, *row[:3]) for t, row in zip(time, closed_form(time), strict=True)]
+    lines.insert(3, "$GPGSV,1,1,00*79")
+    (tmp_path / "t.nmea").write_text("\n".join(lines), encoding="ascii")
+    check_same(scenario(tmp_path / "t.nmea"), time)
+    lines[10] = lines[10].replace("E,1", "E,2")
+    (tmp_path / "t.nmea").write_text("\n".join(lines), encoding="ascii")
+    with pytest.raises(InputError, match=r"line 11: .*checksum"):
+        scenario(tmp_path / "t.nmea")
+
+
+KML = (
+    '<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2"><Placemark><gx:Track>{}</gx:Track>'
+    "</Placemark></kml>"
+)
+
+
+def test_kml(tmp_path):
+    time = np.arange(0.0, 100.0)
+    whens = "".join(f"<when>2026-01-01T00:{int(t) // 60:02d}:{int(t) % 60:02d}Z</when>" for t in time)
+    coords = "".join(
+        f"<gx:coord>{np.degrees(b):.9f} {np.degrees(a):.9f} {h:.3f}</gx:coord>" for a, b, h, *_ in closed_form(time)
+    )
+    (tmp_path / "t.kml").write_text(KML.format(whens + coords), encoding="utf-8")
+    check_same(scenario(tmp_path / "t.kml"), time)
+    (tmp_path / "t.kml").write_text(KML.format(coords), encoding="utf-8")
+    with pytest.raises(InputError, match="0 times for 100 places"):
+        scenario(tmp_path / "t.kml")
+    (tmp_path / "t.kml").write_text("<!DOCTYPE a []><kml/>", encoding="utf-8")
+    with pytest.raises(InputError, match="declares a document type"):
+        scenario(tmp_path / "t.kml")
