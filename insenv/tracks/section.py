@@ -13,7 +13,7 @@ from pydantic import model_validator
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Positive, key
-from insenv.tracks.points import checked
+from insenv.tracks.points import Points, checked
 from insenv.tracks.readers import Columns, formats, points_of
 from insenv.tracks.shape import Shape, shaped, start_of
 from insenv.vehicles.section import StartSection, VehicleSection
@@ -29,7 +29,7 @@ class TrackSection(VehicleSection):
     """Keys of the tracks of one's own."""
 
     bank: Literal["coordinated", "level"] = key("coordinated", "roll where the file has none: that of coordinated turns, or 0")
-    noise_m: Number | None = key(
+    smoothing_m: Number | None = key(
         None, "noise of the positions to smooth away, standard deviation; absent: found by cross-validation", "m", ge=0, le=1e4
     )
     knot_s: Positive | None = key(None, "time between the knots of the splines; absent: that between points", "s", le=3600)
@@ -90,15 +90,9 @@ def _size(count: int) -> int:
     return next((size for size in SIZES if size > count), SIZES[-1])
 
 
-class RecordedSection(TrackSection):
-    """A vehicle on a recorded track: CSV, GPX, NMEA, KML, a flight log, a log or the result of a run."""
+class RecordedFile(TrackSection):
+    """The fingerprint of the file that a track comes from."""
 
-    kind: Literal["recorded"] = key(..., "kind of vehicle")
-    file: str = key(..., f"the file, relative to this TOML file: {formats()}", min_length=1)
-    columns: Columns = key(Columns(), "columns of a CSV file")
-    height_offset_m: Number = key(0.0, "added to the heights, as that of the geoid above the ellipsoid", "m", ge=-1e4, le=1e4)
-    max_gap_s: Positive = key(10.0, "a longer gap between points is an error", "s", le=3600)
-    max_acceleration_mps2: Positive = key(20.0, "a larger acceleration over one second is a jump, an error", "m/s2", le=1e4)
     sha256: str = key("", "SHA-256 of the file, which must not change; filled in when the scenario is loaded", max_length=64)
 
     @model_validator(mode="before")
@@ -115,6 +109,17 @@ class RecordedSection(TrackSection):
             raise ValueError(f"{path}: the file has changed since this scenario was loaded")
         return {**data, "sha256": now}
 
+
+class RecordedSection(RecordedFile):
+    """A vehicle on a recorded track: CSV, GPX, NMEA, KML, a flight log, a log or the result of a run."""
+
+    kind: Literal["recorded"] = key(..., "kind of vehicle")
+    file: str = key(..., f"the file, relative to this TOML file: {formats()}", min_length=1)
+    columns: Columns = key(Columns(), "columns of a CSV file")
+    height_offset_m: Number = key(0.0, "added to the heights, as that of the geoid above the ellipsoid", "m", ge=-1e4, le=1e4)
+    max_gap_s: Positive = key(10.0, "a longer gap between points is an error", "s", le=3600)
+    max_acceleration_mps2: Positive = key(20.0, "a larger acceleration over one second is a jump, an error", "m/s2", le=1e4)
+
     @property
     def shape(self) -> Shape:
         """The splines.  Raises `InputError` for a file that is no track."""
@@ -126,13 +131,16 @@ def _shape_of(text: str) -> Shape:
     section = RecordedSection.model_validate_json(text)
     found = points_of(Path(section.file), section.columns, section.height_offset_m)
     points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
-    interval = section.knot_s
-    if interval is None:
-        lasts = float(points.time[-1])
-        interval = max(float(np.median(np.diff(points.time))), SHORTEST_KNOT_S, lasts / (_MOST - 1))
-    if points.time[-1] / interval > _MOST:
-        raise InputError(f"knot_s = {interval:g} s: {points.time[-1] / interval:.0f} knots: allowed is at most {_MOST}")
-    return shaped(points, float(interval), section.noise_m, section.bank)
+    return shaped(points, knot_interval(section.knot_s, points), section.smoothing_m, section.bank)
+
+
+def knot_interval(stated: float | None, points: Points) -> float:
+    """Time between knots, s: as stated, or that between points.  Raises `InputError` for too many knots."""
+    lasts = float(points.time[-1])
+    interval = stated or max(float(np.median(np.diff(points.time))), SHORTEST_KNOT_S, lasts / (_MOST - 1))
+    if lasts / interval > _MOST:
+        raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MOST}")
+    return float(interval)
 
 
 def _shape(section: RecordedSection) -> Shape:

@@ -72,7 +72,7 @@ def _shape(text: str) -> Shape:
     origin = np.radians(first.latitude_deg), np.radians(first.longitude_deg), first.height_m
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
     points = Points("vehicle.waypoints", time, latitude, longitude, height)
-    noise = SMOOTHING_M if section.noise_m is None else section.noise_m
+    noise = SMOOTHING_M if section.smoothing_m is None else section.smoothing_m
     return shaped(points, section.knot_s or KNOT_S, noise, section.bank)
 
 

@@ -106,7 +106,9 @@ def noise_of(true, generator, count):
     return rate
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.slow if case in ("walk", "counts") else ()) for case in CASES]
+)
 def test_terms_of_known_noise(case):
     """The terms are recognised, white noise is within 3 %, and the bounds hold the true figures in most of 6 series."""
     true, names = CASES[case]
@@ -230,6 +232,7 @@ def test_a_low_pass_filter_is_recognised_and_left_out():
     assert found.terms.figures[WHITE].value == pytest.approx(1e-4, rel=0.05)
 
 
+@pytest.mark.slow
 def test_repeated_and_missing_samples_are_told():
     rates = np.repeat(unit_rates(np.random.default_rng(2), 20000), 2, axis=0)
     assert any("repeat the one before" in warning for warning in insenv.allan(log_of(rates)).warnings)
