@@ -157,6 +157,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         if name.endswith("_amplitude"):  # the square of an amplitude other than 0 is a divisor and must not underflow
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
     check_speed_of_sinusoids(rows, interval)
+    scenario.vehicle.check_interval(interval)
     model.parameters.pack(rows)
     return model, rows
 

@@ -22,6 +22,8 @@ from insenv.vehicles.track import SIZES, track
 from insenv.vehicles.truth import Vehicle
 
 SHORTEST_KNOT_S = 0.05
+TURN = 0.25
+"""Largest rotation in a sample, rad, that the truth of a vehicle allows."""
 _MOST = SIZES[-1] - DEGREE - 1
 
 
@@ -52,6 +54,19 @@ class TrackSection(VehicleSection):
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
         return track(_size(len(self.shape.points)))
+
+    def check_interval(self, sample_interval: float) -> None:
+        """Raise `InputError` for knots closer than samples, and for large rotations per sample."""
+        shape = self.shape
+        if shape.interval < sample_interval * (1.0 - 1e-9):
+            raise InputError(
+                f"vehicle: knots every {shape.interval:g} s with samples every {sample_interval:g} s: allowed is a knot_s of a "
+                "sample or more, or a higher rate_hz"
+            )
+        times = np.linspace(0.0, shape.duration_s, 2 * len(shape.points))
+        turned = float(np.abs(shape.spline.at(times, 1)[:, 3:]).max()) * sample_interval
+        if turned > TURN:
+            raise InputError(f"vehicle: rotation of {turned:.2g} rad in a sample: allowed is {TURN} rad; use a higher rate_hz")
 
     def start_values(self) -> dict[str, float]:
         """The keys of [start]."""

@@ -51,6 +51,9 @@ class VehicleSection(Section):
         """Duration of the motion, s; None: without an end."""
         return None
 
+    def check_interval(self, sample_interval: float) -> None:
+        """Raise `InputError` where the motion needs more samples; sample_interval: s."""
+
     def start_values(self) -> dict[str, float] | None:
         """The keys of [start] of a kind whose motion has a place of its own; None: the scenario states them."""
         return None

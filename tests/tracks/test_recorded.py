@@ -228,6 +228,17 @@ def test_a_run_longer_than_the_track_is_refused(tmp_path):
         build(scenario(tmp_path / "t.csv"), duration_s=100.0)
 
 
+def test_few_samples_are_refused(tmp_path):
+    time, values = rows()
+    write_csv(tmp_path / "t.csv", time, values)
+    with pytest.raises(InputError, match=r"knots every 0.1 s with samples every 0.5 s"):
+        scenario(tmp_path / "t.csv", rate_hz=2.0, vehicle={"knot_s": 0.1})
+    values[:, 5] = 1.5 * time
+    write_csv(tmp_path / "t.csv", time, values)
+    with pytest.raises(InputError, match=r"rotation of 0.\d+ rad in a sample: allowed is 0.25 rad"):
+        scenario(tmp_path / "t.csv", rate_hz=4.0, vehicle={"columns": ATTITUDE})
+
+
 def test_another_start_is_refused(tmp_path):
     time, values = rows()
     write_csv(tmp_path / "t.csv", time, values)
