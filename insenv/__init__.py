@@ -62,12 +62,13 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
 Public names
 ------------
-`run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates, `tune` how to tune a filter;
-`load` reads a scenario; `page` writes a page that simulates in a browser; `export_fmu` and `export_ssp` write FMUs; `fusion`
-composes a filter; `register` adds an estimator, a vehicle or a sensor; `record` makes the log of a simulated drive, and
-`write` puts results and logs into the formats of other tools.  `Report`, `Summary`, `Comparison`, `Budget` and `Tuning` are
-what runs, campaigns, campaigns of several estimators, budgets and tuning give.  Each loads on first use: ``import insenv``
-is cheap.  It registers the environments with Gymnasium.  docs/api.md lists all public names.
+`run`, `replay` and `campaign` run estimators; `allan` measures an inertial unit, `budget` says which source of error
+dominates, `tune` how to tune a filter; `load` reads a scenario; `page` writes a page that simulates in a browser;
+`export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator, a vehicle or a sensor;
+`record` makes the log of a simulated drive, and `write` puts results and logs into the formats of other tools.  `Report`,
+`Summary`, `Comparison`, `Budget` and `Tuning` are what runs, campaigns, campaigns of several estimators, budgets and tuning
+give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists
+all public names.
 """
 
 from __future__ import annotations
@@ -102,6 +103,7 @@ if TYPE_CHECKING:
     from insenv.sensors import Sensor, SensorSection
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
     from insenv.web.page import page
+    from insenv.workbench.allan import allan
     from insenv.workbench.budget import budget
     from insenv.workbench.budget_result import Budget
     from insenv.workbench.tune import tune
@@ -128,6 +130,7 @@ __all__ = [
     "Vehicle",
     "VehicleSection",
     "agents",
+    "allan",
     "budget",
     "campaign",
     "export_fmu",
@@ -164,6 +167,7 @@ _HOMES = {
     "insenv.scenario": ("Scenario", "limit", "load"),
     "insenv.sensors": ("Sensor", "SensorSection"),
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
+    "insenv.workbench.allan": ("allan",),
     "insenv.workbench.budget": ("budget",),
     "insenv.workbench.budget_result": ("Budget",),
     "insenv.workbench.tune": ("tune",),

@@ -38,6 +38,10 @@ from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE
 from insenv.sensors.grades import ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 from insenv.sensors.registry import registered
+from insenv.tracks.fmu_section import FmuSection, Outputs
+from insenv.tracks.readers import Columns
+from insenv.tracks.section import RecordedSection
+from insenv.tracks.waypoints import Waypoint, WaypointsSection
 from insenv.vehicles import aircraft_section as aircraft
 from insenv.vehicles import car_section as car
 from insenv.vehicles import multirotor_section as multirotor
@@ -74,6 +78,12 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of an aircraft", aircraft.AircraftLeg),
     ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
     ("a leg of a multirotor", multirotor.MultirotorLeg),
+    ('[vehicle], kind = "recorded"', RecordedSection),
+    ("[vehicle.columns]", Columns),
+    ('[vehicle], kind = "waypoints"', WaypointsSection),
+    ("a waypoint", Waypoint),
+    ('[vehicle], kind = "fmu"', FmuSection),
+    ("[vehicle.outputs]", Outputs),
     ("[imu]", ImuSection),
     ("[gnss]", GnssSection),
     *((f"[{id}]", section) for id, section in registered().items() if id in INSTRUMENTS),

@@ -24,7 +24,7 @@ FONT = "font-family='Helvetica, Arial, sans-serif'"
 GROUPS = {
     "commands and studies": ("#3b6fb5", "cli bench reproduce learning campaigns workbench runs web export report"),
     "interfaces": ("#8a5bb0", "mavlink fmu envs"),
-    "files that describe": ("#b8762a", "scenario logs extending"),
+    "files that describe": ("#b8762a", "scenario logs extending tracks"),
     "joining and judging": ("#2a8f7a", "evaluation plant"),
     "equations": ("#b8485a", "estimators sensors vehicles instruments attitude geodesy"),
     "engine": ("#5c6b7a", "core files plugins errors installing registration starting style"),

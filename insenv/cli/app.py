@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from insenv.cli import fmu
+from insenv.cli.allan import allan
 from insenv.cli.beginnings import examples, new
 from insenv.cli.bench import bench
 from insenv.cli.budget import budget
@@ -28,7 +29,7 @@ app = typer.Typer(
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
 app.command("list")(list_all)
-for command in (run, replay, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
+for command in (run, replay, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
     app.command()(command)
 app.add_typer(fmu.app, name="fmu")
 

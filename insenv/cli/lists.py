@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import Enum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
@@ -62,6 +63,7 @@ def _known(what: What) -> dict[str, Rows]:
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
     from insenv.sensors import registry as sensors
     from insenv.sensors.figures import FiguresSection
+    from insenv.sensors.grade_file import in_folder
     from insenv.vehicles import registry as vehicles
 
     if what is What.scenarios:
@@ -82,7 +84,8 @@ def _known(what: What) -> dict[str, Rows]:
     if what is What.sensors:
         return {"sensors": [{"id": id, "title": summary(section)} for id, section in sensors.registered().items()]}
     if what is What.grades:
-        grades: dict[str, Any] = {"imu_grades": IMU_GRADES, "gnss_grades": GNSS_GRADES}
+        own = in_folder(Path.cwd())
+        grades: dict[str, Any] = {"imu_grades": IMU_GRADES | own, "gnss_grades": GNSS_GRADES}
         found: dict[str, Rows] = {
             key: [{"name": name, "title": known[name].title} for name in real_first(known)] for key, known in grades.items()
         }
@@ -102,7 +105,7 @@ def _what(state: ErrorState) -> str:
 
 
 def real_first(grades: Iterable[str]) -> list[str]:
-    """The names of grades: those of real units, then the one without errors, then those that papers simulate."""
+    """The names of grades: those of real units and of files, then the one without errors, then those that papers simulate."""
     return sorted(grades, key=lambda name: 2 if name.startswith("paper-") else int(name == "perfect"))
 
 

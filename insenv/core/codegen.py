@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import Any
 
 from insenv.core.instructions import Instruction, instructions, ordering
+from insenv.core.lookup import table_loop
 from insenv.core.model import Kernel, Model
 
 _EXPRESSIONS = {
@@ -109,8 +110,9 @@ def _function_text(name: str, kernel: Kernel, arguments: str, in_place: bool, on
         for k, step in enumerate(steps):
             if step.name == "OUTPUT" and (place := (arguments.index("x"), places[step.place[1]])) in read:
                 after[k] = [read[place]]
-    lines = []
-    for k in ordering(steps, after):
+    loop = None if in_place else table_loop(steps)
+    lines = [] if loop is None else loop.text(places, arguments)
+    for k in ordering(steps, after) if loop is None else ():
         step = steps[k]
         if step.name == "OUTPUT":
             lines.append(f"  {result}[{places[step.place[1]]}] = v{step.sources[0]};")

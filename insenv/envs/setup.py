@@ -67,11 +67,12 @@ class Setup:
 def chosen_scenario(scenario: ScenarioLike, vehicle: str) -> Scenario:
     """Return the scenario of a name, path, mapping or object.
 
-    vehicle: required kind of vehicle ("ship", "car", "aircraft", "multirotor"; empty: any).  Raises `InputError`.
+    vehicle: required kind of vehicle ("ship", "car", "aircraft", "multirotor"; empty: any); a track
+        stands for each kind.  Raises `InputError`.
     """
     check_type("vehicle", vehicle, str, "a kind of vehicle or ''")
     found = load(scenario)
-    if vehicle and found.vehicle.kind != vehicle:
+    if vehicle and found.vehicle.kind != vehicle and found.vehicle.lasts_s is None:
         raise InputError(
             f"scenario {found.name or found.title!r} has a vehicle of kind {found.vehicle.kind!r}: this environment is for "
             f"{vehicle!r}"

@@ -23,8 +23,8 @@ from insenv.scenario import Scenario, plant_of
 from insenv.scenario.build import check_speed_of_sinusoids, told_of
 from insenv.scenario.description import MAX_SEED
 from insenv.scenario.sensor_notes import data_sheets, sensor_notes
-from insenv.sensors import imu_grade
 from insenv.sensors.figures import window_rows
+from insenv.sensors.grade_file import grade_of
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 from insenv.sensors.sampled import OUTAGES
 
@@ -67,7 +67,7 @@ class Ranges:
         if not isinstance(between, (tuple, list)) or len(between) != 2 or not all(isinstance(name, str) for name in between):
             raise refused("imu_range", between, "two grades of the catalogue")
         for grade in (*between, *([] if self.imu in (None, "random") else [self.imu])):
-            imu_grade(grade)
+            grade_of(grade)
         check_range("heading_deg", self.heading_deg, -360.0, 360.0, "deg")
         check_range("sea_state", self.sea_state, 0.0, 10.0)
         if self.initial_error is not None:
@@ -148,6 +148,8 @@ class Starts:
         vectors = np.tile(bases[0], (count, 1)) if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
         vectors[:, parameters.slice("seed").start] = seeds
         if ranges.heading_deg is not None:
+            if self.scenario.vehicle.lasts_s is not None:
+                raise InputError(f"heading_deg = {ranges.heading_deg!r}: the vehicle's track has its own: allowed is None")
             vectors[:, parameters.slice("start_heading").start] = np.radians(_at(ranges.heading_deg, heading))
         if ranges.sea_state is not None:
             rows = {name: vectors[:, parameters.slice(name)] for name in self._vehicle.names}

@@ -31,10 +31,11 @@ _LARGEST = (
 
 @dataclass(frozen=True)
 class AssumedUnit:
-    """What is assumed of an unknown unit: its grade, and the one sentence that says so."""
+    """What is assumed of an unknown unit: its grade, the one sentence that says so, and the class of the catalogue."""
 
     grade: ImuGrade
     sentence: str
+    name: str
 
 
 def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> AssumedUnit:
@@ -68,7 +69,7 @@ def assumed_unit(samples: InertialSamples, rest: tuple[float, float] | None) -> 
         f"{_round(float(vrw))} m/s/sqrt(h)), everything else is assumed to be that of class {assumed.name!r} (biases "
         f"{_round(gyro_bias)} deg/h, {_round(accel_bias / 1000)} mg, 1 sigma); the key `grade` or [estimator.ID] replaces that"
     )
-    return AssumedUnit(unit, sentence)
+    return AssumedUnit(unit, sentence, assumed.name)
 
 
 def _measured(samples: InertialSamples, rest: tuple[float, float] | None) -> tuple[float, float, str]:

@@ -20,12 +20,12 @@ from insenv.logs.instrument_sections import (
 )
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
-from insenv.sensors import imu_grade
+from insenv.sensors.grade_file import grade_of
 
 
 def _check_grade(value: str) -> str:
     if value:
-        imu_grade(value)
+        grade_of(value)
     return value
 
 
@@ -70,8 +70,8 @@ class ImuSection(FileSection):
     rate_hz: Positive | None = key(None, "nominal sample rate; absent: from the median step of the time stamps", "Hz", le=1e5)
     grade: Grade = key(
         "",
-        "grade of the catalogue (docs/sensors.md) for which estimators are tuned and state their accuracy; [estimator.ID] "
-        "overrides single parameters",
+        "grade of the catalogue (docs/sensors.md), or a grade file (docs/allan.md), for which estimators are tuned and state "
+        "their accuracy; [estimator.ID] overrides single parameters",
     )
     unit: UnitSection | None = key(
         None, "data sheet of the unit, with the keys of a scenario's [imu], for one that is not in the catalogue"

@@ -19,6 +19,7 @@ from insenv.logs.recorded import RecordedLog
 from insenv.scenario import tuning
 from insenv.scenario.files import names
 from insenv.scenario.kinds import is_log, is_scenario
+from insenv.sensors.grade_file import beside
 
 _HINTS = {
     TABLE: "a description in TOML names its columns and units: `insenv new log FILE` writes one to start from (docs/logs.md)",
@@ -43,6 +44,7 @@ def load(path: str | Path) -> RecordedLog:
     if is_scenario(data) and not is_log(data):
         raise InputError(f"{path}: a scenario, not the description of a recorded log: `insenv run {path}` simulates it")
     faults = Faults()
+    data = beside(data, path.parent) if "flight" in data else beside(data, path.parent, "imu")
     if "flight" in data:
         flight = faults.attempt(lambda: validated(FlightDescription, data, str(path)))
         _check_settings(data, str(path), faults)

@@ -59,15 +59,15 @@ def rest_until(
         return None
     per_window = max(round(REST_WINDOW_S / float(np.median(np.diff(end)))), 2)
     until = first
-    means: list[Array] = []
+    total, count = np.zeros(6), 0
     for begin in range(first, len(end) - per_window + 1, per_window):
         window = slice(begin, begin + per_window)
         rate, force = rate_ib_b[window], specific_force_b[window]
         if rate.std(axis=0).max() > REST_RATE or force.std(axis=0).max() > REST_FORCE:
             break
         mean = np.concatenate([rate.mean(axis=0), force.mean(axis=0)])
-        if means:
-            change = np.abs(mean - np.mean(means, axis=0))
+        if count:
+            change = np.abs(mean - total / count)
             if change[:3].max() > REST_TURN or change[3:].max() > REST_PUSH:
                 break
         if gnss is not None:
@@ -77,7 +77,7 @@ def rest_until(
             if gnss.velocity_n is None and (left := _left_at(gnss, *span)) is not None:
                 until = int(np.searchsorted(end, left))
                 break
-        means.append(mean)
+        total, count = total + mean, count + 1
         until = begin + per_window
     return float(end[until - 1]) if until - first >= REST_SAMPLES else None
 

@@ -18,7 +18,7 @@ from insenv.logs.inertial import InertialSamples
 from insenv.logs.readings import Readings
 from insenv.logs.units import Array
 from insenv.scenario.sensor_notes import motion_error, sensor_notes
-from insenv.sensors import imu_grade
+from insenv.sensors.grade_file import grade_of
 
 
 @dataclass(frozen=True)
@@ -155,4 +155,4 @@ class RecordedLog(InertialSamples):
             return self.assumed.grade.parameters()
         if self.unit is not None:
             return dict(self.unit)
-        return imu_grade(self.description.imu.grade).parameters()
+        return grade_of(self.description.imu.grade).parameters()

@@ -169,6 +169,7 @@ def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:
         if name.endswith("_amplitude"):  # the square of an amplitude other than 0 is a divisor and must not underflow
             rows[name] = np.where(np.abs(rows[name]) < SMALLEST_AMPLITUDE, 0.0, rows[name])
     check_speed_of_sinusoids(rows, interval)
+    scenario.vehicle.check_interval(interval)
     model.parameters.pack(rows)
     commanded(model, scenario.commands, scenario.rate_hz)
     return model, rows
@@ -198,6 +199,9 @@ def seed_and_duration(scenario: Scenario, seed: int | None, duration_s: float | 
     if not 0.0 < duration <= MAX_DURATION_S or round(duration * scenario.rate_hz) < 1:
         least = 1.0 / scenario.rate_hz
         raise InputError(f"duration_s = {duration:g} s: allowed is from one sample, {least:g} s, to {MAX_DURATION_S:g} s")
+    lasts = scenario.vehicle.lasts_s
+    if lasts is not None and duration > lasts + 1e-6:
+        raise InputError(f"duration_s = {duration:g} s: allowed is up to {lasts:.6g} s, the duration of the track")
     return int(seed), float(duration)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Annotated, Any, Union
 
-from pydantic import Field, PrivateAttr, Strict, create_model, model_validator
+from pydantic import Field, PrivateAttr, Strict, ValidationError, create_model, model_validator
 
 from insenv.estimators import Drive, Estimator, get
 from insenv.files.toml import Number, Parameter, Section, Vector3, key, summary
@@ -15,9 +15,15 @@ from insenv.scenario.gravity_section import GravitySection
 from insenv.scenario.tuning import choices_in, tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
-from insenv.sensors.imu_section import FIGURES
+from insenv.sensors.imu_figures import FIGURES
+from insenv.tracks.fmu_section import FmuSection
+from insenv.tracks.section import RecordedSection
+from insenv.tracks.waypoints import WaypointsSection
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
+
+for _section in (RecordedSection, WaypointsSection, FmuSection):  # they read logs, which the layer of vehicles does not know
+    vehicle_registry.register(_section)
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53
@@ -111,10 +117,13 @@ class Scenario(Section):
                 sensor_registry.check_loaded(id)
             vehicle = data.get("vehicle")
             vehicle_registry.check_loaded(str(vehicle.get("kind")) if isinstance(vehicle, Mapping) else "")
+            return _with_its_place(data)
         return data
 
     @model_validator(mode="after")
     def _a_sample(self) -> Scenario:
+        if (lasts := self.vehicle.lasts_s) is not None and self.duration_s > lasts + 1e-6:
+            raise ValueError(f"duration_s = {self.duration_s:g} s: the track lasts {lasts:.6g} s")
         if round(self.duration_s * self.rate_hz) < 1:
             raise ValueError(f"duration_s = {self.duration_s:g} s is shorter than one sample of {1 / self.rate_hz:g} s")
         return self
@@ -122,6 +131,33 @@ class Scenario(Section):
     def __reduce__(self) -> tuple[Callable[..., Scenario], tuple[Any, ...]]:
         """Pickle the values: unpickling makes the class again, from what is registered there."""
         return _restored, (self.model_dump(mode="json"), self.name)
+
+
+def _with_its_place(data: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The values with [start] and the duration of a vehicle whose motion has its own, where they are not stated."""
+    values = data.get("vehicle")
+    if isinstance(values, VehicleSection):
+        section = values
+    else:
+        kind = values.get("kind") if isinstance(values, Mapping) else None
+        known = vehicle_registry.registered().get(str(kind))
+        if known is None or known.start_values is VehicleSection.start_values:
+            return data
+        try:
+            section = known.model_validate(values)
+        except ValidationError:  # which the check of [vehicle] reports; nothing else is known then
+            return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
+    own = section.start_values()
+    if own is None:
+        return data
+    given = data.get("start")
+    stated = given if isinstance(given, Mapping) else {}
+    return {
+        "duration_s": section.lasts_s,
+        **data,
+        "vehicle": section,
+        "start": given if given and not stated else {**own, **stated},
+    }
 
 
 def scenario_class() -> type[Scenario]:

@@ -13,6 +13,7 @@ from insenv.files.toml import read_toml, shown, validated
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
 from insenv.scenario.kinds import is_log, is_scenario
+from insenv.sensors.grade_file import beside
 
 
 def names() -> list[str]:
@@ -57,7 +58,7 @@ def load(scenario: ScenarioLike) -> Scenario:
         raise InputError(
             f"{path}: describes a recorded log and is no scenario: `insenv replay {path} -e ID` runs estimators on it"
         )
-    return parse(data, str(path), path.stem)
+    return parse(beside(beside(data, path.parent, "imu"), path.parent, "vehicle", key="file"), str(path), path.stem)
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:

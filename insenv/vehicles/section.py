@@ -55,6 +55,18 @@ class VehicleSection(Section):
         """The same vehicle, to the bit where nothing is commanded, with every command that it can take; for pages."""
         return self
 
+    @property
+    def lasts_s(self) -> float | None:
+        """Duration of the motion, s; None: without an end."""
+        return None
+
+    def check_interval(self, sample_interval: float) -> None:
+        """Raise `InputError` where the motion needs more samples; sample_interval: s."""
+
+    def start_values(self) -> dict[str, float] | None:
+        """The keys of [start] of a kind whose motion has a place of its own; None: the scenario states them."""
+        return None
+
     def vehicle(self) -> Vehicle:
         """Equations of motion.  Sections with equal equations return the same object, to share one compiled model."""
         raise NotImplementedError

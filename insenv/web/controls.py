@@ -21,8 +21,9 @@ from pydantic import BaseModel
 from insenv.core.tables import Vector
 from insenv.errors import InputError
 from insenv.scenario import Scenario
-from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES, imu_grade
-from insenv.sensors.imu_section import unit_of
+from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+from insenv.sensors.grade_file import grade_of
+from insenv.sensors.imu_figures import unit_of
 
 Setting = Mapping[str, Any]
 """Values by dotted key, such as ``{"start.latitude_deg": 30.0}``; a number is a place in a list."""
@@ -249,11 +250,11 @@ class Prober:
         scenario = self.scenario
         for group, section, grades in (("imu", scenario.imu, IMU_GRADES), ("gnss", scenario.gnss, GNSS_GRADES)):
             if section is not None:
+                own = section.grade if isinstance(section.grade, str) else section.grade.name
                 settings: dict[str, Setting] = {name: {f"{group}.grade": name} for name in grades}
+                settings.setdefault(own, {})  # that of a grade file stays as it is
                 settings |= self._figures() if group == "imu" else {}
-                yield from self._choice(
-                    f"{group}.grade", "unit" if group == "imu" else "receiver", group, section.grade, settings
-                )
+                yield from self._choice(f"{group}.grade", "unit" if group == "imu" else "receiver", group, own, settings)
         sea = getattr(scenario.vehicle, "sea", None)
         if sea is not None:
             own = f"{sea.significant_height_m:g} m, {sea.peak_period_s:g} s"
@@ -268,15 +269,16 @@ class Prober:
     def _figures(self) -> dict[str, Setting]:
         """The scenario's own inertial unit with one of its figures worse or better."""
         section, found = self.scenario.imu, dict[str, Setting]()
+        grade = grade_of(section.grade)
         for name in FIGURES:
             own = getattr(section, name)
-            value = getattr(imu_grade(section.grade), name) if own is None else own
+            value = getattr(grade, name) if own is None else own
             if isinstance(value, float) and value > 0.0:
                 for factor in FACTORS:
                     number = float(f"{factor * value:.3g}")
                     unit = unit_of(name)
                     shown = name.removesuffix(_suffix(unit, name)).replace("_", " ")
-                    found[f"{section.grade}, {shown} {number:g} {unit}"] = {f"imu.{name}": number}
+                    found[f"{grade.name}, {shown} {number:g} {unit}"] = {f"imu.{name}": number}
         return found
 
     def _choice(self, key: str, label: str, group: str, value: str, settings: Mapping[str, Setting]) -> Iterator[Control]:

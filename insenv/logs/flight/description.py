@@ -23,7 +23,7 @@ class FlightDescription(AnyLog):
     imu: str = key("", 'the inertial unit, if not the default: "HIGHRES_IMU", "IMU[1]", "sensor_combined"')
     gnss: str = key("", 'the receiver, likewise: "GPS_RAW_INT", "GPS[1]"; "none": without GNSS')
     reference: str = key("", 'the solution for comparison, likewise: "ATTITUDE"; "none": none')
-    grade: Grade = key("", "grade of the catalogue (docs/sensors.md) for which estimators are tuned")
+    grade: Grade = key("", "grade of the catalogue (docs/sensors.md), or a grade file (docs/allan.md), of the unit")
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples ends the segment; shorter ones are interpolated and counted", "s", ge=0, le=60
     )

@@ -1,0 +1,110 @@
+"""`kind = "fmu"`: an outside vehicle model as truth, through its FMU (FMI 2 or 3).
+
+The FMU is run once, by FMPy, over the duration; position and attitude at its outputs become the points of a track.  Its binary
+code runs with the rights of the user: use FMUs that you trust.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from insenv.attitude.numeric import to_euler
+from insenv.errors import InputError, nearest
+from insenv.files.toml import Number, Positive, Section, key
+from insenv.tracks.points import Points, checked
+from insenv.tracks.section import RecordedFile, knot_interval
+from insenv.tracks.shape import Shape, shaped
+
+
+class Outputs(Section):
+    """Names of the variables of an FMU; an element of an array is NAME[1]."""
+
+    latitude: str = key(..., "geodetic latitude")
+    longitude: str = key(..., "longitude")
+    height: str = key(..., "height above the ellipsoid, m")
+    roll: str | None = key(None, "roll; with pitch and heading, or none of them")
+    pitch: str | None = key(None, "pitch")
+    heading: str | None = key(None, "heading, clockwise from north")
+    quaternion: tuple[str, str, str, str] | None = key(None, "quaternion from body to north-east-down, scalar first, instead")
+    position_unit: Literal["deg", "rad"] = key("rad", "unit of latitude and longitude")
+    angle_unit: Literal["deg", "rad"] = key("rad", "unit of roll, pitch and heading")
+
+    @model_validator(mode="after")
+    def _one_attitude(self) -> Outputs:
+        given = [each for each in (self.roll, self.pitch, self.heading) if each is not None]
+        if len(given) not in (0, 3) or (given and self.quaternion is not None):
+            raise ValueError("allowed are roll, pitch and heading, or quaternion, or none of them")
+        return self
+
+
+class FmuSection(RecordedFile):
+    """A vehicle that an FMU moves."""
+
+    kind: Literal["fmu"] = key(..., "kind of vehicle")
+    file: str = key(..., "the FMU, relative to this TOML file; its code runs with your rights", min_length=1)
+    outputs: Outputs = key(..., "the FMU's variables by meaning")
+    parameters: dict[str, Number | bool | str] = key({}, "start values of the FMU's variables by name")
+    run_s: Positive = key(..., "time over which the FMU is run", "s", le=86400)
+    step_s: Positive = key(0.1, "time between outputs", "s", le=60)
+
+    @property
+    def shape(self) -> Shape:
+        """The splines.  Raises `InputError` for an FMU that cannot be run or is no vehicle."""
+        return _shape(self.model_dump_json())
+
+
+@lru_cache(maxsize=8)
+def _shape(text: str) -> Shape:
+    section = FmuSection.model_validate_json(text)
+    points = checked(_run(section), 10.0 * section.step_s, 1e4)
+    return shaped(points, knot_interval(section.knot_s, points), section.smoothing_m, section.bank)
+
+
+def _run(section: FmuSection) -> Points:
+    import fmpy
+
+    path, names = Path(section.file), section.outputs
+    place = [names.latitude, names.longitude, names.height]
+    angles = [each for each in (names.roll, names.pitch, names.heading) if each is not None]
+    attitude = angles or list(names.quaternion or ())
+    try:
+        known = [variable.name for variable in fmpy.read_model_description(str(path), validate=False).modelVariables]
+    except Exception as error:  # of whatever kind: the file is anybody's
+        raise InputError(f"{path}: no FMU: {error}") from None
+    for name in (*place, *attitude, *section.parameters):
+        if name not in known and name.partition("[")[0] not in known:
+            raise InputError(f"{path}: no variable {name!r}{nearest(name, known, 'fmpy info')}")
+    whole = list(dict.fromkeys(name if name in known else name.partition("[")[0] for name in (*place, *attitude)))
+    try:
+        found = fmpy.simulate_fmu(
+            str(path),
+            stop_time=section.run_s,
+            output_interval=section.step_s,
+            start_values=dict(section.parameters),
+            output=whole,
+            validate=False,
+        )
+    except Exception as error:
+        raise InputError(f"{path}: the FMU failed: {error}") from None
+
+    def column(name: str) -> Any:
+        if name in found.dtype.names:
+            return np.asarray(found[name], dtype=np.float64)
+        inner, _, number = name.partition("[")
+        return np.asarray(found[inner], dtype=np.float64).reshape(len(found), -1)[:, int(number.rstrip("]")) - 1]
+
+    degrees = np.pi / 180.0 if names.position_unit == "deg" else 1.0
+    turned = np.pi / 180.0 if names.angle_unit == "deg" else 1.0
+    euler = None
+    if angles:
+        euler = np.column_stack([column(name) for name in angles]) * turned
+    elif attitude:
+        q_nb = np.column_stack([column(name) for name in attitude])
+        euler = np.column_stack(to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
+    north, east, up = (column(name) for name in place)
+    return Points(str(path), np.asarray(found["time"], dtype=np.float64), north * degrees, east * degrees, up, euler)

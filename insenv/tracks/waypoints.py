@@ -1,0 +1,170 @@
+"""`kind = "waypoints"`: a planned track, from places, speeds and stops.
+
+The vehicle goes straight from place to place.  It turns with at most `lateral_mps2`: a corner is an arc of the radius v^2 / a
+that touches both lines, on which it goes at the lower of their speeds; its speed changes by at most `acceleration_mps2`. Points
+every `STEP_S` along this way are smoothed to splines as those of a recorded track are, which rounds off the steps of the
+acceleration.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import field_validator
+
+from insenv import geodesy
+from insenv.errors import InputError
+from insenv.files.toml import Number, Positive, Section, key
+from insenv.tracks.points import Points
+from insenv.tracks.section import TrackSection
+from insenv.tracks.shape import Shape, shaped
+
+Array = NDArray[np.float64]
+
+STEP_S = 0.25
+"""Time between the points of the plan, s."""
+KNOT_S = 0.5
+REST_S = 2.0
+"""Time at rest at the first and at the last place, at least, s."""
+SMOOTHING_M = 0.005
+"""What the splines may leave of the plan, m: so much a corner of the acceleration is rounded off."""
+
+
+class Waypoint(Section):
+    """A place of the plan."""
+
+    latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.9, le=89.9)
+    longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
+    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
+    speed_mps: Number = key(..., "speed over ground from here on; that of the last place does not count", "m/s", gt=0, le=1e3)
+    stop_s: Number = key(0.0, "time to stand here", "s", ge=0, le=86400)
+
+
+class WaypointsSection(TrackSection):
+    """A vehicle on a planned track through places, with speeds and stops."""
+
+    kind: Literal["waypoints"] = key(..., "kind of vehicle")
+    waypoints: tuple[Waypoint, ...] = key(..., "the places, in order, two or more", max_length=1000)
+    acceleration_mps2: Positive = key(1.0, "largest change of speed", "m/s2", le=50)
+    lateral_mps2: Positive = key(2.0, "largest acceleration in a turn", "m/s2", le=50)
+
+    @field_validator("waypoints")
+    @classmethod
+    def _two(cls, value: tuple[Waypoint, ...]) -> tuple[Waypoint, ...]:
+        if len(value) < 2:
+            raise ValueError("must have two places or more")
+        return value
+
+    @property
+    def shape(self) -> Shape:
+        """The splines.  Raises `InputError` for places that cannot be driven."""
+        return _shape(self.model_dump_json())
+
+
+@lru_cache(maxsize=16)
+def _shape(text: str) -> Shape:
+    section = WaypointsSection.model_validate_json(text)
+    time, place = planned(section)
+    first = section.waypoints[0]
+    origin = np.radians(first.latitude_deg), np.radians(first.longitude_deg), first.height_m
+    latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
+    points = Points("vehicle.waypoints", time, latitude, longitude, height)
+    noise = SMOOTHING_M if section.smoothing_m is None else section.smoothing_m
+    return shaped(points, section.knot_s or KNOT_S, noise, section.bank)
+
+
+def planned(section: WaypointsSection) -> tuple[Array, Array]:
+    """Times (n,) s and offsets (n, 3) north, east, down from the first place, m."""
+    places = section.waypoints
+    first = places[0]
+    here = [np.radians([w.latitude_deg for w in places]), np.radians([w.longitude_deg for w in places])]
+    offsets = np.asarray(
+        geodesy.numeric.ned_offset(
+            *here,
+            np.array([w.height_m for w in places]),
+            float(np.radians(first.latitude_deg)),
+            float(np.radians(first.longitude_deg)),
+            first.height_m,
+        )
+    )
+    if np.linalg.norm(offsets[:, :2], axis=1).max() > 3e5:
+        raise InputError("vehicle.waypoints: places are more than 300 km from the first: allowed is up to 300 km")
+    line, limits = _way(section, offsets)
+    return _timed(section, line, limits)
+
+
+def _way(section: WaypointsSection, offsets: Array) -> tuple[Array, Array]:
+    """Points (m, 3) of the way, about a metre apart, and the largest speed (m,) at each; 0 where it stops."""
+    places, parts, limits = section.waypoints, [], []
+    begin = offsets[0]
+    legs = np.diff(offsets, axis=0)
+    lengths = np.linalg.norm(legs[:, :2], axis=1)
+    for number, length in enumerate(lengths, 1):
+        if length < 1.0:
+            raise InputError(f"vehicle.waypoints[{number}]: {length:.3g} m from the place before: allowed is 1 m or more")
+    stops = [w.stop_s > 0.0 for w in places]
+    for k, length in enumerate(lengths):
+        speed = places[k].speed_mps
+        direction = legs[k] / length
+        end, arc = offsets[k + 1], None
+        if k + 1 < len(lengths) and not stops[k + 1]:
+            after = legs[k + 1] / lengths[k + 1]
+            turn = float(np.arctan2(direction[0] * after[1] - direction[1] * after[0], direction[:2] @ after[:2]))
+            slower = min(speed, places[k + 1].speed_mps)
+            room = 0.45 * min(length, lengths[k + 1])
+            reach = min(slower**2 / section.lateral_mps2 * abs(np.tan(0.5 * turn)), room) if abs(turn) < 3.0 else room
+            if abs(turn) > 1e-4:
+                radius = max(reach / abs(np.tan(0.5 * turn)), 1.0)
+                corner = min(slower, float(np.sqrt(section.lateral_mps2 * radius)))
+                end, arc = end - reach * direction, (end + reach * after, radius, turn, corner)
+        count = max(int(np.linalg.norm((end - begin)[:2])), 2)
+        share = np.linspace(0.0, 1.0, count, endpoint=False)[:, None]
+        parts.append(begin + share * (end - begin))
+        limits.append(np.full(count, speed))
+        if stops[k]:
+            limits[-1][0] = 0.0
+        if arc is not None:
+            leave, radius, turn, corner = arc
+            count = max(int(radius * abs(turn)), 4)
+            angle = np.linspace(0.0, turn, count, endpoint=False)
+            along, across = direction[:2], np.sign(turn) * np.array([-direction[1], direction[0]])
+            bow = radius * (np.sin(abs(angle))[:, None] * along + (1.0 - np.cos(angle))[:, None] * across)
+            sunk = np.linspace(end[2], leave[2], count, endpoint=False)
+            parts.append(np.column_stack([end[:2] + bow, sunk]))
+            limits.append(np.full(count, corner))
+            begin = leave
+        else:
+            begin = offsets[k + 1]
+    parts.append(offsets[-1:])
+    limits.append(np.zeros(1))
+    return np.vstack(parts), np.concatenate(limits)
+
+
+def _timed(section: WaypointsSection, line: Array, limits: Array) -> tuple[Array, Array]:
+    """The plan over time: speeds within the limits of places and of acceleration, forward and backward."""
+    step = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    square = limits**2
+    square[0] = 0.0
+    for k in range(len(step)):
+        square[k + 1] = min(square[k + 1], square[k] + 2.0 * section.acceleration_mps2 * step[k])
+    for k in reversed(range(len(step))):
+        square[k] = min(square[k], square[k + 1] + 2.0 * section.acceleration_mps2 * step[k])
+    speed = np.sqrt(square)
+    lasts = 2.0 * step / np.maximum(speed[1:] + speed[:-1], 1e-3)
+    pauses = [w.stop_s for w in section.waypoints]
+    waits = np.zeros(len(line))
+    waits[0], waits[-1] = max(pauses[0], REST_S), max(pauses[-1], REST_S)
+    inner = np.flatnonzero(speed[1:-1] == 0.0) + 1
+    waits[inner] = [pause for pause in pauses[1:-1] if pause > 0.0]
+    arrival = np.concatenate([[0.0], np.cumsum(lasts)]) + np.concatenate([[0.0], np.cumsum(waits[:-1])])
+    leaving = arrival + waits
+    even = np.arange(0.0, leaving[-1], STEP_S)
+    at = np.clip(np.searchsorted(leaving, even, side="right") - 1, -1, len(step) - 1)
+    behind = np.maximum(at, 0)
+    since = np.clip(even - leaving[behind], 0.0, lasts[behind]) * (at >= 0)
+    push = (speed[behind + 1] - speed[behind]) / lasts[behind]
+    share = np.clip((speed[behind] + 0.5 * push * since) * since / step[behind], 0.0, 1.0)[:, None]
+    return even, line[behind] + share * (line[behind + 1] - line[behind])

@@ -1,0 +1,143 @@
+"""Uniform B-splines of degree 5: continuous up to the fourth derivative, so that acceleration, jerk and its rate have no steps.
+
+On the interval k (k = 0, 1, ...) of length h a spline is the sum over j = 0 ... 5 of control point k + j times a polynomial of
+u = t / h - k, `BASIS`.  De Boor, A Practical Guide to Splines, 2001, ch. IX.
+
+`smoothed` finds the control points for measured points: least squares plus a weight times the mean square of the third
+derivative, the jerk of a position (Eilers and Marx, "Flexible smoothing with B-splines and penalties", Statistical Science 11
+(1996), eq. 12).  Unless the standard deviation of the points is known, the weight is that of generalized cross-validation
+(Craven and Wahba, Numer. Math. 31 (1979)): points without noise are met, points with noise are not followed into it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb, factorial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+Array = NDArray[np.float64]
+
+DEGREE = 5
+POINTS = DEGREE + 1
+CAUTION = 1.4
+"""Factor of the degrees of freedom in the cross-validation, against fits that meet every point (Kim and Gu, J. R. Stat. Soc. B
+66 (2004), section 2.3)."""
+
+
+def _basis() -> Array:
+    found = np.zeros((POINTS, POINTS))
+    for j in range(POINTS):
+        for m in range(POINTS):  # coefficient of u^m of the polynomial of point j
+            total = 0.0
+            for s in range(j, POINTS):
+                total += (-1.0) ** (s - j) * comb(POINTS, s - j) * float(DEGREE - s) ** (DEGREE - m)
+            found[m, j] = comb(DEGREE, m) * total / factorial(DEGREE)
+    return found
+
+
+BASIS = _basis()
+"""Coefficients (power of u, point) of the polynomials of an interval."""
+
+
+@dataclass(frozen=True)
+class Spline:
+    """points (n, columns): control points; interval: length of an interval, s; the spline begins at `begin`, s."""
+
+    points: Array
+    interval: float
+    begin: float
+
+    def at(self, time: Array, derivative: int = 0) -> Array:
+        """Values (m, columns) at times (m,), s, or their derivative of this order."""
+        place, weights = weights_at(time - self.begin, self.interval, len(self.points), derivative)
+        return np.einsum("mj,mjc->mc", weights, self.points[place[:, None] + np.arange(POINTS)])
+
+
+def weights_at(time: Array, interval: float, count: int, derivative: int = 0) -> tuple[NDArray[np.int64], Array]:
+    """First control point (m,) and weights (m, 6) of the values at `time` since the begin, or of a derivative."""
+    place = np.clip(np.floor(time / interval).astype(np.int64), 0, count - POINTS)
+    u = time / interval - place
+    powers = np.zeros((len(time), POINTS))
+    for m in range(derivative, POINTS):
+        powers[:, m] = factorial(m) / factorial(m - derivative) * u ** (m - derivative)
+    return place, powers @ BASIS / interval**derivative
+
+
+def point_count(duration: float, interval: float) -> int:
+    """Control points of a spline over a time (s)."""
+    return int(np.ceil(duration / interval - 1e-9)) + DEGREE
+
+
+def smoothed(
+    time: Array, values: Array, interval: float, weight: Array | None = None, sigma: float | None = None
+) -> tuple[Spline, float]:
+    """The spline of measured values (m, columns), and the rms of what it leaves of them, in their unit.
+
+    weight (m,): of each time, 1 if None; sigma: standard deviation of the values; 0 meets them; None: found by
+    cross-validation.
+    """
+    count = point_count(float(time[-1] - time[0]), interval)
+    place, rows = weights_at(time - time[0], interval, count)
+    root = np.ones(len(time)) if weight is None else np.sqrt(weight / np.mean(weight))
+    system = _System(place, rows * root[:, None], count)
+    right = system.transposed(values * root[:, None])
+
+    def left(logarithm: float) -> tuple[Array, Array, float]:
+        factor = system.factor(10.0**logarithm)
+        points = cho_solve_banded((factor, True), right)
+        residual = values * root[:, None] - system.product(points)
+        return points, residual, float(np.sqrt(np.mean(residual**2)))
+
+    grid = np.arange(-12.0, 8.1, 0.5)
+    if sigma is None:
+        probes = np.where(np.random.default_rng(0).random((len(time), 8)) < 0.5, -1.0, 1.0)
+        probed = system.transposed(probes)
+
+        def score(logarithm: float) -> float:
+            factor = system.factor(10.0**logarithm)
+            trace = float(np.mean(np.sum(probed * cho_solve_banded((factor, True), probed), axis=0))) / len(time)
+            free = 1.0 - CAUTION * trace
+            return left(logarithm)[2] ** 2 / free**2 if free > 0.0 else np.inf
+
+        best = float(grid[int(np.argmin([score(each) for each in grid]))])
+    else:
+        fits = [left(each)[2] for each in grid]
+        best = float(grid[max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)])
+    points, _, size = left(best)
+    return Spline(points, interval, float(time[0])), size
+
+
+class _System:
+    """The banded normal equations of a fit."""
+
+    def __init__(self, place: NDArray[np.int64], rows: Array, count: int) -> None:
+        self.place, self.rows, self.count = place, rows, count
+        self.columns = place[:, None] + np.arange(POINTS)
+        self.normal = np.zeros((POINTS, count))
+        for j in range(POINTS):
+            for i in range(j, POINTS):
+                np.add.at(self.normal[i - j], place + j, rows[:, i] * rows[:, j])
+        third = np.diff(np.eye(4), 3, axis=0)[0]
+        self.penalty = np.zeros((POINTS, count))
+        for start in range(count - 3):
+            for j in range(4):
+                for i in range(j, 4):
+                    self.penalty[i - j, start + j] += third[i] * third[j]
+
+    def transposed(self, values: Array) -> Array:
+        """Rows^T times values."""
+        found = np.zeros((self.count, values.shape[1]))
+        for j in range(POINTS):
+            np.add.at(found, self.place + j, self.rows[:, j : j + 1] * values)
+        return found
+
+    def product(self, points: Array) -> Array:
+        """Rows times control points."""
+        return np.einsum("mj,mjc->mc", self.rows, points[self.columns])
+
+    def factor(self, weight: float) -> Array:
+        """Cholesky factor of the normal equations with this weight of the jerk."""
+        return np.asarray(cholesky_banded(self.normal + weight * self.penalty, lower=True))

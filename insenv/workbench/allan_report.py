@@ -1,0 +1,253 @@
+"""What `insenv allan` prints, draws and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from insenv import style
+from insenv.errors import InputError
+from insenv.files.output import atomic, check_output_file
+from insenv.report.document import finite, to_json
+from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
+from insenv.report.tables import _table
+from insenv.sensors.grade_file import SUFFIX, toml_text
+from insenv.workbench.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Picture
+    from rich.console import RenderableType
+
+    from insenv.workbench.allan import SensorNoise, UnitNoise
+
+GRADE_FILE = "unit.toml"
+"""Name of the grade file in a folder of results."""
+FIGURE = "allan"
+_DRAWN = {
+    QUANTIZATION: "quantization",
+    WHITE: "white noise",
+    FLICKER: "flicker",
+    WALK: "rate random walk",
+    MARKOV: "Gauss-Markov",
+}
+_HEADS = {
+    "gyro": ("gyro", "ARW deg/sqrt(h)", "slow noise", "lowest"),
+    "accel": ("accel", "VRW ug/sqrt(Hz)", "slow noise", "lowest"),
+}
+
+
+# --- document ----------------------------------------------------------------------------------------
+
+
+def document(found: UnitNoise, grade_file: str | None = None, files: Sequence[str] = ()) -> dict[str, Any]:
+    """The documented JSON form (docs/json.md); grade_file, files: paths written."""
+    one = {
+        "log": found.log,
+        "from_s": found.part.begin_s,
+        "to_s": found.part.end_s,
+        "rate_hz": 1.0 / found.part.interval,
+        "axes": [_document_of(axis) for axis in found.axes],
+        "triads": [_document_of(triad) for triad in found.triads],
+        "warnings": list(found.warnings),
+        "grade": found.grade().figures(),
+        "grade_file": grade_file,
+    }
+    return finite({**one, **({"files": list(files)} if files else {})})
+
+
+def _document_of(noise: SensorNoise) -> dict[str, Any]:
+    white = "arw_deg_sqrt_h" if noise.kind == "gyro" else "vrw_ug_sqrt_hz"
+    figures, floor = noise.figures(), noise.floor()
+    confidence = {key: [each.low, each.high] for key, each in figures.items()}
+    confidence |= {key: [0.0, bound] for key, bound in noise.upper().items()}
+    seen = figures.get(f"{noise.kind}_{white}")
+    if seen is not None:
+        confidence[white] = [seen.low, seen.high]
+    if floor is not None:
+        confidence["bias_instability"] = [floor.low, floor.high]
+    return {
+        "name": noise.name,
+        white: 0.0 if seen is None else seen.value,
+        "bias_instability": None if floor is None else floor.value,
+        "unit": noise.unit,
+        "figures": {key: each.value for key, each in figures.items()},
+        "confidence": confidence,
+        "tau_s": noise.curve.tau,
+        "deviation": noise.curve.deviation / noise.scale,
+    }
+
+
+# --- tables --------------------------------------------------------------------------------------------
+
+
+def tables(found: UnitNoise) -> Iterator[RenderableType]:
+    """The printed lines and tables, top to bottom."""
+    from rich.text import Text
+
+    part = found.part
+    lasts = part.end_s - part.begin_s
+    yield Text(found.log, "bold")
+    yield Text(f"{lasts:.6g} s without motion from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
+    for kind, head in _HEADS.items():
+        yield Text()
+        table = _table(*head)
+        for noise in (*found.axes, *found.triads):
+            if noise.kind == kind:
+                table.add_row(noise.name if " " in noise.name else f"{noise.name}, all", *_cells(noise))
+        yield table
+    yield Text()
+    yield Text(
+        "In brackets the bounds that hold the true figure with 95 %. Slow noise: flicker (its floor), a random walk of the "
+        "bias, or a Gauss-Markov bias (1 sigma) with its correlation time. Lowest: of the Allan deviation, the bias "
+        "instability of a data sheet.",
+        "dim",
+    )
+    for warning in found.warnings:
+        yield Text(f"warning: {warning}", "yellow")
+
+
+def _cells(noise: SensorNoise) -> tuple[str, str, str]:
+    figures, floor = noise.figures(), noise.floor()
+    if noise.terms is None:
+        return "none", "none", "none"
+    white = figures["gyro_arw_deg_sqrt_h" if noise.kind == "gyro" else "accel_vrw_ug_sqrt_hz"]
+    slow = [f"{name} {_bounded(figures[key], unit)}" for name, key, unit in _slow_keys(noise.kind) if key in figures]
+    if not noise.terms.slow:
+        flicker = noise.upper()[f"{noise.kind}_flicker_{'deg_h' if noise.kind == 'gyro' else 'ug'}"]
+        slow.append(f"not seen: flicker below {_number(flicker)} {noise.unit}")
+    error = 50.0 * (white.high - white.low) / white.value
+    return (
+        f"{_number(white.value)} ±{error:.1g} %",
+        "\n".join(slow),
+        "" if floor is None else f"{_number(floor.value)} {noise.unit}",
+    )
+
+
+def _slow_keys(kind: str) -> tuple[tuple[str, str, str], ...]:
+    """Name in the table, data-sheet key and unit of the terms but the white noise."""
+    unit, key = ("deg/h", "deg_h") if kind == "gyro" else ("ug", "ug")
+    count = ("count", "gyro_quantum_arcsec", "arcsec") if kind == "gyro" else ("count", "accel_quantum_m_s", "m/s")
+    return (
+        ("flicker", f"{kind}_flicker_{key}", unit),
+        ("walk", f"{kind}_rrw_{key}_sqrt_h", f"{unit}/sqrt(h)"),
+        ("bias", f"{kind}_instability_{key}", unit),
+        ("time", f"{kind}_instability_time_s", "s"),
+        count,
+    )
+
+
+def _bounded(figure: Figure, unit: str) -> str:
+    return f"{_number(figure.value)} [{_number(figure.low)}, {_number(figure.high)}] {unit}"
+
+
+def _number(value: float) -> str:
+    """Three significant digits, without an exponent up to a million."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
+# --- figure --------------------------------------------------------------------------------------------
+
+
+def draw(found: UnitNoise) -> Picture:
+    """The Allan deviations of gyros and accelerometers with their 95 % bounds, and the fitted terms of the triads."""
+    with style.page(10.0, 5.2) as figure:
+        panels = figure.subplots(1, 2)
+        for axes, triad in zip(panels, found.triads, strict=True):
+            _panel(axes, triad, [axis for axis in found.axes if axis.kind == triad.kind])
+        style.title(figure, f"Allan deviation: {found.log}, {found.part.end_s - found.part.begin_s:.6g} s at rest")
+        style.legend(figure, panels)
+        return figure
+
+
+def _panel(axes: Axes, triad: SensorNoise, live: Sequence[SensorNoise]) -> None:
+    from scipy.stats import chi2
+
+    name, unit = ("Gyros", "deg/h") if triad.kind == "gyro" else ("Accelerometers", "µg")
+    axes.set_title(f"{name} [{unit}]", loc="left")
+    axes.set_xlabel("averaging time [s]")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    lowest = []
+    for noise, colour in zip(live, style.COLOURS, strict=False):
+        if noise.terms is None:
+            continue
+        tau, value, freedom = noise.curve.tau, noise.curve.deviation / noise.scale, noise.terms.freedom
+        known = np.isfinite(freedom)
+        low, high = (np.sqrt(freedom[known] / chi2.ppf(level, freedom[known])) for level in (0.975, 0.025))
+        axes.fill_between(tau[known], value[known] * low, value[known] * high, color=colour, alpha=0.16, linewidth=0)
+        axes.plot(tau, value, "o-", markersize=3.0, color=colour, label=noise.name.split()[1])
+        lowest.append(value.min())
+    if triad.terms is None or not lowest:
+        axes.text(0.5, 0.5, "no noise", transform=axes.transAxes, ha="center")
+        return
+    tau = np.geomspace(triad.curve.tau[0], triad.curve.tau[-1], 200)
+    axes.plot(tau, np.sqrt(triad.terms.variance(tau)) / triad.scale, color="#000000", label="fit, three axes")
+    dashes = {QUANTIZATION: ":", WHITE: (0, (6, 2)), FLICKER: "-.", WALK: (0, (1, 1)), MARKOV: "-."}
+    for term in triad.terms.figures:
+        if term == TIME:
+            continue
+        line = np.sqrt(triad.terms.one(term, tau)) / triad.scale
+        seen = line > 0.3 * min(lowest)
+        axes.plot(tau[seen], line[seen], linestyle=dashes[term], color=style.LIMIT, linewidth=0.9, label=_DRAWN[term])
+
+
+# --- files ---------------------------------------------------------------------------------------------
+
+
+def check_grade(path: Path | None) -> None:
+    """Raise `InputError` for a grade file whose name does not end in .toml, or that cannot be written."""
+    if path is None:
+        return
+    if path.suffix != SUFFIX:
+        raise InputError(f"{path}: the name of a grade file ends in {SUFFIX}")
+    check_output_file(path)
+
+
+def write_grade(found: UnitNoise, path: Path) -> Path:
+    """Write the grade file.  Raises `InputError` as `check_grade` does."""
+    check_grade(path)
+    with atomic(path) as stream:
+        stream.write(grade_text(found).encode())
+    return path
+
+
+def grade_text(found: UnitNoise) -> str:
+    """The text of the grade file: bounds of what is measured stand beside it, of what was not seen at the top."""
+    part = found.part
+    lines = [
+        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s at rest of {found.log}, three axes together.",
+        "An Allan deviation shows noise. All the rest should be replaced by the figures of the data sheet; it is",
+        f"{found.assumption}.",
+    ]
+    remarks: dict[str, str] = {}
+    for triad in found.triads:
+        for key, each in triad.figures().items():
+            remarks[key] = f"measured, 95 % within {_number(each.low)} to {_number(each.high)}"
+        if triad.terms is not None and not triad.terms.slow:
+            lines += [
+                f"Not seen: {key} above {bound:.3g} (95 %)" for key, bound in triad.upper().items() if "quantum" not in key
+            ]
+    lines += [f"Warning: {warning}" for warning in found.warnings]
+    grade = found.grade()
+    remarks |= {key: "assumed" for key in grade.figures() if key not in remarks}
+    return toml_text(grade, {**remarks, "": "\n".join(lines)})
+
+
+def write_files(found: UnitNoise, folder: OutputFolder, grade_file: Path | None, figure: bool = True) -> FilesWritten:
+    """Write allan.json, unit.toml and, if `figure` and matplotlib is installed, allan.png and allan.svg, or none of them."""
+    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    drawn = figure and not note
+    names = [f"{FIGURE}.json", GRADE_FILE, *((f"{FIGURE}.png", f"{FIGURE}.svg") if drawn else ())]
+    paths = tuple(folder.path / name for name in names)
+    with folder.staged() as part:
+        text = to_json(document(found, str(grade_file or paths[1]), [str(path) for path in paths])) + "\n"
+        part(names[0]).write_text(text, encoding="ascii")
+        part(names[1]).write_text(grade_text(found), encoding="utf-8")
+        if drawn:
+            style.save(draw(found), {kind: part(f"{FIGURE}.{kind}") for kind in ("png", "svg")})
+    return FilesWritten(paths, note)

@@ -1,0 +1,81 @@
+"""kind = "waypoints": a plan of places, speeds and stops becomes a drive that keeps to it."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import insenv
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.scenario import build
+
+PLACES = [
+    {"latitude_deg": 45.0, "longitude_deg": 7.0, "height_m": 300.0, "speed_mps": 15.0},
+    {"latitude_deg": 45.01, "longitude_deg": 7.0, "height_m": 310.0, "speed_mps": 10.0},
+    {"latitude_deg": 45.01, "longitude_deg": 7.01, "height_m": 310.0, "speed_mps": 20.0, "stop_s": 20.0},
+    {"latitude_deg": 45.02, "longitude_deg": 7.015, "height_m": 330.0, "speed_mps": 20.0},
+]
+
+
+def scenario(places=PLACES, vehicle=None, **more):
+    vehicle = {"kind": "waypoints", "waypoints": places, **(vehicle or {})}
+    return insenv.load({"title": "t", "rate_hz": 50.0, "vehicle": vehicle, **more})
+
+
+def test_the_drive_keeps_to_the_plan():
+    loaded = scenario(vehicle={"bank": "level"})
+    plant = build(loaded)
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    time = (np.arange(plant.samples) + 1) * plant.sample_interval
+    velocity, latitude, longitude = (
+        shown["velocity_n"],
+        np.degrees(shown["latitude"]).ravel(),
+        np.degrees(shown["longitude"]).ravel(),
+    )
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    assert speed.max() == pytest.approx(20.0, abs=0.1)
+    assert speed[time < 1.0].max() < 0.05 and speed[-1] < 0.05
+    assert (latitude[-1], longitude[-1]) == (pytest.approx(45.02, abs=1e-6), pytest.approx(7.015, abs=1e-6))
+    assert shown["height"].ravel()[-1] == pytest.approx(330.0, abs=0.05)
+    at_stop = np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.01)) < 0.5
+    assert 19.0 < at_stop.sum() * plant.sample_interval < 24.0
+    # the corner at the second place: an arc that leaves it some metres inside
+    assert 1.0 < np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.0)).min() < 25.0
+    push = np.linalg.norm(np.gradient(velocity[:, :2], time, axis=0), axis=1)
+    assert push.max() < 2.4  # 2 m/s2 in the turn; splines add some at its ends
+    first = np.searchsorted(time, 50.0)
+    assert speed[first] == pytest.approx(15.0, abs=0.05)
+
+
+def test_a_coordinated_turn_banks():
+    plant = build(scenario())
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    roll = np.degrees(np.array(insenv.attitude.numeric.to_euler(shown["q_nb"]))[0])
+    assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        (PLACES[:1], "vehicle.waypoints.*: must have two places or more"),
+        ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
+        ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
+        ([PLACES[0], {**PLACES[1], "latitude_deg": 60.0}], "more than 300 km from the first"),
+    ],
+)
+def test_wrong_plans_are_refused(places, message):
+    with pytest.raises(InputError, match=message):
+        scenario(places)
+
+
+@pytest.mark.slow
+def test_environments_and_campaigns_take_a_track():
+    loaded = scenario(imu={"grade": "industrial"}, gnss={"grade": "spp"}, duration_s=60.0)
+    env = gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded)
+    env.reset(seed=1)
+    observation, *_ = env.step(env.action_space.sample())
+    assert np.all(np.isfinite(observation))
+    with pytest.raises(InputError, match=r"heading_deg = .*: the vehicle's track has its own"):
+        gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded, heading_deg=(0.0, 90.0)).reset(seed=1)
+    summary = insenv.campaign(loaded, "loosely-coupled", 3, duration_s=20.0)
+    assert len(summary.seeds) == 3

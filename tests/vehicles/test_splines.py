@@ -1,0 +1,53 @@
+"""Splines of degree 5 and their fit: against SciPy, against functions and noise of known size."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from insenv.vehicles.splines import BASIS, DEGREE, Spline, point_count, smoothed
+
+
+def test_basis_against_scipy():
+    points = np.random.default_rng(1).standard_normal((12, 2))
+    knots = np.arange(-DEGREE, 13.0) * 0.5 + 3.0
+    other = BSpline(knots, points, DEGREE)
+    time = np.linspace(3.0, 6.49, 200)
+    spline = Spline(points, 0.5, 3.0)
+    assert np.allclose(BASIS.sum(axis=1), [1, 0, 0, 0, 0, 0], atol=1e-15)
+    for order in range(4):
+        assert np.allclose(spline.at(time, order), other(time, order), rtol=1e-11, atol=1e-11 * 10**order)
+
+
+def test_points_without_noise_are_met():
+    time = np.linspace(0.0, 100.0, 1001)
+    wave = np.sin(0.7 * time) + 0.2 * time
+    spline, left = smoothed(time, wave[:, None], 0.5)
+    fine = np.linspace(1.0, 99.0, 5000)
+    assert left < 1e-6
+    assert np.abs(spline.at(fine)[:, 0] - np.sin(0.7 * fine) - 0.2 * fine).max() < 1e-6
+    assert np.abs(spline.at(fine, 2)[:, 0] + 0.49 * np.sin(0.7 * fine)).max() < 1e-4
+
+
+def test_noise_is_smoothed_away():
+    generator, time = np.random.default_rng(2), np.linspace(0.0, 100.0, 1001)
+    wave = np.sin(0.3 * time)
+    spline, left = smoothed(time, (wave + 0.05 * generator.standard_normal(1001))[:, None], 0.5)
+    assert left == pytest.approx(0.05, rel=0.1)
+    error = spline.at(time)[:, 0] - wave
+    assert np.sqrt(np.mean(error**2)) < 0.015  # of 0.05; at 21 s a period, 20 points and more share a wiggle
+    known, _ = smoothed(time, (wave + 0.05 * generator.standard_normal(1001))[:, None], 0.5, sigma=0.05)
+    assert np.sqrt(np.mean((known.at(time)[:, 0] - wave) ** 2)) < 0.02
+
+
+def test_irregular_times_and_weights():
+    generator = np.random.default_rng(3)
+    time = np.sort(generator.uniform(0.0, 60.0, 400))
+    wave = np.cos(0.5 * time)
+    wrong = wave.copy()
+    wrong[::10] += 5.0
+    weight = np.ones(400)
+    weight[::10] = 1e-9
+    spline, _ = smoothed(time, wrong[:, None], 1.0, weight, sigma=0.0)
+    assert len(spline.points) == point_count(time[-1] - time[0], 1.0)
+    inside = (time > 2.0) & (time < 58.0)
+    assert np.abs(spline.at(time)[inside, 0] - wave[inside]).max() < 2e-3
