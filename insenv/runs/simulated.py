@@ -113,7 +113,7 @@ def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None)
         limit={} if limit is None else {name: value for name, value in limit.rms(track.time, from_s).items() if name in found},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=follower.notes(plant.duration_s, health),
+        notes=follower.notes(plant.duration_s, health, outputs),
         health=health,
         settled=not follower.too_short(plant.duration_s),
         limit_sigma={} if limit is None else {name: value for name, value in limit.at(track.time).items() if name in found},
