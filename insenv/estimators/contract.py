@@ -300,10 +300,14 @@ class Estimator:
     ) -> dict[str, Any]:
         """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
         tunings = tunings or {}
-        given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {}), **(rows or {})}
+        given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {})}
+        if self.settable is not None:  # a drive may set rows of aids and states that were not chosen
+            own = self.model.parameters
+            given = {name: value for name, value in given.items() if name in own or name not in self.settable}
+        given |= rows or {}
         for name in given:
             if name not in self.model.parameters:
-                raise InputError(f"estimator {self.id!r}: {name} is set, and this filter has none: it is of {self.title}")
+                raise InputError(f"estimator {self.id!r}: {name} is set, and it has no such parameter ({self.title})")
         return {**self._from(known), **given}
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:

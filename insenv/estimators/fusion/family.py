@@ -58,7 +58,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         return (
             *applicability.linear_start(parameters, duration_s),
-            *(() if _holds(filter, _VERTICAL) else vertical_channel.notes(parameters, duration_s)),
+            *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
             *(() if _holds(filter, _HEADING) else (NO_HEADING,)),
             *uncounted,
             *_without_sigma(filter, parameters),
@@ -135,12 +135,17 @@ def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
 def _family(make: Callable[..., Estimator]) -> Estimator:
     """The estimator whose members `make` makes; its own model is that of the smallest."""
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
+    settable = composition(ID, STATES, AIDS).parameters
+
+    def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
+        return replace(_member(make, _composed(known, drive, choices), known), settable=settable)
+
     return replace(
         general,
         sensors=(),
         choices={"states": tuple(STATES), "aids": tuple(AIDS)},
-        settable=composition(ID, STATES, AIDS).parameters,
-        adapt=lambda known, drive, choices: _member(make, _composed(known, drive, choices), known),
+        settable=settable,
+        adapt=adapt,
     )
 
 
