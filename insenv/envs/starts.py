@@ -24,8 +24,9 @@ from insenv.scenario.build import check_speed_of_sinusoids, told_of
 from insenv.scenario.description import MAX_SEED
 from insenv.scenario.sensor_notes import data_sheets, sensor_notes
 from insenv.sensors import imu_grade
-from insenv.sensors.gnss import OUTAGES
+from insenv.sensors.figures import window_rows
 from insenv.sensors.imu_tables import IMU_PARAMETERS
+from insenv.sensors.sampled import OUTAGES
 
 _FIGURES = ("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma")
 Array = NDArray[np.float64]
@@ -231,9 +232,8 @@ class Starts:
             if ranges.gnss_outages_s is not None:
                 if scenario.gnss is None:
                     raise InputError("gnss_outages_s: the scenario has no [gnss]")
-                windows = np.zeros((2, OUTAGES))
-                windows[:, : len(ranges.gnss_outages_s)] = np.array(ranges.gnss_outages_s).reshape(-1, 2).T
-                rows = rows | {"gnss_outage_start": windows[0], "gnss_outage_end": windows[1]}
+                begin, end = window_rows(ranges.gnss_outages_s)
+                rows = rows | {"gnss_outage_start": begin, "gnss_outage_end": end}
             bases.append(model.parameters.pack(rows))
         return tuple(bases)
 

@@ -24,6 +24,7 @@ from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import applicability, gnss_fix, lever_arm, motion_errors, rows, standing, strapdown
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY, Interval, N, transition
 from insenv.estimators.parts.gauss_markov import decays, driven_variance
+from insenv.estimators.parts.invariant import covariance_after
 from insenv.estimators.parts.kalman import Scalar, Update, innovation_variance, measure, propagate
 from insenv.estimators.parts.rest_bias import bias_of_tilt, bias_sigma
 
@@ -205,7 +206,7 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
 def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One fix, with feedback."""
     update, reported = gnss_update(p, x, u)
-    return {**corrected(x, update.correction), "covariance": update.stored, **reported}
+    return {**corrected(x, update.correction), "covariance": covariance_after(update, N), **reported}
 
 
 def standing_update(p: Any, x: Any) -> Update:
@@ -223,7 +224,7 @@ def standing_update(p: Any, x: Any) -> Update:
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Zero velocity, with feedback."""
     update = standing_update(p, x)
-    return {**corrected(x, update.correction), "covariance": update.stored}
+    return {**corrected(x, update.correction), "covariance": covariance_after(update, N)}
 
 
 def corrected(x: Any, correction: Any) -> dict[str, Any]:

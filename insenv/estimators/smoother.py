@@ -25,6 +25,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators import loosely_coupled as filter15
 from insenv.estimators.parts import adjoint, rows, standing
 from insenv.estimators.parts.error_model import VELOCITY, Interval, N, transition
+from insenv.estimators.parts.invariant import covariance_after
 
 INTERVAL = Table((
     Row("last_stretch", "Length of the interval that the covariance was last propagated over", "s"),
@@ -75,16 +76,20 @@ def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     update, reported = filter15.gnss_update(p, x, u)
     return {
         **filter15.corrected(x, update.correction),
-        "covariance": update.stored,
+        "covariance": covariance_after(update, N),
         **reported,
-        **adjoint.recorded("fix", update.scalars),
+        **adjoint.recorded("fix", update),
     }
 
 
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Process a zero velocity and record its scalar measurements."""
     update = filter15.standing_update(p, x)
-    return {**filter15.corrected(x, update.correction), "covariance": update.stored, **adjoint.recorded("rest", update.scalars)}
+    return {
+        **filter15.corrected(x, update.correction),
+        "covariance": covariance_after(update, N),
+        **adjoint.recorded("rest", update),
+    }
 
 
 def output(p: Any, x: Any) -> dict[str, Any]:

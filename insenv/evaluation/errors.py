@@ -22,6 +22,8 @@ ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 POSITION = ("north_m", "east_m", "down_m")
 VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
 CHANNELS = ATTITUDE + POSITION + VELOCITY
+TOO_SURE = 3.0
+"""Ratio of an rms error to its stated standard deviation beyond which a run says so."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,17 @@ class Result:
     def stated(self) -> dict[str, float]:
         """Root mean square of the standard deviations that the estimator states, by channel, over the same times as `rms`."""
         return rms({name: self.sigma[name] for name in self.errors if name in self.sigma}, self._late)
+
+    def too_sure(self) -> tuple[str, ...]:
+        """A sentence if an rms error is more than `TOO_SURE` times its stated sigma; none for a run that is too short."""
+        if not self.settled:
+            return ()
+        found, stated = self.statistics()["rms"], self.stated()
+        worst = {name: found[name] / own for name, own in stated.items() if 0.0 < own * TOO_SURE < found[name]}
+        if not worst:
+            return ()
+        listed = ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())
+        return (f"the errors are larger than this estimator states, rms over stated sigma: {listed}",)
 
     @property
     def _late(self) -> Any:

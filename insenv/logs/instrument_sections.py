@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ValidationInfo, field_validator
+from pydantic import AfterValidator, ValidationInfo, field_validator
 
 from insenv.files.toml import Number, Positive, Vector3, key
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection
 from insenv.logs.units import axes_matrix
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 
+
+def _check_axes(value: Any) -> Any:
+    axes_matrix(value)
+    return value
+
+
+Axes = Annotated[Any, AfterValidator(_check_axes)]
 _AXES = 'axes of the columns: "FRD", "FLU", ... (where x, y, z point), "+x-y-z" (body forward, right, down), or 3x3 C_bs'
 
 
@@ -26,17 +33,11 @@ class MagnetometerSection(FileSection, magnetometer.MagnetometerFigures):
 
     field: Columns3 = key(..., "columns of the field's x, y, z")
     field_unit: Literal["T", "uT", "nT", "G", "mG"] = key(..., "unit of these columns")
-    axes: Any = key(..., _AXES)
+    axes: Axes = key(..., _AXES)
     year: Number = key(2026.0, "decimal year at which the World Magnetic Model is evaluated", "year")
     field_nt: Vector3 | None = key(
         None, "field of the Earth north, east, down, the same everywhere; that of the World Magnetic Model if absent", "nT"
     )
-
-    @field_validator("axes")
-    @classmethod
-    def _axes(cls, value: Any) -> Any:
-        axes_matrix(value)
-        return value
 
 
 class OdometerSection(FileSection, odometer.OdometerFigures):
@@ -52,15 +53,9 @@ class DvlSection(FileSection, dvl.DvlFigures):
     """The Doppler velocity log: velocities in three axes, and its errors."""
 
     velocity: Columns3 = key(..., "columns of the velocity's x, y, z [m/s]")
-    axes: Any = key(..., _AXES)
+    axes: Axes = key(..., _AXES)
     lever_arm_m: Vector3 = key(..., "from the IMU to the log: forward, right, down", "m")
     water_track: bool = key(False, "whether the velocity is that through the water", strict=True)
-
-    @field_validator("axes")
-    @classmethod
-    def _axes(cls, value: Any) -> Any:
-        axes_matrix(value)
-        return value
 
 
 class HeadingSection(FileSection, heading.HeadingFigures):

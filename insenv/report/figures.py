@@ -215,7 +215,7 @@ def _health(axis: Axes, report: RunData) -> dict[str, Any]:
     axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if largest < 100 * smallest else (1.0,)))
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.yaxis.set_minor_locator(NullLocator())
-    axis.set_title("Innovations of fixes over their stated sigmas, rms", loc="left")
+    axis.set_title("Innovations of fixes / their sigma, rms", loc="left")
     axis.set_xlabel("time [s]")
     return handles
 

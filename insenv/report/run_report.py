@@ -67,7 +67,7 @@ class Report(RunData):
         tables: list[HtmlTable] = []
         for result in self.results:
             if result.errors:
-                rows = [(name, *map(number, values)) for name, values in error_rows(result)]
+                rows = [(name, *map(number, values.values())) for name, values in error_rows(result)]
                 tables.append((result.estimator, error_columns(result), rows))
             else:
                 tables.append((result.estimator, ESTIMATE_COLUMNS, estimate_rows(result)))

@@ -59,11 +59,12 @@ def comparison(report: RunData) -> Iterator[RenderableType]:
         yield from _of_result(result, report)
     yield Text()
     if any(result.errors for result in report.results):
-        kinds = [error_columns(result)[4:5] for result in report.results if result.errors]
-        meanings = {"limit": "limit: theory's 1 sigma", "stated": "stated: its own 1 sigma"}
-        told = "".join(f"; {meaning}" for kind, meaning in meanings.items() if (kind,) in kinds)
-        yield Text(f"final: at the end; rms, max: over the statistics' time{told}", "dim")
-        if ("limit",) in kinds:
+        shown = {name for result in report.results if result.errors for name in error_columns(result)}
+        yield Text("final: at the end; all others: over the statistics' time", "dim")
+        meanings = {"stated": "stated: the estimator's own 1 sigma", "limit": "limit: theory's 1 sigma"}
+        if told := [meaning for name, meaning in meanings.items() if name in shown]:
+            yield Text("; ".join(told), "dim")
+        if "limit" in shown:
             yield Text(within(1), "dim")
     for note in report.notes:
         yield Text(f"note: {note}")
@@ -85,20 +86,22 @@ ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
 
 
 def error_columns(result: Result) -> tuple[str, ...]:
-    """Names of the columns: errors, and the limit, or else the estimator's own sigma, with the ratio to it."""
-    kind = "limit" if result.limit else "stated" if result.stated() else ""
-    return ("error", "final", "rms", "max", *((kind, f"rms/{kind}") if kind else ()))
+    """Names of the columns: errors, the estimator's own sigma, the limit, and the ratio to the limit, or else to that sigma."""
+    yardsticks = [kind for kind, there in (("stated", result.stated()), ("limit", result.limit)) if there]
+    return ("error", "final", "rms", "max", *yardsticks, *(f"rms/{kind}" for kind in yardsticks[-1:]))
 
 
-def error_rows(result: Result) -> list[tuple[str, list[float | None]]]:
-    """By error, its label and the values of `error_columns`; no ratio for a run that is too short for the estimator."""
-    statistics, rows = result.statistics(), []
-    yardstick = result.limit or result.stated()
+def error_rows(result: Result) -> list[tuple[str, dict[str, float | None]]]:
+    """By error, its label and the values by column; no ratio for a run that is too short for the estimator."""
+    kinds, rows = {**result.statistics(), "stated": result.stated(), "limit": result.limit}, []
+    _, *columns = error_columns(result)
     for name in (name for name in CHANNELS if name in result.errors):
-        final, rms, largest = (statistics[kind][name] for kind in ("final", "rms", "max"))
-        own = yardstick.get(name)
-        ratio = None if not own or not result.settled else limit_ratio(rms, own, name) if result.limit else rms / own
-        rows.append((label(name), [final, rms, largest, *([own, ratio] if yardstick else [])]))
+        values = {column: kinds[column].get(name) for column in columns if column in kinds}
+        if columns[-1].startswith("rms/"):
+            error, own = kinds["rms"][name], values[columns[-2]]
+            known = own if result.settled else None
+            values[columns[-1]] = None if not known else limit_ratio(error, known, name) if result.limit else error / known
+        rows.append((label(name), values))
     return rows
 
 
@@ -116,13 +119,13 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
         columns = error_columns(result)
         table = _table(*columns, *["published"][: len(published)])
         for channel, (text, values) in zip(shown, error_rows(result), strict=True):
-            cells = [Text(number(value)) for value in values]
-            cells[1].stylize("bold")
-            if len(values) > 3 and (ratio := values[-1]) is not None and ratio > 3:
-                cells[-1].stylize("yellow")
+            cells = {column: Text(number(value)) for column, value in values.items()}
+            cells["rms"].stylize("bold")
+            if columns[-1].startswith("rms/") and (values[columns[-1]] or 0.0) > 3:
+                cells[columns[-1]].stylize("yellow")
             table.add_row(
                 text,
-                *cells,
+                *cells.values(),
                 *(number(figures.get(channel)) for _, figures in published[:1]),
             )
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,7 @@ def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None)
     if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
         limit = None
     from_s = 0.0 if estimator.navigates else 0.75 * float(track.time[-1])
-    return Result(
+    result = Result(
         estimator=estimator.id,
         time=track.time,
         outputs=outputs,
@@ -118,3 +119,4 @@ def _result(follower: Follower, plant: Plant, track: Track, limit: Limit | None)
         settled=not follower.too_short(plant.duration_s),
         limit_sigma={} if limit is None else {name: value for name, value in limit.at(track.time).items() if name in found},
     )
+    return replace(result, notes=(*result.notes, *result.too_sure()))

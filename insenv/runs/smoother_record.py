@@ -74,7 +74,7 @@ class Record:
         """
         own = self._smoothing
         flags = [events[:, 1 + k] != 0 for k in range(len(own.groups))]
-        scalars = [_scalars(group.rows, rows) for group, rows in zip(own.groups, groups, strict=True)]
+        found = [_scalars(group.rows, rows) for group, rows in zip(own.groups, groups, strict=True)]
         count = np.zeros(len(events), dtype=np.int64)
         before = []
         for flag, group in zip(flags, own.groups, strict=True):
@@ -89,10 +89,12 @@ class Record:
         interval = events[:, own.events.size : own.events.size + own.interval.size]
         rows[:, inputs.slice("carried").stop :] = np.repeat(interval, length, axis=0)
         scalar = slice(inputs.slice("H").start, inputs.slice("left").stop)
-        for k, (flag, earlier, values) in enumerate(zip(flags, before, scalars, strict=True)):
+        for k, (flag, earlier, (values, turn)) in enumerate(zip(flags, before, found, strict=True)):
             places = (first + earlier)[flag][:, None] + np.arange(values.shape[1])
             rows[places, scalar] = values
             rows[places, inputs.slice(used_row(k)).start] = 1
+            rows[places[:, -1], inputs.slice("turned").start] = 1
+            rows[places[:, -1], inputs.slice("turn")] = turn
         return rows, first + length - 1
 
     def _rows(self, outputs: Array, table: Table) -> Array:
@@ -101,7 +103,7 @@ class Record:
         return np.concatenate([outputs[:, shown.slice(name)] for name in table.names], axis=1)
 
 
-def _scalars(table: Table, rows: Array) -> Array:
-    """Rows of a group as (instants, scalars, 2 n + 2): H, gain, weight and left of each scalar measurement."""
-    H, gain, weight, left = table.unpack(rows).values()
-    return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1)
+def _scalars(table: Table, rows: Array) -> tuple[Array, Array]:
+    """Rows of a group: H, gain, weight and left of each scalar (instants, scalars, 2 n + 2), and turns (instants, 3)."""
+    H, gain, weight, left, turn = table.unpack(rows).values()
+    return np.concatenate([H, gain, weight[..., None], left[..., None]], axis=-1), turn

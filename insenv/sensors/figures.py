@@ -7,7 +7,7 @@ its parameter row, which means "no such error".
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
@@ -110,7 +110,10 @@ class TimedSection(SensorSection):
     @field_validator("outages_s")
     @classmethod
     def _windows(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        return checked_windows(value)
+        for begin, end in value:
+            if not 0.0 <= begin < end:
+                raise ValueError(f"the outage from {begin:g} s to {end:g} s must begin at 0 or later and end after it begins")
+        return value
 
     def timing(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows of the timing.  Raises `InputError` for times that do not fit the samples."""
@@ -125,15 +128,7 @@ class TimedSection(SensorSection):
         }
 
 
-def checked_windows(value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Outage windows; raises ValueError for one that does not begin at 0 or later and end after it begins."""
-    for begin, end in value:
-        if not 0.0 <= begin < end:
-            raise ValueError(f"the outage from {begin:g} s to {end:g} s must begin at 0 or later and end after it begins")
-    return value
-
-
-def window_rows(windows: tuple[tuple[float, float], ...]) -> tuple[Any, Any]:
+def window_rows(windows: Sequence[Sequence[float]]) -> tuple[Any, Any]:
     """Begins and ends (OUTAGES,) of outage windows, empty ones behind."""
     rows = np.zeros((2, OUTAGES))
     rows[:, : len(windows)] = np.array(windows).reshape(-1, 2).T

@@ -29,15 +29,13 @@ from insenv.core.compose import Part
 from insenv.core.elementary import TWO_PI, clamp, exp, maximum, select, sin_cos
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
-from insenv.errors import InputError
 from insenv.geodesy import geodetic_from_ned_offset
 from insenv.geodesy.rows import place_rows
 from insenv.sensors.contract import Instant, Sensor
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
+from insenv.sensors.sampled import OUTAGES
 
-OUTAGES = 16
-"""Number of outage windows in the parameters."""
 GNSS_UNIFORMS = 13
 START_UNIFORMS = 8
 SIGMA_FLOOR = 1e-3
@@ -203,26 +201,6 @@ GNSS = Sensor(
     truth=("antenna_lever_arm_true", "gnss_delay_true"),
     told=_told,
 )
-
-
-def check_timing(sample_interval: float, interval: float, latency: float, epoch_offset: float = 0.0) -> None:
-    """Raise `InputError` unless a receiver with these times (s) can run on samples of `sample_interval` (s).
-
-    Interval and latency must be whole numbers of samples (to 1e-6 of one), the latency shorter than the interval,
-    because only one fix can be pending, and the epoch offset less than one sample.
-    """
-    for name, value, least in (("gnss_interval", interval, 1), ("gnss_latency", latency, 0)):
-        samples = value / sample_interval
-        if round(samples) < least or abs(samples - round(samples)) > 1e-6 * max(1.0, samples):
-            raise InputError(
-                f"{name} = {value:g} s: allowed is a whole number of samples of {sample_interval:g} s, {least} or more"
-            )
-    if latency > interval - 0.5 * sample_interval:
-        raise InputError(f"gnss_latency = {latency:g} s: allowed is less than gnss_interval = {interval:g} s")
-    if not 0.0 <= epoch_offset < sample_interval:
-        raise InputError(
-            f"gnss_epoch_offset = {epoch_offset:g} s: allowed is from 0 to less than one sample of {sample_interval:g} s"
-        )
 
 
 def _start(p: Values, r: Any) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -10,22 +9,21 @@ from pydantic import field_validator
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, key
-from insenv.files.values import LeverArm, NotNegative, Window, one_of
+from insenv.files.values import LeverArm, NotNegative, one_of
 from insenv.sensors.catalogue import GNSS_GRADES, gnss_grade
-from insenv.sensors.contract import Sensor, SensorSection
-from insenv.sensors.gnss import GNSS, OUTAGES, check_timing
+from insenv.sensors.contract import Sensor
+from insenv.sensors.figures import TimedSection
+from insenv.sensors.gnss import GNSS
 
 _ZERO = (0.0, 0.0, 0.0)
 
 
-class GnssSection(SensorSection):
+class GnssSection(TimedSection):
     """The GNSS receiver."""
 
     sensor: ClassVar[Sensor] = GNSS
 
     grade: Annotated[str, one_of(GNSS_GRADES)] = key("spp", "grade of the catalogue (docs/sensors.md)")
-    interval_s: Number = key(1.0, "interval between fixes, a whole number of samples", "s", gt=0, le=3600)
-    latency_s: Number = key(0.0, "delay of a fix, a whole number of samples, below the interval", "s", ge=0, le=3600)
     epoch_offset_s: Number = key(0.0, "time from the epoch of a fix to its sample, below one sample", "s", ge=0, le=1)
     lever_arm_m: LeverArm = key(_ZERO, "from the inertial unit to the antenna: forward, right, down", "m")
     lever_arm_error_m: LeverArm = key(_ZERO, "actual minus stated lever arm", "m")
@@ -37,7 +35,6 @@ class GnssSection(SensorSection):
     velocity_noise_mps: NotNegative | None = key(None, "white noise of velocity (1 sigma, NED); the grade's if absent", "m/s")
     wander_sigma_m: NotNegative | None = key(None, "correlated error of position (1 sigma, NED); the grade's if absent", "m")
     wander_time_s: Number | None = key(None, "correlation time of that error; the grade's if absent", "s", gt=0, le=1e9)
-    outages_s: tuple[Window, ...] = key((), "intervals without fixes, pairs of begin and end", "s", max_length=OUTAGES)
     outlier_probability: Number = key(0.0, "probability that a position is an outlier", "", ge=0, le=1)
     outlier_size_m: Number = key(0.0, "length of an outlier", "m", ge=0, le=1e7)
 
@@ -47,20 +44,13 @@ class GnssSection(SensorSection):
         gnss_grade(value)
         return value
 
-    @field_validator("outages_s")
-    @classmethod
-    def _windows(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        for begin, end in value:
-            if not 0.0 <= begin < end:
-                raise ValueError(f"the outage from {begin:g} s to {end:g} s must begin at 0 or later and end after it begins")
-        return value
-
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for times that do not fit the samples."""
-        try:
-            check_timing(1.0 / rate_hz, self.interval_s, self.latency_s, self.epoch_offset_s)
-        except InputError as error:
-            raise InputError(re.sub(r"gnss_(interval|latency|epoch_offset)", r"gnss.\1_s", str(error))) from None
+        sample = 1.0 / rate_hz
+        if self.epoch_offset_s >= sample:
+            raise InputError(
+                f"gnss.epoch_offset_s = {self.epoch_offset_s:g} s: allowed is from 0 to less than one sample of {sample:g} s"
+            )
         rows = gnss_grade(self.grade).parameters()
         for row, value in (
             ("gnss_position_noise", self.position_noise_m),
@@ -69,11 +59,9 @@ class GnssSection(SensorSection):
             ("gnss_wander_time", self.wander_time_s),
         ):
             rows |= {} if value is None else {row: np.array(value)}
-        windows = np.zeros((2, OUTAGES))
-        windows[:, : len(self.outages_s)] = np.array(self.outages_s).reshape(-1, 2).T
-        return rows | {
-            "gnss_interval": self.interval_s,
-            "gnss_latency": self.latency_s,
+        return {
+            **rows,
+            **self.timing(rate_hz),
             "gnss_epoch_offset": self.epoch_offset_s,
             "antenna_lever_arm_b": np.array(self.lever_arm_m),
             "antenna_lever_arm_error": np.array(self.lever_arm_error_m),
@@ -81,8 +69,6 @@ class GnssSection(SensorSection):
             "gnss_delay_error": self.delay_error_s,
             "gnss_delay_sigma": self.delay_sigma_s,
             "gnss_has_velocity": float(self.velocity),
-            "gnss_outage_start": windows[0],
-            "gnss_outage_end": windows[1],
             "gnss_outlier_probability": self.outlier_probability,
             "gnss_outlier_size": self.outlier_size_m,
         }

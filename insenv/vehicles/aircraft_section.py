@@ -11,10 +11,9 @@ from pydantic import Strict
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
-from insenv.files.values import PerAxis, within
 from insenv.vehicles.aircraft import AIRCRAFT_TRAITS, aircraft
 from insenv.vehicles.routes import flight_plan, survey_pattern
-from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, dumped, engine_rows, in_legs
+from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, dumped, in_legs
 from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
@@ -41,20 +40,12 @@ class AircraftLeg(Section):
     bank_deg: Number | None = key(None, "bank angle of the turn; 20 if absent", "deg", gt=0, le=45)
 
 
-class AircraftSection(VehicleSection):
+class AircraftSection(GustsSection):
     """An aircraft: parked if its legs only wait, otherwise moving."""
 
     traits: ClassVar[VehicleTraits] = AIRCRAFT_TRAITS
 
     kind: Literal["aircraft"] = key(..., "kind of vehicle")
-    engine: Engine = key((), "the engine's vibration")
-    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_pitch_sigma_deg: Number = key(0.0, "pitch due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_velocity_sigma_mps: Annotated[PerAxis, within(0.0, 10.0)] = key(
-        (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
-    )
-    gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
     angle_of_attack_deg: Number = key(2.0, "pitch above the flight path in the air", "deg", ge=-15, le=15)
     take_off_speed_mps: Number = key(45.0, "speed above which it flies", "m/s", ge=1, le=200)
     start_speed_mps: Number = key(0.0, "speed at time 0; in the air if above the take-off speed", "m/s", ge=0, le=340)
@@ -72,16 +63,8 @@ class AircraftSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        north, east, down = self.gust_velocity_sigma_mps
         return {
-            **engine_rows(self.engine),
-            "gust_roll_sigma": radians(self.gust_roll_sigma_deg),
-            "gust_pitch_sigma": radians(self.gust_pitch_sigma_deg),
-            "gust_yaw_sigma": radians(self.gust_yaw_sigma_deg),
-            "gust_north_sigma": north,
-            "gust_east_sigma": east,
-            "gust_down_sigma": down,
-            "gust_time_constant": self.gust_correlation_s,
+            **self.air_rows(),
             "angle_of_attack": radians(self.angle_of_attack_deg),
             "take_off_speed": self.take_off_speed_mps,
             "start_speed": self.start_speed_mps,

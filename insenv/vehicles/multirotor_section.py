@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from math import radians
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
-from insenv.files.values import PerAxis, within
 from insenv.vehicles.multirotor import MULTIROTOR_TRAITS, SCRIPT, multirotor
-from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, engine_rows, in_legs
+from insenv.vehicles.section import MAX_LEGS, Engine, GustsSection, StartSection, in_legs
 from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
@@ -39,19 +38,13 @@ class MultirotorLeg(Section):
     climb_mps: Number | None = key(None, "rate of climb; 0 if absent", "m/s", ge=-20, le=20)
 
 
-class MultirotorSection(VehicleSection):
+class MultirotorSection(GustsSection):
     """A multirotor, in the air from time 0 on; without legs it hovers."""
 
     traits: ClassVar[VehicleTraits] = MULTIROTOR_TRAITS
 
     kind: Literal["multirotor"] = key(..., "kind of vehicle")
     engine: Engine = key((), "the rotors' vibration")
-    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_pitch_sigma_deg: Number = key(0.0, "pitch due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", ge=0, le=10)
-    gust_velocity_sigma_mps: Annotated[PerAxis, within(0.0, 10.0)] = key(
-        (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
-    )
     gust_correlation_s: Number = key(2.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
     legs: tuple[MultirotorLeg, ...] = key((), "the flight, leg by leg", max_length=MAX_LEGS)
     repeat_legs: bool = key(False, "repeat the legs", strict=True)
@@ -67,16 +60,8 @@ class MultirotorSection(VehicleSection):
 
     def rows(self, start: StartSection) -> dict[str, Any]:
         """Parameter rows (SI).  Raises `InputError` for a leg that is not allowed."""
-        north, east, down = self.gust_velocity_sigma_mps
         return {
-            **engine_rows(self.engine),
-            "gust_roll_sigma": radians(self.gust_roll_sigma_deg),
-            "gust_pitch_sigma": radians(self.gust_pitch_sigma_deg),
-            "gust_yaw_sigma": radians(self.gust_yaw_sigma_deg),
-            "gust_north_sigma": north,
-            "gust_east_sigma": east,
-            "gust_down_sigma": down,
-            "gust_time_constant": self.gust_correlation_s,
+            **self.air_rows(),
             "segments": in_legs(lambda: SCRIPT.table(flight(self.legs))),
             "segments_repeat": float(self.repeat_legs),
         }

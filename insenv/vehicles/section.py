@@ -10,6 +10,7 @@ from pydantic import Field
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
+from insenv.files.values import PerAxis, within
 from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
@@ -97,3 +98,30 @@ def engine_rows(engine: tuple[EngineWave, ...]) -> dict[str, Any]:
         rows[f"engine_{channel}_amplitude"] = [scale * getattr(wave, amplitude) for wave in waves]
         rows[f"engine_{channel}_phase"] = [radians(getattr(wave, f"{channel}_phase_deg")) for wave in waves]
     return rows
+
+
+class GustsSection(VehicleSection):
+    """The keys of a vehicle in the air: its engine, gusts."""
+
+    engine: Engine = key((), "the engine's vibration")
+    gust_roll_sigma_deg: Number = key(0.0, "roll due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_pitch_sigma_deg: Number = key(0.0, "pitch due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_yaw_sigma_deg: Number = key(0.0, "yaw due to gusts, standard deviation", "deg", ge=0, le=10)
+    gust_velocity_sigma_mps: Annotated[PerAxis, within(0.0, 10.0)] = key(
+        (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
+    )
+    gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
+
+    def air_rows(self) -> dict[str, Any]:
+        """Parameter rows (SI) of these keys."""
+        north, east, down = self.gust_velocity_sigma_mps
+        return {
+            **engine_rows(self.engine),
+            "gust_roll_sigma": radians(self.gust_roll_sigma_deg),
+            "gust_pitch_sigma": radians(self.gust_pitch_sigma_deg),
+            "gust_yaw_sigma": radians(self.gust_yaw_sigma_deg),
+            "gust_north_sigma": north,
+            "gust_east_sigma": east,
+            "gust_down_sigma": down,
+            "gust_time_constant": self.gust_correlation_s,
+        }

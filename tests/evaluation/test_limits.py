@@ -415,6 +415,18 @@ def test_a_moored_ship_has_its_frequencies_and_a_parked_car_none():
         assert mooring_of(rows_of(build(load(name), seed=1))) is None
 
 
+@pytest.mark.parametrize("sigma", [0.01, 0.1, 10.0])
+def test_a_told_velocity_of_a_swaying_ship_tells_its_heading(sigma):
+    """The sway goes about a place: the velocity's sigma over the speed at time 0, beside what the gyro biases allow."""
+    scenario = changed(
+        "ship-swaying", imu={"grade": "tactical"}, knowledge={"heading_sigma_deg": 100.0, "velocity_sigma_mps": [sigma] * 3}
+    )
+    speed = np.hypot(0.5 * 2 * np.pi / 7.0, 0.5 * 2 * np.pi / 6.0)
+    bias = np.radians(4.0 / 3600.0) / (7.2921150e-5 * np.cos(np.radians(30.0)))
+    told = 1.0 / np.sqrt((speed / sigma) ** 2 + 1.0 / bias**2 + 1.0 / np.radians(100.0) ** 2)
+    assert np.radians(insenv.limit(scenario).sigma["heading_deg"][-1]) == pytest.approx(told, rel=0.02)
+
+
 @pytest.mark.parametrize(("name", "b"), [("ship-moored-paper", 50e-6), ("ship-irregular-sea", 10e-6)])
 def test_sway_does_not_tell_the_biases_of_accelerometers(name, b):
     """A moored ship is levelled to b / g and no better: it moves at the frequencies at which it turns."""

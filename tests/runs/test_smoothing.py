@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from command_line import call
 from places import ROOT
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from smoothers import Pass, Scalars, bryson_frazier, rts, two_filter
 
@@ -155,11 +157,19 @@ def kept_pass(kept, p):
                 E[i] = given[i] * (1 + given[i, i])
                 E[i, i] = 1 + given[i, i]
                 Phi = E @ Phi
-            transition.append(Phi)
             duration = rows["last_stretch"][0]
-            noise.append(np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)]))
+            Q = np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)])
             used = (rows["scalar_0_used"] == 1) | (rows["scalar_1_used"] == 1)
-            scalars.append(Scalars(*(rows[name][used] for name in ("H", "gain", "weight", "left"))))
+            # all in the axes after the turns of this instant, so that the forms need not know of any
+            T, H, gain = np.eye(15), rows["H"].copy(), rows["gain"].copy()
+            for k in reversed(np.flatnonzero(used)):
+                if rows["turned"][k]:
+                    C = Rotation.from_rotvec(rows["turn"][k]).as_matrix()
+                    T = T @ block_diag(C, C, C, np.eye(6))
+                H[k], gain[k] = T @ H[k], T @ gain[k]
+            transition.append(T @ Phi)
+            noise.append(T @ Q @ T.T)
+            scalars.append(Scalars(H[used], gain[used], rows["weight"][used], rows["left"][used]))
     return Pass(np.array(transition), np.array(noise), np.array(covariance), scalars)
 
 

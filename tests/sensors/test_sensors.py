@@ -19,7 +19,8 @@ from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.sensors import GNSS_GRADES, IMU_GRADES, flicker, gnss_grade, imu_grade, units
-from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, check_timing, gnss_part
+from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, gnss_part
+from insenv.sensors.gnss_section import GnssSection
 from insenv.sensors.imu import imu_part
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
 
@@ -441,24 +442,28 @@ def test_outage_windows_take_the_epochs_inside_them() -> None:
     assert 3.0 in np.round(times, 6) and 5.0 not in np.round(times, 6)
 
 
+def _receiver(interval: float, latency: float, offset: float) -> GnssSection:
+    return GnssSection.model_construct(interval_s=interval, latency_s=latency, epoch_offset_s=offset)
+
+
 @pytest.mark.parametrize(
-    ("times", "field"),
+    ("rate_hz", "times", "field"),
     [
-        ((0.005, 1.0, 1.0, 0.0), "gnss_latency"),
-        ((0.005, 1.0, 0.0033, 0.0), "gnss_latency"),
-        ((0.005, 0.0, 0.0, 0.0), "gnss_interval"),
-        ((0.005, 1.0, 0.1, 0.005), "gnss_epoch_offset"),
-        ((0.03, 1.0, 0.0, 0.0), "gnss_interval"),
+        (200.0, (1.0, 1.0, 0.0), "gnss.latency_s"),
+        (200.0, (1.0, 0.0033, 0.0), "gnss.latency_s"),
+        (200.0, (0.0, 0.0, 0.0), "gnss.interval_s"),
+        (200.0, (1.0, 0.1, 0.005), "gnss.epoch_offset_s"),
+        (100.0 / 3.0, (1.0, 0.0, 0.0), "gnss.interval_s"),
     ],
 )
-def test_timing_that_cannot_be_is_refused(times: tuple[float, float, float, float], field: str) -> None:
+def test_timing_that_cannot_be_is_refused(rate_hz: float, times: tuple[float, float, float], field: str) -> None:
     with pytest.raises(InputError, match=field):
-        check_timing(*times)
+        _receiver(*times).rows(rate_hz)
 
 
 def test_timing_that_can_be_is_not() -> None:
-    check_timing(0.005, 1.0, 0.995, 0.0049)
-    check_timing(1 / 400, 0.2, 0.0, 0.0)
+    assert _receiver(1.0, 0.995, 0.0049).rows(200.0)["gnss_latency"] == 0.995
+    assert _receiver(0.2, 0.0, 0.0).rows(400.0)["gnss_interval"] == 0.2
 
 
 # --- grades, units ---------------------------------------------------------------------------------

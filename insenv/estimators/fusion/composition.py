@@ -29,6 +29,7 @@ from insenv.estimators.fusion.retraction import corrected, linear
 from insenv.estimators.parts import motion_errors, rows, strapdown
 from insenv.estimators.parts.error_model import GYRO, POSITION, TILT, VELOCITY, Interval, navigation_transition
 from insenv.estimators.parts.gauss_markov import decay, driven_variance
+from insenv.estimators.parts.invariant import covariance_after
 from insenv.estimators.parts.kalman import Update, propagate
 from insenv.estimators.parts.rest_bias import bias_of_tilt
 
@@ -264,7 +265,7 @@ class Composition:
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = self.update(aid, p, x, u)
             changed = corrected(x, done.correction, self.states, self.places)
-            return {**changed, "covariance": done.stored, **reported}
+            return {**changed, "covariance": covariance_after(done, self.n), **reported}
 
         return step
 

@@ -15,7 +15,6 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude
-from insenv.attitude import skew
 from insenv.core.elementary import minimum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
@@ -118,9 +117,9 @@ def corrected(x: Any, dv: Any, psi: Any) -> dict[str, Any]:
     ages = x.past_age + x.past_time
     gained = ca.repmat(x.velocity_w.T, SLOTS, 1) - x.past_velocity
     gained[:, 2] -= NOMINAL_GRAVITY * ages
-    lost = gained @ skew(psi).T
-    turn = ca.horzcat(1, (psi / 2).T)
-    q = ca.vertcat(*[attitude.multiply(turn.T, x.past_attitude[k, :].T).T for k in range(SLOTS)])
+    turn = attitude.from_rotation_vector(psi)
+    lost = gained @ (attitude.to_dcm(turn) - ca.SX.eye(3)).T
+    q = ca.vertcat(*[attitude.multiply(turn, x.past_attitude[k, :].T).T for k in range(SLOTS)])
     return {
         "past_way": x.past_way + ages @ dv.T + lost * ca.repmat(ages / 2, 1, 3),
         "past_velocity": x.past_velocity - ca.repmat(dv.T, SLOTS, 1) - lost,

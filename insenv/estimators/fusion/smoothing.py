@@ -15,6 +15,7 @@ from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
 from insenv.estimators.fusion.retraction import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
+from insenv.estimators.parts.invariant import covariance_after
 
 WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)
 
@@ -66,7 +67,7 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = filter.update(aid, p, x, u)
             changed = corrected(x, done.correction, filter.states, filter.places)
-            return {**changed, "covariance": done.stored, **reported, **adjoint.recorded(aid.id, done.scalars)}
+            return {**changed, "covariance": covariance_after(done, filter.n), **reported, **adjoint.recorded(aid.id, done)}
 
         return step
 

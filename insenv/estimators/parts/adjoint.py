@@ -9,6 +9,8 @@ from s = 0, L = 0 at the end:
 
     scalar measurement of sensitivity H, gain K, innovation e of variance S:
         s <- (I - K H)^T s + H^T e / S,   L <- (I - K H)^T L (I - K H) + H^T H / S
+    turn T of the errors with the correction of the attitude, after the last scalar (`insenv.estimators.parts.invariant`):
+        s <- T^T s,   L <- T^T L T
     transition to the instant:
         s <- Phi^T s,   L <- Phi^T L Phi
 
@@ -31,7 +33,9 @@ import casadi as ca
 from insenv.core import symmetric
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts.kalman import weight_and_gain
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
+from insenv.estimators.parts.invariant import turn_of, turned
+from insenv.estimators.parts.kalman import Update, weight_and_gain
 
 
 @dataclass(frozen=True)
@@ -87,17 +91,20 @@ def scalar_rows(prefix: str, count: int, n: int, what: str) -> Table:
         Row(f"{prefix}_gain", f"{what}: gain, 0 where it was not used", "SI", (count, n)),
         Row(f"{prefix}_weight", f"{what}: inverse variance of the innovation, 0 where it was not used", "SI", (count,)),
         Row(f"{prefix}_left", f"{what}: innovation minus what the ones before it explained", "SI", (count,)),
+        Row(f"{prefix}_turn", f"{what}: rotation vector by which the correction turned the attitude", "rad", (3,), "w"),
     ))  # fmt: skip
 
 
-def recorded(prefix: str, scalars: Sequence[Any]) -> dict[str, Any]:
-    """The rows `scalar_rows` of scalar measurements in the order used (`kalman.Scalar`)."""
+def recorded(prefix: str, update: Update) -> dict[str, Any]:
+    """The rows `scalar_rows` of an update."""
+    scalars = update.scalars
     pairs = [weight_and_gain(s.stored, s.H, s.variance, s.accept) for s in scalars]
     return {
         f"{prefix}_H": ca.vertcat(*[s.H for s in scalars]),
         f"{prefix}_gain": ca.vertcat(*[gain.T for _, gain in pairs]),
         f"{prefix}_weight": ca.vertcat(*[weight for weight, _ in pairs]),
         f"{prefix}_left": ca.vertcat(*[s.left for s in scalars]),
+        f"{prefix}_turn": update.correction[TILT],
     }
 
 
@@ -118,6 +125,8 @@ def backward_inputs(n: int, groups: Sequence[Group], interval: Table) -> Table:
         Row("gain", "Its gain, 0 where it was not used", "SI", (n,)),
         Row("weight", "Inverse variance of its innovation, 0 where it was not used", "SI"),
         Row("left", "Its innovation minus what the ones before it explained", "SI"),
+        Row("turned", "1 to go back over a turn of the errors before it", lower=0, upper=1),
+        Row("turn", "Rotation vector of that turn", "rad", (3,), "w"),
         Row("carried", "1 to go back over an interval after that", lower=0, upper=1),
     )) + interval  # fmt: skip
 
@@ -141,11 +150,22 @@ def backward_model(
         outputs=state,
         # in the reverse order of the forward pass
         steps={
+            "turn": Step(lambda p, x, u: _back_over_turn(n, x, u.turn), when="turned"),
             **{f"scalar_{k}": Step(_back_over(n, group.support), when=used_row(k)) for k, group in enumerate(groups)},
             "carry": Step(lambda p, x, u: back_over_interval(transition(p, u), x), when="carried"),
         },
         output=lambda p, x: {"adjoint": x.adjoint, "information": x.information},
     )
+
+
+def _back_over_turn(n: int, x: Any, turn: Any) -> dict[str, Any]:
+    """Go back over the turn of the errors with the attitude."""
+    back = turn_of(turn).T
+    parts = [back @ x.adjoint[part] for part in (POSITION, VELOCITY, TILT)]
+    return {
+        "adjoint": ca.vertcat(*parts, x.adjoint[TILT.stop :]),
+        "information": symmetric.triangle(turned(symmetric.full(x.information, n), back)),
+    }
 
 
 def _back_over(n: int, support: tuple[int, ...]) -> Callable[[Any, Any, Any], dict[str, Any]]:

@@ -1,0 +1,42 @@
+"""The errors of position, velocity and attitude as one error of a group: what a large correction does to them.
+
+A correction turns the platform by psi.  What a filter has not measured, above all the heading of a vehicle at rest, is an error
+about the vertical *as the platform shows it*.  The errors (w) therefore turn with the platform, and their covariance with them:
+
+    e <- T e,   P <- T P T^T,   T = diag(C, C, C, 1),   C = exp([psi x])
+
+Without that turn an error of heading that was none of velocity becomes one: the next measurement of velocity seems to measure
+the heading, and the stated sigma falls without a cause.  With it the psi error is the left-invariant error of the estimate,
+R^T (r^ - r) and so on, in other axes, to first order: the corrections of position and velocity are taken out as they are.
+
+Sources: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a stable observer", IEEE Trans. Automatic Control
+62, 1797-1812; biases make the filter an imperfect one, for which convergence is not proved.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from insenv import attitude
+from insenv.core import symmetric
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
+from insenv.estimators.parts.kalman import Update
+
+
+def turned(matrix: Any, turn: Any) -> Any:
+    """T M T^T for a matrix (n x n) over the error; turn: C (3x3), or its transpose for the way back."""
+    for part in (POSITION, VELOCITY, TILT):
+        matrix[part, :] = turn @ matrix[part, :]
+    for part in (POSITION, VELOCITY, TILT):
+        matrix[:, part] = matrix[:, part] @ turn.T
+    return matrix
+
+
+def turn_of(psi: Any) -> Any:
+    """C (3x3) of a correction psi (3, rad, w)."""
+    return attitude.to_dcm(attitude.from_rotation_vector(psi))
+
+
+def covariance_after(update: Update, n: int) -> Any:
+    """Covariance triangle of n errors after an update whose correction has been taken out of the state."""
+    return symmetric.triangle(turned(symmetric.full(update.stored, n), turn_of(update.correction[TILT])))
