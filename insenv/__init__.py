@@ -62,10 +62,11 @@ allowed; work that cannot be done raises `insenv.errors.InsenvError`.
 
 Public names
 ------------
-`run`, `replay` and `campaign` run estimators; `load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion`
-composes a filter; `register` adds an estimator, a vehicle or a sensor.  `Report` and `Summary` are what runs and campaigns
-give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with Gymnasium.  docs/api.md lists
-all public names.
+`run`, `replay` and `campaign` run estimators; `budget` says which source of error dominates, `tune` how to tune a filter;
+`load` reads a scenario; `export_fmu` and `export_ssp` write FMUs; `fusion` composes a filter; `register` adds an estimator,
+a vehicle or a sensor.  `Report`, `Summary`, `Comparison`, `Budget` and `Tuning` are what runs, campaigns, campaigns of several
+estimators, budgets and tuning give.  Each loads on first use: ``import insenv`` is cheap.  It registers the environments with
+Gymnasium.  docs/api.md lists all public names.
 """
 
 from __future__ import annotations
@@ -82,6 +83,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from insenv.campaigns import campaign
+    from insenv.campaigns.comparison import Comparison
     from insenv.campaigns.summary import Summary
     from insenv.core.model import Model, Step
     from insenv.core.tables import Row, Table
@@ -97,8 +99,14 @@ if TYPE_CHECKING:
     from insenv.scenario import Scenario, limit, load
     from insenv.sensors import Sensor, SensorSection
     from insenv.vehicles import StartSection, Vehicle, VehicleSection
+    from insenv.workbench.budget import budget
+    from insenv.workbench.budget_result import Budget
+    from insenv.workbench.tune import tune
+    from insenv.workbench.tune_result import Tuning
 
 __all__ = [
+    "Budget",
+    "Comparison",
     "Estimator",
     "InputError",
     "InsenvError",
@@ -113,9 +121,11 @@ __all__ = [
     "Step",
     "Summary",
     "Table",
+    "Tuning",
     "Vehicle",
     "VehicleSection",
     "agents",
+    "budget",
     "campaign",
     "export_fmu",
     "export_ssp",
@@ -126,10 +136,12 @@ __all__ = [
     "replay",
     "run",
     "testing",
+    "tune",
 ]
 
 _HOMES = {
     "insenv.campaigns": ("campaign",),
+    "insenv.campaigns.comparison": ("Comparison",),
     "insenv.campaigns.summary": ("Summary",),
     "insenv.core.model": ("Model", "Step"),
     "insenv.core.tables": ("Row", "Table"),
@@ -145,6 +157,10 @@ _HOMES = {
     "insenv.scenario": ("Scenario", "limit", "load"),
     "insenv.sensors": ("Sensor", "SensorSection"),
     "insenv.vehicles": ("StartSection", "Vehicle", "VehicleSection"),
+    "insenv.workbench.budget": ("budget",),
+    "insenv.workbench.budget_result": ("Budget",),
+    "insenv.workbench.tune": ("tune",),
+    "insenv.workbench.tune_result": ("Tuning",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -50,9 +50,26 @@ def of_example(name: str) -> None:
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
 
 
+def of_budget() -> None:
+    """The figure of an error budget."""
+    style.save(insenv.budget("ship-swaying", "q-method").plot(), {"png": FOLDER / "budget.png"})
+
+
+def of_tuning() -> None:
+    """The figure of tuning."""
+    settings = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0}}
+    keys = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
+    found = insenv.tune(
+        "car-city-drive", "loosely-coupled", runs=4, held_out=8, keys=keys, evaluations=40, duration_s=60.0, settings=settings
+    )
+    style.save(found.plot(), {"png": FOLDER / "tune.png"})
+
+
 FIGURES: dict[str, Callable[[], None]] = {
     **{name: partial(of_run, name) for name in RUNS},
     **{f"reproduce-{paper}": partial(of_paper, paper) for paper in PAPERS},
+    "budget": of_budget,
+    "tune": of_tuning,
     "active-alignment": partial(of_example, "active_alignment"),
 }
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.pieces import Begun, in_pieces
 from insenv.campaigns.plan import Plan
 from insenv.core.batch import Batch, make_batch
 from insenv.errors import InputError
@@ -16,56 +16,53 @@ from insenv.scenario import Plant
 Arrays = dict[str, NDArray[np.float64]]
 Stopped = Callable[[], bool]
 
-PIECE_S = 0.5
-"""Approximate time between two looks at whether the campaign was interrupted, s."""
-FIRST_PIECE = 2000
-"""Inertial samples of a block, all its runs together, before the first look: milliseconds to a tenth of a second."""
-
 
 class StoppedError(Exception):
-    """The campaign of a block was interrupted."""
+    """The campaign of a block was interrupted.  part: what is done of the block, for `run_block` to go on from; or None."""
+
+    def __init__(self, part: Arrays | None = None) -> None:
+        super().__init__(part)
+        self.part = part
 
 
-def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False) -> Arrays:
+def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: Arrays | None = None) -> Arrays:
     """Simulate and estimate the runs of block `number` and return their summaries, run by run.
 
+    part: what an interruption left of the block: the result is the same, to the bit.
     Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...). Raises
     `InputError` if the parts of the plant differ between runs, `StoppedError` soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
-    seeds = [plan.first_seed + run for run in runs]
-    plants = _plants(plan, seeds, stopped)
+    plants = _plants(plan, runs, stopped)
     measured = plan.measured
     batch = make_batch(measured.model, len(plants), plan.parameters_of(plants))
-    shown = measured.model.outputs.unpack(_records(batch, plan, stopped))
+    begun = None
+    if part is not None:
+        batch.x = part["state"]
+        begun = Begun(int(part["samples"]), [part["outputs"]] if part["outputs"].shape[1] else [])
+
+    def look(done: Begun) -> None:
+        if stopped():
+            raise StoppedError(_part(batch, done))
+
+    records = plan.samples // plan.record_samples
+    shown = measured.model.outputs.unpack(in_pieces(batch, records, plan.record_samples, look, begun))
     return {
-        "seed": np.array(seeds, dtype=np.float64),
-        "values": np.array([[v.value(seed) for v in plan.variations] for seed in seeds]).reshape(len(seeds), -1),
+        "seed": np.array([plan.seed_of(run) for run in runs], dtype=np.float64),
+        "values": plan.numbers(runs),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
     }
 
 
-def _records(batch: Batch, plan: Plan, stopped: Stopped) -> NDArray[np.float64]:
-    """Return the outputs (runs, records, outputs.size), computed in pieces of about `PIECE_S`."""
-    found, piece = [], max(1, FIRST_PIECE // batch.rows)
-    for _ in range(plan.samples // plan.record_samples):
-        left = plan.record_samples
-        while left:
-            if stopped():
-                raise StoppedError
-            now = min(piece, left)
-            left -= now
-            begun = perf_counter()
-            shown = batch.run(now, every=0 if left else now)
-            # pieces grow and shrink towards PIECE_S; the results do not depend on them
-            piece = max(1, min(int(now * PIECE_S / max(perf_counter() - begun, 1e-6)), 4 * piece))
-        found.append(shown)
-    return np.concatenate(found, axis=1)
+def _part(batch: Batch, done: Begun) -> Arrays:
+    """What is done of a block: the states, the samples of a run, the outputs so far."""
+    empty = np.zeros((batch.rows, 0, batch.model.outputs.size))
+    return {"state": batch.x, "samples": np.array(float(done.samples)), "outputs": np.concatenate([empty, *done.found], axis=1)}
 
 
-def _plants(plan: Plan, seeds: list[int], stopped: Stopped) -> list[Plant]:
+def _plants(plan: Plan, runs: range, stopped: Stopped) -> list[Plant]:
     plants = []
-    for plant in plan.plants(seeds):
+    for plant in plan.plants(runs):
         if stopped():
             raise StoppedError
         plants.append(plant)

@@ -58,7 +58,7 @@ def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | N
             if progress is not None:
                 progress(before * total + done, len(runs) * total)
 
-        plant = plan.plant if same else plan.plant_of(plan.first_seed + int(run))
+        plant = plan.plant if same else plan.plant_of(int(run))
         limit = limit_of(plant, report).at(_evaluations(plan))
         own = np.stack([limit[name] for name in channels], axis=-1) ** 2
         squares.append(own.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import insenv
 from insenv import estimators
+from insenv.campaigns.designs import check_design, design_note, numbers_of, seed_of, whole_design
 from insenv.campaigns.model import Measured, measured_model
 from insenv.campaigns.parameters import parameter_digest, run_parameters
 from insenv.campaigns.variation import Variation, check_variations, varied
@@ -36,12 +37,13 @@ COMPARED_RUNS = 8
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign: run i is the scenario with seed `first_seed` + i, and with varied keys drawn from that seed.
+    """A campaign: run i is the scenario with seed `seed_of(i)`, by default `first_seed` + i, and with its varied keys.
 
     scenario: values of the scenario by key, as in a TOML file.
     name: name of the scenario.
     estimator: id of the estimator.
     duration_s: duration of every run.
+    design: how the varied keys are spread over the runs (`insenv.campaigns.designs`).
     block_samples: approximate number of inertial samples in a block.
     """
 
@@ -53,13 +55,14 @@ class Plan:
     duration_s: float
     variations: tuple[Variation, ...] = ()
     block_samples: int = BLOCK_SAMPLES
+    design: str = "random"
 
     def as_json(self) -> dict[str, Any]:
         """Everything on which the results depend, including the version."""
         return {
             "insenv": insenv.__version__,
             **asdict(self),
-            "variations": [asdict(v) for v in self.variations],
+            "variations": [{"key": v.key, **v.distribution.as_json()} for v in self.variations],
             "equations": self.measured.model.fingerprint,
             "parameters": self._parameter_digest,
         }
@@ -70,7 +73,7 @@ class Plan:
 
         A function that prepares parameters has no text to compare, as a plug-in's source may be anywhere; its results have.
         """
-        plants = list(self.plants([self.first_seed + run for run in range(min(self.runs, COMPARED_RUNS))]))
+        plants = list(self.plants(range(min(self.runs, COMPARED_RUNS))))
         return parameter_digest(self.parameters_of(plants))
 
     @functools.cached_property
@@ -97,17 +100,35 @@ class Plan:
     @functools.cached_property
     def plant(self) -> Plant:
         """The plant of the first run; model, interval and number of samples are the same for all runs."""
-        return self.plant_of(self.first_seed)
+        return self.plant_of(0)
 
-    def plant_of(self, seed: int) -> Plant:
+    def seed_of(self, run: int) -> int:
+        """The seed of a run."""
+        return seed_of(self.design, self.first_seed, run, len(self.variations))
+
+    def numbers(self, runs: Sequence[int]) -> NDArray[np.float64]:
+        """Values of the varied keys (len(runs), variations) in some runs; those of choices are the places of the values."""
+        if self.design == "random":
+            seeds = [self.seed_of(run) for run in runs]
+            uniforms = np.array([v.uniforms(seeds) for v in self.variations]).reshape(len(self.variations), len(seeds)).T
+        else:
+            uniforms = self._design[list(runs)]
+        return numbers_of(self.variations, uniforms)
+
+    @functools.cached_property
+    def _design(self) -> NDArray[np.float64]:
+        return whole_design(self.design, self.first_seed, self.runs, len(self.variations))
+
+    def plant_of(self, run: int) -> Plant:
         """The plant of one run."""
-        values = {v.key: v.value(seed) for v in self.variations}
+        numbers = zip(self.variations, self.numbers([run])[0], strict=True)
+        values = {v.key: v.distribution.value(number) for v, number in numbers}
         scenario = parse(varied(self.scenario, values), self.name, self.name)
-        return build(scenario, seed, self.duration_s)
+        return build(scenario, self.seed_of(run), self.duration_s)
 
-    def plants(self, seeds: Sequence[int]) -> Iterable[Plant]:
-        """The plants of the runs of some seeds."""
-        return (self.plant_of(seed) for seed in seeds) if self.variations else reseeded(self.plant, seeds)
+    def plants(self, runs: Sequence[int]) -> Iterable[Plant]:
+        """The plants of some runs."""
+        return map(self.plant_of, runs) if self.variations else reseeded(self.plant, [self.seed_of(run) for run in runs])
 
     @functools.cached_property
     def measured(self) -> Measured:
@@ -139,6 +160,8 @@ class Plan:
             *((short,) if short else ()),
             *self.chosen.notes(self._parameters, self.duration_s),
         )
+        note = design_note(self.design, self.runs)
+        found += (note,) if note else ()
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
             found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)
         return found
@@ -184,10 +207,12 @@ def make_plan(
     first_seed: int | None = None,
     duration_s: float | None = None,
     variations: Iterable[Variation] = (),
+    design: str = "random",
 ) -> Plan:
     """The plan of `runs` runs of a scenario with an estimator; `first_seed` and `duration_s` replace the scenario's.
 
-    Raises `InputError` for a combination that cannot be run; both ends of every range are tried.
+    Raises `InputError` for a combination that cannot be run; both ends of every range, every choice, and the extremes of the
+    values that other distributions give are tried.
     """
     scenario, estimator = load(scenario), estimators.get(estimator)
     first = scenario.seed if first_seed is None else first_seed
@@ -205,15 +230,18 @@ def make_plan(
         first_seed=first,
         duration_s=seed_and_duration(scenario, first_seed, duration_s)[1],
         variations=tuple(sorted(variations, key=lambda v: v.key)),
+        design=design,
     )
     check_variations(plan.variations)
+    check_design(design, plan.runs, len(plan.variations))
     vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
     plants = [plan.plant]
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
-    for variation in plan.variations:
-        for end in (variation.low, variation.high):
+    numbers = plan.numbers(range(plan.runs)) if plan.variations else np.zeros((0, 0))
+    for place, variation in enumerate(plan.variations):
+        for value in variation.distribution.tried(numbers[:, place]):
             plants.append(
-                build(parse(varied(plan.scenario, {variation.key: end}), plan.name), plan.first_seed, plan.duration_s)
+                build(parse(varied(plan.scenario, {variation.key: value}), plan.name), plan.first_seed, plan.duration_s)
             )
     for plant in plants:
         plant.parameters_of(estimator, whole=False)

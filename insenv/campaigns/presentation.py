@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.statistics import Statistics
+from insenv.campaigns.tables import check_format, write_runs
+from insenv.campaigns.variation import Variation
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
@@ -45,7 +47,7 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     yield Text(f"{plan.name}: {plan.estimator}", "bold")
     yield Text(campaign_facts(found))
     for variation in plan.variations:
-        yield Text(f"{variation.key} drawn from {variation.low:g} to {variation.high:g}")
+        yield Text(f"{variation.key} drawn {_drawn(variation)}")
     yield Text()
     figures = found.figures()
     table = _table(*CAMPAIGN_COLUMNS)
@@ -60,7 +62,12 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     for name, row in figures.items():
         table.add_row(label(name), *(number(value) for value in row["percentiles"].values()))
     yield table
+    if (horizontal := found.horizontal()) is not None:
+        yield Text()
+        said = [f"{name.upper()} {number(e.value)} m ({number(e.low)} to {number(e.high)})" for name, e in horizontal.items()]
+        yield Text(f"horizontal at the end, 95 %: {', '.join(said)}")
     yield Text()
+    yield from _sensitivity(found)
     start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
     yield Text(f"mean, percentiles: of the errors at the end; rms, limit, stated: {start}, all runs", "dim")
     if document["limit_ratio_95"] and any(row["limit"] for row in figures.values()):
@@ -80,6 +87,45 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
             yield Text(f"{len(seeds_of)} of {plan.runs} runs {what}: seed {named}", "yellow")
     for note in document["notes"]:
         yield Text(f"note: {note}")
+
+
+def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
+    """The keys by channel: rank correlation, first-order and total index."""
+    from rich.text import Text
+
+    if not found.sensitivity:
+        return
+    names = dict.fromkeys(one.channel for one in found.sensitivity)
+    total = any(one.total is not None for one in found.sensitivity)
+    for group in (ATTITUDE, POSITION, VELOCITY):
+        shown = [name for name in group if name in names]
+        if not shown:
+            continue
+        columns = [text for name in shown for text in (name.rpartition("_")[0], "total" if total else "first")]
+        table = _table("rank correlation, index", *columns)
+        for variation in found.plan.variations:
+            own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
+            cells = []
+            for name in shown:
+                one = own[name]
+                index = one.total if total else one.first
+                cells += ["-" if one.correlation is None else f"{one.correlation:+.2f}"]
+                cells += ["-" if index is None else f"{index.value:.2f}"]
+            table.add_row(variation.key, *cells)
+        yield table
+    least = max((one.first.reach for one in found.sensitivity if one.first is not None), default=0.0)
+    yield Text(f"of the rms of a run; index: share of its variance by the key ({'total' if total else 'alone'})", "dim")
+    if least:
+        yield Text(f"first-order indices are known to {least:.2f} or better (95 %)", "dim")
+    yield Text()
+
+
+def _drawn(variation: Variation) -> str:
+    """From what a key is drawn, in words."""
+    distribution = variation.distribution
+    if distribution.kind != "uniform":
+        return f"from {distribution}"
+    return f"from {distribution.parameters[0]:g} to {distribution.parameters[1]:g}"
 
 
 def campaign_facts(found: Statistics) -> str:
@@ -125,17 +171,25 @@ def campaign_frame(found: Statistics) -> DataFrame:
     return data_frame(found.time, columns)
 
 
-def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg."""
+def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
+    """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, campaign.png and campaign.svg.
+
+    table: format of a table of the runs, `runs.csv` or `runs.parquet`; empty: none.
+    """
+    if table:
+        check_format(table)
     note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
     drawn = figure and not note
-    names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
+    tables = [f"runs.{table}"] if table else []
+    names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ()), *tables]
     paths = tuple(folder.path / name for name in names)
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **campaign_arrays(found))
         text = to_json(campaign_document(found, names)) + "\n"  # without the folder, so that equal campaigns are equal files
         part(names[1]).write_text(text, encoding="ascii")
+        for name in tables:
+            write_runs(found, part(name), table)
         if drawn:
             save(draw_campaign(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(paths, note)

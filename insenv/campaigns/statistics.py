@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.intervals import Estimate, horizontal, percentile, root_mean_square
 from insenv.campaigns.plan import Plan
+from insenv.campaigns.sensitivity import Sensitivity, sensitivity_note
 from insenv.evaluation.health import VERDICTS, AidHealth, Health, Verdict
 from insenv.evaluation.limits import ratio_bounds
 
@@ -60,6 +62,7 @@ class Statistics:
     limit_note: what must be said of the limit, or empty.
     diverged: seeds of runs with a number that is not finite.
     far: seeds of runs whose rms is `FAR` times the median.
+    whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
     health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
     """
 
@@ -77,12 +80,14 @@ class Statistics:
     far: tuple[int, ...]
     limit_note: str = ""
     health: tuple[Health | None, ...] = ()
+    whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    sensitivity: tuple[Sensitivity, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What must be said of the campaign."""
-        return (*self.plan.notes, *((self.limit_note,) if self.limit_note else ()))
+        return (*self.plan.notes, *filter(None, (self.limit_note, sensitivity_note(self.plan))))
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -90,21 +95,35 @@ class Statistics:
         return tuple(self.courses)
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on."""
-        kept = ~np.isin(self.seeds, self.diverged)
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on, with intervals.
+
+        The intervals are those of independent runs; a saltelli design has none.
+        """
+        kept, independent = self.whole, self.plan.design != "saltelli"
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
             known = kept & np.isfinite(self.limit[:, place])
             limit = float(rms_of(self.limit[known, place])) if known.any() else None
             late = self.time >= self.from_s - 1e-9
+            rms = root_mean_square(self.rms[kept, place] ** 2)
+            ends = {f"{p:g}": percentile(self.final[kept, place], p) for p in PERCENTILES}
             found[name] = {
                 "mean": float(course.mean[-1]),
                 "rms": float(rms_of(self.rms[kept, place])) if kept.any() else float("nan"),
                 "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
                 "limit": limit,
                 "stated": None if course.stated is None else float(rms_of(course.stated[late])),
+                "rms_95": [rms.low, rms.high] if independent else None,
+                "percentiles_95": {level: [e.low, e.high] for level, e in ends.items()} if independent else None,
             }
         return found
+
+    def horizontal(self) -> dict[str, Estimate] | None:
+        """Horizontal errors at the end: "cep", "r95" and "2drms", m; None without a position, or without independent runs."""
+        if "north_m" not in self.channels or self.plan.design == "saltelli" or not self.whole.any():
+            return None
+        north, east = (self.final[self.whole, self.channels.index(name)] for name in ("north_m", "east_m"))
+        return horizontal(north, east)
 
     def verdicts(self) -> dict[str, Any] | None:
         """Share of the runs with a health by verdict, their mean NIS and share of fixes refused; None if no run has one.
@@ -142,9 +161,12 @@ class Statistics:
             "first_seed": plan.first_seed,
             "duration_s": plan.duration_s,
             "imu_samples": plan.runs * plan.samples,
-            "varied": [{"key": v.key, "low": v.low, "high": v.high} for v in plan.variations],
+            "varied": [{"key": v.key, **v.distribution.as_json()} for v in plan.variations],
             "statistics_from_s": self.from_s,
             "errors": self.figures(),
+            "horizontal": None if (h := self.horizontal()) is None else {name: e.as_json() for name, e in h.items()},
+            "design": plan.design,
+            "sensitivity": [one.as_json() for one in self.sensitivity],
             "limit_ratio_95": list(ratio_bounds(plan.runs - len(self.diverged))) if plan.runs > len(self.diverged) else None,
             "nees": nees,
             "health": self.verdicts(),

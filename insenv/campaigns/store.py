@@ -43,6 +43,10 @@ class Memory:
         """Store a finished block."""
         self._blocks[number] = arrays
 
+    def part(self, number: int) -> Arrays | None:
+        """What an interruption left of a block: memory keeps nothing."""
+        return None
+
     def column(self, number: int, name: str) -> np.ndarray:
         """One array of a finished block."""
         return self._blocks[number][name]
@@ -112,24 +116,38 @@ class Folder:
         except _DAMAGE:
             return False
         runs = self.plan.blocks[number]
-        expected = [self.plan.first_seed + run for run in runs]
+        expected = [self.plan.seed_of(run) for run in runs]
         return str(whole.get("plan", "")) == self._digest and np.array_equal(whole.get("seed", ()), expected)
 
     def put(self, number: int, arrays: Arrays) -> None:
         """Write a finished block, preceded by the manifest if it is the first.  Raises `InputError` beside another's."""
         try:
-            (self.path / BLOCKS).mkdir(parents=True, exist_ok=True)
-            if (self.path / MANIFEST).exists():
-                self._check(self.path / MANIFEST, True)
-            else:
-                text = json.dumps(self._manifest(), indent=1) + "\n"
-                with atomic(self.path / MANIFEST) as stream:
-                    stream.write(text.encode())
+            self._identified()
             with atomic(self._file(number)) as stream:
+                np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays)
+            self._wrote = True
+            self._begun(number).unlink(missing_ok=True)
+        except OSError as error:
+            raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
+
+    def put_part(self, number: int, arrays: Arrays) -> None:
+        """Write what an interruption left of a block."""
+        try:
+            self._identified()
+            with atomic(self._begun(number)) as stream:
                 np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays)
             self._wrote = True
         except OSError as error:
             raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
+
+    def part(self, number: int) -> Arrays | None:
+        """What an interruption left of a block; None if there is nothing that can be read."""
+        try:
+            with self._begun(number).open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+                whole = {name: arrays[name] for name in arrays.files}
+        except _DAMAGE:
+            return None
+        return whole if str(whole.pop("plan", "")) == self._digest else None
 
     def column(self, number: int, name: str) -> np.ndarray:
         """One array of a finished block.  Raises `InsenvError` if it is damaged or a block of another campaign."""
@@ -141,8 +159,21 @@ class Folder:
         except _DAMAGE as error:
             raise InsenvError(f"{self._file(number)}: can no longer be read: {error}") from None
 
+    def _identified(self) -> None:
+        """Make the folder of the blocks, and the manifest if there is none.  Raises `InputError` beside another's."""
+        (self.path / BLOCKS).mkdir(parents=True, exist_ok=True)
+        if (self.path / MANIFEST).exists():
+            self._check(self.path / MANIFEST, True)
+        else:
+            text = json.dumps(self._manifest(), indent=1) + "\n"
+            with atomic(self.path / MANIFEST) as stream:
+                stream.write(text.encode())
+
     def _file(self, number: int) -> Path:
         return self.path / BLOCKS / f"{number:06d}.npz"
+
+    def _begun(self, number: int) -> Path:
+        return self.path / BLOCKS / f"{number:06d}.begun.npz"
 
     def _manifest(self) -> dict[str, Any]:
         return {"format": FORMAT, "version": VERSION, "digest": self._digest, "plan": self.plan.as_json()}

@@ -13,11 +13,13 @@ from insenv.campaigns.limits import CampaignLimit
 from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
+from insenv.campaigns.sensitivity import sensitivities
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
+from insenv.campaigns.tables import run_columns
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.health import Health, health
 from insenv.report import FilesWritten, OutputFolder
-from insenv.report.notebook import require_matplotlib
+from insenv.report.notebook import data_frame, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,12 +46,22 @@ class Summary(Statistics):
         """
         return campaign_frame(self)
 
-    def save(self, folder: str | Path, figure: bool = True) -> FilesWritten:
+    def runs_to_dataframe(self) -> DataFrame:
+        """The runs as a pandas DataFrame, indexed by run: seed, varied keys, final error, rms and limit of each channel.
+
+        Raises `InsenvError` if pandas is missing.
+        """
+        columns = run_columns(self)
+        return data_frame(columns.pop("run"), columns, "run")
+
+    def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
         """Write campaign.npz, campaign.json and, if `figure` and matplotlib is installed, the figure.
+
+        table: "csv" or "parquet" for a table of the runs as well.
 
         Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
-        return write_campaign(self, OutputFolder(folder), figure)
+        return write_campaign(self, OutputFolder(folder), figure, table)
 
     def __repr__(self) -> str:
         lines = [f"{name}: rms {row['rms']:.3g}" for name, row in self.figures().items()]
@@ -78,6 +90,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     rms = np.sqrt(np.mean(square[:, late], axis=1))
     whole = np.all(finite, axis=1)
     far = whole & (rms > FAR * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
+    values = np.concatenate(columns("values"))
     return Summary(
         plan=plan,
         time=time,
@@ -85,13 +98,15 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         nees=_nees(measured, columns),
         from_s=from_s,
         seeds=seeds,
-        values=np.concatenate(columns("values")),
+        values=values,
         final=error[:, -1],
         rms=rms,
         limit=limit.of_runs(len(seeds), late),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
         limit_note=limit.note,
+        whole=whole,
+        sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
         health=_health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else (),
     )
 

@@ -1,16 +1,19 @@
-"""Scenario keys that are drawn from a range for each run, by dotted name: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
+"""Scenario keys that are drawn for each run, by dotted name: ``imu.gyro_bias_deg_h=-0.01:0.01``."""
 
 from __future__ import annotations
 
 import copy
-import math
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from insenv.campaigns.distributions import Distribution, parse_distribution
 from insenv.core import noise
 from insenv.errors import InputError, nearest
+from insenv.scenario.grades import grade_value
 
 FIXED = ("seed", "duration_s", "rate_hz")
 """Keys that cannot be varied: all runs of a campaign share them, and the seeds increase by one."""
@@ -18,51 +21,92 @@ FIXED = ("seed", "duration_s", "rate_hz")
 
 @dataclass(frozen=True)
 class Variation:
-    """A dotted key of the scenario (list elements are numbered from 0) and the range of its uniform distribution."""
+    """A dotted key of the scenario (elements of lists and vectors are numbered from 0) and its distribution."""
 
     key: str
-    low: float
-    high: float
+    distribution: Distribution
 
-    def value(self, seed: int) -> float:
-        """The value in the run of `seed`: a pure function of seed and key, whatever else varies."""
+    def uniforms(self, seeds: Sequence[int]) -> np.ndarray:
+        """A uniform in (0, 1) for each seed (n,): a pure function of seed and key, whatever else varies."""
         stream = zlib.crc32(self.key.encode())
-        uniform = float(noise.uniforms(seed, 0, stream, 1)[0])
-        return self.low + (self.high - self.low) * uniform
+        return noise.uniforms(np.array(seeds, dtype=np.uint64), 0, stream, 1)[..., 0]
+
+    def value(self, seed: int) -> Any:
+        """The value in the run of `seed`, if the design is "random"."""
+        return self.distribution.value(self.distribution.numbers(self.uniforms([seed]))[0])
 
 
 def parse_variation(text: str) -> Variation:
-    """Parse ``key=low:high``.  Raises `InputError` for any other form."""
-    key, equals, span = text.partition("=")
-    low, colon, high = span.partition(":")
-    try:
-        variation = Variation(key.strip(), float(low), float(high))
-    except ValueError:
-        equals = ""
-    if not (equals and colon and key.strip()):
+    """Parse ``key=low:high`` or ``key=kind(a, b)``.  Raises `InputError` for any other form."""
+    key, equals, distribution = text.partition("=")
+    if not equals or not key.strip():
         raise InputError(f"vary {text!r}: allowed is key=low:high, such as imu.gyro_bias_deg_h=-0.01:0.01")
-    if not (math.isfinite(variation.low) and math.isfinite(variation.high) and variation.low <= variation.high):
-        raise InputError(f"vary {text!r}: allowed is a range of finite numbers, the lower first")
-    return variation
+    try:
+        return Variation(key.strip(), parse_distribution(distribution))
+    except InputError as error:
+        raise InputError(f"vary {text!r}: {error}") from None
 
 
-def varied(data: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    """A copy of a scenario's values with `values`, by dotted key, inserted.  Raises `InputError` for an unknown key."""
+def variation_of(key: str, given: object) -> Variation:
+    """The variation that Python gives: a pair (low, high), a text as of `parse_distribution`, or a `Distribution`."""
+    if isinstance(given, Distribution):
+        return Variation(key, given)
+    if isinstance(given, str):
+        try:
+            return Variation(key, parse_distribution(given))
+        except InputError as error:
+            raise InputError(f"vary[{key!r}] = {given!r}: {error}") from None
+    try:
+        low, high = (float(limit) for limit in given)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise InputError(
+            f"vary[{key!r}] = {given!r}: allowed is a pair of numbers, the lower first, or a text such as 'normal(0, 1)'"
+        ) from None
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        raise InputError(f"vary[{key!r}] = {given!r}: allowed is a pair of finite numbers, the lower first")
+    return Variation(key, Distribution("uniform", (low, high)))
+
+
+def varied(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of a scenario's values with `values`, by dotted key, inserted.  Raises `InputError` for an unknown key.
+
+    Grades come first: an element of a vector that the scenario leaves to the grade replaces one of the grade in force.
+    """
     changed = copy.deepcopy(dict(data))
-    for key, value in values.items():
-        *path, last = key.split(".")
-        owner: Any = changed
-        for done, part in enumerate(path):
-            owner = _inside(owner, part, key)
-            if owner is None:
-                raise InputError(f"vary {key!r}: the scenario has no [{'.'.join(path[: done + 1])}]")
-            if path[0] == "estimator" and done == 0:
-                owner.setdefault(path[1] if len(path) > 1 else last, {})
-        present = None if path[:1] == ["estimator"] else _inside(owner, last, key)
-        if isinstance(present, (bool, str, dict)) or _is_list_of_others(present):
-            raise InputError(f"vary {key!r}: allowed is a key whose value is a number")
-        owner[int(last) if isinstance(owner, list) else last] = value
+    for key in sorted(values, key=lambda key: (not key.endswith(".grade"), key)):
+        _insert(changed, key, values[key])
     return changed
+
+
+def _insert(changed: dict[str, Any], key: str, value: Any) -> None:
+    *path, last = key.split(".")
+    owner: Any = changed
+    for done, part in enumerate(path):
+        before, owner = owner, _inside(owner, part, key)
+        if owner is None and done == 1 and last.isdigit():
+            owner = before[part] = _of_grade(changed, path[0], part, key)
+        if owner is None:
+            raise InputError(f"vary {key!r}: the scenario has no [{'.'.join(path[: done + 1])}]")
+        if path[0] == "estimator" and done == 0:
+            owner.setdefault(path[1] if len(path) > 1 else last, {})
+    present = None if path[:1] == ["estimator"] else _inside(owner, last, key)
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if number and (isinstance(present, (bool, str, dict)) or _is_list_of_others(present)):
+        raise InputError(f"vary {key!r}: allowed is a key whose value is a number")
+    if not number and present is not None and not isinstance(present, type(value)):
+        what = {str: "a name", bool: "true or false"}.get(type(value), "of another kind")
+        raise InputError(f"vary {key!r}: {value!r} is {what}, which the value of this key is not")
+    owner[int(last) if isinstance(owner, list) else last] = value
+
+
+def _of_grade(data: Mapping[str, Any], section: str, name: str, key: str) -> list[float]:
+    """The three elements of a vector that the scenario leaves to the grade of a section."""
+    grade = data[section].get("grade")
+    found = None if grade is None else grade_value(section, grade, name)
+    if found is None:
+        raise InputError(f"vary {key!r}: the scenario gives no {section}.{name}: give it there, or vary it as a whole")
+    elements = np.broadcast_to(np.asarray(found, dtype=float), 3)
+    return [float(element) for element in elements]
 
 
 def _inside(owner: Any, part: str, key: str) -> Any:
@@ -90,3 +134,6 @@ def check_variations(variations: Sequence[Variation]) -> None:
             raise InputError(f"vary {key!r}: given more than once")
         if key in FIXED:
             raise InputError(f"vary {key!r}: all runs of a campaign share it; set it with --seed and --duration")
+        whole = [other for other in keys if other.startswith(f"{key}.")]
+        if whole:
+            raise InputError(f"vary {key!r} and {whole[0]!r}: allowed is the whole or its elements")

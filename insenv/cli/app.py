@@ -9,6 +9,7 @@ import typer
 from insenv.cli import fmu
 from insenv.cli.beginnings import examples, new
 from insenv.cli.bench import bench
+from insenv.cli.budget import budget
 from insenv.cli.campaign import campaign
 from insenv.cli.lists import list_all, schema
 from insenv.cli.options import HELP
@@ -16,6 +17,7 @@ from insenv.cli.reproduce import reproduce
 from insenv.cli.runs import replay, run
 from insenv.cli.streaming import stream
 from insenv.cli.train import train
+from insenv.cli.tune import tune
 
 app = typer.Typer(
     add_completion=False,
@@ -25,7 +27,7 @@ app = typer.Typer(
     epilog="Exit status: 0 done, 1 the work failed, 2 the call was wrong, 128 + N ended by signal N (130: Ctrl-C).",
 )
 app.command("list")(list_all)
-for command in (run, replay, examples, new, campaign, reproduce, train, stream, bench, schema):
+for command in (run, replay, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
     app.command()(command)
 app.add_typer(fmu.app, name="fmu")
 

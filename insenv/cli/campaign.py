@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 @deferred
 def campaign(
     scenario: Scenario,
-    estimator: Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")],
+    estimator: Annotated[
+        list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; several are compared.")
+    ],
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of runs.")],
     seed: Annotated[
         Optional[int],  # noqa: UP045
@@ -27,47 +29,69 @@ def campaign(
     duration: Duration = None,
     vary: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="KEY=LOW:HIGH", help="Draw a key of the scenario for each run; may be given more than once."),
+        typer.Option(
+            metavar="KEY=LOW:HIGH",
+            help="Draw a key of the scenario for each run; also KEY=normal(a,b), lognormal, loguniform, choice(a,b).",
+        ),
     ] = None,
+    design: Annotated[
+        str, typer.Option(metavar="NAME", help="Spread varied keys over the runs: random, latin, sobol or saltelli.")
+    ] = "random",
     workers: Annotated[Optional[int], typer.Option(metavar="N", help="Use N processes instead of threads.")] = None,  # noqa: UP045
     scheduler: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:PORT.")] = None,  # noqa: UP045
     out: Out = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue from the results in the folder of --out.")] = False,
+    table: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="FORMAT", help="With --out: write a table of the runs, csv or parquet."),
+    ] = None,
     no_figure: NoFigure = False,
     as_json: Json = False,
 ) -> None:
     """Run a scenario many times (Monte Carlo); print the statistics of the errors beside their theoretical limit."""
-    from insenv.campaigns import Folder, make_plan, parse_variation, run_campaign
+    from insenv.campaigns import compare, make_plans, parse_variation, run_campaigns, stores_of
+    from insenv.campaigns.comparison import comparison_document, comparison_tables, write_comparison
     from insenv.campaigns.presentation import campaign_document, campaign_tables, write_campaign
+    from insenv.campaigns.tables import check_format
     from insenv.cli.output import print_json, print_line, print_parts, working
     from insenv.report import OutputFolder
     from insenv.scenario import load
 
-    if len(estimator) != 1:
-        raise InputError(
-            f"--estimator: {' and '.join(estimator)} are given: a campaign runs one; run one campaign for each, with the same "
-            "--seed and another --out"
-        )
     if resume and out is None:
         raise InputError("--resume continues from a folder: name it with --out DIR")
+    if table is not None and out is None:
+        raise InputError("--table writes to a folder: name it with --out DIR")
+    if table is not None:
+        check_format(table)
     pool = _workers(workers, scheduler)
     variations = [parse_variation(text) for text in vary or []]
-    plan = make_plan(load(scenario), estimator[0], runs, first_seed=seed, duration_s=duration, variations=variations)
+    plans = make_plans(
+        load(scenario), estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design
+    )
     folder = None if out is None else OutputFolder(out)
-    store = None if folder is None else Folder(folder.path, plan, resume)
-    with working(f"{plan.name}, {plan.runs} runs") as progress:
-        found = run_campaign(plan, store=store, workers=pool, progress=progress)
-        written = None if folder is None else write_campaign(found, folder, not no_figure)
+    stores = stores_of(None if folder is None else folder.path, plans, resume)
+    with working(f"{plans[0].name}, {runs} runs") as progress:
+        summaries = run_campaigns(plans, stores, pool, progress)
+        compared = compare(summaries) if len(summaries) > 1 else None
+        written = None
+        if folder is not None:
+            kind = table or ""
+            written = (
+                write_campaign(summaries[0], folder, not no_figure, kind)
+                if compared is None
+                else write_comparison(compared, folder, not no_figure, kind)
+            )
     paths = [str(path) for path in written.paths] if written else []
     if written and written.note:
         print_line(f"insenv: {written.note}", stderr=True)
     if as_json:
-        print_json(campaign_document(found, paths))
+        print_json(campaign_document(summaries[0], paths) if compared is None else comparison_document(compared, paths))
         return
-    print_parts(campaign_tables(found))
+    print_parts(campaign_tables(summaries[0]) if compared is None else comparison_tables(compared))
     print_line()
-    if written:
-        print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}, blocks/")
+    if folder is not None and written:
+        names = ", ".join(path.relative_to(folder.path).as_posix() for path in written.paths)
+        print_line(f"written to {folder.path}: {names}, {'' if compared is None else '*/'}blocks/")
     else:
         print_line("--out DIR keeps the figure, every run, and the blocks from which --resume continues")
 

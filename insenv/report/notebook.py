@@ -7,7 +7,7 @@ import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,8 @@ def _table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) 
     return f"<table><caption>{escape(caption)}</caption>{''.join(lines)}</table>"
 
 
-def data_frame(time: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]]) -> DataFrame:
-    """A DataFrame indexed by time (s); a column of an array (n, k) is split into ``NAME_0``, ``NAME_1``, ...
+def data_frame(index: NDArray[Any], columns: Mapping[str, NDArray[Any]], name: str = "time") -> DataFrame:
+    """A DataFrame indexed by time (s), or by what `name` says; a column of an array (n, k) becomes ``NAME_0``, ``NAME_1``, ...
 
     Raises `InputError` if pandas is not installed.
     """
@@ -61,10 +61,10 @@ def data_frame(time: NDArray[np.float64], columns: Mapping[str, NDArray[np.float
         import pandas
     except ModuleNotFoundError:
         raise InputError(f"a DataFrame needs pandas, which is not installed: {install_package('pandas')}") from None
-    flat: dict[str, NDArray[np.float64]] = {}
-    for name, values in columns.items():
+    flat: dict[str, NDArray[Any]] = {}
+    for column, values in columns.items():
         if values.ndim == 1:
-            flat[name] = values
+            flat[column] = values
         else:
-            flat |= {"_".join(map(str, (name, *at))): values[(..., *at)] for at in np.ndindex(values.shape[1:])}
-    return pandas.DataFrame(flat, index=pandas.Index(time, name="time"))
+            flat |= {"_".join(map(str, (column, *at))): values[(..., *at)] for at in np.ndindex(values.shape[1:])}
+    return pandas.DataFrame(flat, index=pandas.Index(index, name=name))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.plant.feeding import RECORDS, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
-from insenv.runs.replay_start import STARTS, initial_knowledge, start_time
+from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of, members
 from insenv.scenario import tuning
 from insenv.scenario.tuning import Settings, choices_in, own_settings, setting_rows
@@ -52,40 +53,16 @@ def replay(
     Raises `InputError` for a wrong log or a wrong argument; `InsenvError` if an estimator diverges.
     """
     check_progress(progress)
-    if start not in STARTS:
-        raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
-    chosen = get_all(estimators)
     name = log.description.title if isinstance(log, RecordedLog) else str(log)
-    log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
+    ready = prepared(log, estimators, start=start, settings=settings)
+    log, first, columns, dropped, chosen, starts, given = (
+        ready.log, ready.first, ready.columns, ready.dropped, ready.chosen, ready.starts, ready.given
+    )  # fmt: skip
     description = log.description
-    begin_s = start_time(log, start)
-    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
-    if first >= len(log.imu_time):
-        raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
-    tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
-    for id, table in description.estimator.items():
-        tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
-    drive = _drive(log, begin_s)
-    for estimator in chosen:
-        estimator.check(drive, tunings.get(estimator.id))
-
-    columns, dropped = sample_columns(log, slice(first, None))
     count = len(log.imu_time) - first
     # more records than in a simulated run, for the comparison with the reference, but not every sample of a long log
     every = recording_interval(count, 10 * RECORDS)
     total = count // every * every
-    chosen_settings = setting_rows(settings, chosen)
-    starts = [initial_knowledge(log, e, start, first) for e in chosen]
-    families = chosen
-    chosen = [
-        e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
-        for e, s in zip(chosen, starts, strict=True)
-    ]
-    for estimator in chosen:
-        estimator.check(drive, tunings.get(estimator.id))
-    given = {
-        e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
-    }
     followers = [
         follower_of(e, e.parameters(s.knowledge, rows=given[e.id]), every) for e, s in zip(chosen, starts, strict=True)
     ]
@@ -108,12 +85,12 @@ def replay(
             reference,
             times,
             (from_s, to_s),
-            (*begun.notes, *_unseen(log, f.estimator, begin_s)),
+            (*begun.notes, *_unseen(log, f.estimator, ready.begin_s)),
             duration,
         )
         for f, begun in zip(followers, starts, strict=True)
     )
-    notes = [*log.notes, *members(families, chosen)]
+    notes = [*log.notes, *members(ready.families, chosen)]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
         notes.append(log.assumed.sentence)
     if log.gaps.count:
@@ -131,6 +108,61 @@ def replay(
         notes=tuple(notes),
         published=tuple((p.name, dict(p.rms)) for p in evaluation.published),
     )
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A log and estimators ready for a replay.
+
+    first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
+    begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
+    start; given: parameter rows (SI) by estimator id.
+    """
+
+    log: RecordedLog
+    first: int
+    begin_s: float
+    columns: dict[str, Array]
+    dropped: int
+    families: list[Estimator]
+    chosen: list[Estimator]
+    starts: list[Start]
+    given: dict[str, dict[str, Any]]
+
+
+def prepared(
+    log: str | Path | RecordedLog, estimators: EstimatorsLike, *, start: str = "coarse", settings: Settings | None = None
+) -> Prepared:
+    """A log and estimators ready for a replay; arguments and errors are those of `replay`."""
+    if start not in STARTS:
+        raise InputError(f"start {start!r}: allowed is {' or '.join(STARTS)}")
+    families = get_all(estimators)
+    log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
+    description = log.description
+    begin_s = start_time(log, start)
+    first = int(np.searchsorted(log.imu_time - log.dt, begin_s - 1e-9))
+    if first >= len(log.imu_time):
+        raise InputError(f"[initial] start_s = {begin_s:g} s: the log ends at {log.imu_time[-1]:.3f} s")
+    tunings: dict[str, dict[str, Any]] = {id: dict(rows) for id, rows in log.settings.items()}
+    for id, table in description.estimator.items():
+        tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
+    drive = _drive(log, begin_s)
+    for estimator in families:
+        estimator.check(drive, tunings.get(estimator.id))
+
+    columns, dropped = sample_columns(log, slice(first, None))
+    chosen_settings = setting_rows(settings, families)
+    starts = [initial_knowledge(log, e, start, first) for e in families]
+    chosen = [
+        e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
+        for e, s in zip(families, starts, strict=True)
+    ]
+    for estimator in chosen:
+        estimator.check(drive, tunings.get(estimator.id))
+    given = {
+        e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
+    }
+    return Prepared(log, first, begin_s, columns, dropped, families, chosen, starts, given)
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:

@@ -25,7 +25,7 @@ from insenv.files.toml import Number, key
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.instruments import BAROMETER
 from insenv.sensors import units
-from insenv.sensors.contract import Sensor
+from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
@@ -109,6 +109,16 @@ def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+ERRORS = (
+    ErrorSource("barometer noise", ("barometer_noise",)),
+    ErrorSource("barometer bias", ("barometer_bias", "barometer_bias_sigma")),
+    ErrorSource("barometer drift", ("barometer_drift_sigma",)),
+    ErrorSource("barometer scale factor", ("barometer_scale_factor", "barometer_scale_factor_sigma")),
+    ErrorSource("barometer dynamic pressure", ("barometer_speed_error",)),
+    ErrorSource("barometer lag", ("barometer_lag",)),
+    ErrorSource("barometer rounding", ("barometer_quantum",)),
+)
+
 EQUATIONS = Sampled(
     BAROMETER,
     parameters=PARAMETERS,
@@ -118,6 +128,7 @@ EQUATIONS = Sampled(
     uniforms=2,
     truth=("barometer_bias_true", "barometer_scale_factor_true"),
     told=_told,
+    errors=ERRORS,
     start=_start,
     start_uniforms=4,
     sample=_sample,

@@ -16,6 +16,29 @@ Instant = Callable[[Values, Values], tuple[Any, Any, Any]]
 the end of the sample."""
 
 
+@dataclass(frozen=True)
+class ErrorSource:
+    """One source of errors, which can be switched off alone.
+
+    name: in tables ("gyro white noise").  rows: the parameter rows that make it.  off: their value without the error.
+    """
+
+    name: str
+    rows: tuple[str, ...]
+    off: float = 0.0
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a measurement states of its own accuracy, which follows from the parameters of its errors.
+
+    when: the row that is 1 on the sample with which a measurement arrives.  rows: ``(parameters, state) -> {row: value}``.
+    """
+
+    when: str
+    rows: Callable[[Values, Values], dict[str, Any]]
+
+
 @dataclass(frozen=True, eq=False)
 class Sensor:
     """A sensor as equations.
@@ -29,6 +52,8 @@ class Sensor:
     derived, derive: further outputs of the plant, and ``(parameters, state) -> {row: value}`` that computes them.
     truth: state rows that are outputs of the plant to compare estimates with; no estimator and no agent gets them.
     told: ``(parameter rows by name) -> {row of insenv.instruments.TOLD: value}``, what an estimator is told of its errors.
+    errors: the sources of its errors, for error budgets.  None: they are not known.
+    stated: what its measurements state of their accuracy; None: nothing that depends on the parameters of its errors.
     """
 
     id: str
@@ -38,6 +63,8 @@ class Sensor:
     derive: Callable[[Values, Values], Mapping[str, Any]] | None = None
     truth: tuple[str, ...] = ()
     told: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
+    errors: tuple[ErrorSource, ...] | None = None
+    stated: Stated | None = None
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from insenv.files.toml import key
 from insenv.files.values import LeverArm
 from insenv.instruments import DVL
 from insenv.sensors import units
-from insenv.sensors.contract import Sensor
+from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
@@ -93,6 +93,13 @@ def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+ERRORS = (
+    ErrorSource("DVL noise", ("dvl_noise",)),
+    ErrorSource("DVL scale factor", ("dvl_scale_factor", "dvl_scale_factor_sigma")),
+    ErrorSource("DVL misalignment", ("dvl_misalignment", "dvl_misalignment_sigma")),
+    ErrorSource("DVL current", ("dvl_current_n", "dvl_current_sigma")),
+)
+
 EQUATIONS = Sampled(
     DVL,
     parameters=PARAMETERS,
@@ -102,6 +109,7 @@ EQUATIONS = Sampled(
     uniforms=6,
     truth=("dvl_scale_factor_true", "dvl_misalignment_true", "dvl_current_true"),
     told=_told,
+    errors=ERRORS,
     start=_start,
     start_uniforms=6,
 )

@@ -31,7 +31,7 @@ from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.geodesy import geodetic_from_ned_offset
 from insenv.geodesy.rows import place_rows
-from insenv.sensors.contract import Instant, Sensor
+from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
 from insenv.sensors.sampled import OUTAGES
@@ -184,6 +184,26 @@ def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def _stated(p: Values, x: Values) -> dict[str, Any]:
+    """The standard deviations that the receiver reports."""
+    position = ca.sqrt(p.gnss_position_noise**2 + p.gnss_wander_sigma**2)
+    return {
+        "gnss_position_sigma": maximum(position, SIGMA_FLOOR),
+        "gnss_velocity_sigma": maximum(p.gnss_velocity_noise, SIGMA_FLOOR),
+    }
+
+
+GNSS_ERRORS = (
+    ErrorSource("GNSS position noise", ("gnss_position_noise",)),
+    ErrorSource("GNSS velocity noise", ("gnss_velocity_noise",)),
+    ErrorSource("GNSS wander", ("gnss_wander_sigma",)),
+    ErrorSource("GNSS outliers", ("gnss_outlier_probability",)),
+    ErrorSource("GNSS latency", ("gnss_latency", "gnss_epoch_offset")),
+    ErrorSource("GNSS delay not stated", ("gnss_delay_error", "gnss_delay_sigma")),
+    ErrorSource("GNSS lever arm", ("antenna_lever_arm_error", "antenna_lever_arm_sigma")),
+    ErrorSource("GNSS outages", ("gnss_outage_start", "gnss_outage_end")),
+)
+
 GNSS = Sensor(
     "gnss",
     gnss_part,
@@ -200,6 +220,8 @@ GNSS = Sensor(
     ),
     truth=("antenna_lever_arm_true", "gnss_delay_true"),
     told=_told,
+    errors=GNSS_ERRORS,
+    stated=Stated("gnss_valid", _stated),
 )
 
 
@@ -285,11 +307,9 @@ def direction(u1: Any, u2: Any) -> Any:
 def _deliver(p: Values, x: Values, u: Values) -> dict[str, Any]:
     """The pending fix becomes the latest one."""
     state: dict[str, Any] = {f"gnss_{name}": getattr(x, f"gnss_pending_{name}") for name in _NAMES}
-    position = ca.sqrt(p.gnss_position_noise**2 + p.gnss_wander_sigma**2)
     delivered_at = select(x.gnss_latency_true < 0.5 * p.sample_interval, 0.0, x.gnss_counter)
     return state | {
-        "gnss_position_sigma": maximum(position, SIGMA_FLOOR),
-        "gnss_velocity_sigma": maximum(p.gnss_velocity_noise, SIGMA_FLOOR),
+        **_stated(p, x),
         "gnss_age": delivered_at * p.sample_interval + x.gnss_epoch_offset_true - x.gnss_delay_true,
         "gnss_velocity_valid": p.gnss_has_velocity,
     }

@@ -28,7 +28,7 @@ from insenv.errors import InputError
 from insenv.files.toml import Vector3, key
 from insenv.files.values import within
 from insenv.instruments import HEADING
-from insenv.sensors.contract import Sensor
+from insenv.sensors.contract import ErrorSource, Sensor, Stated
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.gnss import direction
 from insenv.sensors.imu import normals
@@ -74,19 +74,24 @@ def _measure(p: Values, x: Values, r: Any, motion: Motion) -> dict[str, Any]:
     outlier = (r[6] < p.heading_outlier_probability) * p.heading_outlier_size * direction(r[7], r[8])
     exact = rotate(x.q_nb, x.heading_baseline_true)
     shown = exact + wander + outlier + p.heading_baseline_noise * n[3:6]
-    north, east = shown[0], shown[1]
-    level = maximum(north * north + east * east, SHORTEST * SHORTEST)
-    variance = p.heading_baseline_noise**2 + p.heading_wander_sigma**2
-    across = (east * east * variance[0] + north * north * variance[1]) / (level * level)
     difference = ca.fabs(ca.sqrt(ca.sumsqr(shown)) - ca.sqrt(ca.sumsqr(p.heading_baseline_b)))
     return {
-        "heading_azimuth": atan2(east, north),
-        "heading_azimuth_sigma": minimum(maximum(ca.sqrt(across), SMALLEST_SIGMA), PI),
+        "heading_azimuth": atan2(shown[1], shown[0]),
+        "heading_azimuth_sigma": _azimuth_sigma(p, shown),
         "heading_baseline_n": shown,
         "heading_azimuth_true": atan2(exact[1], exact[0]),
         "heading_wander": wander,
         LOST: (p.heading_length_tolerance > 0.0) * (difference > p.heading_length_tolerance),
     }
+
+
+def _azimuth_sigma(p: Values, shown: Any) -> Any:
+    """Standard deviation of the azimuth (rad) of a measured baseline (3, m, n) that the receiver reports."""
+    north, east = shown[0], shown[1]
+    level = maximum(north * north + east * east, SHORTEST * SHORTEST)
+    variance = p.heading_baseline_noise**2 + p.heading_wander_sigma**2
+    across = (east * east * variance[0] + north * north * variance[1]) / (level * level)
+    return minimum(maximum(ca.sqrt(across), SMALLEST_SIGMA), PI)
 
 
 def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
@@ -99,6 +104,13 @@ def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+ERRORS = (
+    ErrorSource("heading noise", ("heading_baseline_noise",)),
+    ErrorSource("heading wander", ("heading_wander_sigma",)),
+    ErrorSource("heading baseline", ("heading_baseline_error", "heading_baseline_error_sigma")),
+    ErrorSource("heading outliers", ("heading_outlier_probability",)),
+)
+
 EQUATIONS = Sampled(
     HEADING,
     parameters=PARAMETERS,
@@ -108,6 +120,8 @@ EQUATIONS = Sampled(
     uniforms=9,
     truth=("heading_baseline_true",),
     told=_told,
+    errors=ERRORS,
+    stated=Stated(HEADING.new, lambda p, x: {"heading_azimuth_sigma": _azimuth_sigma(p, x.heading_baseline_n)}),
     start=_start,
     start_uniforms=6,
 )

@@ -25,7 +25,7 @@ from insenv.core.elementary import exp, normal_pair, select
 from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.sensors import flicker
-from insenv.sensors.contract import Sensor
+from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.flicker import PARTS
 from insenv.sensors.imu_tables import ACCEL, GYRO, HUGE, IMU_PARAMETERS, IMU_STATE, Triad
 
@@ -190,10 +190,36 @@ SENSOR_ERROR = Table((
     Row("delta_velocity_error", _DETERMINISTIC.format("accelerometer"), "m/s", (3,), "b"),
 ))  # fmt: skip
 
+
+def _errors_of(triad: Triad) -> tuple[ErrorSource, ...]:
+    """The sources of the errors of a triad."""
+    name = triad.name
+    drifting = ("instability_sigma", "rate_random_walk", "flicker")
+    return (
+        ErrorSource(f"{name} turn-on bias", (f"{name}_bias", f"{name}_bias_sigma")),
+        ErrorSource(f"{name} drifting bias", tuple(f"{name}_{row}" for row in drifting)),
+        ErrorSource(f"{name} thermal bias", (f"{name}_temperature_slope",)),
+        ErrorSource(f"{name} white noise", (triad.white,)),
+        ErrorSource(f"{name} scale factor", (f"{name}_scale_factor", f"{name}_scale_factor_sigma")),
+        ErrorSource(f"{name} misalignment", (f"{name}_misalignment", f"{name}_misalignment_sigma")),
+        ErrorSource(f"{name} quantization", (f"{name}_quantum",)),
+        ErrorSource(f"{name} range", (f"{name}_range",), off=HUGE),
+    )
+
+
+IMU_ERRORS = (
+    *_errors_of(GYRO),
+    ErrorSource("gyro g-sensitivity", ("gyro_g_sensitivity",)),
+    *_errors_of(ACCEL),
+    ErrorSource("mounting error", ("mounting_error", "mounting_error_sigma")),
+    ErrorSource("lost samples", ("imu_drop_probability",)),
+)
+
 IMU = Sensor(
     "imu",
     lambda instant: imu_part(),
     outputs=("delta_angle", "delta_velocity", "imu_valid", "gyro_bias_true", "accel_bias_true"),
     derived=SENSOR_ERROR,
     derive=lambda p, x: dict(zip(SENSOR_ERROR.names, systematic_error(p, x), strict=True)),
+    errors=IMU_ERRORS,
 )

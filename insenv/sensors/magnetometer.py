@@ -28,7 +28,7 @@ from insenv.files.values import within
 from insenv.geodesy.magnetic import magnetic_field, world_magnetic_model
 from insenv.instruments import MAGNETOMETER
 from insenv.sensors import units
-from insenv.sensors.contract import Place, Sensor
+from insenv.sensors.contract import ErrorSource, Place, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.imu_tables import HUGE
@@ -116,6 +116,17 @@ def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+ERRORS = (
+    ErrorSource("magnetometer noise", ("magnetometer_noise",)),
+    ErrorSource("magnetic anomaly", ("magnetic_anomaly_n", "magnetic_anomaly_sigma")),
+    ErrorSource("magnetometer hard iron", ("magnetometer_hard_iron", "magnetometer_hard_iron_sigma")),
+    ErrorSource(
+        "magnetometer soft iron", ("magnetometer_soft_iron", "magnetometer_soft_iron_sigma", "magnetometer_coupling_sigma")
+    ),
+    ErrorSource("magnetometer drift", ("magnetometer_drift_sigma",)),
+    ErrorSource("magnetometer rounding", ("magnetometer_quantum",)),
+)
+
 EQUATIONS = Sampled(
     MAGNETOMETER,
     parameters=PARAMETERS,
@@ -125,6 +136,7 @@ EQUATIONS = Sampled(
     uniforms=6,
     truth=("magnetometer_hard_iron_true", "magnetometer_soft_iron_true", "magnetic_anomaly_true"),
     told=_told,
+    errors=ERRORS,
     start=_start,
     start_uniforms=18,
 )

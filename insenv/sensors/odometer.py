@@ -25,7 +25,7 @@ from insenv.files.toml import Number, key
 from insenv.files.values import LeverArm, Rotation
 from insenv.instruments import ODOMETER
 from insenv.sensors import units
-from insenv.sensors.contract import Sensor
+from insenv.sensors.contract import ErrorSource, Sensor
 from insenv.sensors.figures import Figure, FiguresSection, Grade, TimedSection, by_name, figures_section
 from insenv.sensors.imu import normals
 from insenv.sensors.sampled import QUANTUM_SIGMA, Motion, Sampled, root_sum, rounded
@@ -85,6 +85,14 @@ def _told(rows: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+ERRORS = (
+    ErrorSource("odometer noise", ("odometer_noise",)),
+    ErrorSource("odometer scale factor", ("odometer_scale_factor", "odometer_scale_factor_sigma")),
+    ErrorSource("odometer slip", ("odometer_slip", "odometer_slip_sigma")),
+    ErrorSource("odometer mounting", ("odometer_mounting_error", "odometer_mounting_error_sigma")),
+    ErrorSource("odometer rounding", ("odometer_quantum",)),
+)
+
 EQUATIONS = Sampled(
     ODOMETER,
     parameters=PARAMETERS,
@@ -94,6 +102,7 @@ EQUATIONS = Sampled(
     uniforms=2,
     truth=("odometer_scale_factor_true", "odometer_slip_true", "odometer_mounting_error_true"),
     told=_told,
+    errors=ERRORS,
     start=_start,
     start_uniforms=6,
 )

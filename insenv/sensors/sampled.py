@@ -20,7 +20,7 @@ from insenv.core.model import Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.instruments import Instrument
-from insenv.sensors.contract import Instant, Sensor
+from insenv.sensors.contract import ErrorSource, Instant, Sensor, Stated
 from insenv.sensors.imu_tables import HUGE
 
 OUTAGES = 16
@@ -46,7 +46,7 @@ class Sampled:
     what it measures, which arrive with the measurement.  measure: ``(p, x, r, motion) -> {row: value}`` of all measured values,
     of `exact` and of rows of `state`, r being `uniforms` uniforms; and `LOST` if it may show nothing.  truth: rows of `state`
     that are outputs of the plant, as `exact` is.  start: ``(p, r) -> {row: value}``.  sample: ``(p, x, u) -> {row: value}``,
-    what it does on every sample.  told: as `Sensor.told`.
+    what it does on every sample.  told, errors, stated: as of `Sensor`; the outages are a source of errors as well.
     """
 
     instrument: Instrument
@@ -57,9 +57,11 @@ class Sampled:
     uniforms: int
     truth: tuple[str, ...]
     told: Callable[[Mapping[str, Any]], Mapping[str, Any]]
+    errors: tuple[ErrorSource, ...]
     start: Callable[[Values, Any], dict[str, Any]] | None = None
     start_uniforms: int = 0
     sample: Callable[[Values, Values, Values], dict[str, Any]] | None = field(default=None)
+    stated: Stated | None = None
 
     @property
     def all_parameters(self) -> Table:
@@ -86,9 +88,19 @@ class Sampled:
 
     def sensor(self) -> Sensor:
         """The sensor of these equations."""
-        given = self.instrument
+        given, id = self.instrument, self.instrument.id
+        missing = (
+            ErrorSource(f"{id} latency", (f"{id}_latency",)),
+            ErrorSource(f"{id} outages", (f"{id}_outage_start", f"{id}_outage_end")),
+        )
         return Sensor(
-            given.id, self._part, outputs=given.measurement.names, truth=(*self.exact.names, *self.truth), told=self.told
+            id,
+            self._part,
+            outputs=given.measurement.names,
+            truth=(*self.exact.names, *self.truth),
+            told=self.told,
+            errors=self.errors + missing,
+            stated=self.stated,
         )
 
     def _part(self, instant: Instant) -> Part:

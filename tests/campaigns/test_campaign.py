@@ -367,12 +367,15 @@ def test_an_interruption_ends_blocks_that_run(tmp_path, pool):
     before = signal.signal(signal.SIGALRM, interrupted)
     signal.setitimer(signal.ITIMER_REAL, 3.0)
     try:
-        with pytest.raises(KeyboardInterrupt, match="before the first of 2 blocks was finished; nothing is kept"):
+        with pytest.raises(
+            KeyboardInterrupt,
+            match=r"before the first of 2 blocks was begun|0 of 2 blocks are finished and kept, and [12] begun",
+        ):
             run_campaign(plan, store=Folder(tmp_path / "out", plan), workers=pool)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-    assert not (tmp_path / "out").exists()
+    assert not list((tmp_path / "out").glob("blocks/00000?.npz"))
 
 
 def test_an_interruption_says_what_is_kept(tmp_path):

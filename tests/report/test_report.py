@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from insenv import run
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, Result, Track
 from insenv.evaluation.health import course, health
@@ -80,7 +81,8 @@ def test_unknown_numbers_are_a_dash(value):
 @pytest.mark.parametrize("published", [0, 1, 2, 4])
 def test_table_fits_80_columns_and_cuts_nothing(size, published):
     peers = tuple((f"Package number {i}, from the reference state", dict.fromkeys(CHANNELS, size)) for i in range(published))
-    text = printed(report(result(size=-size, limit=dict.fromkeys(CHANNELS, size)), published=peers))
+    limit = {} if published else dict.fromkeys(CHANNELS, size)  # what others published is about logs, which have no limit
+    text = printed(report(result(size=-size, limit=limit), published=peers))
     assert max(map(len, text.splitlines())) <= 80
     assert "…" not in text
     assert all(f"Package number {i}" in text for i in range(published))
@@ -102,10 +104,20 @@ def test_table_says_what_was_run():
     ):
         assert wanted in text
     row = next(line for line in text.splitlines() if line.startswith("roll"))
-    final, rms, largest, limit, ratio = map(float, row.split()[2:])
+    final, rms, largest, stated, limit, ratio = map(float, row.split()[2:])
     figures = result().statistics()
     assert (final, rms, largest) == pytest.approx([figures[k]["roll_deg"] for k in ("final", "rms", "max")], rel=5e-3)
-    assert limit == 0.01 and ratio == pytest.approx(rms / limit, rel=1e-2)
+    assert stated == 0.02 and limit == 0.01 and ratio == pytest.approx(rms / limit, rel=1e-2)
+
+
+def test_an_estimator_that_is_too_sure_is_named():
+    """Each error beside its own sigma: only what is more than three times as large, and nothing while it still settles."""
+    sure = result(sigma={"roll_deg": np.full(200, 1e-3), "heading_deg": np.full(200, 1e3)})
+    ratio = sure.statistics()["rms"]["roll_deg"] / 1e-3
+    assert sure.too_sure() == (f"the errors are larger than this estimator states, rms over stated sigma: roll {ratio:.3g}",)
+    assert replace(sure, settled=False).too_sure() == () == result().too_sure()
+    (found,) = run("large-misalignment-extreme", "aqe-ekf", duration_s=100.0).results
+    assert found.notes[-1].startswith("the errors are larger than this estimator states")
 
 
 def test_table_without_limits_or_errors():

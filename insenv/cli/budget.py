@@ -1,0 +1,49 @@
+"""The command `insenv budget`: which source of error dominates."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, Seed, Settings, deferred
+
+
+@deferred
+def budget(
+    scenario: Scenario,
+    estimator: Estimator,
+    runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of seeds.")] = 64,
+    seed: Seed = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Say which source of error dominates: each alone, and all but it, on the same seeds."""
+    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.report import OutputFolder
+    from insenv.scenario import load
+    from insenv.scenario.tuning import parsed_settings
+    from insenv.workbench.budget import budget as share_out
+    from insenv.workbench.budget_presentation import budget_document, budget_tables, write_budget
+
+    given = parsed_settings(settings or [])
+    folder = None if out is None else OutputFolder(out)
+    loaded = load(scenario)
+    with working(f"{loaded.name}, {runs} seeds") as progress:
+        found = share_out(loaded, estimator, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
+        written = None if folder is None else write_budget(found, folder, not no_figure)
+    paths = [str(path) for path in written.paths] if written else []
+    if written and written.note:
+        print_line(f"insenv: {written.note}", stderr=True)
+    if as_json:
+        print_json(budget_document(found, paths))
+        return
+    print_parts(budget_tables(found))
+    print_line()
+    if written:
+        print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
+    else:
+        print_line("--out DIR writes the figure and the contributions over time")

@@ -1,0 +1,58 @@
+"""The command `insenv tune`: how a filter should be tuned."""
+
+from __future__ import annotations
+
+from typing import Annotated, Optional
+
+import typer
+
+from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Seed, Settings, deferred
+
+
+@deferred
+def tune(
+    source: Annotated[str, typer.Argument(metavar="SCENARIO|LOG", help="A scenario, or a recorded log as of `insenv replay`.")],
+    estimator: Estimator,
+    keys: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--key", "-k", metavar="KEY", help="Parameter to tune, by its key; may be given more than once."),
+    ] = None,
+    runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Seeds on which to search.")] = 8,
+    held_out: Annotated[int, typer.Option(metavar="N", help="Further seeds on which to judge.")] = 32,
+    evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
+    seed: Seed = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    out: Out = None,
+    no_figure: NoFigure = False,
+    as_json: Json = False,
+) -> None:
+    """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
+    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.report import OutputFolder
+    from insenv.scenario.tuning import parsed_settings
+    from insenv.workbench.tune import tune as search
+    from insenv.workbench.tune_result import tuning_document, tuning_tables, write_tuning
+
+    given = parsed_settings(settings or [])
+    folder = None if out is None else OutputFolder(out)
+    with working(f"{source}, {estimator}") as progress:
+        found = search(
+            source, estimator, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
+            duration_s=duration, settings=given, progress=progress,
+        )  # fmt: skip
+        written = None if folder is None else write_tuning(found, folder, not no_figure)
+    paths = [str(path) for path in written.paths] if written else []
+    if written and written.note:
+        print_line(f"insenv: {written.note}", stderr=True)
+    if as_json:
+        print_json(tuning_document(found, paths))
+        return
+    print_parts(tuning_tables(found))
+    print_line()
+    if found.is_better:
+        print_line(found.toml())
+    if written:
+        print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
+    else:
+        print_line("--out DIR writes this section and the figure")
