@@ -48,6 +48,7 @@ class Case:
     scenario: makes the scenario.
     from_s: time from which the filter counts as converged.
     duration_s: duration of a run; None: the scenario's.
+    runs: number of seeds.
     """
 
     what: str
@@ -55,6 +56,7 @@ class Case:
     scenario: Callable[[], Scenario]
     from_s: float
     duration_s: float | None = None
+    runs: int = RUNS
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,9 @@ def bounds(degrees: int, runs: int, level: float = LEVEL) -> tuple[float, float]
     return float(low), float(high)
 
 
-def measure(case: Case, runs: int = RUNS, first_seed: int = FIRST_SEED) -> CaseResult:
-    """Run a case over `runs` seeds."""
+def measure(case: Case, runs: int | None = None, first_seed: int = FIRST_SEED) -> CaseResult:
+    """Run a case over `runs` seeds; None: those of the case."""
+    runs = case.runs if runs is None else runs
     plan = make_plan(case.scenario(), case.estimator, runs, first_seed=first_seed, duration_s=case.duration_s)
     blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
     degrees = measured_model(plan.plant.model, estimators.get(case.estimator)).degrees
@@ -143,6 +146,15 @@ WHITE_FIXES = Case("city drive, modelled errors only, white fixes", ID, _city(MO
 WANDER_MODELLED = Case("the same, wandering fixes, modelled by the filter", ID, _city(MODELLED, None, MODELS_WANDER), 60.0)
 WANDER_IGNORED = Case("the same, not modelled by the filter", ID, _city(MODELLED, None, IGNORES_WANDER), 60.0)
 
+FUSION = {
+    "car-city-drive": 60.0,
+    "car-odometer": 60.0,
+    "car-survey": 300.0,
+    "car-unknown-receiver": 100.0,
+    "multirotor-hover": 60.0,
+    "ship-dvl": 60.0,
+}
+"""Scenarios of `fusion` with states and aids of its presets, and the times from which it counts as converged, s."""
 CASES: tuple[Case, ...] = (
     Case("laboratory, at rest", "ecef-kf", laboratory, 120.0),
     Case("ship-swaying", "q-method", _named("ship-swaying"), 150.0),
@@ -157,11 +169,12 @@ CASES: tuple[Case, ...] = (
     Case("large-misalignment", "aqe-sukf", _named("large-misalignment"), 60.0),
     Case("large-misalignment-extreme", "aqe-sukf", _named("large-misalignment-extreme"), 60.0),
     Case("large-misalignment", "aqe-ekf", _named("large-misalignment"), 60.0),
+    *(Case(name, "fusion", _named(name), from_s, runs=64) for name, from_s in FUSION.items()),
 )
 """The cases that `make consistency` measures."""
 
 
-def measured(runs: int = RUNS) -> Iterator[CaseResult]:
+def measured(runs: int | None = None) -> Iterator[CaseResult]:
     """The results of all cases, one after the other."""
     for case in CASES:
         yield measure(case, runs)

@@ -50,7 +50,7 @@ def _processor() -> str:
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
     # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
-    from insenv.bench import envs, estimators, fmu, lockstep, mavlink, speed, truth, web
+    from insenv.bench import composed, envs, estimators, fmu, lockstep, mavlink, speed, truth, web
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -61,6 +61,7 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "interpreter.propagate15-each": lambda: speed.single("interpreter", 0.0),
         "batch.propagate15": lambda: speed.batch(0.05),
         "batch.propagate15-each": lambda: speed.batch(0.0),
+        "batch.fusion-21": lambda: composed.batch(21),
         "truth.drift.ship": lambda: truth.drift("ship"),
         "truth.drift.car": lambda: truth.drift("car"),
         "truth.drift.aircraft": lambda: truth.drift("aircraft"),
@@ -91,6 +92,8 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "first.run.ship": lambda: speed.first_run("ship", "ship-swaying"),
         "first.run.car": lambda: speed.first_run("car", "car-city-drive", "-e", "loosely-coupled"),
         **{f"step.{id}": partial(estimators.step, id) for id in stepped},
+        "step.fusion-15": lambda: composed.step(15),
+        "step.fusion-21": lambda: composed.step(21),
         "step.aqe-sukf.update": estimators.sukf,
         "step.lssvm.update": estimators.lssvm,
         "step.lssvm.infer": estimators.lssvm_infer,

@@ -49,8 +49,8 @@ def drift(sample_interval: float, q_nb: Array, latitude: Array, longitude: Array
     return f"pyins {_version()}, its own increments and integration", float(np.abs(error_ned).max() * 1e3)
 
 
-def propagate15(covariance_interval: float) -> Peer | None:
-    """One inertial sample of pyins' 15-state feedback filter at rest without fixes, us.
+def feedback_filter(covariance_interval: float, scales: bool = False) -> Peer | None:
+    """One inertial sample of pyins' feedback filter of 15 states, or with scale factors 21, at rest without fixes, us.
 
     pyins has no call for one sample: `run_feedback_filter` takes the whole run and returns trajectory and covariances.
     covariance_interval: its `time_step`, s, as in `loosely-coupled`.
@@ -67,6 +67,8 @@ def propagate15(covariance_interval: float) -> Peer | None:
     # the filter requires a measurement; a fix before the start is never used
     early = pd.DataFrame([[30.0, 114.0, 0.0]], [-1.0], ["lat", "lon", "alt"])
 
+    scale = np.diag(np.full(3, 3e-4)) if scales else None
+
     def run(count: int) -> float:
         model = pyins.inertial_sensor.EstimationModel
         begin = time.perf_counter()
@@ -74,8 +76,8 @@ def propagate15(covariance_interval: float) -> Peer | None:
             start,
             *(1.0, 0.1, 0.1, 0.5),
             increments.iloc[:count],
-            model(bias_sd=1e-6, noise=1e-5, bias_walk=1e-9),
-            model(bias_sd=1e-2, noise=1e-3, bias_walk=1e-6),
+            model(bias_sd=1e-6, noise=1e-5, bias_walk=1e-9, scale_misal_sd=scale),
+            model(bias_sd=1e-2, noise=1e-3, bias_walk=1e-6, scale_misal_sd=scale),
             [pyins.measurements.Position(early, 1.0)],
             time_step=covariance_interval + INTERVAL / 2,  # between samples, where rounding does not matter
         )
@@ -85,7 +87,10 @@ def propagate15(covariance_interval: float) -> Peer | None:
         warnings.simplefilter("ignore")
         run(40)  # numba compiles
         taken = statistics.median(run(SAMPLES) for _ in range(REPETITIONS))
-    return f"pyins {_version()} feedback filter without fixes, a batch run", taken / SAMPLES * 1e6
+    return (
+        f"pyins {_version()} feedback filter of {21 if scales else 15} states without fixes, a batch run",
+        taken / SAMPLES * 1e6,
+    )
 
 
 def _pyins() -> ModuleType | Any:

@@ -34,7 +34,7 @@ def single(backend: str, covariance_interval: float) -> Figure:
     empty = make_runner(EMPTY, None, backend)
     value, floor = (median_time(r._advance, REPETITIONS, SAMPLES) * 1e6 for r in (runner, empty))
     # pyins is designed for steps of several samples: with a covariance at each sample the comparison would be unfair
-    peer = peers.propagate15(covariance_interval) if backend == "native" and covariance_interval else None
+    peer = peers.feedback_filter(covariance_interval) if backend == "native" and covariance_interval else None
     note = _covariance_note(covariance_interval)
     return Figure(_name(backend, covariance_interval), value, "us", floor, REPETITIONS, note, peer)
 

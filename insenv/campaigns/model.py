@@ -19,7 +19,6 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators import Estimator
-from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.consistency import nees
 from insenv.evaluation.symbols import channels_of, error_of, sigma_of, stated_of
 from insenv.plant import loop_model
@@ -46,7 +45,7 @@ def measured_model(plant: Model, estimator: Estimator) -> Measured:
     """The campaign's model for a plant and an estimator; the same object for the same pair.
 
     Outputs: `error` (channels), current; `mean_square` (channels), since the previous record; `sigma` (stated channels);
-    `nees`; the rows of `FIX_HEALTH`, if the estimator has them.  Added parameters: `evaluation_samples`, `evaluations`.
+    `nees`; the rows with which the estimator tells its health.  Added parameters: `evaluation_samples`, `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
     statistics = _Statistics(loop, estimator)
@@ -94,8 +93,7 @@ class _Statistics:
             shown.append(Row("sigma", "Standard deviation that the estimator states", "deg, m, m/s", (len(self.stated),)))
         if self.degrees:
             shown.append(Row("nees", "Normalised estimation error squared"))
-        if estimator.reports_health:
-            shown.extend(FIX_HEALTH)
+        shown.extend(estimator.health_rows)
         self.state, self.outputs = Table(tuple(rows)), Table(tuple(shown))
 
     def sample(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
@@ -124,8 +122,7 @@ class _Statistics:
         if self.degrees:
             own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
             rows["nees"] = nees(self.estimator, own, found, x)[0]
-        if self.estimator.reports_health:
-            rows.update({name: getattr(found, name) for name in FIX_HEALTH.names})
+        rows.update({name: getattr(found, name) for name in self.estimator.health_rows.names})
         return rows
 
     def _degrees(self) -> int:

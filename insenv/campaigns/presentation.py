@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -78,9 +78,9 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
     if (found_health := found.verdicts()) is not None:
-        shares = ", ".join(f"{100 * found_health[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
-        refused = f"{100 * found_health['refused']:.2g} % of the fixes refused"
-        yield Text(f"health of {found_health['runs']} runs: {shares}; mean NIS {number(found_health['nis'])}, {refused}")
+        yield Text(f"health of {found_health['runs']} runs: {_health_of(found_health, 'fixes')}")
+        for id, of_aid in found_health["aids"].items():
+            yield Text(f"  {id}: {_health_of(of_aid, 'measurements')}")
     for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
         if seeds_of:
             named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
@@ -224,6 +224,13 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
     arrays["runs/diverged"] = np.isin(found.seeds, found.diverged)
     arrays["meta"] = np.array(to_json({"format": "insenv-campaign-summary", "version": 1, **found.as_json()}, indent=None))
     return arrays
+
+
+def _health_of(shares: Mapping[str, Any], what: str) -> str:
+    verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
+    if shares["nis"] is None:
+        return verdicts
+    return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
 
 
 def draw_campaign(found: Statistics) -> Figure:

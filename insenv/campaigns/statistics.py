@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from insenv.campaigns.intervals import Estimate, horizontal, percentile, root_mean_square
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.sensitivity import Sensitivity, sensitivity_note
-from insenv.evaluation.health import VERDICTS, Health
+from insenv.evaluation.health import VERDICTS, AidHealth, Health, Verdict
 from insenv.evaluation.limits import ratio_bounds
 
 Array = NDArray[np.float64]
@@ -126,17 +126,18 @@ class Statistics:
         return horizontal(north, east)
 
     def verdicts(self) -> dict[str, Any] | None:
-        """Share of the runs with a health by verdict, their mean NIS and share of fixes refused; None if no run has one."""
+        """Share of the runs with a health by verdict, their mean NIS and share of fixes refused; None if no run has one.
+
+        aids: the same of every other aid by id, if there is one.
+        """
         known = [one for one in self.health if one is not None]
         if not known:
             return None
-        shares: dict[str, float] = {verdict: sum(one.verdict == verdict for one in known) / len(known) for verdict in VERDICTS}
-        fixes, refused = sum(one.fixes for one in known), sum(one.refused for one in known)
+        aids = dict.fromkeys(id for one in known for id in one.aids)
+        fixes = [(one.fixes, one.refused, one.nis.mean) for one in known if one.fixes]
         return {
-            "runs": len(known),
-            **shares,
-            "nis": float(np.mean([one.nis.mean for one in known])),
-            "refused": refused / fixes,
+            **_shares([one.verdict for one in known], fixes),
+            "aids": {id: _of_aid([one.aids[id] for one in known if id in one.aids]) for id in aids},
         }
 
     def as_json(self) -> dict[str, Any]:
@@ -173,6 +174,22 @@ class Statistics:
             "far": list(self.far),
             "notes": list(self.notes),
         }
+
+
+def _of_aid(found: list[AidHealth]) -> dict[str, Any]:
+    return _shares([one.verdict for one in found], [(one.measurements, one.refused, one.nis.mean) for one in found])
+
+
+def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> dict[str, Any]:
+    """Share of the runs by verdict; mean NIS and share refused of the runs that measured (measurements, refused, NIS)."""
+    shares: dict[str, Any] = {verdict: verdicts.count(verdict) / len(verdicts) for verdict in VERDICTS}
+    count = sum(number for number, _, _ in measured)
+    return {
+        "runs": len(verdicts),
+        **shares,
+        "nis": float(np.mean([nis for _, _, nis in measured])) if measured else None,
+        "refused": sum(refused for _, refused, _ in measured) / count if count else None,
+    }
 
 
 def rms_of(values: Array) -> Array:

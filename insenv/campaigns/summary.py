@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from insenv.campaigns.presentation import campaign_facts, campaign_frame, campai
 from insenv.campaigns.sensitivity import sensitivities
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.campaigns.tables import run_columns
-from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.health import Health, health
 from insenv.report import FilesWritten, OutputFolder
@@ -108,14 +107,14 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         limit_note=limit.note,
         whole=whole,
         sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
-        health=_health(columns) if plan.chosen.reports_health else (),
+        health=_health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else (),
     )
 
 
-def _health(columns: Columns) -> tuple[Health | None, ...]:
-    """The health of every run; None for one without a fix or with a number that is not finite."""
-    rows = {name: np.concatenate(columns(name)) for name in FIX_HEALTH.names}
-    runs = range(len(rows["fix_count"]))
+def _health(columns: Columns, names: Sequence[str]) -> tuple[Health | None, ...]:
+    """The health of every run from the rows `names`; None for one without a measurement or with a number that is not finite."""
+    rows = {name: np.concatenate(columns(name)) for name in names}
+    runs = range(len(rows[names[0]]))
     finite = [all(np.isfinite(values[run]).all() for values in rows.values()) for run in runs]
     return tuple(health({n: v[run] for n, v in rows.items()}) if finite[run] else None for run in runs)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import textwrap
 from collections.abc import Sequence
@@ -65,7 +66,8 @@ def export_fmu(
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="Start value of a parameter; a list as 1,2,3; a Boolean as true or false. SI units, or as in a scenario.",
+            help="Start value of a parameter; a list as 1,2,3; a Boolean as true or false. SI units, or as in a scenario. "
+            'States and aids of fusion: aids=["gnss"].',
         ),
     ] = None,
     as_json: Json = False,
@@ -176,6 +178,8 @@ def run(
         print_line(f"insenv: {fmu} ended the simulation at {found.steps * found.step:g} s", stderr=True)
     if not found.steps:
         raise InputError(f"{fmu} ended the simulation in its first step")
+    for line in _health(found):
+        print_line(f"insenv: {line}", stderr=True)
     time_s, us_per_step = float(found.time[-1]), found.seconds / found.steps * 1e6
     last = dict(zip(found.names, found.values[-1].tolist(), strict=True))
     if as_json:
@@ -194,6 +198,29 @@ def run(
     print_line(f"outputs at {time_s:g} s (--output CSV writes all):")
     for line in last_outputs(found):
         print_line(f"  {line}")
+
+
+def _health(found: Outputs) -> list[str]:
+    """What must be said of a filter whose innovations are larger than stated; none for another FMU."""
+    import numpy as np
+
+    from insenv.estimators.parts.rows import FIX_HEALTH, reported_aids
+    from insenv.evaluation.health import health
+
+    rows = {name.removeprefix("estimator."): values for name, values in found.named().items()}  # behind a plant too
+    if not np.isfinite(found.values).all():
+        return [f"outputs are no longer finite from {found.time[~np.isfinite(found.values).all(axis=1)][0]:g} s on. {_START}"]
+    if not (set(FIX_HEALTH.names) <= set(rows) or reported_aids(rows)):
+        return []
+    judged = health(rows)
+    if judged is None or judged.verdict == "consistent":
+        return []
+    return [f"health: {judged.lines[0]}", *judged.notes(models_slow_errors=True), *([_START] if judged.apart else [])]
+
+
+_START = (
+    "The FMU starts from its parameters (parameters.start_latitude, parameters.start_heading, ...): --set NAME=VALUE sets them"
+)
 
 
 def last_outputs(found: Outputs) -> list[str]:
@@ -231,10 +258,21 @@ def _scalars(given: Sequence[str] | None) -> dict[str, float]:
     return scalars
 
 
+def _list(text: str, value: str) -> list[object]:
+    """A list of numbers or of names, such as ``["gnss", "odometer"]``.  Raises `InputError`."""
+    try:
+        found = json.loads(value)
+    except ValueError:
+        found = None
+    if not isinstance(found, list):
+        raise InputError(f'--set {text!r}: {value!r} is no list: allowed is [1, 2, 3] or ["NAME", "NAME"]')
+    return found
+
+
 def _settings(given: Sequence[str] | None, texts: Sequence[str] = ()) -> dict[str, object]:
     """Numbers, lists of numbers, true and false, and for the names in `texts` text, by name from NAME=VALUE.
 
-    Raises `InputError`.
+    A list may also stand in brackets, and then hold names.  Raises `InputError`.
     """
     settings: dict[str, object] = {}
     for text in given or ():
@@ -245,6 +283,9 @@ def _settings(given: Sequence[str] | None, texts: Sequence[str] = ()) -> dict[st
             raise InputError(f"--set {name} is given twice")
         if name in texts:
             settings[name] = value
+            continue
+        if value.startswith("["):
+            settings[name] = _list(text, value)
             continue
         if value.lower() in BOOLEANS:
             settings[name] = BOOLEANS[value.lower()]

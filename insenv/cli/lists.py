@@ -78,7 +78,7 @@ def _known(what: What) -> dict[str, Rows]:
     if what is What.states:
         return {"states": [{"name": name, "title": _what(state)} for name, state in STATES.items()]}
     if what is What.aids:
-        return {"aids": [{"name": id, "title": f"{aid.title}: {aid.what}"} for id, aid in AIDS.items()]}
+        return {"aids": [{"name": id, "title": f"{aid.title.removeprefix('the ')}: {aid.what}"} for id, aid in AIDS.items()]}
     if what is What.vehicles:
         return {"vehicles": [{"kind": kind, "title": summary(section)} for kind, section in vehicles.registered().items()]}
     if what is What.sensors:

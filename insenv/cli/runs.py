@@ -152,10 +152,10 @@ def _status(report: Report, strict: bool) -> int:
     from insenv.cli import DONE, FAILED
     from insenv.cli.output import print_line
 
-    diverged = [r.estimator for r in report.results if r.health is not None and r.health.verdict == "diverged"]
+    diverged = [f"{r.estimator} from {' and '.join(r.health.apart)}" for r in report.results if r.health and r.health.apart]
     if not strict or not diverged:
         return DONE
-    print_line(f"insenv: --strict: diverged from its fixes: {', '.join(diverged)}", stderr=True)
+    print_line(f"insenv: --strict: diverged: {', '.join(diverged)}", stderr=True)
     return FAILED
 
 

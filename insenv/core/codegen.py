@@ -6,12 +6,14 @@ The same function text serves one row and a block of rows: the type `real` is ``
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import Any
 
 from insenv.core.instructions import Instruction, instructions, ordering
 from insenv.core.lookup import table_loop
 from insenv.core.model import Kernel, Model
+from insenv.core.pieces import LONG, pieces
 
 _EXPRESSIONS = {
     "ADD": "{}+{}",
@@ -110,19 +112,55 @@ def _function_text(name: str, kernel: Kernel, arguments: str, in_place: bool, on
         for k, step in enumerate(steps):
             if step.name == "OUTPUT" and (place := (arguments.index("x"), places[step.place[1]])) in read:
                 after[k] = [read[place]]
-    loop = None if in_place else table_loop(steps)
-    lines = [] if loop is None else loop.text(places, arguments)
-    for k in ordering(steps, after) if loop is None else ():
+    order = ordering(steps, after)
+
+    def statement(k: int) -> str:
         step = steps[k]
         if step.name == "OUTPUT":
-            lines.append(f"  {result}[{places[step.place[1]]}] = v{step.sources[0]};")
-        else:
-            lines.append(f"  const real v{k} = {_expression(step, name, arguments)};")
+            return f"  {result}[{places[step.place[1]]}] = v{step.sources[0]};"
+        return f"  const real v{k} = {_expression(step, name, arguments)};"
+
     signature = ", ".join(f"{'' if in_place and letter == 'x' else 'const '}real *{letter}" for letter in arguments)
     often = arguments == "px" or in_place
     level = "ONCE " if once or name == "start" else "" if often else "SELDOM "
-    head = f"static {level}void {name}({signature}{'' if in_place else ', real *y'}) {{"
-    return "\n".join([head, *lines, "}\n"])
+    signature += "" if in_place else ", real *y"
+    head = f"static {level}void {name}({signature}) {{"
+    loop = None if in_place else table_loop(steps)
+    if loop is not None:
+        return "\n".join([head, *loop.text(places, arguments), "}\n"])
+    if in_place or len(order) < LONG:
+        return "\n".join([head, *map(statement, order), "}\n"])
+    return _in_pieces(name, level, signature, f"{', '.join(arguments)}, y", steps, order, statement)
+
+
+def _in_pieces(
+    name: str,
+    level: str,
+    signature: str,
+    arguments: str,
+    steps: Sequence[Instruction],
+    order: Sequence[int],
+    statement: Callable[[int], str],
+) -> str:
+    """The text of a long function: its pieces, and the function that calls them one after the other."""
+    parts, size = pieces(steps, order)
+    form = {"load": "  const real v{0} = w[{1}];", "keep": "  w[{1}] = v{0};"}
+    lines = [_PIECE]
+    for number, piece in enumerate(parts):
+        lines.append(f"static {level}PIECE void {name}_{number}({signature}, real *w) {{")
+        lines += [statement(k) if kind == "do" else form[kind].format(k, place) for kind, k, place in piece.statements]
+        lines.append("}")
+    calls = [f"  {name}_{number}({arguments}, w);" for number in range(len(parts))]
+    return "\n".join([*lines, f"static {level}void {name}({signature}) {{", f"  real w[{max(size, 1)}];", *calls, "}\n"])
+
+
+_PIECE = """#ifndef PIECE
+#if defined(__GNUC__) || defined(__clang__)
+#define PIECE __attribute__((noinline))
+#else
+#define PIECE
+#endif
+#endif"""
 
 
 def _expression(step: Instruction, name: str, arguments: str) -> str:

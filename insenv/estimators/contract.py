@@ -13,13 +13,14 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from insenv.core.model import Model, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators.parts.adjoint import Smoothing
-from insenv.estimators.parts.rows import FIX_HEALTH
+from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.instruments import TOLD
 from insenv.plugins import check_id
 
@@ -177,6 +178,8 @@ class Estimator:
     settable: the parameter rows that its section may set.  None: those of the model.
     adapt: ``(known, drive, names by those keys) -> Estimator`` of the same id: the one that runs there (`adapted`).  None: it
         is the same everywhere.
+    findings: ``(parameters by row name, outputs by row name, time along the first axis) -> sentences`` about what a run shows.
+    causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
     """
 
     model: Model
@@ -195,6 +198,8 @@ class Estimator:
     choices: Choices = field(default_factory=dict, hash=False)
     settable: Table | None = None
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
+    causes: Mapping[str, str] = field(default_factory=dict, hash=False)
+    findings: Callable[[Mapping[str, Any], Mapping[str, NDArray[np.float64]]], tuple[str, ...]] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):
@@ -211,7 +216,7 @@ class Estimator:
         lacking = [name for name in _OUTPUTS[self.kind] if name not in self.model.outputs]
         if lacking:
             raise InputError(f"estimator {self.id!r}: an estimator of kind {self.kind!r} has the output {lacking[0]!r}")
-        wrong = [row for row in FIX_HEALTH if self.reports_health and self.model.outputs[row.name].shape != row.shape]
+        wrong = [row for row in FIX_HEALTH if self.reports_fixes and self.model.outputs[row.name].shape != row.shape]
         if wrong:
             shape = self.model.outputs[wrong[0].name].shape
             raise InputError(
@@ -246,8 +251,21 @@ class Estimator:
 
     @property
     def reports_health(self) -> bool:
-        """Whether its outputs tell how well it fits its fixes: all rows of `insenv.estimators.parts.rows.FIX_HEALTH`."""
+        """Whether its outputs tell how well it fits its measurements: `health_rows`."""
+        return bool(self.health_rows.rows)
+
+    @property
+    def reports_fixes(self) -> bool:
+        """Whether they tell that of GNSS: all rows of `insenv.estimators.parts.rows.FIX_HEALTH`."""
         return all(name in self.model.outputs for name in FIX_HEALTH.names)
+
+    @cached_property
+    def health_rows(self) -> Table:
+        """The outputs that tell how well it fits its fixes and its other aids (`insenv.evaluation.health`)."""
+        outputs = self.model.outputs
+        names = [*(FIX_HEALTH.names if self.reports_fixes else ())]
+        names += [name for id in reported_aids(outputs.names) for name in aid_health(id)]
+        return Table(tuple(outputs[name] for name in names))
 
     def adapted(self, known: Knowledge, drive: Drive, choices: Choices | None = None) -> Estimator:
         """The estimator that runs on `drive`: itself, or, of a family, the member with the names in `choices`.
@@ -282,10 +300,14 @@ class Estimator:
     ) -> dict[str, Any]:
         """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
         tunings = tunings or {}
-        given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {}), **(rows or {})}
+        given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {})}
+        if self.settable is not None:  # a drive may set rows of aids and states that were not chosen
+            own = self.model.parameters
+            given = {name: value for name, value in given.items() if name in own or name not in self.settable}
+        given |= rows or {}
         for name in given:
             if name not in self.model.parameters:
-                raise InputError(f"estimator {self.id!r}: {name} is set, and this filter has none: it is of {self.title}")
+                raise InputError(f"estimator {self.id!r}: {name} is set, and it has no such parameter ({self.title})")
         return {**self._from(known), **given}
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
@@ -353,6 +375,13 @@ class Estimator:
     def objections(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """Those of `notes` with which its estimate does not count as aligned."""
         return self._said("applicability", parameters, duration_s)
+
+    def found(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
+        """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
+        if self.findings is None:
+            return ()
+        with naming(f"estimator {self.id!r}, findings"):
+            return self.findings(parameters, outputs)
 
     def _said(self, kind: str, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         of_kind: Notes | None = getattr(self, kind)

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.core.tables import Vector
+from insenv.core.tables import Table, Vector
 from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.contradiction import FIXES, RATIO, SHORTEST_S
 from insenv.evaluation.health import Verdict, health
@@ -42,12 +42,14 @@ MOST_RECORDS = 512
 class LiveHealth:
     """Health of a filter that reports it (`insenv.estimators.Estimator.reports_health`), updated at each fix.
 
+    rows: its outputs that tell its health (`insenv.estimators.Estimator.health_rows`).
     verdict: of the health over all fixes so far, at most `SHORTEST_S` old.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rows: Table = FIX_HEALTH) -> None:
         import scipy.stats  # noqa: F401  # now, so that the first verdict is not late by its loading
 
+        self._rows = rows
         self._records: list[Vector] = []
         self._latest: Vector = np.zeros(0)
         self._every, self._count = 1, 0
@@ -63,7 +65,7 @@ class LiveHealth:
 
         fix_velocity_sigma: stated by the fix (3, m/s, n); None: it has no velocity.
         """
-        latest = np.concatenate([np.ravel(outputs[name]) for name in FIX_HEALTH.names])
+        latest = np.concatenate([np.ravel(outputs[name]) for name in self._rows.names])
         if not np.isfinite(latest).all():
             return
         self._latest = latest
@@ -84,7 +86,7 @@ class LiveHealth:
         if time - self._judged_at < SHORTEST_S * (1.0 - 1e-6):
             return
         self._judged_at = time
-        found = health(FIX_HEALTH.unpack(np.array([*self._records, self._latest])))
+        found = health(self._rows.unpack(np.array([*self._records, self._latest])))
         self.verdict = "consistent" if found is None else found.verdict
         if self.verdict != "consistent":
             self._unwell_at = time

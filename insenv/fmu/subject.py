@@ -103,7 +103,8 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
     if interval != 1.0 / scenario.rate_hz:
         scenario = _at_rate(scenario, 1.0 / interval)
     plant = build(scenario)
-    estimator = plant.adapted(estimator)
+    left = {name.removeprefix(f"{estimator.id}."): value for name, value in left.items()}
+    estimator = plant.adapted(estimator, {estimator.id: _choices(estimator, left)})
     known = replace(plant.knowledge, sample_interval=interval)
     parameters = estimator.model.parameters.pack(estimator.parameters(known, plant.tunings, _set(estimator, left)))
     return Subject(
@@ -120,6 +121,11 @@ def _estimator(estimator: Estimator, settings: Mapping[str, object]) -> Subject:
         tunable=estimator.tunable,
         step_is_one_increment=bool(one_increment),
     )
+
+
+def _choices(estimator: Estimator, settings: dict[str, Any]) -> dict[str, Any]:
+    """The lists of names among the settings (`Estimator.choices`), which are taken out of them."""
+    return {name: settings.pop(name) for name in estimator.choices if name in settings}
 
 
 def _set(estimator: Estimator, settings: Mapping[str, object]) -> dict[str, Any]:
@@ -182,8 +188,9 @@ def _loop(scenario: Scenario, estimator: Estimator, settings: Mapping[str, objec
             f"scenario {scenario.name!r} loses inertial samples: `insenv run` interpolates over the gap, which needs the next "
             "sample; an FMU does not have it"
         )
-    estimator = alone.plant.adapted(estimator, whole=False)
-    rows = _set(estimator, {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant})
+    own = {name.removeprefix(_ESTIMATOR): settings[name] for name in settings if name not in of_plant}
+    estimator = alone.plant.adapted(estimator, {estimator.id: _choices(estimator, own)}, whole=False)
+    rows = _set(estimator, own)
     started = alone.plant.parameters_of(estimator, rows, whole=False)
     model = loop_model(alone.model, estimator.model)
     return replace(

@@ -70,6 +70,13 @@ class HeadingSection(MeasurementSection, heading.HeadingFigures):
     baseline: Columns3 | None = key(None, "columns of the measured baseline north, east, down [m]; absent: the azimuth alone")
     baseline_m: Vector3 = key(..., "from the first to the second antenna: forward, right, down", "m")
 
+    @field_validator("baseline_m")
+    @classmethod
+    def _baseline(cls, value: Any) -> Any:
+        if not any(value):
+            raise ValueError("[0, 0, 0] m: allowed is a baseline with a length")
+        return value
+
     @field_validator("azimuth_sigma_deg")
     @classmethod
     def _one_sigma(cls, value: Any, info: ValidationInfo) -> Any:

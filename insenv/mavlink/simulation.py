@@ -169,7 +169,7 @@ class Simulation:
 
     def _new_health(self) -> LiveHealth | None:
         self.reported_heading_sigma = self.estimator_row("heading_sigma") or 0.0
-        return LiveHealth() if self.estimator.reports_health else None
+        return LiveHealth(self.estimator.health_rows) if self.estimator.reports_health else None
 
     def _take_fix(self) -> None:
         now = self.truth

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import style
-from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result
 from insenv.evaluation.health import APART, course
 from insenv.report import attitudes, tracks
 from insenv.report.outages import outages
@@ -136,12 +136,16 @@ def _side_panels(report: RunData, placed: bool) -> list[str]:
     panels = ["track"] if placed else []
     if placed and (steep := tracks.steepness(report)) > tracks.STEEP:
         panels = ["track", "height"] if steep < 1.0 / tracks.STEEP else ["height"]
-    return panels + ["health"] * any(r.health is not None for r in report.results)
+    return panels + ["health"] * any(_has_fixes(r) for r in report.results)
+
+
+def _has_fixes(result: Result) -> bool:
+    return result.health is not None and result.health.fixes > 0
 
 
 def _without_fixes(report: RunData) -> tuple[tuple[float, float], ...]:
     """Times without fixes, by the estimator that has used the most."""
-    counts = [(r.time, r.outputs["fix_count"]) for r in report.results if r.health is not None]
+    counts = [(r.time, r.outputs["fix_count"]) for r in report.results if _has_fixes(r)]
     return outages(*max(counts, key=lambda one: float(one[1][-1]))) if counts else ()
 
 
@@ -194,7 +198,7 @@ def _health(axis: Axes, report: RunData) -> dict[str, Any]:
     handles: dict[str, Any] = {}
     largest, smallest = APART, 0.5
     for index, result in enumerate(report.results):
-        if result.health is None:
+        if not _has_fixes(result):
             continue
         colour = COLOURS[index % len(COLOURS)]
         ratio, refused = course(result.outputs)

@@ -72,7 +72,7 @@ class Report(RunData):
                 tables.append((result.estimator, error_columns(result), rows))
             else:
                 tables.append((result.estimator, ESTIMATE_COLUMNS, estimate_rows(result)))
-        health = [f"{r.estimator}, health: {r.health.summary}" for r in self.results if r.health is not None]
+        health = [f"{r.estimator}, health: {line}" for r in self.results if r.health is not None for line in r.health.lines]
         told = [*health, *(f"{r.estimator}: {note}" for r in self.results for note in r.notes), *self.notes]
         return html_document(
             f"{self.scenario}: {self.title}", ", ".join(facts(self)), tables, told, self.plot if drawable(self) else None

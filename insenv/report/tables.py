@@ -141,7 +141,8 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
         yield Text(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     if result.health is not None:
         healthy = result.health.verdict == "consistent"
-        yield Text(f"health: {result.health.summary}", "" if healthy else "yellow")
+        for place, told in enumerate(result.health.lines):
+            yield Text(f"{'  ' if place else 'health: '}{told}", "" if healthy else "yellow")
     for note in result.notes:
         yield Text(f"note: {note}")
 

@@ -65,19 +65,24 @@ class Follower:
         return self.estimator.model.parameters.unpack(self.runner.p)
 
     def health(self, outputs: Mapping[str, Array]) -> Health | None:
-        """Its health, from what `named` returned; None if it does not report it, or if no fix came."""
+        """Its health, from what `named` returned; None if it does not report it, or if nothing was measured."""
         return health(outputs) if self.estimator.reports_health else None
 
     def too_short(self, duration_s: float) -> str:
         """The sentence that `duration_s` of data are too few for the estimator; empty if they suffice."""
         return self.estimator.too_short(self._parameters, duration_s)
 
-    def notes(self, duration_s: float, found: Health | None = None) -> tuple[str, ...]:
-        """Remarks on the estimate after `duration_s` of data, and on its health."""
+    def notes(self, duration_s: float, found: Health | None, outputs: Mapping[str, Array]) -> tuple[str, ...]:
+        """Remarks on the estimate after `duration_s` of data, on its health and on what `named` returned."""
         parameters, short = self._parameters, self.too_short(duration_s)
         told = (*((short,) if short else ()), *self.estimator.notes(parameters, duration_s))
+        told = (*told, *self.estimator.found(parameters, outputs))
         if not self.estimator.reports_health:
             return told
+        if self.estimator.reports_fixes and (found is None or not found.fixes):
+            others = " and the other aids" if found is not None else " alone"
+            told = (*told, f"no fix came: the estimate is that of the inertial unit{others}")
         if found is None:
-            return (*told, "no fix came: the estimate is that of the inertial unit alone")
-        return (*told, *found.notes(bool(np.any(parameters.get("fix_wander_sigma", 0.0)))))
+            return told
+        slow = bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
+        return (*told, *found.notes(slow, self.estimator.causes))

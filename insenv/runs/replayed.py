@@ -311,7 +311,7 @@ def _result(
         limit={},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
-        notes=(*of_start, *follower.notes(duration_s, health), *contradiction_notes(times, outputs)),
+        notes=(*of_start, *follower.notes(duration_s, health, outputs), *contradiction_notes(times, outputs)),
         health=health,
         settled=not follower.too_short(duration_s),
     )

@@ -121,7 +121,7 @@ def _result(follower: Follower | FunctionFollower, plant: Plant, track: Track, l
         track.since(follower.first),
         limit,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=follower.notes(plant.duration_s, health),
+        notes=follower.notes(plant.duration_s, health, outputs),
         health=health,
         settled=not follower.too_short(plant.duration_s),
     )

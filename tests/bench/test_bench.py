@@ -26,6 +26,16 @@ def test_every_documented_figure_is_measured(name, monkeypatch):
     assert found[name].n > 0
 
 
+@pytest.mark.parametrize(("name", "unit"), [("step.fusion-15", "us"), ("step.fusion-21", "us"), ("batch.fusion-21", "ns")])
+def test_figures_of_composed_filters(name, unit, monkeypatch):
+    monkeypatch.setattr("insenv.bench.composed.REPETITIONS", 1)
+    monkeypatch.setattr("insenv.bench.composed.DURATION_S", 2.0)
+    monkeypatch.setattr("insenv.bench.composed.SAMPLES", 10)
+    monkeypatch.setattr("insenv.bench.peers.feedback_filter", lambda *_, **__: None)
+    (found,) = figures(name)
+    assert found.name == name and found.unit == unit and 0 < found.floor < found.value
+
+
 @pytest.mark.parametrize("name", ["vector.small", "vector.reset.ship", "vector.reset.tuning", "vector.reset.manoeuvre"])
 def test_figures_of_small_batches_and_of_starts(name, monkeypatch):
     monkeypatch.setattr("insenv.bench.envs.REPETITIONS", 1)

@@ -239,7 +239,7 @@ def test_strict_fails_after_the_report_is_written(tmp_path):
     status, text, said = call(*arguments)
     assert status == 0 and "health: diverged" in text and not said
     status, text, said = call(*arguments, "--strict", "--json")
-    assert status == 1 and said == "insenv: --strict: diverged from its fixes: loosely-coupled\n"
+    assert status == 1 and said == "insenv: --strict: diverged: loosely-coupled from its fixes\n"
     assert json.loads(text)["results"][0]["health"]["verdict"] == "diverged" and (out / "log.json").exists()
     assert call("run", "car-city-drive", "--duration", "30", "--strict")[0] == 0
 

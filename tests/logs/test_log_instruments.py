@@ -149,6 +149,7 @@ def test_of_two_readings_in_a_sample_the_later_counts_and_none_beyond_the_window
     [
         ('field_unit = "nT"', 'field_unit = "Oe"', r"magnetometer\.field_unit = 'Oe'"),
         ('azimuth_sigma = "v1"', "", r"heading.*give either azimuth_sigma \(a column\) or azimuth_sigma_deg"),
+        ("baseline_m = [0.9, 0.1, 0.0]", "baseline_m = [0, 0, 0]", r"heading\.baseline_m.*a baseline with a length"),
         ('speed = "v0"', 'speed = "v7"', r"no column 'v7'"),
         ('height = "v0"', 'height = "v0"\ngrade = "ms56"', r"barometer\.grade = 'ms56'.*did you mean 'ms5611'"),
         ('height = "v0"', 'height = "v0"\ntime_offset_s = 1e5', r"barometer: its times .* do not overlap the imu's"),

@@ -46,6 +46,18 @@ def test_every_interface_takes_it(installed, tmp_path):
     assert found["plant_fmu"] > 10_000
 
 
+def test_every_interface_takes_an_aid(installed, tmp_path):
+    """A compass with a constant error of 3 deg beside GNSS, in 31 lines of the outside package."""
+    found = json.loads(call(installed, ROOT / "tests" / "outside" / "take_aid_through.py", tmp_path))
+    assert found["sigma_deg"] < 0.9 * found["blind_sigma_deg"]
+    assert all(abs(error) < 3 * found["sigma_deg"] for error in found["heading_deg"])
+    assert abs(found["error_deg"] - 3.0) < 1.5
+    assert found["health"]["verdict"] == "consistent" and found["health"]["measurements"] > 500
+    assert any(note.startswith("the estimate of compass_error") for note in found["notes"])
+    assert found["campaign"] > 0
+    assert found["interpreter_agrees"] and found["batch_agrees"] and found["fmu_agrees"]
+
+
 def test_the_command_line_knows_it(installed, tmp_path):
     listed = json.loads(call(installed, "-m", "insenv", "list", "--json"))
     assert "ahrs" in [row["id"] for row in listed["estimators"]]

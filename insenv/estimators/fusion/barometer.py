@@ -19,13 +19,13 @@ from insenv.geodesy import STANDARD_GRAVITY
 from insenv.instruments import BAROMETER
 
 _TOLD = BAROMETER.told
-BIAS = constant("barometer_bias", "constant error of the barometer", "m", 1, _TOLD["barometer_bias_sigma"])
+BIAS = constant("barometer_bias", "constant height error of the barometer", "m", 1, _TOLD["barometer_bias_sigma"])
 DRIFT = drifting(
-    "barometer_drift", "slowly varying error of the barometer", "m", 1, _TOLD["barometer_drift_sigma"],
+    "barometer_drift", "slowly varying height error of the barometer", "m", 1, _TOLD["barometer_drift_sigma"],
     _TOLD["barometer_drift_time"],
 )  # fmt: skip
 SCALE = constant(
-    "barometer_scale", "error of the barometer per height above the start", "1", 1, _TOLD["barometer_scale_factor_sigma"]
+    "barometer_scale", "height error of the barometer per height above the start", "1", 1, _TOLD["barometer_scale_factor_sigma"]
 )
 STATES = (BIAS, DRIFT, SCALE)
 
@@ -46,6 +46,7 @@ AID = Aid(
     title="the barometer",
     size=1,
     what="height",
+    causes="the air pressure or the height to which it is set, a port that sees the wind, and its bias and drift sigmas",
     unit="m",
     residual=_residual,
     variance=lambda p, x, u, spread: noise_variance(p.barometer_noise, 0.01) + _dynamic(p, x),

@@ -88,6 +88,7 @@ class Aid:
     flag: state row by which its step runs, if a step of its own sets it; empty: one is made.
     groups: the components that are counted apart; empty: all together.
     renamed: names of rows of `reported` as outputs, if they are not ID_NAME, by NAME.
+    causes: what to look at where its measurements do not fit the filter, for messages.
     """
 
     id: str
@@ -113,6 +114,7 @@ class Aid:
     flag: str = ""
     groups: tuple[slice, ...] = ()
     renamed: Mapping[str, str] = field(default_factory=dict)
+    causes: str = ""
 
     @property
     def due_row(self) -> str:

@@ -17,7 +17,9 @@ from insenv.instruments import DVL
 
 _TOLD = DVL.told
 SCALE = constant("dvl_scale", "scale factor of the Doppler velocity log", "1", 1, _TOLD["dvl_scale_factor_sigma"])
-MISALIGNMENT = constant("dvl_misalignment", "rotation of the log's axes", "rad", 3, _TOLD["dvl_misalignment_sigma"], "b")
+MISALIGNMENT = constant(
+    "dvl_misalignment", "misalignment of the Doppler velocity log", "rad", 3, _TOLD["dvl_misalignment_sigma"], "b"
+)
 CURRENT = drifting(
     "current", "current of the water: north, east", "m/s", 2, _TOLD["dvl_current_sigma"], _TOLD["dvl_current_time"], "n"
 )
@@ -37,7 +39,8 @@ AID = Aid(
     id="dvl",
     title="the Doppler velocity log",
     size=3,
-    what="velocity in b",
+    what="velocity in body axes",
+    causes="its scale factor, mounting, lever arm and latency, and whether it tracks the ground or the water (current)",
     unit="m/s",
     residual=_residual,
     variance=lambda p, x, u, spread: ca.repmat(noise_variance(p.dvl_noise, 1e-3), 3, 1),

@@ -16,6 +16,7 @@ from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.prepared import prepared
 from insenv.estimators.fusion.presets import aids_of, states_of
@@ -57,7 +58,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         return (
             *applicability.linear_start(parameters, duration_s),
-            *(() if _holds(filter, _VERTICAL) else vertical_channel.notes(parameters, duration_s)),
+            *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
             *(() if _holds(filter, _HEADING) else (NO_HEADING,)),
             *uncounted,
             *_without_sigma(filter, parameters),
@@ -70,6 +71,8 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
         error=filter.consistency_error,
         prepare=lambda known: prepared(known, filter.parameters, names),
         applicability=notes,
+        findings=lambda parameters, outputs: surprising(filter.states, parameters, outputs),
+        causes={aid.id: aid.causes for aid in filter.aids if aid.causes},
     )
 
 
@@ -107,8 +110,7 @@ def _uncounted(filter: Composition, known: Knowledge) -> tuple[str, ...]:
 def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     idle = [state for state in filter.states if not np.any(np.asarray(parameters[state.sigma]) > 0.0)]
     return tuple(
-        f"the state {state.name} has the standard deviation 0 at the start and stays what it is: {state.sigma} sets it"
-        for state in idle
+        f"the state {state.name} has no effect: its standard deviation at the start is 0. Set {state.sigma}" for state in idle
     )
 
 
@@ -133,12 +135,17 @@ def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
 def _family(make: Callable[..., Estimator]) -> Estimator:
     """The estimator whose members `make` makes; its own model is that of the smallest."""
     general = make(composition(ID, (), ("gnss", "zero_velocity"), "states and aids chosen by unit, instruments and vehicle"))
+    settable = composition(ID, STATES, AIDS).parameters
+
+    def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
+        return replace(_member(make, _composed(known, drive, choices), known), settable=settable)
+
     return replace(
         general,
         sensors=(),
         choices={"states": tuple(STATES), "aids": tuple(AIDS)},
-        settable=composition(ID, STATES, AIDS).parameters,
-        adapt=lambda known, drive, choices: _member(make, _composed(known, drive, choices), known),
+        settable=settable,
+        adapt=adapt,
     )
 
 

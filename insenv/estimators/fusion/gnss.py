@@ -27,7 +27,7 @@ LEVER_ARM = ErrorState(
     started=lambda p: p.antenna_lever_arm,
 )
 DELAY = ErrorState(
-    Row("gnss_delay", "Estimated time by which fixes are older than they say", "s", (1,)),
+    Row("gnss_delay", "Estimated age of the fixes beyond the stated age", "s", (1,)),
     sigma="gnss_delay_sigma",
     rows=Table((replace(TOLD["gnss_delay_sigma"], start=0.02),)),
 )

@@ -29,7 +29,7 @@ def _length2(p: Any) -> Any:
 
 
 OFFSET = ErrorState(
-    Row("heading_offset", "Estimated error of the baseline's azimuth in the body", "rad", (1,)),
+    Row("heading_offset", "Estimated azimuth error of the antenna baseline in the body", "rad", (1,)),
     sigma="heading_baseline_sigma",
     rows=Table((_TOLD["heading_baseline_sigma"], _TOLD["heading_baseline_b"])),
     started_sigma=lambda p: p.heading_baseline_sigma / ca.sqrt(_length2(p)),
@@ -52,6 +52,7 @@ AID = Aid(
     title="the two-antenna heading",
     size=1,
     what="azimuth",
+    causes="the baseline's direction in the body, its length, and the stated sigma of the azimuth",
     unit="rad",
     residual=_residual,
     variance=lambda p, x, u, spread: noise_variance(u.heading_azimuth_sigma, 1e-4),

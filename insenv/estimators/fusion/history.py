@@ -100,9 +100,12 @@ def past(x: Any, u: Any, age: Any) -> Past:
     way = w0 + chord * (3 * s**2 - 2 * s**3) + safe * (v0 * (s - 2 * s**2 + s**3) + v1 * (s**3 - s**2))
     velocity = chord / safe * (6 * s - 6 * s**2) + v0 * (1 - 4 * s + 3 * s**2) + v1 * (3 * s**2 - 2 * s)
     velocity = select(span > 0, velocity, v1)
+    # a measured rate is the mean of its sample: that of half a sample before its end
+    r = select(span > 0, (old_age - age + u.dt / 2) / safe, 1.0)
+    r = select(r < 0, 0.0, r)
     q = attitude.normalize(older[6:10] + (younger[6:10] - older[6:10]) * s)
     ahead = x.velocity_w * minimum(age, 0.0)
-    return Past(x.way_w - way + ahead, velocity, attitude.to_dcm(q), older[10:13] + (younger[10:13] - older[10:13]) * s)
+    return Past(x.way_w - way + ahead, velocity, attitude.to_dcm(q), older[10:13] + (younger[10:13] - older[10:13]) * r)
 
 
 def corrected(x: Any, dv: Any, psi: Any) -> dict[str, Any]:

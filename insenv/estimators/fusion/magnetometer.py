@@ -20,18 +20,20 @@ from insenv.instruments import MAGNETOMETER
 
 _TOLD = MAGNETOMETER.told
 HARD_IRON = constant(
-    "hard_iron", "hard iron: constant field of the vehicle", "T", 3, _TOLD["magnetometer_hard_iron_sigma"], "b"
+    "hard_iron", "hard iron: constant magnetic field of the vehicle", "T", 3, _TOLD["magnetometer_hard_iron_sigma"], "b"
 )
 DRIFT = drifting(
-    "magnetometer_drift", "slowly varying field of the vehicle", "T", 3,
+    "magnetometer_drift", "slowly varying magnetic field of the vehicle", "T", 3,
     _TOLD["magnetometer_drift_sigma"], _TOLD["magnetometer_drift_time"], "b",
 )  # fmt: skip
-SOFT_IRON = constant("soft_iron", "diagonal of the soft-iron matrix", "1", 3, _TOLD["magnetometer_soft_iron_sigma"], "b")
+SOFT_IRON = constant("soft_iron", "soft iron: diagonal of the matrix", "1", 3, _TOLD["magnetometer_soft_iron_sigma"], "b")
 COUPLING = constant(
-    "soft_iron_coupling", "other elements of the soft-iron matrix: xy, xz, yx, yz, zx, zy", "1", 6,
+    "soft_iron_coupling", "soft iron: other elements of the matrix, xy, xz, yx, yz, zx, zy", "1", 6,
     _TOLD["magnetometer_coupling_sigma"], "b",
 )  # fmt: skip
-FIELD = constant("magnetic_field_error", "error of the reported field of the Earth", "T", 3, _TOLD["magnetic_field_sigma"], "n")
+FIELD = constant(
+    "magnetic_field_error", "error of the model of the Earth's magnetic field", "T", 3, _TOLD["magnetic_field_sigma"], "n"
+)
 STATES = (HARD_IRON, DRIFT, SOFT_IRON, COUPLING, FIELD)
 
 
@@ -49,7 +51,8 @@ AID = Aid(
     id="magnetometer",
     title="the magnetometer",
     size=3,
-    what="field in b",
+    what="field in body axes",
+    causes="iron and currents near it (hard and soft iron sigmas), the date of the field model, and its axes",
     unit="T",
     residual=_residual,
     variance=lambda p, x, u, spread: ca.repmat(noise_variance(p.magnetometer_noise, 1e-9), 3, 1),

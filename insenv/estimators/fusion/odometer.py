@@ -28,9 +28,9 @@ _TOLD = ODOMETER.told
 _AXES = Table((_TOLD["odometer_lever_arm_b"], _TOLD["odometer_mounting"]))
 
 SCALE = constant("odometer_scale", "scale factor of the odometer", "1", 1, _TOLD["odometer_scale_factor_sigma"])
-SLIP = constant("odometer_slip", "slip of the odometer per forward specific force", "s^2/m", 1, _TOLD["odometer_slip_sigma"])
+SLIP = constant("odometer_slip", "slip of the wheel per forward specific force", "s^2/m", 1, _TOLD["odometer_slip_sigma"])
 MOUNTING = constant(
-    "odometer_mounting_error", "rotation from the reported to the true axes of the wheels: pitch, yaw", "rad", 2,
+    "odometer_mounting_error", "mounting error of the odometer: pitch, yaw", "rad", 2,
     _TOLD["odometer_mounting_sigma"], "b",
 )  # fmt: skip
 STATES = (SCALE, SLIP, MOUNTING)
@@ -56,6 +56,7 @@ AID = Aid(
     size=1,
     what="forward speed",
     unit="m/s",
+    causes="its scale factor, lever arm, mounting and latency, wheels that slip or block, and its stated noise",
     residual=_odometer,
     variance=lambda p, x, u, spread: noise_variance(p.odometer_noise, 1e-3),
     due=lambda p, x, u: u.odometer_new,
@@ -86,10 +87,12 @@ def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
 
 NON_HOLONOMIC = Aid(
     id="non_holonomic",
-    title="the wheels' constraint",
+    title="the non-holonomic constraint of the wheels",
     size=2,
-    what="sideways, downward",
+    what="no velocity sideways and downward",
     unit="m/s",
+    causes="the lever arm and the mounting (odometer_lever_arm, odometer_mounting), slip in turns, and whether the vehicle has "
+    "wheels",
     residual=lambda p, seen, u: _wheels(p, seen, 0.0)[1:],
     variance=_variance,
     due=_due,

@@ -6,6 +6,7 @@ An estimator takes whole tables, or some of their rows with its own start values
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -117,6 +118,20 @@ FIX_HEALTH = Table((
     Row("nis_refused_count", "Number of these components", "1", (2,)),
 ))  # fmt: skip
 """Outputs, and state, of a filter that reports its health (`insenv.evaluation.health`): sums over all fixes so far."""
+
+
+def aid_health(id: str) -> tuple[str, ...]:
+    """Names of the outputs that say the same of an aid other than GNSS, in the order of `FIX_HEALTH`."""
+    counted = ("count", "refused_count", "nis_used", "nis_used_count", "nis_refused", "nis_refused_count")
+    return tuple(f"{id}_{name}" for name in counted)
+
+
+def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:
+    """Ids of the aids of which these outputs, by name, tell the health: all of `aid_health` are there."""
+    names = tuple(outputs)
+    ids = (name.removesuffix("_refused_count") for name in names if name.endswith("_refused_count"))
+    return tuple(id for id in ids if set(aid_health(id)) <= set(names))
+
 
 # GNSS/INS filters: `loosely-coupled`, `smoother`, `aqe-ekf`, `aqe-sukf`
 

@@ -18,6 +18,26 @@ NOTED = 2.0
 """Growth from which there is a note: after 750 s."""
 
 
+LEAST = 5.0
+"""m: a smaller error of the height is not noted."""
+
+
+def by_bias(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """The sentence about the height of a filter whose aids do not hold it, where its error has begun to count.
+
+    parameters: ``accel_bias_sigma`` (m/s^2) and ``position_sigma`` (3, m) by name.  A bias b makes the error
+    b TIME^2 (cosh(t / TIME) - 1).
+    """
+    growth = cosh(min(duration_s / TIME, 700.0)) - 1.0
+    error = float(parameters["accel_bias_sigma"]) * TIME**2 * growth
+    if error < max(LEAST, float(parameters["position_sigma"][2])):
+        return ()
+    return (
+        f"none of the aids holds the height of a vehicle that moves: an accelerometer bias of accel_bias_sigma makes an error "
+        f"of {error:.2g} m in {duration_s:g} s. Add a barometer, GNSS, a Doppler log or, for wheels, non_holonomic",
+    )
+
+
 def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
     """The sentence about the height of an estimator without aiding, after `duration_s`, where it has begun to count."""
     growth = cosh(min(duration_s / TIME, 700.0))
