@@ -165,7 +165,7 @@ def kept_pass(kept, p):
             for k in reversed(np.flatnonzero(used)):
                 if rows["turned"][k]:
                     C = Rotation.from_rotvec(rows["turn"][k]).as_matrix()
-                    T = T @ block_diag(C, C, C, np.eye(6))
+                    T = T @ block_diag(np.eye(3), C, C, np.eye(6))
                 H[k], gain[k] = T @ H[k], T @ gain[k]
             transition.append(T @ Phi)
             noise.append(T @ Q @ T.T)

@@ -33,8 +33,8 @@ import casadi as ca
 from insenv.core import symmetric
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
-from insenv.estimators.parts.invariant import turn_of, turned
+from insenv.estimators.parts.error_model import TILT
+from insenv.estimators.parts.invariant import adjoint_before, turn_of, turned
 from insenv.estimators.parts.kalman import Update, weight_and_gain
 
 
@@ -160,11 +160,9 @@ def backward_model(
 
 def _back_over_turn(n: int, x: Any, turn: Any) -> dict[str, Any]:
     """Go back over the turn of the errors with the attitude."""
-    back = turn_of(turn).T
-    parts = [back @ x.adjoint[part] for part in (POSITION, VELOCITY, TILT)]
     return {
-        "adjoint": ca.vertcat(*parts, x.adjoint[TILT.stop :]),
-        "information": symmetric.triangle(turned(symmetric.full(x.information, n), back)),
+        "adjoint": adjoint_before(x.adjoint, turn),
+        "information": symmetric.triangle(turned(symmetric.full(x.information, n), turn_of(turn).T)),
     }
 
 

@@ -1,13 +1,15 @@
-"""The errors of position, velocity and attitude as one error of a group: what a large correction does to them.
+"""The errors of velocity and attitude as one error of a group: a correction turns both.
 
 A correction turns the platform by psi.  What a filter has not measured, above all the heading of a vehicle at rest, is an error
-about the vertical *as the platform shows it*.  The errors (w) therefore turn with the platform, and their covariance with them:
+about the vertical *as the platform shows it*.  The errors of velocity and attitude (w) therefore turn with the platform, and
+their covariance with them:
 
-    e <- T e,   P <- T P T^T,   T = diag(C, C, C, 1),   C = exp([psi x])
+    e <- T e,   P <- T P T^T,   T = 1 but for the blocks C of velocity and attitude,   C = exp([psi x])
 
 Without that turn an error of heading that was none of velocity becomes one: the next measurement of velocity seems to measure
-the heading, and the stated sigma falls without a cause.  With it the psi error is the left-invariant error of the estimate,
-R^T (r^ - r) and so on, in other axes, to first order: the corrections of position and velocity are taken out as they are.
+the heading, and the stated sigma falls without a cause.  With it, velocity and attitude have the left-invariant error
+R^T (v^ - v), R^T R^ in other axes, to first order.  The error of position keeps its axes: it is known apart from errors that
+do not turn, those of receiver and barometer, and turning it alone would seem to measure it.
 
 Sources: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a stable observer", IEEE Trans. Automatic Control
 62, 1797-1812; biases make the filter an imperfect one, for which convergence is not proved.
@@ -17,17 +19,22 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
+
 from insenv import attitude
 from insenv.core import symmetric
-from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
+from insenv.estimators.parts.error_model import TILT, VELOCITY
 from insenv.estimators.parts.kalman import Update
+
+TURNING = (VELOCITY, TILT)
+"""The parts of the error that turn."""
 
 
 def turned(matrix: Any, turn: Any) -> Any:
     """T M T^T for a matrix (n x n) over the error; turn: C (3x3), or its transpose for the way back."""
-    for part in (POSITION, VELOCITY, TILT):
+    for part in TURNING:
         matrix[part, :] = turn @ matrix[part, :]
-    for part in (POSITION, VELOCITY, TILT):
+    for part in TURNING:
         matrix[:, part] = matrix[:, part] @ turn.T
     return matrix
 
@@ -40,3 +47,11 @@ def turn_of(psi: Any) -> Any:
 def covariance_after(update: Update, n: int) -> Any:
     """Covariance triangle of n errors after an update whose correction has been taken out of the state."""
     return symmetric.triangle(turned(symmetric.full(update.stored, n), turn_of(update.correction[TILT])))
+
+
+def adjoint_before(adjoint: Any, psi: Any) -> Any:
+    """T^T s for the adjoint s (n) of the error after a correction psi."""
+    found = ca.SX(adjoint)
+    for part in TURNING:
+        found[part] = turn_of(psi).T @ adjoint[part]
+    return found
