@@ -95,7 +95,8 @@ class Statistics:
         return tuple(self.courses)
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on, with intervals.
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on, with intervals,
+        of which an end is None where so few runs do not give it.
 
         The intervals are those of independent runs; a saltelli design has none.
         """
@@ -113,8 +114,8 @@ class Statistics:
                 "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
                 "limit": limit,
                 "stated": None if course.stated is None else float(rms_of(course.stated[late])),
-                "rms_95": [rms.low, rms.high] if independent else None,
-                "percentiles_95": {level: [e.low, e.high] for level, e in ends.items()} if independent else None,
+                "rms_95": _interval(rms) if independent else None,
+                "percentiles_95": {level: _interval(end) for level, end in ends.items()} if independent else None,
             }
         return found
 
@@ -195,3 +196,7 @@ def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> 
 def rms_of(values: Array) -> Array:
     """Root mean square along the first axis."""
     return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _interval(found: Estimate) -> list[float | None]:
+    return [end if np.isfinite(end) else None for end in (found.low, found.high)]

@@ -141,7 +141,15 @@ def test_the_course_counts_every_fix():
 
 
 def test_which_estimators_report_health():
-    assert set(REPORTING) == {"loosely-coupled", "smoother", "aqe-ekf", "aqe-sukf", "fusion", "fusion-smoother"}
+    assert set(REPORTING) == {
+        "loosely-coupled",
+        "smoother",
+        "aqe-ekf",
+        "aqe-sukf",
+        "aqe-sukf-printed",
+        "fusion",
+        "fusion-smoother",
+    }
 
 
 def mine(rows):

@@ -466,5 +466,5 @@ def test_a_limit_is_kept_on_disk_and_a_broken_file_is_not_believed(tmp_path, mon
 def test_a_sensor_that_is_not_known_gives_no_limit():
     plant = build(load("car-city-drive"), seed=1)
     assert limits.no_limit(plant) == ""
-    further = SimpleNamespace(sensors=frozenset({"gnss", "odometer", "compass"}))
+    further = SimpleNamespace(commands=plant.commands, sensors=frozenset({"gnss", "odometer", "compass"}))
     assert "errors of the sensors that insenv ships, not those of 'compass'" in limits.no_limit(further)

@@ -337,7 +337,7 @@ def test_the_command_writes_what_a_run_writes(tmp_path: Path) -> None:
     assert status == 0 and summary["score"]["results"][0]["estimator"] == "odometry-42-191"
     assert summary["score"]["results"][0]["final"]["heading_deg"] == pytest.approx(HEADING_ERROR, abs=1e-3)
     assert summary["score"]["results"][0]["limit"]["heading_deg"] > 0.0
-    assert {Path(path).suffix for path in summary["score"]["files"]} == {".npz", ".json", ".png", ".svg"}
+    assert {Path(path).suffix for path in summary["score"]["files"]} == {".npz", ".json", ".html", ".png", ".svg"}
     with np.load(out / "car-city-drive.npz") as arrays:
         np.testing.assert_allclose(arrays["odometry-42-191/errors/north_m"], NORTH_ERROR, atol=0.02)
 

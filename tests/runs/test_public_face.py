@@ -64,7 +64,10 @@ def test_every_public_name_is_found_by_help_and_type_checkers():
         (lambda: insenv.replay("none.toml", "q-method", progress=3), "progress = 3: allowed is None or a function"),
         (lambda: Scenario(title="x", duration_s=-3), "Scenario: duration_s = -3 [s]: must be greater than 0"),
         (lambda: Scenario(VALUES), "allowed are keys with their values"),
-        (lambda: ImuSection(grade=3), "ImuSection: grade = 3: must be text"),
+        (
+            lambda: ImuSection(grade=3),
+            "ImuSection: grade = 3: must be the name of a grade, the path of a grade file, or a table",
+        ),
         (lambda: insenv.replay(None, "q-method"), "log = None: allowed is a path"),
         (lambda: insenv.replay("none.toml", "q-method"), "none.toml: file not found"),
         (lambda: insenv.campaign(SHIP, "q-method", "8"), "runs = '8': allowed is a whole number from 1 to"),
