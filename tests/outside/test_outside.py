@@ -46,6 +46,7 @@ def test_every_interface_takes_it(installed, tmp_path):
     assert found["plant_fmu"] > 10_000
 
 
+@pytest.mark.slow
 def test_every_interface_takes_an_aid(installed, tmp_path):
     """A compass with a constant error of 3 deg beside GNSS, in 31 lines of the outside package."""
     found = json.loads(call(installed, ROOT / "tests" / "outside" / "take_aid_through.py", tmp_path))
