@@ -278,18 +278,30 @@ def fused(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple
 
     The measurements are processed one after another, those with `present` 1.
     """
-    P = symmetric.full(x.covariance, N)
-    correction, ratios = ca.SX.zeros(N), []
+    P, correction, ratios = measured(x, innovation, H, variance, present)
+    q_wb = attitude.normalize(x.q_wb - correction[DQ])
+    return fed_back(x, P, correction, q_wb, attitude.multiply(q_wb, attitude.conjugate(x.q_wb))), ratios
+
+
+def measured(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple[Any, Any, Any]:
+    """Covariance (N x N) and estimated error (N) after the measurements, one after another, and their test ratios."""
+    P, correction, ratios = symmetric.full(x.covariance, N), ca.SX.zeros(N), []
     for i in range(H.shape[0]):
         P, correction, ratio = measure_joseph(P, correction, H[i, :], innovation[i], variance[i], present[i])
         ratios.append(ratio)
-    q_wb = attitude.normalize(x.q_wb - correction[DQ])
-    step = attitude.multiply(q_wb, attitude.conjugate(x.q_wb))
+    return P, correction, ca.vertcat(*ratios)
+
+
+def fed_back(x: Any, P: Any, correction: Any, q_wb: Any, step: Any) -> dict[str, Any]:
+    """State rows with an estimated error taken out; the errors turn with the attitude.
+
+    q_wb: attitude after it.  step: quaternion by which the errors turn.
+    """
     turn = attitude.to_dcm(step)
     for part, matrix in ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)):
         P[part, :] = matrix @ P[part, :]
         P[:, part] = P[:, part] @ matrix.T
-    changed = {
+    return {
         **placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
         **interval_start(q_wb),
         "q_wb": q_wb,
@@ -297,7 +309,6 @@ def fused(x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple
         "accel_bias": x.accel_bias + correction[ACCEL],
         "covariance": symmetric.triangle(P),
     }
-    return changed, ca.vertcat(*ratios)
 
 
 def interval_start(q_wb: Any) -> dict[str, Any]:

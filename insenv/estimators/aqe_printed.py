@@ -24,7 +24,6 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude
-from insenv.core import symmetric
 from insenv.core.elementary import maximum
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
@@ -32,19 +31,14 @@ from insenv.estimators import aqe
 from insenv.estimators.contract import Estimator
 from insenv.estimators.parts import gnss_fix, lever_arm, rows, strapdown
 from insenv.estimators.parts.applicability import together, unmodelled_motion, unseen_heading
-from insenv.estimators.parts.kalman import measure_joseph
 from insenv.estimators.parts.quaternion_error import (
-    ACCEL,
     DQ,
-    GYRO,
-    POSITION,
     VELOCITY,
     N,
     Nonlinear,
     Spread,
     U,
     Y,
-    left,
     sensitivity,
 )
 
@@ -98,26 +92,11 @@ def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def fused(p: Any, x: Any, innovation: Any, H: Any, variance: Any, present: Any) -> tuple[dict[str, Any], Any]:
     """State rows after the measurements, one after another, with feedback; and their test ratios."""
-    P, correction, ratios = symmetric.full(x.covariance, N), ca.SX.zeros(N), []
-    for i in range(H.shape[0]):
-        P, correction, ratio = measure_joseph(P, correction, H[i, :], innovation[i], variance[i], present[i])
-        ratios.append(ratio)
+    P, correction, ratios = aqe.measured(x, innovation, H, variance, present)
     q_wb = attitude.normalize(x.q_wb - correction[DQ])
     one = ca.SX([1, 0, 0, 0])
     step = one + (1 - p.covariance_kept) * (attitude.multiply(q_wb, attitude.conjugate(x.q_wb)) - one)
-    turn = attitude.to_dcm(step)
-    for part, matrix in ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)):
-        P[part, :] = matrix @ P[part, :]
-        P[:, part] = P[:, part] @ matrix.T
-    changed = {
-        **aqe.placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
-        **aqe.interval_start(q_wb),
-        "q_wb": q_wb,
-        "gyro_bias": x.gyro_bias + correction[GYRO],
-        "accel_bias": x.accel_bias + correction[ACCEL],
-        "covariance": symmetric.triangle(P),
-    }
-    return changed, ca.vertcat(*ratios)
+    return aqe.fed_back(x, P, correction, q_wb, step), ratios
 
 
 def for_comparison(parameters: Any, duration_s: float) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler f
 IDS = ("qakf-improved", "loosely-coupled", "ship-swaying")
 
 LONG = ("aqe-sukf-printed", "fusion-smoother")
-"""It takes as long to compile as aqe-sukf, with which it shares all but the points."""
+"""Long to compile; each has the equations of an estimator that runs here."""
 
 
 class Slave:
