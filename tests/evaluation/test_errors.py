@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from insenv.campaigns.model import _sigma
 from insenv.evaluation.errors import ATTITUDE, stated_sigma, wrapped_deg
+from insenv.evaluation.symbols import sigma_of
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 35.0, 90.0, -150.0])
@@ -20,7 +20,7 @@ def test_stated_sigma_is_the_scatter_of_roll_pitch_and_heading(heading_deg):
     found = stated_sigma({"q_nb": q_nb[None], "attitude_sigma": sigma[None]})
     assert [found[name][0] for name in ATTITUDE] == pytest.approx(scatter, rel=0.03)
     named = type("Outputs", (), {"q_nb": ca.SX(ca.DM(q_nb)), "attitude_sigma": ca.SX(ca.DM(sigma))})()
-    assert np.array(ca.DM(ca.evalf(_sigma(ATTITUDE, named)))).ravel() == pytest.approx(scatter, rel=0.03)
+    assert np.array(ca.DM(ca.evalf(sigma_of(ATTITUDE, named)))).ravel() == pytest.approx(scatter, rel=0.03)
 
 
 def test_wrapped_angles():
