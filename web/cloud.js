@@ -157,7 +157,7 @@ function figures(live, units, group, column, limited) {
       `${title.replace(" error", "").toLowerCase()} [${unit}]`,
       number(rms),
       number(largest),
-      ...(limit === undefined ? [] : [number(limit), number(rms / limit)]),
+      ...(limit === undefined ? [] : [number(limit), limit < live.limit.floor[name] ? "-" : number(rms / limit)]),
     ];
   });
   const beside = Object.keys(limits).length ? ["limit", "rms/limit"] : [];

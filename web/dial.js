@@ -9,14 +9,18 @@ import { colour, faint, groupColour } from "./theme.js";
 export function headingDial() {
   const canvas = h("canvas", { class: "dial", role: "img", "aria-label": "Heading dial" });
   let size = [200, 200];
+  /** @type {[number, Needle[]] | undefined} */
+  let shown;
   new ResizeObserver(() => {
     size = [canvas.clientWidth, canvas.clientHeight];
     canvas.width = Math.round(size[0] * devicePixelRatio);
     canvas.height = Math.round(size[1] * devicePixelRatio);
+    if (shown) draw(...shown);
   }).observe(canvas);
   /** @param {number} truth  deg
    * @param {Needle[]} needles */
   const draw = (truth, needles) => {
+    shown = [truth, needles];
     const context = canvas.getContext("2d");
     if (!context) return;
     const [width, height] = size;

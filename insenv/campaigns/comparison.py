@@ -26,7 +26,7 @@ from insenv.campaigns.summary import Summary
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.document import finite, to_json
 from insenv.report.files import no_matplotlib
-from insenv.report.tables import _table, label, number
+from insenv.report.tables import label, number, table_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -151,7 +151,7 @@ def comparison_tables(found: Comparison) -> Iterator[RenderableType]:
         yield Text()
     for id, pairs in found.pairs.items():
         yield Text(f"{id} compared with {found.first}, run by run", "bold")
-        table = _table("rms", "ratio", "from", "to", "difference", "smaller in")
+        table = table_of("rms", "ratio", "from", "to", "difference", "smaller in")
         for name, pair in pairs.items():
             share = f"{100 * pair.smaller / pair.runs:.0f} %" if pair.runs else "-"
             ends = [number(v) for v in (pair.ratio.low, pair.ratio.high, pair.difference.value)]

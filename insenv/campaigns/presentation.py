@@ -19,7 +19,7 @@ from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
 from insenv.report.scales import set_scale
-from insenv.report.tables import _table, label, number, within
+from insenv.report.tables import label, number, table_of, within
 from insenv.style import COLOURS, DASHED, LIMIT, PALE, legend, page, save, title, unwrapped
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
         yield Text(f"{variation.key} drawn {drawn(variation)}")
     yield Text()
     figures = found.figures()
-    table = _table(*CAMPAIGN_COLUMNS)
+    table = table_of(*CAMPAIGN_COLUMNS)
     for text, (mean, rms, limit, ratio, stated) in campaign_rows(found):
         warning = "yellow" if ratio is not None and ratio > 3 else ""
         table.add_row(
@@ -58,7 +58,7 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
         )
     yield table
     yield Text()
-    table = _table("at the end", *(f"{p:g} %" for p in found.percentile_levels))
+    table = table_of("at the end", *(f"{p:g} %" for p in found.percentile_levels))
     for name, row in figures.items():
         table.add_row(label(name), *(number(value) for value in row["percentiles"].values()))
     yield table
@@ -101,8 +101,8 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
         shown = [name for name in group if name in names]
         if not shown:
             continue
-        columns = [text for name in shown for text in (name.rpartition("_")[0], "total" if total else "first")]
-        table = _table("rank correlation, index", *columns)
+        columns = [text for name in shown for text in (name.rpartition("_")[0], "index")]
+        table = table_of("rank correlation", *columns, least=5)
         for variation in found.plan.variations:
             own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
             cells = []
@@ -114,7 +114,10 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
             table.add_row(variation.key, *cells)
         yield table
     least = max((one.first.reach for one in found.sensitivity if one.first is not None), default=0.0)
-    yield Text(f"of the rms of a run; index: share of its variance by the key ({'total' if total else 'alone'})", "dim")
+    yield Text(
+        f"rank correlation with the rms of a run; index: share of its variance by the key ({'total' if total else 'alone'})",
+        "dim",
+    )
     if least:
         yield Text(f"first-order indices are known to {least:.2f} or better (95 %)", "dim")
     yield Text()

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, Seed, Settings, deferred
+from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, Seed, Settings, deferred, one
 
 
 @deferred
@@ -29,11 +29,11 @@ def budget(
     from insenv.workbench.budget import budget as share_out
     from insenv.workbench.budget_presentation import budget_document, budget_tables, write_budget
 
-    given = parsed_settings(settings or [])
+    id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     with working(f"{loaded.name}, {runs} seeds") as progress:
-        found = share_out(loaded, estimator, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
+        found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
         written = None if folder is None else write_budget(found, folder, not no_figure)
     paths = [str(path) for path in written.paths] if written else []
     if written and written.note:

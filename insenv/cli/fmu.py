@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path
+from insenv.cli.options import HELP, Estimator, Json, Scenario, Seed, deferred, given_path, one
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def export_fmu(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", parser=given_path, metavar="X.fmu", help="File to write.")],
     estimator: Annotated[
-        Optional[str],  # noqa: UP045
+        Optional[list[str]],  # noqa: UP045
         typer.Option(
             "--estimator", "-e", metavar="ID", help="With a scenario: put this estimator behind its plant, in one FMU."
         ),
@@ -78,9 +78,9 @@ def export_fmu(
     from insenv.fmu.exporter import summary
     from insenv.scenario.tuning import FILE
 
-    names, settings = _platforms(platform), _settings(set_, texts=(FILE,))
+    names, settings, behind = _platforms(platform), _settings(set_, texts=(FILE,)), one(estimator)
     with working(f"exporting {subject}"):
-        write(subject, output, estimator=estimator, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
+        write(subject, output, estimator=behind, fmi=int(fmi.value), arrays=arrays, platforms=names, settings=settings)
     content = summary(output)
     if as_json:
         print_json(content)
@@ -106,12 +106,13 @@ def ssp(
     from insenv.cli.output import print_json, print_line, working
     from insenv.fmu import export_ssp
 
-    with working(f"exporting {scenario} and {estimator}"):
-        made = export_ssp(scenario, estimator, output, seed=seed, fmi=int(fmi.value), platforms=_platforms(platform))
+    id = one(estimator) or ""
+    with working(f"exporting {scenario} and {id}"):
+        made = export_ssp(scenario, id, output, seed=seed, fmi=int(fmi.value), platforms=_platforms(platform))
     if as_json:
         print_json({"written": str(output), **made})
         return
-    print_line(f"{output}: {scenario} and {estimator}, {output.stat().st_size / 1000:.0f} kB")
+    print_line(f"{output}: {scenario} and {id}, {output.stat().st_size / 1000:.0f} kB")
     print_line(f"{made['connections']} connections; steps of {made['step_s']:g} s, up to {made['stop_time_s']:g} s")
 
 

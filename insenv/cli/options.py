@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
+
+from insenv.errors import InputError
 
 Work = Callable[[], "int | None"]
 """Returns the exit status; None: done."""
@@ -25,7 +27,8 @@ HELP = {"help_option_names": ["-h", "--help"]}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else.")]
 Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="A name that `insenv list` shows, or a .toml file.")]
-Estimator = Annotated[str, typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")]
+Estimator = Annotated[list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run.")]
+"""One, which `one` takes out of the list: an option that is not a list keeps the last of several without a word."""
 # Optional: older versions of typer do not accept unions
 Estimators = Annotated[
     Optional[list[str]],  # noqa: UP045
@@ -69,3 +72,12 @@ def deferred(command: Callable[..., int | None]) -> Callable[..., Work]:
         return partial(command, *arguments, **options)
 
     return parsed
+
+
+def one(estimators: Sequence[str] | None) -> str | None:
+    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several."""
+    if estimators and len(estimators) > 1:
+        raise InputError(
+            f"-e {' -e '.join(estimators)}: allowed is one estimator; `insenv run` and `insenv campaign` take several"
+        )
+    return estimators[0] if estimators else None

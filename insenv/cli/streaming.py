@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Json, Scenario, Seed, deferred, given_path
+from insenv.cli.options import Json, Scenario, Seed, deferred, given_path, one
 from insenv.errors import InputError
 
 
@@ -31,7 +31,7 @@ def stream(
         ),
     ] = None,
     estimator: Annotated[
-        Optional[str],  # noqa: UP045
+        Optional[list[str]],  # noqa: UP045
         typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; the default is the scenario's first."),
     ] = None,
     seed: Seed = None,
@@ -102,8 +102,8 @@ def stream(
         if to and len(to) > 1:
             raise InputError(f"--to: {len(to)} addresses; --lockstep allows one, that of the autopilot")
         in_step.lockstep(
-            scenario, estimator, kind=lockstep.value, to=to[0] if to else None, seed=seed, speed=speed, duration_s=duration,
-            tlog=tlog, rates=rate or [], as_json=as_json,
+            scenario, one(estimator), kind=lockstep.value, to=to[0] if to else None, seed=seed, speed=speed,
+            duration_s=duration, tlog=tlog, rates=rate or [], as_json=as_json,
         )  # fmt: skip
         return
     if out is not None and not score:
@@ -111,7 +111,7 @@ def stream(
     if not to:
         raise InputError("--to ADDRESS is missing, such as --to udpout:127.0.0.1:14550")
     live.stream(
-        scenario, estimator, to=to, seed=seed, speed=1.0 if speed is None else speed, duration_s=duration, tlog=tlog,
+        scenario, one(estimator), to=to, seed=seed, speed=1.0 if speed is None else speed, duration_s=duration, tlog=tlog,
         rates=rate or [], signing_key_file=signing_key_file, system=system, show_errors=errors, undulation=undulation,
         scored=score, out=out, as_json=as_json,
     )  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Seed, Settings, deferred
+from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Seed, Settings, deferred, one
 
 
 @deferred
@@ -34,11 +34,11 @@ def tune(
     from insenv.workbench.tune import tune as search
     from insenv.workbench.tune_result import tuning_document, tuning_tables, write_tuning
 
-    given = parsed_settings(settings or [])
+    id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
-    with working(f"{source}, {estimator}") as progress:
+    with working(f"{source}, {id}") as progress:
         found = search(
-            source, estimator, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
+            source, id, runs=runs, held_out=held_out, keys=keys, evaluations=evaluations, seed=seed,
             duration_s=duration, settings=given, progress=progress,
         )  # fmt: skip
         written = None if folder is None else write_tuning(found, folder, not no_figure)

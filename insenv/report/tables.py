@@ -120,7 +120,7 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
     published = [(name, rms) for name, rms in report.published if any(channel in rms for channel in shown)]
     if shown:
         columns = error_columns(result)
-        table = _table(*columns, *["published"][: len(published)])
+        table = table_of(*columns, *["published"][: len(published)])
         for channel, (text, values) in zip(shown, error_rows(result), strict=True):
             cells = {column: Text(number(value)) for column, value in values.items()}
             cells["rms"].stylize("bold")
@@ -132,7 +132,7 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
                 *(number(figures.get(channel)) for _, figures in published[:1]),
             )
     else:
-        table = _table(*ESTIMATE_COLUMNS)
+        table = table_of(*ESTIMATE_COLUMNS)
         for row in estimate_rows(result):
             table.add_row(*row)
     yield table
@@ -167,12 +167,13 @@ def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _table(first: str, *columns: str) -> Table:
+def table_of(first: str, *columns: str, least: int = _NUMBER - 1) -> Table:
+    """An empty table: a column of labels, and columns of numbers of at least `least` characters."""
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, _GAP, 0, 0))
     table.add_column(first, no_wrap=True, min_width=_CHANNEL)
     for name in columns:
-        table.add_column(name, justify="right", min_width=_NUMBER - 1, no_wrap=True)
+        table.add_column(name, justify="right", min_width=least, no_wrap=True)
     return table

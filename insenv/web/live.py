@@ -18,6 +18,7 @@ from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
 from insenv.evaluation.errors import TOO_SURE
+from insenv.evaluation.limits.bound import FLOOR
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
@@ -260,7 +261,8 @@ def _limit(plant: Plant, progress: Progress | None) -> dict[str, Any] | None:
         return None
     times = np.linspace(0.0, plant.duration_s, LIMIT_TIMES + 1)[1:]
     found = limit_of(plant, progress).at(times)
-    return {"time_s": _rounded(times), "sigma": {name: _rounded(values) for name, values in found.items()}}
+    sigma = {name: _rounded(values) for name, values in found.items()}
+    return {"time_s": _rounded(times), "sigma": sigma, "floor": {name: FLOOR[name] for name in found}}
 
 
 def _rounded(values: Vector) -> list[float]:

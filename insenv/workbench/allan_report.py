@@ -14,7 +14,7 @@ from insenv.errors import InputError
 from insenv.files.output import atomic, check_output_file
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.tables import _table
+from insenv.report.tables import table_of
 from insenv.sensors.grade_file import SUFFIX, toml_text
 from insenv.workbench.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, Figure
 
@@ -95,7 +95,7 @@ def tables(found: UnitNoise) -> Iterator[RenderableType]:
     yield Text(f"{lasts:.6g} s without motion from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
     for kind, head in _HEADS.items():
         yield Text()
-        table = _table(*head)
+        table = table_of(*head)
         for noise in (*found.axes, *found.triads):
             if noise.kind == kind:
                 table.add_row(noise.name if " " in noise.name else f"{noise.name}, all", *_cells(noise))

@@ -16,7 +16,7 @@ from insenv.report import FilesWritten, OutputFolder
 from insenv.report.document import finite, to_json
 from insenv.report.files import no_matplotlib
 from insenv.report.notebook import require_matplotlib
-from insenv.report.tables import _table, label, number
+from insenv.report.tables import label, number, table_of
 from insenv.style import COLOURS, LIMIT, legend, page, save, title
 from insenv.workbench.tune_parameters import Parameter
 
@@ -135,14 +135,14 @@ def tuning_tables(found: Tuning) -> Iterator[RenderableType]:
     yield Text(f"{found.source}: {found.estimator}", "bold")
     yield Text(f"sought on {found.trained_on}, judged on {found.judged_on}")
     yield Text()
-    table = _table("parameter", "before", "after", "factor")
+    table = table_of("parameter", "before", "after", "factor")
     for parameter, factor in zip(found.parameters, found.factors, strict=True):
         values = (_shown(parameter.setting(each)) for each in (1.0, float(factor)))
         table.add_row(parameter.key, *values, number(float(factor)))
     yield table
     yield Text()
     if found.channels:
-        table = _table("rms", "before", "after", "ratio", "from", "to", "limit")
+        table = table_of("rms", "before", "after", "ratio", "from", "to", "limit")
         for channel in found.channels:
             ratio = channel.ratio
             real = ratio.low > 1.0 or ratio.high < 1.0

@@ -256,3 +256,15 @@ def test_a_closed_pipe_is_not_an_error():
     process.stdout.close()
     assert (process.stderr.read(), process.wait(30)) == ("", 141)
     process.stderr.close()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("budget", "ship-swaying"), ("tune", "car-city-drive"), ("fmu", "export", "ship-swaying", "-o", "x.fmu"),
+     ("fmu", "ssp", "ship-swaying", "-o", "x.ssp"), ("stream", "ship-swaying", "--to", "udpout:127.0.0.1:14999")],
+)  # fmt: skip
+def test_a_command_that_runs_one_estimator_refuses_two(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = call(*command, "-e", "q-method", "-e", "analytic")
+    assert (status, out) == (2, "") and "-e q-method -e analytic: allowed is one estimator" in err
+    assert not list(tmp_path.iterdir())
