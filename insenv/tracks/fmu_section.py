@@ -17,7 +17,7 @@ from insenv.attitude.numeric import to_euler
 from insenv.errors import InputError, nearest
 from insenv.files.toml import Number, Positive, Section, key
 from insenv.tracks.points import Points, checked
-from insenv.tracks.section import RecordedFile, knot_interval
+from insenv.tracks.section import RecordedFile, knot_interval, spacing
 from insenv.tracks.shape import Shape, shaped
 
 
@@ -62,7 +62,7 @@ class FmuSection(RecordedFile):
 def _shape(text: str) -> Shape:
     section = FmuSection.model_validate_json(text)
     points = checked(_run(section), 10.0 * section.step_s, 1e4)
-    return shaped(points, knot_interval(section.knot_s, points), section.smoothing_m, section.bank)
+    return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
 
 
 def _run(section: FmuSection) -> Points:

@@ -146,13 +146,18 @@ def _shape_of(text: str) -> Shape:
     section = RecordedSection.model_validate_json(text)
     found = points_of(Path(section.file), section.columns, section.height_offset_m)
     points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
-    return shaped(points, knot_interval(section.knot_s, points), section.smoothing_m, section.bank)
+    return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
 
 
-def knot_interval(stated: float | None, points: Points) -> float:
-    """Time between knots, s: as stated, or that between points.  Raises `InputError` for too many knots."""
+def spacing(points: Points) -> float:
+    """Usual time between points, s, at least `SHORTEST_KNOT_S`."""
+    return max(float(np.median(np.diff(points.time))), SHORTEST_KNOT_S)
+
+
+def knot_interval(stated: float | None, usual: float, points: Points) -> float:
+    """Time between knots, s: as stated, or the usual one, longer for a long track.  Raises `InputError` for too many knots."""
     lasts = float(points.time[-1])
-    interval = stated or max(float(np.median(np.diff(points.time))), SHORTEST_KNOT_S, lasts / (_MOST - 1))
+    interval = stated or max(usual, lasts / (_MOST - 1))
     if lasts / interval > _MOST:
         raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MOST}")
     return float(interval)

@@ -19,7 +19,7 @@ from insenv import geodesy
 from insenv.errors import InputError
 from insenv.files.toml import Number, Positive, Section, key
 from insenv.tracks.points import Points
-from insenv.tracks.section import TrackSection
+from insenv.tracks.section import TrackSection, knot_interval
 from insenv.tracks.shape import Shape, shaped
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ def _shape(text: str) -> Shape:
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(place, *origin)
     points = Points("vehicle.waypoints", time, latitude, longitude, height)
     noise = SMOOTHING_M if section.smoothing_m is None else section.smoothing_m
-    return shaped(points, section.knot_s or KNOT_S, noise, section.bank)
+    return shaped(points, knot_interval(section.knot_s, KNOT_S, points), noise, section.bank)
 
 
 def planned(section: WaypointsSection) -> tuple[Array, Array]:

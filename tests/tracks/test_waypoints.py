@@ -79,3 +79,16 @@ def test_environments_and_campaigns_take_a_track():
         gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded, heading_deg=(0.0, 90.0)).reset(seed=1)
     summary = insenv.campaign(loaded, "loosely-coupled", 3, duration_s=20.0)
     assert len(summary.seeds) == 3
+
+
+def test_a_plan_of_hours_has_longer_knots(tmp_path):
+    """278 km at 15 m/s: five hours, more knots of half a second than a track can have."""
+    path = tmp_path / "far.toml"
+    path.write_text(
+        'title = "far"\nduration_s = 2.0\n[vehicle]\nkind = "waypoints"\n'
+        "waypoints = [{ latitude_deg = 48.0, longitude_deg = 11.0, speed_mps = 15.0 },"
+        " { latitude_deg = 45.5, longitude_deg = 11.0, speed_mps = 15.0 }]\n"
+        '[imu]\ngrade = "perfect"\n'
+    )
+    shape = insenv.load(path).vehicle.shape
+    assert shape.duration_s > 18_000 and 1.0 < shape.interval < 1.3
