@@ -37,7 +37,7 @@ def test_a_parked_car_learns_no_heading_from_being_level(filter):
         assert abs(result.errors["heading_deg"][-1]) < 3 * result.sigma["heading_deg"][-1]
 
 
-@pytest.mark.parametrize("filter", FILTERS)
+@pytest.mark.parametrize("filter", ["loosely-coupled", pytest.param("fusion", marks=pytest.mark.slow)])
 def test_a_heading_30_deg_off_is_found_while_driving(filter):
     scenario = insenv.load("car-unknown-heading").model_dump(exclude_unset=True)
     scenario["knowledge"] |= {"heading_sigma_deg": 30.0, "heading_error_deg": 30.0}
