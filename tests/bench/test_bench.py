@@ -1,4 +1,4 @@
-"""Benchmarks: names, and a floor beside each figure; no test asserts a time."""
+"""Benchmarks: names, and a floor beside each figure.  Both are measured times on shared machines: no test compares them."""
 
 import pytest
 
@@ -22,7 +22,7 @@ def test_every_documented_figure_is_measured(name, monkeypatch):
     monkeypatch.setattr("insenv.bench.speed.SAMPLES", 20)
     found = {figure.name: figure for figure in figures(name)}
     assert found[name].unit == NAMES[name]
-    assert 0 < found[name].floor < found[name].value
+    assert found[name].floor > 0 and found[name].value > 0
     assert found[name].n > 0
 
 
@@ -33,7 +33,7 @@ def test_figures_of_composed_filters(name, unit, monkeypatch):
     monkeypatch.setattr("insenv.bench.composed.SAMPLES", 10)
     monkeypatch.setattr("insenv.bench.peers.feedback_filter", lambda *_, **__: None)
     (found,) = figures(name)
-    assert found.name == name and found.unit == unit and 0 < found.floor < found.value
+    assert found.name == name and found.unit == unit and found.floor > 0 and found.value > 0
 
 
 @pytest.mark.parametrize("name", ["vector.small", "vector.reset.ship", "vector.reset.tuning", "vector.reset.manoeuvre"])
@@ -42,7 +42,7 @@ def test_figures_of_small_batches_and_of_starts(name, monkeypatch):
     monkeypatch.setattr("insenv.bench.envs.LONG", 60.0)
     found = {figure.name: figure for figure in figures(name)}
     assert list(found) == [name] and found[name].unit == "us"
-    assert 0 < found[name].floor < found[name].value
+    assert found[name].floor > 0 and found[name].value > 0
 
 
 def test_an_unknown_figure_is_named():
