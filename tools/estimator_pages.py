@@ -28,6 +28,7 @@ ON_PAGE = {
     "analytic": ("analytic",),
     "gyrocompass": ("gyrocompass",),
     "q-method": ("q-method",),
+    "velocity-integration": ("velocity-integration",),
     "qakf": ("qakf", "qakf-improved"),
     "qakf-printed": ("qakf-printed", "qakf-improved-printed"),
     "inertial-fir": ("inertial-fir",),

@@ -120,12 +120,12 @@ _HEADS = {
 _WITH_SENSOR = ("instrument_grades",)
 """Lists of grades whose names are those of one sensor."""
 _TITLES_ONLY = ("states", *_WITH_SENSOR)
-"""Lists too long for the screen that shows all names; the grades and printed forms of papers are left out there too."""
+"""Lists too long for the screen that shows all names; grades, scenarios and forms of papers are left out there too."""
 
 
 def _of_paper(name: str) -> bool:
-    """Whether a grade is one that a paper simulates, or an estimator the printed form of a paper's."""
-    return name.startswith("paper-") or name.endswith("-printed")
+    """Whether a grade or a scenario is one that a paper simulates, or an estimator the printed form of a paper's."""
+    return name.startswith("paper-") or name.endswith(("-printed", "-paper"))
 
 
 def _head(key: str) -> str:
@@ -147,7 +147,7 @@ def _print_names() -> None:
             label = f"{_head(key)}s" if what is What.grades else what.value
             rows.append((label, ", ".join(name for name in map(_name, known) if not _of_paper(name))))
     print_table(("what", "names"), rows, head=False)
-    print_line("titles, states, grades and forms of papers, instruments: insenv list WHAT")
+    print_line("titles, states, what papers simulate and print, instruments: insenv list WHAT")
 
 
 def _print_titles(key: str, rows: Rows) -> None:

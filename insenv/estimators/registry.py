@@ -16,6 +16,7 @@ MODULES = (
     "ecef_kf",
     "ecef_kf_printed",
     "q_method",
+    "velocity_integration",
     "inertial_fir",
     "gyrocompass",
     "qakf",

@@ -51,6 +51,7 @@ def test_the_list_of_scenarios() -> None:
     assert IN_PLACE | {
         "ship-underway", "car-city-drive", "aircraft-survey", "aircraft-free-inertial", "aircraft-inflight-alignment",
         "car-unknown-heading", "car-odometer", "car-survey", "car-unknown-receiver", "multirotor-hover", "ship-dvl",
+        "ship-at-sea",
     } == set(names())  # fmt: skip
 
 

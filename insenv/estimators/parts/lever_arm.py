@@ -33,8 +33,12 @@ MEMORY = Table((
 
 def followed(x: Any, rate: Any, dt: Any, first: Any) -> dict[str, Any]:
     """Row `mean_rate` after a sample of mean rate `rate` (3, rad/s, b) and length `dt` (s); first: 1 at the first one."""
-    mean = x.mean_rate + (rate - x.mean_rate) * (dt / (_lag(x, dt) + dt))
-    return {"mean_rate": select(first, rate, mean)}
+    return {"mean_rate": lagging(x, x.mean_rate, rate, dt, first)}
+
+
+def lagging(x: Any, mean: Any, value: Any, dt: Any, first: Any) -> Any:
+    """A mean (3) of what changes slowly, as it was `rate_lag` ago, after a sample of mean `value` (3) and length `dt` (s)."""
+    return select(first, value, mean + (value - mean) * (dt / (_lag(x, dt) + dt)))
 
 
 def angular_acceleration(x: Any, rate: Any, dt: Any) -> Any:

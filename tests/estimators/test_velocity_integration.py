@@ -1,0 +1,210 @@
+"""velocity-integration: exact without errors, an independent reference, its stated accuracy by perturbation and by chance."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from insenv import attitude, geodesy, run
+from insenv.campaigns.block import run_block
+from insenv.campaigns.plan import make_plan
+from insenv.core.batch import make_batch
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.estimators import get, velocity_integration
+from insenv.plant.feeding import input_rows
+from insenv.runs.ensemble import ensemble
+from insenv.scenario import build, load
+
+ID = "velocity-integration"
+MODEL = get(ID).model
+
+
+def perfect(name, **gnss):
+    """A scenario with an inertial unit and a receiver without errors."""
+    scenario = load(name)
+    imu = scenario.imu.model_copy(update={"grade": "perfect"})
+    return scenario.model_copy(update={"imu": imu, "gnss": scenario.gnss.model_copy(update={"grade": "perfect", **gnss})})
+
+
+@cache
+def drive(seconds=70.0):
+    """Columns of the drive of `car-unknown-heading` without errors, at 100 Hz, and the lever arm."""
+    plant = build(perfect("car-unknown-heading").model_copy(update={"rate_hz": 100.0}), seed=1, duration_s=seconds)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, 0.01)
+    return columns, plant.knowledge.antenna_lever_arm
+
+
+QUIET = {"memory_time": 30.0, "gyro_bias_sigma": 0.0, "accel_bias_sigma": 0.0, "angle_random_walk": 0.0}
+
+
+def found(columns, arm, **parameters):
+    """Attitude (4) at the end of columns, and its stated standard deviations (3, rad)."""
+    n = len(columns["dt"])
+    runner = make_runner(MODEL, {**QUIET, "antenna_lever_arm": arm, **parameters})
+    runner.run(n, input_rows(MODEL, columns, n), 0)
+    outputs = runner.outputs()
+    return outputs["q_nb"], outputs["attitude_sigma"]
+
+
+def sharp(columns):
+    """The columns with fixes whose noise does not count."""
+    return {**columns, "gnss_velocity_sigma": np.full_like(columns["gnss_velocity_sigma"], 1e-6)}
+
+
+@pytest.mark.parametrize(("latency", "bound"), [(0.0, 5e-4), (0.05, 3e-3), (0.4, 3e-2)])
+def test_without_errors_the_attitude_is_exact(latency, bound):
+    """From an unknown heading, through S-turns, with a lever arm: what is left is the extrapolation of a late fix."""
+    e = ensemble(perfect("car-unknown-heading", latency_s=latency), [ID], [1], records=24)
+    errors = np.abs(e.attitude_errors_deg(ID)[0, e.time >= 45.0])
+    assert errors[:, :2].max() < 0.1 * bound and errors[:, 2].max() < bound
+
+
+def test_a_lever_arm_that_is_left_out_shows():
+    columns, arm = drive()
+    right, wrong = (found(columns, a)[0] for a in (arm, np.zeros(3)))
+    error = [np.degrees(np.abs(attitude.numeric.error_rotation_vector(q, columns["q_nb"][-1]))[2]) for q in (right, wrong)]
+    assert error[0] < 5e-3 and error[1] > 0.05
+
+
+def test_against_the_formula_of_the_paper_in_the_navigation_frame():
+    """Wu and Pan's vectors in n at the start, with the transport rate, and SciPy's solution of Wahba's problem."""
+    scenario = perfect("aircraft-inflight-alignment", latency_s=0.0, lever_arm_m=[0.0, 0.0, 0.0])
+    plant = build(scenario, seed=1, duration_s=120.0)
+    c = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    dt = plant.sample_interval
+    C_ib, alpha, C_n0n, part = Rotation.identity(), np.zeros(3), Rotation.identity(), np.zeros(3)
+    alphas, betas, rate, before, last = [], [], np.zeros(3), 0.0, np.zeros(3)
+    for k in range(plant.samples):
+        turn = Rotation.from_rotvec(c["delta_angle"][k])
+        alpha = alpha + (C_ib * Rotation.from_rotvec(c["delta_angle"][k] / 2)).apply(c["delta_velocity"][k])
+        C_ib = C_ib * turn
+        if not c["gnss_valid"][k]:
+            continue
+        latitude, height, v = c["gnss_latitude"][k], c["gnss_height"][k], c["gnss_velocity_n"][k]
+        earth = geodesy.numeric.earth_rate_n(latitude)
+        over = earth + geodesy.numeric.transport_rate_n(v, latitude, height)
+        step = (k + 1) * dt - before
+        C_n0n = C_n0n * Rotation.from_rotvec((rate if alphas else over) * step / 2 + over * step / 2)
+        gravity = np.array([0.0, 0.0, float(geodesy.numeric.normal_gravity(np.sin(latitude), height))])
+        now = C_n0n.apply(np.cross(earth, v) - gravity)
+        part = part + (last + now) * step / 2 if alphas else np.zeros(3)
+        last, rate, before = now, over, (k + 1) * dt
+        alphas.append(alpha)
+        betas.append(C_n0n.apply(v) + part)
+    alphas, betas = np.array(alphas), np.array(betas)
+    Q, _ = Rotation.align_vectors(betas - betas.mean(axis=0), alphas - alphas.mean(axis=0))
+    expected = C_n0n.inv() * Q * C_ib
+    arm = {"memory_time": 1e9, "antenna_lever_arm": np.zeros(3)}
+    runner = make_runner(MODEL, {**QUIET, **arm})
+    runner.run(plant.samples, input_rows(MODEL, {**c, "dt": np.full(plant.samples, dt)}, plant.samples), 0)
+    q = runner.outputs()["q_nb"]
+    apart = (Rotation.from_quat(q[[1, 2, 3, 0]]) * expected.inv()).as_rotvec()
+    assert np.degrees(np.abs(apart)).max() < 2e-3
+    error = attitude.numeric.error_rotation_vector(q, c["q_nb"][-1])
+    assert np.degrees(np.abs(error)).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("row", "sigma"),
+    [
+        ("gyro_bias_sigma", 2e-6),
+        ("accel_bias_sigma", 1e-3),
+        ("antenna_lever_arm_sigma", 0.05),
+        ("gnss_delay_sigma", 0.01),
+    ],
+)
+def test_what_a_constant_error_does_is_what_is_stated(row, sigma):
+    """Each component of the error in turn, in the data: the root of the sum of the squares is the stated sigma."""
+    columns, arm = drive(46.0)  # in a turn: the answer is new, and the noise of the fixes decides that
+    columns = {**columns, "gnss_velocity_sigma": np.full_like(columns["gnss_velocity_sigma"], 0.05)}
+    told = {row: np.full(3, sigma) if row == "antenna_lever_arm_sigma" else sigma}
+
+    def perturbed(i, size):
+        if row == "gnss_delay_sigma":
+            return found({**columns, "gnss_age": columns["gnss_age"] - size}, arm, **told)[0]
+        if row == "antenna_lever_arm_sigma":
+            late = 5  # samples
+            swing = attitude.numeric.rotate(columns["q_nb"], np.cross(columns["delta_angle"] / 0.01, size * np.eye(3)[i]))
+            return found(
+                {**columns, "gnss_velocity_n": columns["gnss_velocity_n"] + np.roll(swing, late, axis=0)}, arm, **told
+            )[0]
+        increment = "delta_angle" if row == "gyro_bias_sigma" else "delta_velocity"
+        return found({**columns, increment: columns[increment] + size * 0.01 * np.eye(3)[i]}, arm, **told)[0]
+
+    square = np.zeros(3)
+    for i in range(1 if row == "gnss_delay_sigma" else 3):
+        up, down = perturbed(i, sigma), perturbed(i, -sigma)
+        square += (attitude.numeric.error_rotation_vector(up, down) / 2) ** 2
+    stated = np.sqrt(found(columns, arm, **told)[1] ** 2 - found(columns, arm)[1] ** 2)
+    assert stated == pytest.approx(np.sqrt(square), rel=0.05, abs=3e-6)
+
+
+@pytest.mark.parametrize("kind", ["fixes", "gyros", "accelerometers"])
+def test_what_white_noise_does_is_what_is_stated(kind):
+    columns, arm = drive()
+    n, count, rng, truth = len(columns["dt"]), 192, np.random.default_rng(4), columns["q_nb"][-1]
+    columns = {name: columns[name] for name in MODEL.inputs.names}
+    parameters = {**QUIET, "antenna_lever_arm": arm}
+    if kind == "fixes":
+        columns = {**columns, "gnss_velocity_sigma": np.full((n, 3), 0.05)}
+    else:
+        columns = sharp(columns)
+        parameters["angle_random_walk" if kind == "gyros" else "velocity_random_walk"] = 2e-5 if kind == "gyros" else 1e-2
+    u = np.broadcast_to(input_rows(MODEL, columns, n), (count, n, MODEL.inputs.size)).copy()
+    name, size = {
+        "fixes": ("gnss_velocity_n", 0.05),
+        "gyros": ("delta_angle", 2e-5 * 0.1),
+        "accelerometers": ("delta_velocity", 1e-2 * 0.1),
+    }[kind]
+    u[:, :, MODEL.inputs.slice(name)] += size * rng.normal(size=(count, n, 3))
+    batch = make_batch(MODEL, count, np.tile(MODEL.parameters.pack(parameters), (count, 1)))
+    shown = MODEL.outputs.unpack(batch.run(n, u, every=n)[:, -1])
+    errors = np.array([attitude.numeric.error_rotation_vector(q, truth) for q in shown["q_nb"]])
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    # 192 runs: 15 % are three standard deviations
+    assert rms / shown["attitude_sigma"].mean(axis=0) == pytest.approx(np.ones(3), abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"), [("car-unknown-heading", None), ("aircraft-inflight-alignment", 120.0), ("ship-at-sea", 240.0)]
+)
+def test_stated_sigmas_cover_the_errors(name, seconds):
+    plan = make_plan(name, ID, 16, first_seed=40000, duration_s=seconds)
+    blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
+    error, sigma = (np.concatenate([block[part] for block in blocks]) for part in ("error", "sigma"))
+    assert (np.mean(np.abs(error) > 3 * sigma, axis=(0, 1)) <= 0.01).all()
+    ratio = np.sqrt(np.mean(error[:, -1, 2] ** 2) / np.mean(sigma[:, -1, 2] ** 2))
+    assert 0.5 < ratio < 1.5 and sigma[:, -1, 2].max() < 2.0
+
+
+def test_a_straight_line_shows_no_heading_and_the_run_says_so():
+    result = run("car-unknown-heading", ID, seed=3, duration_s=28.0).results[0]
+    assert result.sigma["heading_deg"].min() > 90.0 and result.sigma["roll_deg"][-1] < 0.2
+    assert any("heading is unknown at the end" in note for note in result.notes)
+
+
+def test_fixes_without_a_velocity_give_no_attitude():
+    result = run("car-survey", ID, duration_s=20.0).results[0]
+    assert result.sigma["roll_deg"][-1] > 90.0 and any("no attitude was found" in note for note in result.notes)
+
+
+def test_a_vehicle_in_place_is_refused():
+    with pytest.raises(InputError, match="needs a vehicle that moves"):
+        run("large-misalignment", ID)
+
+
+def test_the_memory_balances_fixes_and_gyros():
+    """The time after which a drift bends alpha by as much as the noise of the fixes moves its mean, by least squares."""
+    bias = 2e-5
+    memory = velocity_integration.memory_time(bias, 0.0)
+    T = memory * np.sqrt(12)
+    t = (np.arange(4000) + 0.5) * T / 4000
+    bent = geodesy.NOMINAL_GRAVITY * bias * t**2 / 2
+    left = bent - np.polyval(np.polyfit(t, bent, 1), t)
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(velocity_integration.FIX_NOISE / np.sqrt(T), rel=1e-3)
+    assert velocity_integration.memory_time(bias, 1e-3) < memory
+    assert velocity_integration.memory_time(0.0, 0.0) == velocity_integration.LONGEST
+    assert velocity_integration.memory_time(1.0, 0.0) == velocity_integration.SHORTEST
