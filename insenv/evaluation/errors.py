@@ -141,7 +141,7 @@ def errors(estimate: Track, truth: Track) -> dict[str, Array]:
         found.update(zip(ATTITUDE, wrapped_deg(estimate.euler_deg() - truth.euler_deg()).T, strict=True))
     if estimate.latitude is not None and truth.latitude is not None:
         places = [(t.latitude, t.longitude, t.height) for t in (estimate, truth)]
-        found.update(zip(POSITION, geodesy.numeric.ned_offset(*places[0], *places[1]).T, strict=True))
+        found.update(zip(POSITION, geodesy.numeric.position_error(*places[0], *places[1]).T, strict=True))
     if estimate.velocity_n is not None and truth.velocity_n is not None:
         found.update(zip(VELOCITY, (estimate.velocity_n - truth.velocity_n).T, strict=True))
     return found

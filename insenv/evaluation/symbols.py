@@ -43,7 +43,7 @@ def error_of(channels: Sequence[str], found: Values, truth: Values) -> Any:
         parts += [DEGREES * wrap_angle(estimate - true) for estimate, true in angles]
     if "north_m" in channels:
         places = [(v.latitude, v.longitude, v.height) for v in (found, truth)]
-        parts.append(geodesy.ned_offset(*places[0], *places[1]))
+        parts.append(geodesy.position_error(*places[0], *places[1]))
     if "vn_mps" in channels:
         parts.append(found.velocity_n - truth.velocity_n)
     return ca.vertcat(*parts)

@@ -22,6 +22,7 @@ from insenv.geodesy.position import (
     geodetic_from_ned_offset,
     geodetic_to_ecef,
     ned_offset,
+    position_error,
 )
 from insenv.geodesy.wgs84 import (
     E2,
@@ -70,6 +71,7 @@ __all__ = [
     "normal_gravity_about_axis",
     "normal_gravity_paper",
     "numeric",
+    "position_error",
     "q_ew_from_geodetic",
     "radii",
     "transport_rate_about_axis",

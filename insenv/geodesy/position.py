@@ -87,6 +87,23 @@ def ned_offset(
     )
 
 
+def position_error(
+    latitude: Scalar,
+    longitude: Scalar,
+    height: Scalar,
+    latitude0: Scalar,
+    longitude0: Scalar,
+    height0: Scalar,
+) -> ca.SX:
+    """North, east, down (3x1, m) of a position less a reference: down is the difference of the heights.
+
+    North and east are those of `ned_offset`. Its down leaves the ellipsoid with the square of the distance: 0.8 m at
+    3.2 km, 800 m at 100 km, at equal heights.
+    """
+    offset = ned_offset(latitude, longitude, height, latitude0, longitude0, height0)
+    return ca.vertcat(offset[0], offset[1], height0 - height)
+
+
 def geodetic_from_ned_offset(
     offset: ca.SX, latitude0: Scalar, longitude0: Scalar, height0: Scalar
 ) -> tuple[ca.SX, ca.SX, ca.SX]:

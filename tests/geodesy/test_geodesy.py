@@ -228,6 +228,16 @@ def test_ned_offset_keeps_small_differences():
     np.testing.assert_array_equal(numeric.ned_offset(lat0, lon0, h0, lat0, lon0, h0), 0.0)
 
 
+def test_a_position_error_has_the_difference_of_the_heights():
+    """At equal heights, 100 km away: the tangent plane is 800 m above the ellipsoid; nearby both are the same."""
+    place = (0.5, 1.0, 20.0)
+    far = (0.5, 1.0 + 0.0178, 25.0)
+    offset, error = (f(*far, *place) for f in (numeric.ned_offset, numeric.position_error))
+    assert np.array_equal(error[:2], offset[:2]) and error[2] == -5.0 and offset[2] > 700.0
+    near = (0.5 + 1e-7, 1.0 - 1e-7, 21.0)
+    np.testing.assert_allclose(numeric.position_error(*near, *place), numeric.ned_offset(*near, *place), atol=1e-6)
+
+
 def test_ned_offset_over_the_date_line():
     offset = numeric.ned_offset(0.5, -np.pi + 1e-7, 0.0, 0.5, np.pi - 1e-7, 0.0)
     assert offset[1] == pytest.approx(2e-7 * numeric.radii(np.sin(0.5))[1] * np.cos(0.5), rel=1e-8)
