@@ -47,6 +47,7 @@ from insenv.vehicles import car_section as car
 from insenv.vehicles import multirotor_section as multirotor
 from insenv.vehicles import section as legs
 from insenv.vehicles import ship_section as ship
+from insenv.vehicles import turntable_section as turntable
 
 ROOT = Path(__file__).resolve().parents[1]
 Sections = Iterable[tuple[str, type[BaseModel]]]
@@ -78,6 +79,8 @@ SCENARIO_SECTIONS: Sections = (
     ("a leg of an aircraft", aircraft.AircraftLeg),
     ('[vehicle], kind = "multirotor"', multirotor.MultirotorSection),
     ("a leg of a multirotor", multirotor.MultirotorLeg),
+    ('[vehicle], kind = "turntable"', turntable.TurntableSection),
+    ("a leg of a turntable", turntable.TurntableLeg),
     ('[vehicle], kind = "recorded"', RecordedSection),
     ("[vehicle.columns]", Columns),
     ('[vehicle], kind = "waypoints"', WaypointsSection),

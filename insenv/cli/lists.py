@@ -123,9 +123,11 @@ _TITLES_ONLY = ("states", *_WITH_SENSOR)
 """Lists too long for the screen that shows all names; grades, scenarios and forms of papers are left out there too."""
 
 
-def _of_paper(name: str) -> bool:
+def _of_paper(row: dict[str, Any]) -> bool:
     """Whether a grade or a scenario is one that a paper simulates, or an estimator the printed form of a paper's."""
-    return name.startswith("paper-") or name.endswith(("-printed", "-paper"))
+    name = _name(row)
+    simulated = "duration_s" in row and "paper" in row["title"].lower()
+    return simulated or name.startswith("paper-") or name.endswith("-printed")
 
 
 def _head(key: str) -> str:
@@ -145,7 +147,7 @@ def _print_names() -> None:
             if key in _TITLES_ONLY:
                 continue
             label = f"{_head(key)}s" if what is What.grades else what.value
-            rows.append((label, ", ".join(name for name in map(_name, known) if not _of_paper(name))))
+            rows.append((label, ", ".join(_name(row) for row in known if not _of_paper(row))))
     print_table(("what", "names"), rows, head=False)
     print_line("titles, states, what papers simulate and print, instruments: insenv list WHAT")
 

@@ -16,8 +16,9 @@ def _shipped() -> Iterator[type[VehicleSection]]:
     from insenv.vehicles.car_section import CarSection
     from insenv.vehicles.multirotor_section import MultirotorSection
     from insenv.vehicles.ship_section import ShipSection
+    from insenv.vehicles.turntable_section import TurntableSection
 
-    yield from (ShipSection, CarSection, AircraftSection, MultirotorSection)
+    yield from (ShipSection, CarSection, AircraftSection, MultirotorSection, TurntableSection)
 
 
 def kind_of(section: type[VehicleSection]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from insenv.errors import InputError, nearest
-from insenv.estimators.fusion import barometer, dvl, gnss, heading, inertial, magnetometer, odometer, zero_velocity
+from insenv.estimators.fusion import barometer, dvl, gnss, heading, in_place, inertial, magnetometer, odometer, zero_velocity
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
 
@@ -18,7 +18,7 @@ AIDS: Mapping[str, Aid] = {
     aid.id: aid
     for aid in (
         gnss.WHITE, odometer.AID, odometer.NON_HOLONOMIC, barometer.AID, magnetometer.AID, dvl.AID, heading.AID,
-        zero_velocity.AID,
+        zero_velocity.AID, in_place.AID,
     )
 }  # fmt: skip
 """In the order in which a filter uses those that measure at the same sample: zero velocity, the surest, last."""

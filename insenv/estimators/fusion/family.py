@@ -76,10 +76,10 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
     )
 
 
-_VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic")
+_VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic", "in_place")
 """Aids that hold the height or the vertical velocity."""
-_HEADING = ("gnss", "magnetometer", "heading")
-"""Aids that show the heading, GNSS by motion."""
+_HEADING = ("gnss", "magnetometer", "heading", "in_place")
+"""Aids that show the heading: GNSS by motion, a fixed place by the rotation of the Earth."""
 NO_HEADING = (
     "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
     "position come out too small, by a factor of 2 to 7 after some minutes of a car's drive"

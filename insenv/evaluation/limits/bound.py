@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +16,9 @@ from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mooring import mooring_of
-from insenv.evaluation.limits.recursion import Layout, Prior, recursion
+from insenv.evaluation.limits.recursion import NAVIGATION, Layout, Prior, errors_left, recursion
 from insenv.evaluation.limits.states import receiver_of, unit_of, wander_of
-from insenv.evaluation.limits.steps import step_ends, steps_along
+from insenv.evaluation.limits.steps import Steps, step_ends, steps_along
 
 Array = NDArray[np.float64]
 
@@ -109,13 +109,8 @@ def bound(
     numbers of samples done and in all.
     """
     interval = float(rows["sample_interval"])
-    fixes = fixes_of(rows, interval)
-    mooring = mooring_of(rows) if in_place else None
-    of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
-    own = tuple(source for source in of_fixes if source is not None)
-    layout = Layout(unit_of(rows), own, fixes, mooring, aids_of(rows, interval))
-    ends = step_ends(samples, interval, fixes)
-    steps = steps_along(model, model.parameters.pack(rows), interval, ends, layout.unit.C_bs)
+    layout = _layout(rows, interval, in_place)
+    steps = _steps(model, rows, interval, samples, layout)
     times, sigmas = [], []
     for time, sigma in recursion(steps, layout, prior):
         times.append(time)
@@ -123,6 +118,49 @@ def bound(
         if progress is not None:
             progress(round(float(time[-1]) / interval), samples)
     return limit_of(np.concatenate(times), np.concatenate(sigmas))
+
+
+def bound_of_unit(model: Model, rows: Mapping[str, Any], prior: Prior, samples: int, *, in_place: bool) -> dict[str, Array]:
+    """The smallest standard deviations of the errors of the inertial unit at the end of a trajectory, SI.
+
+    As `bound`.  By the names of the error states of `fusion`: gyro_bias, accel_bias (3; all that a bias is made of),
+    gyro_scale, accel_scale (3), gyro_misalignment, accel_misalignment (6); those that the unit has.
+    """
+    interval = float(rows["sample_interval"])
+    layout = _layout(rows, interval, in_place)
+    P = errors_left(_steps(model, rows, interval, samples, layout), layout, prior)
+    picks: dict[str, dict[int, Array]] = {}  # by name and component, which states make it up
+    for source in layout.unit.sources:
+        if source.triad not in (0, 1):
+            continue
+        begin = layout.place(source).start - NAVIGATION
+        for number, place in enumerate(source.place.tolist()):
+            named = _named(source.name, "gyro" if source.triad == 0 else "accel", place)
+            if named is not None:
+                name, component = named
+                picks.setdefault(name, {}).setdefault(component, np.zeros(len(P)))[begin + number] = 1.0
+    return {name: np.array([np.sqrt(w @ P @ w) for _, w in sorted(components.items())]) for name, components in picks.items()}
+
+
+def _named(source: str, triad: str, place: int) -> tuple[str, int] | None:
+    """The error state that a component of a source belongs to, and which of its components; None for others."""
+    if source == "matrix":
+        row, column = divmod(place, 3)
+        return (f"{triad}_scale", row) if row == column else (f"{triad}_misalignment", place)
+    return (f"{triad}_bias", place) if "bias" in source or "flicker" in source else None
+
+
+def _layout(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layout:
+    fixes = fixes_of(rows, interval)
+    mooring = mooring_of(rows) if in_place else None
+    of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
+    own = tuple(source for source in of_fixes if source is not None)
+    return Layout(unit_of(rows), own, fixes, mooring, aids_of(rows, interval))
+
+
+def _steps(model: Model, rows: Mapping[str, Any], interval: float, samples: int, layout: Layout) -> Iterable[Steps]:
+    ends = step_ends(samples, interval, layout.fixes)
+    return steps_along(model, model.parameters.pack(rows), interval, ends, layout.unit.C_bs)
 
 
 def limit_of(time: Array, sigma: Array) -> Limit:

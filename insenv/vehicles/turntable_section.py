@@ -1,0 +1,61 @@
+"""The section [vehicle] of a three-axis turntable: a plan of orientations."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Any, Literal
+
+from insenv.errors import InputError
+from insenv.files.toml import Number, Section, key
+from insenv.vehicles.section import MAX_LEGS, StartSection, VehicleSection, in_legs
+from insenv.vehicles.three_axis_table import ANGLES, SCRIPT, three_axis_table
+from insenv.vehicles.truth import Vehicle
+
+
+class TurntableLeg(Section):
+    """One orientation, from that of [start]: an angle that is absent stays; the table turns there and then stands."""
+
+    duration_s: Number = key(..., "duration of the turn and the standing", "s", gt=0, le=86400)
+    roll_deg: Number | None = key(None, "angle of the roll axis", "deg", ge=-36000, le=36000)
+    pitch_deg: Number | None = key(None, "angle of the pitch axis", "deg", ge=-36000, le=36000)
+    heading_deg: Number | None = key(None, "angle of the heading axis", "deg", ge=-36000, le=36000)
+    rate_deg_s: Number | None = key(None, "largest rate of each axis, from this leg on (initially 10)", "deg/s", gt=0, le=1000)
+
+
+class TurntableSection(VehicleSection):
+    """A three-axis turntable that turns the unit in place, to calibrate it or to average its biases."""
+
+    kind: Literal["turntable"] = key(..., "kind of vehicle")
+    legs: tuple[TurntableLeg, ...] = key((), "the plan, orientation by orientation", max_length=MAX_LEGS)
+    repeat_legs: bool = key(False, "repeat the legs", strict=True)
+
+    @property
+    def in_place(self) -> bool:
+        """It turns about a fixed point."""
+        return True
+
+    def vehicle(self) -> Vehicle:
+        """Equations of motion."""
+        return three_axis_table()
+
+    def check_interval(self, sample_interval: float) -> None:
+        """Raise `InputError` for a rate that turns the unit too far in a sample."""
+        fastest = max((leg.rate_deg_s or 0.0 for leg in self.legs), default=0.0)
+        turned = radians(fastest) * sample_interval
+        if turned > LARGEST_TURN:
+            raise InputError(
+                f"vehicle.legs: rate_deg_s = {fastest:g} turns by {turned:.2g} rad in a sample: allowed is {LARGEST_TURN} rad; "
+                "use a higher rate_hz"
+            )
+
+    def rows(self, start: StartSection) -> dict[str, Any]:
+        """Parameter rows (SI)."""
+        segments = []
+        for leg in self.legs:
+            turned = {name: getattr(leg, f"{name}_deg") for name in ANGLES} | {"rate": leg.rate_deg_s}
+            segments.append({"duration": leg.duration_s} | {k: radians(v) for k, v in turned.items() if v is not None})
+        return {"segments": in_legs(lambda: SCRIPT.table(segments)), "segments_repeat": float(self.repeat_legs)}
+
+
+LARGEST_TURN = 0.2
+"""rad in a sample, of each of three axes."""

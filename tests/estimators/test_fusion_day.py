@@ -1,0 +1,31 @@
+"""`fusion` for a day without GNSS: a barometer holds the height within its own errors."""
+
+import numpy as np
+import pytest
+
+from insenv.runs.ensemble import ensemble
+from insenv.scenario import load, parse
+
+RUNS = 8
+
+
+def day():
+    """The ship of `ship-dvl` without its log, with a barometer; GNSS is lost after ten minutes."""
+    values = load("ship-dvl").model_dump(mode="json", warnings=False)
+    values["gnss"]["outages_s"] = [[600.0, 90000.0]]
+    values |= {"dvl": None, "barometer": {"grade": "ms5611", "interval_s": 1.0}, "duration_s": 86400.0, "rate_hz": 20.0}
+    return parse(values, "day", "day")
+
+
+@pytest.mark.slow
+def test_the_height_of_a_day_without_gnss_is_that_of_the_barometer():
+    """Without it the height error grows by a factor of e every 9.5 minutes."""
+    found = ensemble(day(), ["fusion"], range(20000, 20000 + RUNS), records=288)
+    outputs, late = found.outputs["fusion"], found.time > 600.0
+    error = (outputs["height"] - found.truth["height"])[:, late]
+    sigma = outputs["position_sigma"][:, late, 2]
+    # of the barometer: weather of 2.0 m, beside what GNSS of 2.5 m CEP and its wander left of its offset in ten minutes
+    assert 2.0 < sigma.max() < 3.5
+    rms = np.sqrt(np.mean(error**2))
+    assert rms < 1.5 * np.sqrt(np.mean(sigma**2)) and np.mean(np.abs(error) > 3 * sigma) < 0.02
+    assert np.abs(error).max() < 4.5 * sigma.max()

@@ -1,0 +1,100 @@
+"""What a self-calibration reaches: errors of each error state of `fusion` at the end of a plan, over seeds, beside the bound.
+
+    python tools/calibration.py                          turntable-calibration, 64 seeds from 7000
+    python tools/calibration.py SCENARIO [RUNS]
+
+By state: the root mean square over runs and axes of the error before (what the data sheet states) and after, of the stated
+standard deviation after, and the smallest that any method can have.
+"""
+
+from __future__ import annotations
+
+import sys
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from insenv.core.runner import make_runner
+from insenv.evaluation.limits.bound import bound_of_unit
+from insenv.runs.ensemble import ensemble
+from insenv.scenario import build, load
+from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
+
+Array = NDArray[np.float64]
+
+FIRST_SEED, RUNS = 7000, 64
+UNITS = {
+    "gyro_bias": ("deg/h", degrees(1.0) * 3600.0),
+    "accel_bias": ("ug", 1e6 / 9.80665),
+    "gyro_scale": ("ppm", 1e6),
+    "accel_scale": ("ppm", 1e6),
+    "gyro_misalignment": ("urad", 1e6),
+    "accel_misalignment": ("urad", 1e6),
+}
+_COUPLINGS = np.array([1, 2, 3, 5, 6, 7])  # xy, xz, yx, yz, zx, zy in a 3 x 3 matrix by rows
+
+
+def true_errors(state: dict[str, Array], bias: dict[str, Array]) -> dict[str, Array]:
+    """The errors of a unit by the names of the error states, from a plant's state and its true biases by row name."""
+    found = {}
+    for triad in ("gyro", "accel"):
+        matrix = (state[f"{triad}_error_matrix"] - np.eye(3)).ravel()
+        found[f"{triad}_bias"] = bias[f"{triad}_bias_true"]
+        found[f"{triad}_scale"], found[f"{triad}_misalignment"] = matrix[[0, 4, 8]], matrix[_COUPLINGS]
+    return found
+
+
+def table(name: str = "turntable-calibration", runs: int = RUNS, first_seed: int = FIRST_SEED) -> list[dict[str, float | str]]:
+    """One row per error state, in the units of `UNITS`."""
+    scenario = load(name)
+    done = ensemble(scenario, ["fusion"], range(first_seed, first_seed + runs), records=2)
+    outputs = done.outputs["fusion"]
+    plant = build(scenario, seed=TRAJECTORY_SEED)
+    least = bound_of_unit(
+        plant.model, plant.parameters, prior_of(scenario.knowledge), plant.samples, in_place=bool(plant.in_place)
+    )
+    true = [
+        true_errors(
+            make_runner(each.model, each.parameters).state,
+            {row: done.truth[row][k, -1] for row in ("gyro_bias_true", "accel_bias_true")},
+        )
+        for k, each in enumerate(done.plants)
+    ]
+    rows: list[dict[str, float | str]] = []
+    for state, (unit, scale) in UNITS.items():
+        if state not in outputs:
+            continue
+        actual = np.array([each[state] for each in true])
+        error = outputs[state][:, -1] - actual
+        sigma = outputs[f"{state}_estimate_sigma"][:, -1]
+        rows.append({
+            "state": state,
+            "unit": unit,
+            "before": scale * _rms(actual),
+            "after": scale * _rms(error),
+            "stated": scale * _rms(sigma),
+            "bound": scale * _rms(least[state]),
+            "beyond": float(np.mean(np.abs(error) > 3 * sigma)),
+        })  # fmt: skip
+    return rows
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def main(arguments: list[str]) -> None:
+    """Print the table."""
+    name = arguments[0] if arguments else "turntable-calibration"
+    runs = arguments[1] if len(arguments) > 1 else str(RUNS)
+    rows = table(name, int(runs))
+    print("| state | unit | before | after: rms | stated | bound | rms/bound | beyond 3 sigma |\n|---" + "|---" * 7 + "|")
+    for row in rows:
+        numbers = " | ".join(f"{row[key]:.3g}" for key in ("before", "after", "stated", "bound"))
+        ratio = float(row["after"]) / float(row["bound"])
+        print(f"| `{row['state']}` | {row['unit']} | {numbers} | {ratio:.2f} | {100 * float(row['beyond']):.1f} % |")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
