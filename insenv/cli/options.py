@@ -75,8 +75,8 @@ def deferred(command: Callable[..., int | None]) -> Callable[..., Work]:
 
 
 def one(estimators: Sequence[str] | None) -> str | None:
-    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several."""
-    if estimators and len(estimators) > 1:
+    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several different ones."""
+    if estimators and len(set(estimators)) > 1:
         raise InputError(
             f"-e {' -e '.join(estimators)}: allowed is one estimator; `insenv run` and `insenv campaign` take several"
         )

@@ -331,8 +331,15 @@ def test_the_command_compares(tmp_path):
     document = strict(out)
     assert status == 0 and [one["estimator"] for one in document["campaigns"]] == ["q-method", "analytic"]
     assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
-    status, _, err = call(*given[:4], *given[2:], "-e", "q-method")
-    assert status == 2 and "q-method, q-method" in err and "different ones" in err
+
+
+def test_an_estimator_that_is_named_twice_runs_once_in_every_command(tmp_path):
+    twice = ("ship-swaying", "-e", "q-method", "-e", "q-method", "--duration", "10")
+    status, out, err = call("campaign", *twice, "-n", "4", "--out", tmp_path / "out")
+    assert (status, err) == (0, "") and "compared with" not in out and (tmp_path / "out" / "campaign.json").is_file()
+    status, out, err = call("run", *twice, "--json")
+    assert (status, err) == (0, "") and [one["estimator"] for one in strict(out)["results"]] == ["q-method"]
+    assert call("budget", *twice, "-n", "2")[::2] == (0, "")
 
 
 # --- tables -------------------------------------------------------------------------------------------

@@ -321,7 +321,6 @@ def test_the_command(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("ship-swaying", "-e", "q-method", "-e", "q-method", "-n", "4"), "allowed are one or several different ones"),
         (("ship-swaying", "-e", "q-methd", "-n", "4"), "did you mean 'q-method'"),
         (("ship-swaying", "-e", "q-method", "-n", "0"), "runs = 0"),
         (("ship-swaying", "-e", "loosely-coupled", "-n", "4"), "needs GNSS"),
