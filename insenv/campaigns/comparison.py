@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -170,5 +169,5 @@ def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = Tru
         paths += write_campaign(summary, OutputFolder(folder.path / id), figure, table).paths
     with folder.staged() as part:
         part(f"{NAME}.json").write_text(to_json(comparison_document(found)) + "\n", encoding="ascii")
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     return FilesWritten((folder.path / f"{NAME}.json", *paths), note)

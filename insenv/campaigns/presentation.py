@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -183,7 +182,7 @@ def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True,
 
     if table:
         check_format(table)
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     tables = [f"runs.{table}"] if table else []
     kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]

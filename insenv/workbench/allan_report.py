@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -240,7 +239,7 @@ def grade_text(found: UnitNoise) -> str:
 
 def write_files(found: UnitNoise, folder: OutputFolder, grade_file: Path | None, figure: bool = True) -> FilesWritten:
     """Write allan.json, unit.toml and, if `figure` and matplotlib is installed, allan.png and allan.svg, or none of them."""
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     names = [f"{FIGURE}.json", GRADE_FILE, *((f"{FIGURE}.png", f"{FIGURE}.svg") if drawn else ())]
     paths = tuple(folder.path / name for name in names)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,7 +97,7 @@ def write_budget(found: Budget, folder: OutputFolder, figure: bool = True) -> Fi
     """Write budget.npz, budget.json and, if `figure` and matplotlib is installed, budget.png and budget.svg."""
     from insenv.workbench.budget_figure import draw_budget
 
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
     with folder.staged() as part:

@@ -28,13 +28,14 @@ from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
+from insenv.installing import need
 from insenv.plant.loop import PREFIX
 from insenv.scenario import ScenarioLike, limit_of, load, no_limit
 from insenv.scenario.files import parse
 from insenv.scenario.tuning import Settings, setting_rows
 from insenv.workbench.tune_parameters import Parameter, tuned_parameters
 from insenv.workbench.tune_result import Channel, Tuning
-from insenv.workbench.tune_search import FAILED, need_cma, search
+from insenv.workbench.tune_search import FAILED, search
 
 Array = NDArray[np.float64]
 
@@ -135,7 +136,7 @@ def tune(
     run, and if the `cma` package is missing.
     """
     check_progress(progress)
-    need_cma()
+    need("tuning", "cma", extra="workbench")
     for name, value in (("runs", runs), ("held_out", held_out), ("evaluations", evaluations)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 2 <= value <= MOST:
             raise InputError(f"{name} = {value!r}: allowed is a whole number from 2 to {MOST}")

@@ -1,6 +1,5 @@
 """Campaigns: whole runs in the core; bit-identical with any workers and after interruptions."""
 
-import importlib.util
 import os
 import pickle
 import shutil
@@ -389,17 +388,3 @@ def test_an_interruption_says_what_is_kept(tmp_path):
         run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1), progress=interrupt)
     with pytest.raises(KeyboardInterrupt, match="nothing written: --out DIR keeps finished blocks"):
         run_campaign(plan, workers=threads(1), progress=interrupt)
-
-
-def test_packages_that_are_missing_are_wrong_input(monkeypatch):
-    from insenv.learning.training import need_packages
-    from insenv.report.notebook import data_frame, require_matplotlib
-
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr("insenv.report.notebook.find_spec", lambda name: None)
-    for name in ("distributed", "pandas"):
-        monkeypatch.setitem(sys.modules, name, None)
-    calls = (need_packages, require_matplotlib, lambda: cluster("tcp://127.0.0.1:8786"), lambda: data_frame(np.zeros(1), {}))
-    for call in calls:
-        with pytest.raises(InputError, match="pip install"):
-            call()
