@@ -55,7 +55,9 @@ def is_log(source: object) -> bool:
         return True
     if not isinstance(source, (str, Path)) or str(source) in names() or not Path(source).is_file():
         return False
-    return is_flight_log(Path(source)) or kinds.is_log(read_toml(Path(source)))
+    path = Path(source)
+    # a scenario is a name or a .toml file; of another file the reader of logs says what it is
+    return is_flight_log(path) or path.suffix.lower() != ".toml" or kinds.is_log(read_toml(path))
 
 
 @dataclass(frozen=True)
