@@ -82,13 +82,23 @@ def test_values_have_their_distribution(text, law):
         ("imu.grade=0:1", "value is a number"),
         ("gnss.position_noise_m.3=0:1", "not an element of a list of 3"),
         ("knowledge.position_error_m.0=0:1", "the scenario gives no knowledge.position_error_m"),
-        ("gnss.position_noise_m.0=normal(0, 1)", "each must be from 0 to"),
+        (
+            "gnss.position_noise_m.0=normal(2, 1)",
+            r"^vary .*m.0=normal\(2, 1\), the smallest of 64 values drawn: .*each must be",
+        ),
         ("gnss.interval_s.0=0:1", "a number has no key"),
     ],
 )
 def test_wrong_variations_are_refused(text, said):
     with pytest.raises(InputError, match=said):
         plan_of(text)
+
+
+def test_a_value_that_is_refused_in_one_run_says_from_what_it_was_drawn():
+    plan = plan_of("imu.gyro_bias_deg_h=-1:1")
+    wrong = replace(plan, variations=(parse_variation("imu.gyro_arw_deg_sqrt_h=-2:-1"),))
+    with pytest.raises(InputError, match=r"^vary imu.gyro_arw_deg_sqrt_h=uniform\(-2, -1\), in the run of seed 5: .* = -1"):
+        wrong.plant_of(0)
 
 
 def test_a_vector_and_its_element_cannot_both_be_varied():
@@ -366,12 +376,6 @@ def test_tables_hold_every_run_with_all_digits(tmp_path):
     assert list(frame["final_heading_deg"]) == heading and rows[0]["diverged"] == "false"
     with pytest.raises(InputError, match="allowed is csv or parquet"):
         found.save(tmp_path, figure=False, table="xls")
-
-
-def test_parquet_without_its_package_is_refused_before_the_work(monkeypatch, tmp_path):
-    monkeypatch.setattr("insenv.campaigns.tables.find_spec", lambda name: None)
-    status, _, err = call("campaign", "ship-swaying", "-e", "analytic", "-n", "4", "--out", tmp_path, "--table", "parquet")
-    assert status == 2 and "needs pyarrow, which is not installed" in err and not list(tmp_path.iterdir())
 
 
 # --- interrupted blocks -------------------------------------------------------------------------------
