@@ -84,7 +84,7 @@ def test_values_have_their_distribution(text, law):
         ("knowledge.position_error_m.0=0:1", "the scenario gives no knowledge.position_error_m"),
         (
             "gnss.position_noise_m.0=normal(2, 1)",
-            r"^vary .*m.0=normal\(2, 1\), the smallest of 64 values drawn: .*each must be",
+            r"^vary .*m.0=normal\(2, 1\), the smallest of 64 values drawn: .*must be",
         ),
         ("gnss.interval_s.0=0:1", "a number has no key"),
     ],
