@@ -52,12 +52,14 @@ def print_line(text: str = "", stderr: bool = False) -> None:
 
 def print_parts(parts: Iterable[RenderableType]) -> None:
     """Print tables and lines on stdout."""
+    from rich.table import Table
+
     console = _console()
     width = console.width
     for part in parts:
-        # no digit is cut off in a narrow terminal, which breaks the lines itself
-        needed = console.measure(part, options=console.options.update(width=MOST)).minimum
-        console.width = max(width, needed)
+        # a table is not cut in a narrow terminal, which breaks the lines itself
+        needed = console.measure(part, options=console.options.update(width=MOST))
+        console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
         console.print(part)
 
 

@@ -168,7 +168,7 @@ def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
 
 
 def table_of(first: str, *columns: str, least: int = _NUMBER - 1, gap: int = _GAP) -> Table:
-    """An empty table: a column of labels, and columns of numbers of at least `least` characters, `gap` characters apart."""
+    """An empty table: a column of labels, and columns of numbers of at least `least` characters, `gap` + 1 apart."""
     from rich import box
     from rich.table import Table
 
