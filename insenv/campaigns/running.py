@@ -284,4 +284,4 @@ def _block(plan: Plan, number: int, digest: str, token: str = "", part: Arrays |
             f"a worker with insenv {__version__} would give other results than this process: install the same version of "
             "insenv and of its plug-ins on all"
         )
-    return run_block(plan, number, stopped, *(() if part is None else (part,)))
+    return run_block(plan, number, stopped, part)

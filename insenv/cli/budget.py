@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, Seed, Settings, deferred, one
+from insenv.cli.options import Duration, Estimator, FirstSeed, Json, NoFigure, Out, Scenario, Settings, deferred, one
 
 
 @deferred
@@ -15,7 +15,7 @@ def budget(
     scenario: Scenario,
     estimator: Estimator,
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of seeds.")] = 64,
-    seed: Seed = None,
+    seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
     out: Out = None,

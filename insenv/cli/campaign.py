@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Json, NoFigure, Out, Scenario, deferred
+from insenv.cli.options import Duration, FirstSeed, Json, NoFigure, Out, Scenario, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,12 +21,7 @@ def campaign(
         list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; several are compared.")
     ],
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of runs.")],
-    seed: Annotated[
-        Optional[int],  # noqa: UP045
-        typer.Option(
-            metavar="FIRST", help="Seed of the first run, which replaces the scenario's; later runs count up from it."
-        ),
-    ] = None,
+    seed: FirstSeed = None,
     duration: Duration = None,
     vary: Annotated[
         Optional[list[str]],  # noqa: UP045

@@ -35,6 +35,10 @@ Estimators = Annotated[
     typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once."),
 ]
 Seed = Annotated[Optional[int], typer.Option(metavar="N", help="Replaces the scenario's seed.")]  # noqa: UP045
+FirstSeed = Annotated[
+    Optional[int],  # noqa: UP045
+    typer.Option(metavar="FIRST", help="Seed of the first run, which replaces the scenario's; later runs count up from it."),
+]
 Duration = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option(metavar="S", help="Simulated seconds of a run; replaces the scenario's duration."),

@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Seed, Settings, deferred, one
+from insenv.cli.options import Duration, Estimator, FirstSeed, Json, NoFigure, Out, Settings, deferred, one
 
 
 @deferred
@@ -21,7 +21,7 @@ def tune(
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Seeds on which to search.")] = 8,
     held_out: Annotated[int, typer.Option(metavar="N", help="Further seeds on which to judge.")] = 32,
     evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
-    seed: Seed = None,
+    seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
     out: Out = None,

@@ -159,7 +159,7 @@ def tune_log(
         change=_change(scores[1] - scores[0]),
         channels=(),
         consistency={"before": float(squares[0].mean()), "after": float(squares[1].mean())},
-        notes=(f"the search was interrupted after {found.evaluations} evaluations",) if found.interrupted else (),
+        notes=found.notes,
     )
     return _with_errors(result, ready.log, estimator, settings, float(end[half]))
 

@@ -36,6 +36,11 @@ class Search:
     evaluations: int
     interrupted: bool
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the search."""
+        return (f"the search was interrupted after {self.evaluations} evaluations",) if self.interrupted else ()
+
 
 def search(objective: Objective, parameters: int, evaluations: int, seed: int, progress: Progress | None) -> Search:
     """Minimise the objective with about `evaluations` evaluations; Ctrl-C ends the search and keeps what it has found."""

@@ -6,6 +6,7 @@ import signal
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from insenv.campaigns import block as block_module
 from insenv.campaigns.block import StoppedError, run_block
 from insenv.campaigns.comparison import compare, paired
 from insenv.campaigns.intervals import horizontal, percentile, root_mean_square
+from insenv.campaigns.presentation import campaign_facts
 from insenv.campaigns.sensitivity import sensitivities
 from insenv.errors import InputError
 from insenv.estimators import get
@@ -221,6 +223,13 @@ def test_the_noise_of_the_runs_is_left_to_one():
     values = plan.numbers(range(plan.runs))
     (found,) = sensitivities(plan, ("heading_deg",), values, values + noise[:, None], np.full(plan.runs, True))
     assert found.first.value == pytest.approx(0.5, abs=0.1) and found.total.value == pytest.approx(0.5, abs=0.1)
+
+
+def test_the_seeds_of_a_saltelli_design_are_stated_as_they_are():
+    plan = plan_of("start.latitude_deg=0:1", runs=12, design="saltelli")
+    seeds = [plan.seed_of(run) for run in range(plan.runs)]
+    assert seeds == [5, 5, 6, 7, 7, 8, 9, 9, 10, 11, 11, 12]
+    assert "seeds 5 to 12," in campaign_facts(SimpleNamespace(plan=plan))
 
 
 def test_a_campaign_says_which_key_matters(monkeypatch):

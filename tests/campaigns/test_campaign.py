@@ -212,7 +212,7 @@ def test_an_interrupted_campaign_resumes_with_bit_identical_results(tmp_path):
 def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
     plan, original, begun = small_plan(), block_module.run_block, []
 
-    def slow(plan, number, stopped):
+    def slow(plan, number, stopped, part):
         begun.append(number)
         time.sleep(0.5)
         return original(plan, number, stopped)
@@ -266,7 +266,7 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path):
 def test_a_block_that_fails_ends_the_campaign_and_keeps_the_others(tmp_path, monkeypatch):
     plan, original = small_plan(), block_module.run_block
 
-    def failing(plan, number, stopped):
+    def failing(plan, number, stopped, part):
         if number == 2:
             raise InputError("no such wave")
         return original(plan, number, stopped)

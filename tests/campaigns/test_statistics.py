@@ -133,7 +133,7 @@ def test_diverged_runs_are_named_and_left_out(monkeypatch):
     plan, original = small_plan(24), block_module.run_block
     expected = run_campaign(plan)
 
-    def spoilt(plan, number, stopped):
+    def spoilt(plan, number, stopped, part):
         arrays = {name: value.copy() for name, value in original(plan, number).items()}
         if number == 1:
             arrays["error"][2, 30:, 1] = np.nan

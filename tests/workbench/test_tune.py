@@ -164,6 +164,22 @@ def test_a_log_without_fixes_or_with_few_is_refused():
         insenv.tune(log, "wander-sins")
 
 
+@pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}])
+def test_what_a_log_has_not_is_refused_instead_of_ignored(more):
+    log = simulated_log(car(), seed=3, duration_s=30.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
+    with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
+        insenv.tune(log, "loosely-coupled", **more)
+
+
+def test_runs_that_diverge_are_said():
+    one = tune_module.Measures(np.array([[1.0], [np.nan], [2.0]]), None)
+    assert list(tune_module._diverged(one, one)) == [
+        "the estimator diverges in 1 of 3 held-out runs before and in 1 after: no interval"
+    ]
+    whole = tune_module.Measures(np.ones((3, 1)), None)
+    assert not list(tune_module._diverged(whole, whole))
+
+
 def test_a_missing_package_is_said(monkeypatch):
     monkeypatch.setitem(sys.modules, "cma", None)
     with pytest.raises(InputError, match="tuning needs cma, which is not installed: "):
