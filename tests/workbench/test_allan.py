@@ -372,6 +372,7 @@ def test_command(rest):
     assert found["axes"][0]["bias_instability"] is None and found["axes"][0]["unit"] == "deg/h"
     assert found["grade_file"] == "unit.toml"
     assert {path.name for path in (rest / "out").iterdir()} == {"allan.json", "unit.toml", "allan.png", "allan.svg"}
+    assert "only the noise is measured; all else is assumed" in call("allan", "rest.toml", "--grade", "unit.toml")[1]
     listed = strict(call("list", "grades", "--json")[1])["imu_grades"]
     assert {"name": "unit.toml", "title": "Unit of rest.toml"} in listed
     (rest / "rest.toml").write_text(LOG + 'grade = "unit.toml"\n', encoding="utf-8")
