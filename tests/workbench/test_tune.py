@@ -171,6 +171,17 @@ def test_what_a_log_has_not_is_refused_instead_of_ignored(more):
         insenv.tune(log, "loosely-coupled", **more)
 
 
+def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
+    """Innovations do not show it; where they are small and the filter models none, a note says so."""
+    log = simulated_log(car(), seed=3, duration_s=80.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
+    told = {"loosely-coupled": {"fix_wander_sigma_m": [1.0, 1.0, 1.0]}}
+    found = insenv.tune(log, "loosely-coupled", evaluations=8, settings=told)
+    assert "fix_wander_sigma_m" not in found.settings() and len(found.settings()) > 5 and not found.notes
+    named = insenv.tune(log, "loosely-coupled", keys=["fix_wander_sigma_m"], evaluations=8, settings=told)
+    assert set(named.settings()) == {"fix_wander_sigma_m"}
+    assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
+
+
 def test_runs_that_diverge_are_said():
     one = tune_module.Measures(np.array([[1.0], [np.nan], [2.0]]), None)
     assert list(tune_module._diverged(one, one)) == [
