@@ -177,7 +177,7 @@ def test_a_late_measurement_sees_the_motion_of_its_time(age):
 
 
 def test_the_kept_motion_is_as_long_as_the_longest_age_of_a_simulated_fix():
-    """Fixes at 1 Hz are at most 1 s old.  With 0.9 s of motion a delay of 2.5 sigma ended 7 to 20 sigma off in pitch and position."""
+    """Fixes at 1 Hz are at most 1 s old.  With 0.9 s a delay of 2.5 sigma ended 7 to 20 sigma off in pitch and position."""
     assert history.SPACING * (history.SLOTS - 1) >= 1.0
 
 

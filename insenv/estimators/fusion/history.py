@@ -105,7 +105,9 @@ def past(x: Any, u: Any, age: Any) -> Past:
     r = select(r < 0, 0.0, r)
     q = attitude.normalize(older[6:10] + (younger[6:10] - older[6:10]) * s)
     beyond_the_ends = x.velocity_w * minimum(age, 0.0) + older[3:6] * maximum(age - old_age, 0.0)
-    return Past(x.way_w - way + beyond_the_ends, velocity, attitude.to_dcm(q), older[10:13] + (younger[10:13] - older[10:13]) * r)
+    return Past(
+        x.way_w - way + beyond_the_ends, velocity, attitude.to_dcm(q), older[10:13] + (younger[10:13] - older[10:13]) * r
+    )
 
 
 def corrected(x: Any, dv: Any, psi: Any) -> dict[str, Any]:
