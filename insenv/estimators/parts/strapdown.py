@@ -111,7 +111,7 @@ def moved_rows(moved: Moved, x: Any, delta_angle: Any, delta_velocity: Any) -> d
 
 
 def corrected(x: Any, dr: Any, dv: Any, psi: Any) -> dict[str, Any]:
-    """State rows of the navigation with an error (w) taken out: of position (3, m), velocity (3, m/s), attitude psi (3, rad)."""
+    """State rows of the navigation with an error (w) taken out: position (3, m), velocity (3, m/s), attitude psi (3, rad)."""
     # moving the position turns the computed frame by -theta; platform and velocity are then referred to the new one
     theta = geodesy.transport_rate_w(dr, x.q_ew, x.height)
     velocity = x.velocity_w - dv
