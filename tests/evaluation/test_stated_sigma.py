@@ -96,7 +96,7 @@ def test_three_sigma_holds_up_to_the_heading_that_has_no_note(estimator):
         **{f"{name}_error_deg": None for name in ("roll", "pitch", "heading")},
     }
     scenario = loaded.model_copy(update={"knowledge": loaded.knowledge.model_copy(update=told)})
-    assert np.all(beyond(scenario, estimator, 64) < 0.015)
+    assert np.all(beyond(scenario, estimator, 128) < 0.02)  # one run throughout is 0.8 %
 
 
 def test_a_linearised_filter_says_that_its_start_is_too_uncertain():
