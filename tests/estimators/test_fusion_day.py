@@ -6,24 +6,29 @@ import pytest
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load, parse
 
-RUNS = 8
+RUNS = 4
 
 
-def day():
+def day(chosen):
     """The ship of `ship-dvl` without its log, with a barometer; GNSS is lost after ten minutes."""
     values = load("ship-dvl").model_dump(mode="json", warnings=False)
     values["gnss"]["outages_s"] = [[600.0, 90000.0]]
     values |= {"dvl": None, "barometer": {"grade": "ms5611", "interval_s": 1.0}, "duration_s": 86400.0, "rate_hz": 20.0}
+    values["estimator"] = {"fusion": chosen}
     return parse(values, "day", "day")
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(
-    reason="since the states of a ship's unit and the height gained by the velocities, the height drifts by 100 m at stated 3 m"
+OF_UNIT = pytest.mark.xfail(
+    reason="with scale factors and misalignments of a ship's unit as states, as the preset has them, the height drifts by 100 m"
 )
-def test_the_height_of_a_day_without_gnss_is_that_of_the_barometer():
+WITHOUT = {"states": ["gnss_wander", "barometer_bias", "barometer_drift", "barometer_scale"]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chosen", [WITHOUT, pytest.param({}, marks=OF_UNIT)], ids=["without", "preset"])
+def test_the_height_of_a_day_without_gnss_is_that_of_the_barometer(chosen):
     """Without it the height error grows by a factor of e every 9.5 minutes."""
-    found = ensemble(day(), ["fusion"], range(20000, 20000 + RUNS), records=288)
+    found = ensemble(day(chosen), ["fusion"], range(20000, 20000 + RUNS), records=288)
     outputs, late = found.outputs["fusion"], found.time > 600.0
     error = (outputs["height"] - found.truth["height"])[:, late]
     sigma = outputs["position_sigma"][:, late, 2]
