@@ -15,7 +15,7 @@ const UNITS = 64;
  * @param {() => void} start  ask for the units
  */
 export function cloudPanel(live, start) {
-  /** @type {{errors: Float64Array[], sigmas: (Float64Array | null)[]}[]} */
+  /** @type {{errors: Float64Array[]}[]} */
   let units = [];
   let [interval, limited] = [1, true];
   const chosen = {
@@ -117,7 +117,7 @@ export function cloudPanel(live, start) {
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
     take: (/** @type {any} */ message) => {
-      units.push({ errors: message.errors, sigmas: message.sigmas });
+      units.push({ errors: message.errors });
       interval = message.interval_s;
       progress.textContent = `${message.done} of ${message.units}`;
       choice.hidden = false;

@@ -35,7 +35,7 @@ FORMS: Mapping[str, Callable[[float, float], float]] = {
     "degrees": lambda value, scale: value * math.pi / scale,
     "inverse": lambda value, scale: scale * (1.0 / value),
 }
-"""The ways in which an element may follow from a value, each rounded in one way: the same in web/worker.js."""
+"""The ways in which an element may follow from a value, each rounded in one way: the same in web/machine.js."""
 TRIALS, COMBINATIONS = 3, 6
 FIGURES = (
     "gyro_bias_sigma_deg_h",
@@ -114,7 +114,7 @@ class Control:
     options: tuple[Option, ...] = ()
 
     def apply(self, value: float | str, p: Vector, known: Vector) -> None:
-        """Set the elements that stand for `value`, as web/worker.js does."""
+        """Set the elements that stand for `value`, as web/machine.js does."""
         for option in self.options:
             if option.value == value:
                 for at, number in option.p:

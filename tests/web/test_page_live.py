@@ -107,11 +107,11 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
     [
         ("#imu.mass_kg=3", "imu.mass_kg: this page has no control of that name"),
         ("#seed=1.5", "seed = 1.5: allowed is a whole number"),
-        ("#seed=999999", "seed = 999999: this page offers the seeds 0 to 1023"),
+        ("#seed=999999", "seed = 999999: allowed is 0 to 1023"),
         ("#start.latitude_deg=95", "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"),
         ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
         ("#commands=[[1,{%22sail%22:1}]]", "command"),
-        ("#commands=[1", "commands = [1: this is no list of values"),
+        ("#commands=[1", "commands = [1: allowed is a list of values"),
     ],
 )
 def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, message):

@@ -1,7 +1,8 @@
 """One self-contained HTML file from the folder ``web/`` and JSON documents.
 
-The modules of ``web/`` are joined into one script: each stands once, after those that it imports.  A content security
-policy forbids every request, and every script and style but those of the page, which it names by their digests.
+The modules of ``web/`` are joined into one script, those of the worker into another: each stands once, after those that it
+imports.  A content security policy forbids every request, and every script and style but those of the page, which it names by
+their digests.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def assembled(title: str, documents: Mapping[str, Any]) -> str:
     live = "live" in documents
     parts = [_data(kind, to_json(value, indent=None)) for kind, value in documents.items()]
     if live:
-        parts.append(f'<script type="text/plain" id="worker">\n{_inline((folder / WORKER).read_text("utf-8"))}</script>')
+        parts.append(f'<script type="text/plain" id="worker">\n{_inline(worker_script())}</script>')
     filled = {
         "title": escape(title),
         "policy": policy(script, style, live),
@@ -46,6 +47,11 @@ def assembled(title: str, documents: Mapping[str, Any]) -> str:
     }
     template = (folder / "page.html").read_text("utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found.group(1)], template)
+
+
+def worker_script() -> str:
+    """The simulation of a live page, which its worker runs."""
+    return f'"use strict";\n{joined(web_folder(), WORKER)}'
 
 
 def check_size(text: str) -> None:
