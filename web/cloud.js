@@ -1,8 +1,9 @@
 /** A cloud of units: the errors of many seeds against the limit. */
 
+import { channelName } from "./channels.js";
 import { button, fill, h } from "./dom.js";
 import { between } from "./history.js";
-import { channelName, thresholdOf } from "./livepanels.js";
+import { thresholdOf } from "./livepanels.js";
 import { number } from "./numbers.js";
 import { makeSpan } from "./span.js";
 import { summaryTable } from "./tables.js";

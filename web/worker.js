@@ -43,13 +43,24 @@ class Session {
     this.do_reset({ seed: live.seed, values: {} });
   }
 
-  /** Start again. `commands`: [{sample, values by name}], as `values` messages have them; the scenario's if not given. */
+  /** Start again. `commands`: [{sample, values by name}], as `values` messages have them; the scenario's if not given.
+   *  What cannot be started leaves the page at the start of what ran before. */
   do_reset({ seed, values, commands }) {
     this.running = false;
     this.cloud = null;
-    this.unit.begin(seed, values ?? {}, commands ?? this.live.commands?.given ?? []);
+    const before = { seed: this.seed, values: this.values, commands: this.unit.commands };
+    try {
+      this.begin({ seed, values: structuredClone(values ?? {}), commands: commands ?? this.live.commands?.given ?? [] });
+    } catch (error) {
+      if (before.values) this.begin(before);
+      throw error;
+    }
+  }
+
+  begin({ seed, values, commands }) {
+    this.unit.begin(seed, values, commands);
     this.seed = seed;
-    this.values = structuredClone(values ?? {});
+    this.values = values;
     this.kept = [];
     this.frame("reset");
   }

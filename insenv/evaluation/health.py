@@ -205,4 +205,6 @@ def _called(verdict: Verdict, factor: float) -> str:
 
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
-    return f"{_called(verdict, factor)}: {100 * refused / count:.2g} % of {count} {what} refused, {nis.text}"
+    share = 100 * refused / count
+    shown = f"{share:.2g}" if share < 99.5 else "100"
+    return f"{_called(verdict, factor)}: {shown} % of {count} {what} refused, {nis.text}"

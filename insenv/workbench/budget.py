@@ -27,7 +27,7 @@ from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
-from insenv.evaluation.errors import ATTITUDE, wrapped_deg
+from insenv.evaluation.errors import ATTITUDE, statistics_from, wrapped_deg
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit, reseeded
 from insenv.scenario.error_sources import Source, sensors_of, sources_of, start_without, unknown_errors
@@ -220,7 +220,7 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
     parameters = table.unpack(table.pack(case.plant.parameters_of(case.estimator, case.rows, whole=False)))
     short = case.estimator.too_short(parameters, case.plant.duration_s)
     seeds = np.array([plant.seed for plant in case.plants])
-    from_s = 0.0 if case.estimator.navigates else 0.75 * float(case.times[-1])
+    from_s = statistics_from(case.estimator.navigates, float(case.times[-1]))
     notes = [*case.plant.scenario.notes, *((short,) if short else ()), *case.estimator.notes(parameters, case.plant.duration_s)]
     unknown = unknown_errors(case.plant.scenario)
     if unknown:

@@ -1,0 +1,29 @@
+/** What must be said of the scenario and of the estimators, and of what the page has changed since. */
+
+import { fill, h } from "./dom.js";
+
+/** @param {any} live */
+export function notesPanel(live) {
+  const of = (/** @type {any} */ { id, notes, needs_s: needs }) =>
+    [...notes, ...(needs > live.duration_s ? [`this run is too short: it needs ${Math.ceil(needs)} s to converge`] : [])].map(
+      (note) => `${id}: ${note}`,
+    );
+  const notes = [...live.notes, ...live.estimators.flatMap(of)];
+  const told = h("p", { class: "quiet", id: "changed" });
+  const list = h(
+    "ul",
+    { class: "notes", hidden: notes.length === 0 },
+    notes.map((note) => h("li", {}, note)),
+  );
+  return {
+    element: h("div", { "aria-live": "polite" }, told, list),
+    /** @param {{settings: boolean, commands: boolean}} changes */
+    show: (changes) => {
+      const what = [changes.settings && "settings", changes.commands && "commands"].filter(Boolean).join(" and ");
+      const limit = live.limit ? ", and no limit is shown: that of the scenario as prepared does not hold" : "";
+      const below = notes.length ? " The notes below are those of the scenario as prepared: some may not hold now." : "";
+      const ask = changes.settings && [" For those on the settings now, use ", h("code", {}, "insenv run"), " of the downloaded scenario."];
+      fill(told, ...(what ? [`The ${what} have changed${limit}.${below}`, ...(ask || [])] : []));
+    },
+  };
+}
