@@ -3,7 +3,7 @@
 import { channelName } from "./channels.js";
 import { h } from "./dom.js";
 import { between } from "./history.js";
-import { number, roundDown } from "./numbers.js";
+import { roundDown } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
 
 const BIASES = [
@@ -87,7 +87,6 @@ export function livePanels(live, span) {
   }
   let next = 0;
   return {
-    x,
     elements: sections.map((section) =>
       h(
         "section",
@@ -120,10 +119,10 @@ export function livePanels(live, span) {
       }
     },
     /** Draw some of the panels that are due and seen: a frame has time for a few. */
-    draw: (all = false) => {
-      for (let some = 0, looked = 0; looked < panels.length && (all || some < AT_ONCE); looked++) {
+    draw: () => {
+      for (let some = 0, looked = 0; looked < panels.length && some < AT_ONCE; looked++) {
         const one = panels[next++ % panels.length];
-        if (!one.due || !(one.seen || all)) continue;
+        if (!one.due || !one.seen) continue;
         one.plot.update(x, one.panel.curves);
         one.due = false;
         some++;
@@ -133,10 +132,6 @@ export function livePanels(live, span) {
       for (const one of panels) one.panel.shade.splice(0, one.panel.shade.length, ...windows);
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
-    told: () =>
-      panels
-        .filter((one) => one.panel.curves.length)
-        .map((one) => `${one.panel.title} ${number(one.panel.curves.at(-1)?.y?.at(-1))}`),
   };
 }
 

@@ -20,7 +20,7 @@ function bytesOf(text) {
 /** Float64 numbers of base64 text, little endian.
  * @param {string} text
  * @returns {Float64Array} */
-export function numbersOf(text) {
+function numbersOf(text) {
   const bytes = bytesOf(text);
   return new Float64Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
 }

@@ -324,7 +324,7 @@ function keys(span) {
 /** The first place of sorted values that is not below `value`.
  * @param {ArrayLike<number>} sorted
  * @param {number} value */
-export function firstFrom(sorted, value) {
+function firstFrom(sorted, value) {
   let [low, high] = [0, sorted.length];
   while (low < high) {
     const middle = (low + high) >> 1;

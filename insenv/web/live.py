@@ -26,9 +26,10 @@ from insenv.scenario.choice import named_estimators
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
-from insenv.web.controls import Control, Prober
+from insenv.web.controls import Control
 from insenv.web.judging import health_rows, health_rule, judged, limit_along, limit_document
 from insenv.web.model import PageModel, page_model
+from insenv.web.probing import Prober
 from insenv.web.start import known_vector, start_source, told_places
 
 SEEDS = 1024

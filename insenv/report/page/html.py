@@ -23,6 +23,7 @@ LIMIT = 2_000_000
 """Bytes that a page may have."""
 ENTRY = "main.js"
 WORKER = "worker.js"
+STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css")
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|const|class) (\w+)", re.MULTILINE)
 _LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
@@ -31,7 +32,7 @@ _LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
 def assembled(title: str, documents: Mapping[str, Any]) -> str:
     """The text of a page that shows `documents`, JSON values by kind ("report", "live"); with "live" it may run WebAssembly."""
     folder = web_folder()
-    style = (folder / "vendor/uPlot/uPlot.min.css").read_text("utf-8") + (folder / "style.css").read_text("utf-8")
+    style = "".join((folder / name).read_text("utf-8") for name in STYLES)
     library = (folder / "vendor/uPlot/uPlot.iife.min.js").read_text("utf-8")
     script = f'{library}\n(() => {{\n"use strict";\n{joined(folder, ENTRY)}}})();\n'
     live = "live" in documents
