@@ -1,5 +1,6 @@
 /** The WebAssembly of a live page, and what its document says of parameters: seeds, controls, outages. */
 
+import { bytesOf } from "./arrays.js";
 import { beyond, orOf, rangesOf } from "./words.js";
 
 /** @type {Record<string, (value: number, scale: number) => number>} */
@@ -8,14 +9,6 @@ const FORMS = {
   degrees: (value, scale) => (value * Math.PI) / scale,
   inverse: (value, scale) => scale * (1 / value),
 };
-
-/** Bytes of base64 text.
- * @param {string} text
- * @returns {Uint8Array<ArrayBuffer>} */
-function bytesOf(text) {
-  const { fromBase64 } = /** @type {any} */ (Uint8Array); // new in 2025
-  return fromBase64 ? fromBase64.call(Uint8Array, text) : Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-}
 
 /** Float64 numbers of base64 text, little endian.
  * @param {string} text

@@ -20,6 +20,7 @@ import { colour, faint, groupColour, onTheme } from "./theme.js";
  * @property {number | null} threshold
  * @property {boolean} log
  * @property {number | null} from_s
+ * @property {boolean} [positive]  the vertical scale begins at 0
  * @property {[number, number][]} shade
  * @property {number[]} x
  * @property {Curve[]} curves
@@ -55,7 +56,8 @@ export function timePlot(panel, span, names) {
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
-    return rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+    return [panel.positive ? 0 : low, high];
   };
   const threshold = panel.threshold;
   const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 4, asinh: BEND * threshold };

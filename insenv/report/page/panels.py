@@ -20,8 +20,8 @@ class TimePanel:
     """A panel over time.
 
     times (n,) s. threshold: up to which the vertical scale is linear, beyond it logarithmic; None: linear. log: a logarithmic
-    scale. wraps: angles in degrees, drawn with a gap where they wrap. from_s: start of the statistics, s. shade: intervals of
-    time without fixes, s.
+    scale. wraps: angles in degrees, drawn with a gap where they wrap. from_s: start of the statistics, s. positive: the
+    vertical scale begins at 0. shade: intervals of time without fixes, s.
     """
 
     pool: Pool
@@ -32,6 +32,7 @@ class TimePanel:
     log: bool = False
     wraps: bool = False
     from_s: float | None = None
+    positive: bool = False
     shade: Sequence[tuple[float, float]] = ()
     curves: list[dict[str, Any]] = field(default_factory=list)
 
@@ -59,6 +60,7 @@ class TimePanel:
             "log": self.log,
             "wraps": self.wraps,
             "from_s": self.from_s,
+            "positive": self.positive,
             "shade": [list(interval) for interval in self.shade],
             "curves": self.curves,
         }
