@@ -3,6 +3,7 @@
 import { h, onceAFrame } from "./dom.js";
 import { number, tick, ticks } from "./numbers.js";
 import { marks, rangeOf } from "./scale.js";
+import { TIME } from "./span.js";
 import { colour, faint, groupColour, onTheme } from "./theme.js";
 
 /**
@@ -41,12 +42,13 @@ const BEND = 0.5;
  * @param {Panel} panel
  * @param {import("./span.js").Span} span
  * @param {string[]} names  of the groups
+ * @param {import("./span.js").Axis} axis
  * @returns {TimePlot}
  */
-export function timePlot(panel, span, names) {
+export function timePlot(panel, span, names, axis = TIME) {
   let curves = panel.curves;
   const readout = h("output", { class: "readout" });
-  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": told(panel, names), onkeydown: keys(span) });
+  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": told(panel, names, axis), onkeydown: keys(span) });
   const title = h("h3", {}, panel.title, panel.unit !== "1" && h("span", { class: "unit" }, ` ${panel.unit}`));
   const element = h("div", { class: "panel" }, h("div", { class: "head" }, title, readout), area);
   /** @type {Set<number>} */
@@ -69,14 +71,14 @@ export function timePlot(panel, span, names) {
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
       axes: [
-        axis(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
-        axis(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
+        scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
+        scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
       ],
       series: [{}, ...series],
       bands,
       hooks: {
         setSelect: [(/** @type {any} */ u) => selected(u, span)],
-        setCursor: [(/** @type {any} */ u) => read(u, readout, owners, names)],
+        setCursor: [(/** @type {any} */ u) => read(u, readout, owners, names, axis)],
         drawClear: [(/** @type {any} */ u) => background(u, panel)],
       },
     },
@@ -109,13 +111,14 @@ export function timePlot(panel, span, names) {
 
 /** What a screen reader tells of a panel: the last value of each estimator.
  * @param {Panel} panel
- * @param {string[]} names */
-function told(panel, names) {
+ * @param {string[]} names
+ * @param {import("./span.js").Axis} axis */
+function told(panel, names, axis) {
   const unit = panel.unit === "1" ? "" : ` ${panel.unit}`;
   const ends = panel.curves
     .filter((curve) => curve.kind === "line" && curve.y?.length)
     .map((curve) => `${curve.group < 0 ? "truth" : names[curve.group]} ${number(curve.y?.[curve.y.length - 1])}${unit}`);
-  return `${panel.title} over time. At the end: ${ends.join(", ") || "no value"}. ${KEYS}`;
+  return `${panel.title} over ${axis.name.toLowerCase()}. At the end: ${ends.join(", ") || "no value"}. ${KEYS}`;
 }
 
 /** The series and bands of uPlot, and the curve that owns each series.
@@ -204,7 +207,7 @@ function ranged(curves, hidden) {
 
 /** @param {number} size
  * @param {(u: any, place: number, low: number, high: number) => number[]} splits */
-function axis(size, splits) {
+function scaleOf(size, splits) {
   return {
     size,
     splits,
@@ -285,14 +288,15 @@ function selected(u, span) {
  * @param {any} u
  * @param {HTMLElement} readout
  * @param {Curve[]} owners
- * @param {string[]} names */
-function read(u, readout, owners, names) {
+ * @param {string[]} names
+ * @param {import("./span.js").Axis} axis */
+function read(u, readout, owners, names, axis) {
   const place = u.cursor.idx;
   if (place === null || place === undefined) {
     readout.replaceChildren();
     return;
   }
-  const parts = [h("span", { class: "at" }, `${number(u.data[0][place])} s`)];
+  const parts = [h("span", { class: "at" }, `${number(u.data[0][place])} ${axis.unit}`)];
   owners.forEach((owner, index) => {
     const value = u.data[index + 1][place];
     if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;

@@ -46,4 +46,4 @@ def budget(
     if written:
         print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
     else:
-        print_line("--out DIR writes the figure and the contributions over time")
+        print_line("--out DIR writes the page, the figure and the contributions over time")

@@ -55,4 +55,4 @@ def tune(
     if written:
         print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
     else:
-        print_line("--out DIR writes this section and the figure")
+        print_line("--out DIR writes this section, the page and the figure")

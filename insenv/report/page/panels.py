@@ -78,6 +78,12 @@ def track_panel(pool: Pool, times: Array, tracks: Sequence[tuple[int, Array, Arr
     }
 
 
+def intervals_panel(title: str, rows: Iterable[tuple[str, float, float | None, float | None]]) -> dict[str, Any]:
+    """Values beside a line at 1, on a logarithmic scale. rows: name, value, ends of its interval (None: it has none)."""
+    shown = [dict(zip(("name", "value", "low", "high"), row, strict=True)) for row in rows]
+    return {"type": "intervals", "title": title, "rows": shown}
+
+
 def table(
     caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, group: int | None = None, below: Sequence[str] = (),
     warnings: Sequence[tuple[int, int]] = (), state: str = "",
