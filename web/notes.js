@@ -20,7 +20,7 @@ export function notesPanel(live) {
     /** @param {{settings: boolean, commands: boolean}} changes */
     show: (changes) => {
       const what = [changes.settings && "settings", changes.commands && "commands"].filter(Boolean).join(" and ");
-      const limit = live.limit ? ", and no limit is shown: that of the scenario as prepared does not hold" : "";
+      const limit = live.limit ? "; no limit is known for them" : "";
       const below = notes.length ? " The notes below are those of the scenario as prepared: some may not hold now." : "";
       const ask = changes.settings && [" For those on the settings now, use ", h("code", {}, "insenv run"), " of the downloaded scenario."];
       fill(told, ...(what ? [`The ${what} have changed${limit}.${below}`, ...(ask || [])] : []));

@@ -88,7 +88,7 @@ def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browse
     assert browser.value("document.getElementById('changed').textContent") == ""
     browser.driver.execute_script("document.getElementById('reset').click(); document.getElementById('cut-gnss').click()")
     told = browser.until("document.getElementById('changed').textContent")
-    assert "no limit is shown" in told and "some may not hold now" in told
+    assert "no limit is known for them" in told and "some may not hold now" in told
     fast(browser)
     assert browser.value("document.querySelector('.end').textContent.includes('limit')") is False
     assert browser.console() == []
