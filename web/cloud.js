@@ -13,7 +13,7 @@ const UNITS = 64;
 
 /**
  * @param {any} live
- * @param {() => void} start  ask for the units
+ * @param {(units: number) => void} start  ask for so many units
  */
 export function cloudPanel(live, start) {
   /** @type {{errors: Float64Array[]}[]} */
@@ -23,7 +23,7 @@ export function cloudPanel(live, start) {
     estimator: 0,
     channel: live.estimators[0].channels.includes("heading_deg") ? "heading_deg" : live.estimators[0].channels[0],
   };
-  const go = button(`${UNITS} units`, () => start(), { id: "cloud" });
+  const go = button(`${UNITS} units`, () => start(UNITS), { id: "cloud" });
   const progress = h("output", { class: "quiet", id: "cloud-done" });
   const place = h("div", {});
   const table = h("div", {});
@@ -113,7 +113,7 @@ export function cloudPanel(live, start) {
     element,
     begin: () => {
       units = [];
-      progress.textContent = "0 of 64";
+      progress.textContent = `0 of ${UNITS}`;
       go.disabled = true;
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),

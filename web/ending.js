@@ -19,17 +19,13 @@ export function showEnd(section, live, at, history, prepared) {
     endTable(live, one, group, at, history, prepared),
   );
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
-  const told = [
-    "final: at the end; rms, max: over the time of the statistics.",
-    columns.has("limit") && "limit: the smallest standard deviation that any method can have.",
-    columns.has("stated") && "stated: the standard deviation that the estimator itself states.",
-    columns.has("limit") && `${live.limit.within}.`,
-  ];
+  const told = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
+  if (columns.has("limit")) told.push(live.explained.within);
   fill(
     section,
     h("h2", {}, "At the end, with the figures of ", h("code", {}, "insenv run")),
     h("div", { class: "tables several" }, tables.map(summaryTable)),
-    h("p", { class: "quiet" }, told.filter(Boolean).join(" ")),
+    h("p", { class: "quiet" }, told.join(" ")),
   );
   section.hidden = false;
 }
@@ -42,7 +38,7 @@ export function showEnd(section, live, at, history, prepared) {
  * @param {import("./history.js").Recorded} history
  * @param {boolean} prepared */
 function endTable(live, estimator, group, at, history, prepared) {
-  const settled = estimator.needs_s <= live.duration_s;
+  const { settled } = estimator;
   const statistics = statisticsOf(estimator, at, history);
   const limit = prepared ? estimator.limit : {};
   const yardsticks = [

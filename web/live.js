@@ -9,7 +9,7 @@ import { showEnd } from "./ending.js";
 import { makeHistory } from "./history.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
-import { changed, changesOf, copy, cutNow, download, outagesOf, preparedState, same } from "./livestate.js";
+import { changed, changesOf, conditions, copy, cutNow, download, outagesOf, preparedState } from "./livestate.js";
 import { notesPanel } from "./notes.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
@@ -36,7 +36,7 @@ export function livePage(live) {
   const end = h("section", { class: "end", "aria-live": "polite", hidden: true });
   const wrong = h("p", { class: "wrong told", role: "alert", id: "wrong" });
   let state = preparedState(live);
-  let settings = state.values;
+  let clouded = conditions(live, state);
   let linked = false; // whether the state is that of a link which has not started yet
   let [running, ended, clouding] = [false, false, false];
   let speed = /** @type {number | null} */ (firstSpeed(live.duration_s));
@@ -101,11 +101,11 @@ export function livePage(live) {
     },
     (sensor, on) => session.send({ do: "cut", sensor, on }),
   );
-  const cloud = cloudPanel(live, () => {
+  const cloud = cloudPanel(live, (units) => {
     running = false;
     clouding = true;
     cloud.begin();
-    session.send({ do: "cloud", units: 64 });
+    session.send({ do: "cloud", units });
     show();
   });
 
@@ -130,6 +130,9 @@ export function livePage(live) {
     cloud.limited(prepared);
     notes.show(changes);
     panels.shade(outagesOf(live, state.values));
+    const now = conditions(live, state);
+    if (now !== clouded) cloud.clear(); // it was of other settings or commands
+    clouded = now;
     return prepared;
   };
   const refuse = (/** @type {unknown} */ error) => {
@@ -154,8 +157,6 @@ export function livePage(live) {
     end.hidden = true;
     clouding = false;
     cloud.stop();
-    if (!same(settings, state.values)) cloud.clear(); // it was of other settings
-    settings = state.values;
     drive.release();
     compare();
     take(message);

@@ -54,14 +54,16 @@ export function preparedState(live) {
  * @param {any} live
  * @param {import("./address.js").State} state */
 export function changesOf(live, { values, commands }) {
-  const given = live.commands?.given;
-  return { settings: Object.keys(values).length > 0, commands: !same(commands ?? given, given) };
+  const unchanged = conditions(live, { ...preparedState(live), commands }) === conditions(live, preparedState(live));
+  return { settings: Object.keys(values).length > 0, commands: !unchanged };
 }
 
-/** @param {any} one
- * @param {any} other */
-export function same(one, other) {
-  return JSON.stringify(one ?? []) === JSON.stringify(other ?? []);
+/** All of a state but the seed, to be compared.
+ * @param {any} live
+ * @param {import("./address.js").State} state
+ * @returns {string} */
+export function conditions(live, { values, commands }) {
+  return JSON.stringify([values, commands ?? live.commands?.given ?? []]);
 }
 
 /** Offer a text as a file.

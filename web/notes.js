@@ -4,10 +4,7 @@ import { fill, h } from "./dom.js";
 
 /** @param {any} live */
 export function notesPanel(live) {
-  const of = (/** @type {any} */ { id, notes, needs_s: needs }) =>
-    [...notes, ...(needs > live.duration_s ? [`this run is too short: it needs ${Math.ceil(needs)} s to converge`] : [])].map(
-      (note) => `${id}: ${note}`,
-    );
+  const of = (/** @type {any} */ { id, notes }) => notes.map((/** @type {string} */ note) => `${id}: ${note}`);
   const notes = [...live.notes, ...live.estimators.flatMap(of)];
   const told = h("p", { class: "quiet", id: "changed" });
   const list = h(

@@ -13,7 +13,6 @@ from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.evaluation import nis
 from insenv.evaluation.errors import statistics_from
 from insenv.evaluation.limits import FLOOR, Limit
-from insenv.report.tables import within
 from insenv.scenario import Plant, limit_of, no_limit
 from insenv.web.model import Member
 
@@ -64,7 +63,7 @@ def limit_document(limit: Limit | None, duration_s: float) -> dict[str, Any] | N
     times = np.linspace(0.0, duration_s, LIMIT_TIMES + 1)[1:]
     found = limit.at(times)
     sigma = {name: _rounded(values) for name, values in found.items()}
-    return {"time_s": _rounded(times), "sigma": sigma, "floor": {name: FLOOR[name] for name in found}, "within": within(1)}
+    return {"time_s": _rounded(times), "sigma": sigma, "floor": {name: FLOOR[name] for name in found}}
 
 
 def _rounded(values: Vector) -> list[float]:

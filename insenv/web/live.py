@@ -20,6 +20,8 @@ from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
 from insenv.evaluation.errors import TOO_SURE
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
+from insenv.report.page.of_run import EXPLAINED
+from insenv.report.tables import within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
@@ -188,10 +190,10 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "prefix": member.prefix,
                 "channels": list(member.channels),
                 "stated": list(member.stated),
-                "needs_s": member.estimator.needed_s(told[member.prefix]),
+                "settled": not member.estimator.too_short(told[member.prefix], plant.duration_s),
                 "health": health_rows(member.estimator),
                 **judged(member, plant, live.every, limit),
-                "notes": list(member.estimator.notes(told[member.prefix], plant.duration_s)),
+                "notes": _notes_of(member.estimator, told[member.prefix], plant.duration_s),
             }
             for member in live.page.members
         ],
@@ -204,6 +206,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "limit": limit_document(limit, plant.duration_s),
         "health": health_rule(),
         "too_sure": TOO_SURE,
+        "explained": EXPLAINED | {"within": f"{within(1)}."},
         "notes": _notes(plant),
     }
 
@@ -246,6 +249,12 @@ def _control(control: Control) -> dict[str, Any]:
         return shown | {"options": options}
     bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
     return shown | bounds | {"targets": [vars(target) for target in control.targets]}
+
+
+def _notes_of(estimator: Estimator, parameters: Mapping[str, Any], duration_s: float) -> list[str]:
+    """What an estimator says of these parameters and this duration, as in a run."""
+    short = estimator.too_short(parameters, duration_s)
+    return [*([short] if short else []), *estimator.notes(parameters, duration_s)]
 
 
 def _notes(plant: Plant) -> list[str]:

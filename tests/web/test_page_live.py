@@ -198,7 +198,8 @@ def test_a_car_is_driven_with_keys_and_its_scenario_gives_the_same_numbers(brows
     )
     browser.until(END, timeout_s=120.0)
     found = shown(browser)
-    link = browser.until("location.hash.includes('commands=') && location.hash")
+    # the address follows a moment later: wait for the one with the outage that has ended
+    link = browser.until("/commands=/.test(location.hash) && /outages_s=(?!.*1000000000)/.test(location.hash) && location.hash")
     browser.driver.find_element(By.ID, "toml").click()
     text = browser.until("window.kept[0]")
     (tmp_path / "driven.toml").write_text(text, encoding="utf-8")
