@@ -57,6 +57,7 @@ function endTable(live, estimator, group, at, history, prepared) {
   const health = healthNow(live, estimator, at, history);
   const below = estimator.from_s > 0 ? [`Statistics from ${significant(estimator.from_s, 6)} s on`] : [];
   if (health) below.push(`Health: ${health.lines[0]}`, ...health.lines.slice(1));
+  else if (estimator.health?.fixes) below.push("no fix came: the estimate is that of the inertial unit alone");
   const sure = statistics.filter((one) => settled && one.stated && one.rms > live.too_sure * one.stated);
   if (sure.length) {
     const ratios = sure.map((one) => `${one.channel.replace(/_.*/, "")} ${significant(one.rms / (one.stated ?? NaN), 3)}`);

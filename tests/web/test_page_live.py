@@ -91,6 +91,7 @@ def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browse
     assert "no limit is known for them" in told and "some may not hold now" in told
     fast(browser)
     assert browser.value("document.querySelector('.end').textContent.includes('limit')") is False
+    assert "no fix came: the estimate is that of the inertial unit alone" in browser.value(below)
     assert browser.console() == []
 
 
