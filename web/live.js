@@ -37,6 +37,7 @@ export function livePage(live) {
   const wrong = h("p", { class: "wrong told", role: "alert", id: "wrong" });
   let state = preparedState(live);
   let clouded = conditions(live, state);
+  let due = false; // whether the settings are to be shown again
   let linked = false; // whether the state is that of a link which has not started yet
   let [running, ended, clouding] = [false, false, false];
   let speed = /** @type {number | null} */ (firstSpeed(live.duration_s));
@@ -160,6 +161,7 @@ export function livePage(live) {
     drive.release();
     compare();
     take(message);
+    due = true;
     session.send({ do: "values" });
     show();
   });
@@ -178,7 +180,8 @@ export function livePage(live) {
   session.on("values", (message) => {
     state = { seed: message.seed, values: message.values, commands: message.commands };
     linked = false;
-    controls.show(state.seed, state.values);
+    if (due) controls.show(state.seed, state.values); // not with each command: a reader may be typing
+    due = false;
     keep();
     compare();
   });

@@ -12,6 +12,7 @@ export function notesPanel(live) {
     { class: "notes", hidden: notes.length === 0 },
     notes.map((note) => h("li", {}, note)),
   );
+  let shown = "";
   return {
     element: h("div", { "aria-live": "polite" }, told, list),
     /** @param {{settings: boolean, commands: boolean}} changes */
@@ -19,8 +20,11 @@ export function notesPanel(live) {
       const what = [changes.settings && "settings", changes.commands && "commands"].filter(Boolean).join(" and ");
       const limit = live.limit ? "; no limit is known for them" : "";
       const below = notes.length ? " The notes below are those of the scenario as prepared: some may not hold now." : "";
-      const ask = changes.settings && [" For those on the settings now, use ", h("code", {}, "insenv run"), " of the downloaded scenario."];
-      fill(told, ...(what ? [`The ${what} have changed${limit}.${below}`, ...(ask || [])] : []));
+      const text = what && `The ${what} have changed${limit}.${below}`;
+      if (text === shown) return; // a screen reader tells it once
+      shown = text;
+      const ask = [" The notes on these settings come with ", h("code", {}, "insenv run"), " of the downloaded scenario."];
+      fill(told, text, ...(changes.settings ? ask : []));
     },
   };
 }
