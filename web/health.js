@@ -61,7 +61,8 @@ function judged(rule, counts, what) {
   );
   const factor = verdict === rule.verdicts[0] ? 1 : Math.sqrt(Math.max(...ratios));
   const refused = percent(counts.refused(end), measured);
-  const summary = `${called(rule, verdict, factor)}: ${refused} % of ${measured} ${what} refused, ${nisText(rule, whole)}`;
+  const more = verdict === rule.verdicts[0] ? qualified(rule, whole) : "";
+  const summary = `${called(rule, verdict, factor)}${more}: ${refused} % of ${measured} ${what} refused, ${nisText(whole)}`;
   return { measured, verdict, factor, summary };
 }
 
@@ -139,15 +140,17 @@ function above(rule, { mean, high }) {
   return mean > Math.max(high, rule.notable ** 2);
 }
 
-/** @param {Rule} rule
+/** @param {Nis} nis */
+function nisText({ mean, low, high }) {
+  return mean >= 0 ? `NIS ${figure(mean)} (${significant(low, 3)} to ${significant(high, 3)})` : "none used";
+}
+
+/** What the verdict "consistent" means where the mean is outside the bounds; empty inside.
+ * @param {Rule} rule
  * @param {Nis} nis */
-function nisText(rule, nis) {
-  const { mean, low, high } = nis;
-  if (!(mean >= 0)) return "none used";
-  let why = "";
-  if (mean > high && !above(rule, nis)) why = `, above by less than ${(100 * (rule.notable - 1)).toFixed(0)} % in sigma`;
-  else if (mean < low) why = ", below: sigmas larger than the scatter";
-  return `NIS ${figure(mean)} (${significant(low, 3)} to ${significant(high, 3)}${why})`;
+function qualified({ notable }, { mean, low, high }) {
+  if (mean < low) return ", innovations smaller than stated";
+  return mean > high ? ` within ${(100 * (notable - 1)).toFixed(0)} % of sigma` : "";
 }
 
 /** @param {Rule} rule

@@ -91,7 +91,7 @@ export function readings(live, at) {
       filters.forEach((/** @type {any} */ one, /** @type {number} */ place) => {
         const found = healthNow(live, one, at, history);
         const [first, ...others] = found?.lines ?? ["nothing measured yet"];
-        const text = [first.replace(/^[a-z]+(: |, )/, ""), ...others].join("; ");
+        const text = [first.replace(/^[a-z]+(: |, | (?=within))/, ""), ...others].join("; ");
         const state = found && h("span", { class: `state ${found.verdict}` }, found.verdict);
         fill(health[place], `${one.id} `, state, ` ${text}`);
       });

@@ -205,6 +205,7 @@ def _called(verdict: Verdict, factor: float) -> str:
 
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
+    called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
     share = 100 * refused / count
     shown = f"{share:.2g}" if share < 99.5 else "100"
-    return f"{_called(verdict, factor)}: {shown} % of {count} {what} refused, {nis.text}"
+    return f"{called}: {shown} % of {count} {what} refused, {nis.text}"

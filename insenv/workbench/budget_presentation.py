@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from insenv.workbench.budget_result import Array, Budget
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 NAME = "budget"
 GROUPS = (("attitude, deg", ATTITUDE), ("velocity, m/s", VELOCITY), ("position, m", POSITION))
@@ -131,7 +129,8 @@ def _group(found: Budget, title: str, places: list[int]) -> Iterator[RenderableT
     """One table of `budget_rows`."""
     from rich.text import Text
 
-    table = _narrow_table(title, [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")])
+    columns = [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")]
+    table = table_of(title, *columns, gap=1)
     for row in budget_rows(found, places):
         if row.name == "method":
             table.add_section()
@@ -142,24 +141,12 @@ def _group(found: Budget, title: str, places: list[int]) -> Iterator[RenderableT
     yield table
 
 
-def _narrow_table(first: str, columns: Sequence[str]) -> Table:
-    """A table of six numbers beside a name within 80 columns."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column(first, no_wrap=True, min_width=13)
-    for name in columns:
-        table.add_column(name, justify="right", min_width=7, no_wrap=True)
-    return table
-
-
 def write_budget(found: Budget, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write budget.npz, budget.json; if `figure`, the page budget.html, and, with matplotlib, budget.png and budget.svg."""
     from insenv.workbench.budget_figure import draw_budget
     from insenv.workbench.budget_page import budget_page
 
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
     names = [f"{NAME}.{kind}" for kind in kinds]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -191,7 +190,7 @@ def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> Fi
     """Write tuning.toml, tuning.json; if `figure`, the page tuning.html, and, with matplotlib, tuning.png and tuning.svg."""
     from insenv.workbench.tune_page import tuning_page
 
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     kinds = ["toml", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
     names = [f"{NAME}.{kind}" for kind in kinds]
