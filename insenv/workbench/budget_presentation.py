@@ -12,7 +12,7 @@ from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.tables import number
+from insenv.report.tables import number, table_of
 from insenv.style import save
 from insenv.workbench.budget_result import Array, Budget
 
