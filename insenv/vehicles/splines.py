@@ -6,7 +6,9 @@ u = t / h - k, `BASIS`.  De Boor, A Practical Guide to Splines, 2001, ch. IX.
 `smoothed` finds the control points for measured points: least squares plus a weight times the mean square of the third
 derivative, the jerk of a position (Eilers and Marx, "Flexible smoothing with B-splines and penalties", Statistical Science 11
 (1996), eq. 12).  Unless the standard deviation of the points is known, the weight is that of generalized cross-validation
-(Craven and Wahba, Numer. Math. 31 (1979)): points without noise are met, points with noise are not followed into it.
+(Craven and Wahba, Numer. Math. 31 (1979)): points without noise are met, points with noise are not followed into it.  Where the
+derivatives at the points are known too, values and derivatives are fitted together, with the largest weight that does not
+fit them worse.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ POINTS = DEGREE + 1
 CAUTION = 1.4
 """Factor of the degrees of freedom in the cross-validation, against fits that meet every point (Kim and Gu, J. R. Stat. Soc. B
 66 (2004), section 2.3)."""
+MARGIN = 1.002
+"""With derivatives, what the spline leaves of the points at most, over what it leaves without a penalty."""
 
 
 def _basis() -> Array:
@@ -72,26 +76,38 @@ def point_count(duration: float, interval: float) -> int:
 
 
 def smoothed(
-    time: Array, values: Array, interval: float, weight: Array | None = None, sigma: float | None = None
-) -> tuple[Spline, float]:
-    """The spline of measured values (m, columns), and the rms of what it leaves of them, in their unit.
+    time: Array,
+    values: Array,
+    interval: float,
+    weight: Array | None = None,
+    sigma: float | None = None,
+    rates: Array | None = None,
+) -> Spline:
+    """The spline of measured values (m, columns).
 
     weight (m,): of each time, 1 if None; sigma: standard deviation of the values; 0 meets them; None: found by
-    cross-validation.
+    cross-validation.  rates (m, columns): measured derivatives; those times the interval count as the values do.
     """
     count = point_count(float(time[-1] - time[0]), interval)
     place, rows = weights_at(time - time[0], interval, count)
     root = np.ones(len(time)) if weight is None else np.sqrt(weight / np.mean(weight))
-    system = _System(place, rows * root[:, None], count)
-    right = system.transposed(values * root[:, None])
+    rows, values = rows * root[:, None], values * root[:, None]
+    if rates is not None:
+        places, slopes = weights_at(time - time[0], interval, count, 1)
+        place = np.concatenate([place, places])
+        rows = np.vstack([rows, interval * root[:, None] * slopes])
+        values = np.vstack([values, interval * root[:, None] * rates])
+    system = _System(place, rows, count)
+    right = system.transposed(values)
 
-    def left(logarithm: float) -> tuple[Array, Array, float]:
+    def left(logarithm: float) -> tuple[Array, float]:
         factor = system.factor(10.0**logarithm)
         points = cho_solve_banded((factor, True), right)
-        residual = values * root[:, None] - system.product(points)
-        return points, residual, float(np.sqrt(np.mean(residual**2)))
+        return points, float(np.sqrt(np.mean((values - system.product(points)) ** 2)))
 
     grid = np.arange(-12.0, 8.1, 0.5)
+    if sigma is None and rates is not None:
+        sigma = MARGIN * left(grid[0])[1]
     if sigma is None:
         probes = np.where(np.random.default_rng(0).random((len(time), 8)) < 0.5, -1.0, 1.0)
         probed = system.transposed(probes)
@@ -100,14 +116,13 @@ def smoothed(
             factor = system.factor(10.0**logarithm)
             trace = float(np.mean(np.sum(probed * cho_solve_banded((factor, True), probed), axis=0))) / len(time)
             free = 1.0 - CAUTION * trace
-            return left(logarithm)[2] ** 2 / free**2 if free > 0.0 else np.inf
+            return left(logarithm)[1] ** 2 / free**2 if free > 0.0 else np.inf
 
         best = float(grid[int(np.argmin([score(each) for each in grid]))])
     else:
-        fits = [left(each)[2] for each in grid]
+        fits = [left(each)[1] for each in grid]
         best = float(grid[max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)])
-    points, _, size = left(best)
-    return Spline(points, interval, float(time[0])), size
+    return Spline(left(best)[0], interval, float(time[0]))
 
 
 class _System:
