@@ -31,9 +31,13 @@ def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
     listed: where they are listed too, such as `LISTED`: of more than `MOST_NAMES` the message then has the nearest ones.
     """
     allowed = list(allowed)
-    close = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
-    guess = f"; did you mean {close[0]!r}?" if close else ""
     if not listed or len(allowed) <= MOST_NAMES:
-        return f"{guess} (allowed: {', '.join(allowed) or 'none'})"
+        return f"{guess(name, allowed)} (allowed: {', '.join(allowed) or 'none'})"
     shown = difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0)
-    return f"{guess} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"
+    return f"{guess(name, allowed)} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"
+
+
+def guess(name: str, allowed: Iterable[str]) -> str:
+    """The nearest allowed name as a question; empty if none is near."""
+    close = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else ""

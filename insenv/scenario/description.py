@@ -137,16 +137,19 @@ def _with_its_place(data: Mapping[str, Any]) -> Mapping[str, Any]:
     """The values with [start] and the duration of a vehicle whose motion has its own, where they are not stated."""
     values = data.get("vehicle")
     if isinstance(values, VehicleSection):
-        section = values
+        section: VehicleSection | None = values
+    elif not isinstance(values, Mapping):
+        return data
     else:
-        kind = values.get("kind") if isinstance(values, Mapping) else None
-        known = vehicle_registry.registered().get(str(kind))
-        if known is None or known.start_values is VehicleSection.start_values:
+        known = vehicle_registry.registered().get(str(values.get("kind")))
+        if known is not None and known.start_values is VehicleSection.start_values:
             return data
         try:
-            section = known.model_validate(values)
-        except ValidationError:  # which the check of [vehicle] reports; nothing else is known then
-            return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
+            section = None if known is None else known.model_validate(values)
+        except ValidationError:
+            section = None
+    if section is None:  # the check of [vehicle] says why: whether it has a place of its own is not known
+        return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
     own = section.start_values()
     if own is None:
         return data

@@ -16,6 +16,7 @@ class Leg(Section):
 
 class Car(Section):
     kind: Literal["car"] = key(..., "kind")
+    car: Number = key(1.0, "a key with the name of a kind", "m", gt=0)
 
 
 class Ship(Section):
@@ -73,7 +74,15 @@ class File(Section):
         ({"vehicle": 3}, "vehicle = 3: must be a table of keys"),
         ({"vehicle": {}}, "vehicle.kind is missing: must be one of 'car', 'ship'"),
         ({"vehicle": {"kind": "boat"}}, "vehicle.kind = 'boat': must be one of 'car', 'ship'"),
-        (3, "the file = 3: must be a table of keys"),
+        ({"vehicle": {"kind": "shp"}}, "vehicle.kind = 'shp': must be one of 'car', 'ship'; did you mean 'ship'?"),
+        ({"vehicle": {"kind": "car", "car": 0}}, "vehicle.car = 0 [m]: must be greater than 0"),
+        (
+            {"legs": [{"drive_s": 1, "count": 1}]},
+            "legs[0].count: unknown key; it belongs at the top of the file (allowed: drive_s)",
+        ),
+        ({"car": 3}, f"car: unknown key; it belongs in [vehicle] (allowed: {', '.join(File.model_fields)})"),
+        ({"drive_s": 3}, f"drive_s: unknown key; did you mean 'duration_s'? (allowed: {', '.join(File.model_fields)})"),
+        (3, "3: must be a table of keys"),
     ],
 )
 def test_a_wrong_value_is_named_with_what_is_allowed(wrong, message):

@@ -222,7 +222,7 @@ def test_a_missing_column_is_named(tmp_path):
 def test_a_run_longer_than_the_track_is_refused(tmp_path):
     time, values = rows()
     write_csv(tmp_path / "t.csv", time, values)
-    with pytest.raises(InputError, match="the track lasts 99 s"):
+    with pytest.raises(InputError, match=r"^scenario: duration_s = 120 s: the track lasts 99 s$"):
         scenario(tmp_path / "t.csv", duration_s=120.0)
     with pytest.raises(InputError, match="allowed is up to 99 s, the duration of the track"):
         build(scenario(tmp_path / "t.csv"), duration_s=100.0)
@@ -264,6 +264,15 @@ def test_a_file_beside_a_scenario(tmp_path):
     (tmp_path / "s.toml").write_text('title = "t"\n[vehicle]\nkind = "recorded"\nfile = "none.csv"\n', encoding="utf-8")
     with pytest.raises(InputError, match=r"none.csv: file not found"):
         insenv.load(tmp_path / "s.toml")
+
+
+def test_a_misspelt_kind_is_named_first(tmp_path):
+    """Whether [start] and duration_s are missing depends on it."""
+    with pytest.raises(InputError) as caught:
+        scenario("drive.gpx", vehicle={"kind": "record"})
+    message = str(caught.value)
+    assert message.startswith("scenario: vehicle.kind = 'record': must be one of 'ship', 'car', 'aircraft'")
+    assert message.endswith("; did you mean 'recorded'?") and len(message.splitlines()) == 1
 
 
 @pytest.mark.parametrize(("name", "text"), [("t.gpx", "no xml"), ("t.xyz", "a"), ("t.csv", "")])

@@ -54,6 +54,12 @@ def test_a_coordinated_turn_banks():
     assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
 
 
+def test_a_wrong_key_beside_the_places_is_named():
+    """The list of places has the name of the kind."""
+    with pytest.raises(InputError, match=r"vehicle\.lateral_mps2 = 0.0 \[m/s2\]: must be greater than 0"):
+        scenario(vehicle={"lateral_mps2": 0.0})
+
+
 @pytest.mark.parametrize(
     ("places", "message"),
     [
