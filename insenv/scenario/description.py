@@ -83,9 +83,10 @@ class Scenario(Section):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
+        found = self.vehicle.notes
         if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
-            return ()
-        return ("the inertial unit is perfect, because [imu] is missing or states no errors",)
+            return found
+        return (*found, "the inertial unit is perfect, because [imu] is missing or states no errors")
 
     @property
     def sensors(self) -> dict[str, SensorSection]:

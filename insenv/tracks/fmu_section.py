@@ -75,6 +75,8 @@ def _shape(text: str) -> Shape:
 def _run(section: FmuSection) -> Points:
     import fmpy
 
+    from insenv.logs.units import ANGLE_UNITS
+
     path, names = Path(section.file), section.outputs
     place, velocity = [names.latitude, names.longitude, names.height], list(names.velocity or ())
     angles = [each for each in (names.roll, names.pitch, names.heading) if each is not None]
@@ -112,8 +114,7 @@ def _run(section: FmuSection) -> Points:
             )
         return elements[:, int(place) - 1]
 
-    degrees = np.pi / 180.0 if names.position_unit == "deg" else 1.0
-    turned = np.pi / 180.0 if names.angle_unit == "deg" else 1.0
+    degrees, turned = ANGLE_UNITS[names.position_unit], ANGLE_UNITS[names.angle_unit]
     euler = None
     if angles:
         euler = np.column_stack([column(name) for name in angles]) * turned

@@ -14,7 +14,7 @@ from pydantic import model_validator
 from insenv.errors import InputError
 from insenv.files.toml import Number, Positive, key
 from insenv.tracks.points import Points, checked
-from insenv.tracks.readers import Columns, formats, points_of
+from insenv.tracks.readers import Column, Columns, formats, points_of
 from insenv.tracks.shape import Shape, shaped, start_of
 from insenv.vehicles.section import StartSection, VehicleSection
 from insenv.vehicles.splines import DEGREE
@@ -50,6 +50,11 @@ class TrackSection(VehicleSection):
     def lasts_s(self) -> float | None:
         """Duration of the track, s."""
         return self.shape.duration_s
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was chosen in the file of the track."""
+        return self.shape.notes
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
@@ -131,6 +136,9 @@ class RecordedSection(RecordedFile):
     kind: Literal["recorded"] = key(..., "kind of vehicle")
     file: str = key(..., f"the file, relative to this TOML file: {formats()}", min_length=1)
     columns: Columns = key(Columns(), "columns of a CSV file")
+    track: Column | None = key(
+        None, "the track of a GPX or KML file with several, by name or by number, counted from 0; absent: the first"
+    )
     height_offset_m: Number = key(0.0, "added to the heights, as that of the geoid above the ellipsoid", "m", ge=-1e4, le=1e4)
     max_gap_s: Positive = key(10.0, "a longer gap between points is an error", "s", le=3600)
     max_acceleration_mps2: Positive = key(20.0, "a larger acceleration over one second is a jump, an error", "m/s2", le=1e4)
@@ -144,7 +152,7 @@ class RecordedSection(RecordedFile):
 @lru_cache(maxsize=16)
 def _shape_of(text: str) -> Shape:
     section = RecordedSection.model_validate_json(text)
-    found = points_of(Path(section.file), section.columns, section.height_offset_m)
+    found = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
     points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
     return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
 

@@ -60,6 +60,11 @@ class VehicleSection(Section):
         """Duration of the motion, s; None: without an end."""
         return None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what the keys leave open, for a reader of the results."""
+        return ()
+
     def check_interval(self, sample_interval: float) -> None:
         """Raise `InputError` where the motion needs more samples; sample_interval: s."""
 

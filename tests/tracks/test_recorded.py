@@ -134,6 +134,31 @@ def drive(tmp_path_factory):
     return time[9::10], {name: values[9::10] for name, values in shown.items()}
 
 
+def test_one_of_several_tracks_is_named(tmp_path):
+    """What `insenv run --gpx --kml` writes: the truth and an estimate."""
+    pytest.importorskip("gpxpy")
+    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=30.0)
+    insenv.write(report, tmp_path, ["gpx", "kml"], name="two")
+    for path in (tmp_path / "two.gpx", tmp_path / "two.kml"):
+        first = scenario(path)
+        note = f"{path.name} has the tracks 'truth', 'loosely-coupled': the first is taken; vehicle.track chooses another"
+        assert note in first.notes
+        truth, other = (
+            scenario(path, rate_hz=400.0, vehicle={"track": "truth"}),
+            scenario(path, rate_hz=400.0, vehicle={"track": "loosely-coupled"}),
+        )
+        assert not truth.vehicle.notes and np.array_equal(first.vehicle.shape.points, truth.vehicle.shape.points)
+        assert not np.array_equal(other.vehicle.shape.points, truth.vehicle.shape.points)
+        by_number = scenario(path, rate_hz=400.0, vehicle={"track": 1})
+        assert np.array_equal(by_number.vehicle.shape.points, other.vehicle.shape.points)
+        with pytest.raises(InputError, match=r"vehicle.track = 'trth': no such track in .*did you mean 'truth'\?"):
+            scenario(path, rate_hz=400.0, vehicle={"track": "trth"})
+        with pytest.raises(
+            InputError, match=r"vehicle.track = 2: .* has the tracks 'truth', 'loosely-coupled', numbered from 0"
+        ):
+            scenario(path, rate_hz=400.0, vehicle={"track": 2})
+
+
 def test_a_track_of_one_hertz_does_not_ring(drive, tmp_path):
     """A drive as GPX once a second, to a centimetre: velocity and acceleration between the points are those of the drive."""
     time, true = drive
@@ -208,7 +233,9 @@ def test_few_points_are_refused(tmp_path):
 
 
 def test_two_of_three_angles_are_refused(tmp_path):
-    refused(tmp_path, "columns of 2 angles", *rows(), columns={"roll": "roll", "pitch": "pitch"})
+    message = r"vehicle\.columns: no heading: allowed are columns of roll, pitch and heading"
+    refused(tmp_path, message, *rows(), columns={"roll": "roll", "pitch": "pitch"})
+    refused(tmp_path, "no track|vehicle.track = 'a': allowed with .gpx and .kml", *rows(), track="a")
 
 
 def test_radians_as_degrees_are_refused(tmp_path):
