@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import model_validator
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Positive, key
+from insenv.tracks.fingerprint import fingerprint
 from insenv.tracks.points import Points, checked
 from insenv.tracks.readers import Column, Columns, formats, points_of
 from insenv.tracks.shape import Shape, shaped, start_of
@@ -113,7 +113,11 @@ def _size(count: int) -> int:
 class RecordedFile(TrackSection):
     """The fingerprint of the file that a track comes from."""
 
-    sha256: str = key("", "SHA-256 of the file, which must not change; filled in when the scenario is loaded", max_length=64)
+    sha256: str = key(
+        "",
+        "SHA-256 of the file, with the files that a .toml names: they must not change; filled in when the scenario is loaded",
+        max_length=64,
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -121,10 +125,7 @@ class RecordedFile(TrackSection):
         if not isinstance(data, Mapping) or not isinstance(data.get("file"), str):
             return data
         path = Path(data["file"])
-        try:
-            now = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            raise ValueError(f"{path}: {'file not found' if not path.exists() else error.strerror or error}") from None
+        now = fingerprint(path)
         if data.get("sha256") not in ("", None, now):
             raise ValueError(f"{path}: the file has changed since this scenario was loaded")
         return {**data, "sha256": now}

@@ -283,6 +283,24 @@ def test_a_file_that_has_changed_is_refused(tmp_path):
         insenv.load(dumped)
 
 
+def test_the_data_of_a_log_are_part_of_its_fingerprint(tmp_path):
+    """The description alone is the same for two drives."""
+    for file in (ROOT / "examples" / "logs").glob("plain*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    first = scenario(tmp_path / "plain.toml")
+    data = tmp_path / "plain-reference.csv"
+    lines = data.read_text(encoding="utf-8").splitlines(keepends=True)
+    data.write_text("".join(lines[:-20]), encoding="utf-8")
+    second = scenario(tmp_path / "plain.toml")
+    assert first.vehicle.sha256 != second.vehicle.sha256
+    assert second.duration_s < first.duration_s
+    with pytest.raises(InputError, match="the file has changed"):
+        insenv.load(first.model_dump(mode="json"))
+    data.unlink()
+    with pytest.raises(InputError, match=r"plain-reference.csv: file not found"):
+        scenario(tmp_path / "plain.toml")
+
+
 def test_a_file_beside_a_scenario(tmp_path):
     time, values = rows()
     write_csv(tmp_path / "t.csv", time, values)
