@@ -88,6 +88,15 @@ class Scenario(Section):
             return found
         return (*found, "the inertial unit is perfect, because [imu] is missing or states no errors")
 
+    def stated(self) -> dict[str, Any]:
+        """The values as in a TOML file, less the start and the duration of a vehicle whose motion has its own."""
+        values, own = self.model_dump(mode="json", warnings=False), self.vehicle.start_values()
+        if own is not None:
+            values["start"] = {name: value for name, value in values["start"].items() if name not in own}
+        if own is not None and self.duration_s == self.vehicle.lasts_s:
+            del values["duration_s"]
+        return values
+
     @property
     def sensors(self) -> dict[str, SensorSection]:
         """Sections of the sensors other than the inertial unit, by id, in the order of registration."""

@@ -63,6 +63,11 @@ class WaypointsSection(TrackSection):
         """The splines.  Raises `InputError` for places that cannot be driven."""
         return _shape(self.model_dump_json())
 
+    @property
+    def lasts_s(self) -> float | None:
+        """Duration of the plan, s, which needs no splines."""
+        return float(planned(self)[0][-1])
+
 
 @lru_cache(maxsize=16)
 def _shape(text: str) -> Shape:

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import insenv
+from insenv.campaigns.plan import make_plan
+from insenv.campaigns.variation import variation_of, varied
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.scenario import build
@@ -98,3 +100,26 @@ def test_a_plan_of_hours_has_longer_knots(tmp_path):
     )
     shape = insenv.load(path).vehicle.shape
     assert shape.duration_s > 18_000 and 1.0 < shape.interval < 1.3
+
+
+@pytest.mark.parametrize("key", ["vehicle.waypoints.1.speed_mps", "vehicle.acceleration_mps2"])
+def test_runs_with_varied_plans_last_as_long_as_the_shortest(key):
+    limits = {"vehicle.waypoints.1.speed_mps": (8.0, 12.0), "vehicle.acceleration_mps2": (0.8, 1.2)}[key]
+    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
+    plan = make_plan(loaded, "loosely-coupled", 3, variations=[variation_of(key, limits)])
+    lasting = [plant.scenario.vehicle.lasts_s for plant in plan.plants(range(3))]
+    assert len(set(lasting)) > 1
+    fastest = varied(loaded.stated(), {key: limits[1]})
+    assert plan.duration_s == insenv.load(fastest).duration_s < min(lasting) < max(lasting)
+    with pytest.raises(InputError, match=r"duration_s = .* s: allowed is up to .* s, the duration of the track"):
+        make_plan(loaded, "loosely-coupled", 3, duration_s=loaded.duration_s, variations=[variation_of(key, limits)])
+
+
+def test_a_varied_first_place_is_the_start():
+    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
+    vary = variation_of("vehicle.waypoints.0.latitude_deg", (44.999, 45.001))
+    plan = make_plan(loaded, "loosely-coupled", 2, variations=[vary])
+    for run in range(2):
+        plant = plan.plant_of(run)
+        drawn = vary.value(plan.seed_of(run))
+        assert plant.scenario.start.latitude_deg == pytest.approx(drawn, abs=1e-7)
