@@ -155,9 +155,10 @@ def _faults(error: ValidationError, model: type[BaseModel], label: str) -> str:
         if (alternative := message.partition(": must be ")[2]) and where in faults:  # of a union of types
             faults[where] += f" or {alternative}" if alternative not in faults[where] else ""
         faults.setdefault(where, message)
-    shown = [f"{label}: {where}{message}" for where, message in list(faults.items())[:MAX_FAULTS]]
-    more = len(faults) - len(shown)
-    return "\n".join(shown + ([f"and {more} more"] if more > 0 else []))
+    listed = list(faults.items())[:MAX_FAULTS]
+    more = len(faults) - len(listed)
+    lines = [f"{label}: {where}{message}".replace("\n", f"\n{label}: {where}: ") for where, message in listed]
+    return "\n".join(lines + ([f"and {more} more"] if more > 0 else []))
 
 
 def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
@@ -217,8 +218,10 @@ def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[Ba
         noun = name if name.endswith("s") else "entries"
         return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
     other = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")  # a validator's own message
-    given = "" if value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
-    allowed = _MESSAGES[kind].format(**context) if kind in _MESSAGES else other
+    begun = isinstance(value, str) and other.startswith(f"{value}: ")  # a message about the file at this path
+    given = "" if begun or value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
+    limits = {name: plain(limit) if isinstance(limit, (int, float)) else limit for name, limit in context.items()}
+    allowed = _MESSAGES[kind].format(**limits) if kind in _MESSAGES else other
     said = f"{given}: {allowed}"
     return dotted, said if dotted else said.removeprefix(" = ").removeprefix(": ")  # of the whole, the label says what it is
 
@@ -234,10 +237,10 @@ _TYPES = {
     "must be a table of keys": ("dict_type", "model_type", "model_attributes_type"),
 }
 _MESSAGES = {kind: message for message, kinds in _TYPES.items() for kind in kinds} | {
-    "greater_than": "must be greater than {gt:.16g}",
-    "greater_than_equal": "must be greater than or equal to {ge:.16g}",
-    "less_than": "must be less than {lt:.16g}",
-    "less_than_equal": "must be less than or equal to {le:.16g}",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be greater than or equal to {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be less than or equal to {le}",
     "literal_error": "must be {expected}",
     "string_too_short": "must have {min_length} or more characters",
     "string_too_long": "must have {max_length} or fewer characters",
@@ -252,6 +255,11 @@ def shown(value: object) -> str:
     except ValueError:  # Python does not print whole numbers of thousands of digits
         return "(a number of thousands of digits)"
     return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def plain(number: float) -> str:
+    """A number with the digits that tell it from its neighbours, whole numbers without a point."""
+    return repr(number).removesuffix(".0")
 
 
 def _unit(unit: str) -> str:

@@ -213,7 +213,7 @@ def refused(tmp_path, message, time, values, **vehicle):
 def test_a_gap_is_named(tmp_path):
     time, values = rows()
     keep = (time < 30) | (time > 45)
-    refused(tmp_path, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10", time[keep], values[keep])
+    refused(tmp_path, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10 s$", time[keep], values[keep])
 
 
 def test_a_jump_is_named(tmp_path):

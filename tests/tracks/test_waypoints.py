@@ -68,6 +68,7 @@ def test_a_wrong_key_beside_the_places_is_named():
         (PLACES[:1], "vehicle.waypoints.*: must have two places or more"),
         ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
         ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
+        ([PLACES[0], {**PLACES[1], "latitude_deg": 95.0}], r"latitude_deg = 95.0 .deg.: must be less than or equal to 89\.9$"),
         ([PLACES[0], {**PLACES[1], "latitude_deg": 60.0}], "more than 300 km from the first"),
     ],
 )
