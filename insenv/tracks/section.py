@@ -22,6 +22,8 @@ from insenv.vehicles.track import SIZES, track
 from insenv.vehicles.truth import Vehicle
 
 SHORTEST_KNOT_S = 0.05
+LONGEST_GAP = 200
+"""Knots between two points: with more, rounding decides what the smoothest spline between them is."""
 TURN = 0.25
 """Largest rotation in a sample, rad, that the truth of a vehicle allows."""
 _MOST = SIZES[-1] - DEGREE - 1
@@ -164,11 +166,22 @@ def spacing(points: Points) -> float:
 
 
 def knot_interval(stated: float | None, usual: float, points: Points) -> float:
-    """Time between knots, s: as stated, or the usual one, longer for a long track.  Raises `InputError` for too many knots."""
+    """Time between knots, s: as stated, or the usual one, longer for a long track.
+
+    Raises `InputError` for too many knots, in all or in a gap, and for too few.
+    """
     lasts = float(points.time[-1])
     interval = stated or max(usual, lasts / (_MOST - 1))
+    if interval > lasts:
+        raise InputError(f"knot_s = {interval:g} s: allowed is at most the duration of the track, {lasts:.6g} s")
     if lasts / interval > _MOST:
         raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MOST}")
+    gap = float(np.diff(points.time).max())
+    if gap > LONGEST_GAP * interval:
+        raise InputError(
+            f"{points.label}: a gap of {gap:.6g} s with knots every {interval:g} s: allowed are {LONGEST_GAP} knots in a gap, "
+            f"with a knot_s of {gap / LONGEST_GAP:.6g} s or more"
+        )
     return float(interval)
 
 

@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from insenv.errors import InputError
+
 Array = NDArray[np.float64]
 
 DEGREE = 5
@@ -27,6 +29,8 @@ POINTS = DEGREE + 1
 CAUTION = 1.4
 """Factor of the degrees of freedom in the cross-validation, against fits that meet every point (Kim and Gu, J. R. Stat. Soc. B
 66 (2004), section 2.3)."""
+WEIGHTS = tuple(10.0 ** np.arange(-12.0, 8.1, 0.5))
+"""Weights of the jerk that are tried."""
 MARGIN = 1.002
 """With derivatives, what the spline leaves of the points at most, over what it leaves without a penalty."""
 
@@ -100,29 +104,29 @@ def smoothed(
     system = _System(place, rows, count)
     right = system.transposed(values)
 
-    def left(logarithm: float) -> tuple[Array, float]:
-        factor = system.factor(10.0**logarithm)
+    def left(factor: Array) -> tuple[Array, float]:
         points = cho_solve_banded((factor, True), right)
         return points, float(np.sqrt(np.mean((values - system.product(points)) ** 2)))
 
-    grid = np.arange(-12.0, 8.1, 0.5)
+    factors = [found for weight in WEIGHTS if (found := system.factor(weight)) is not None]
+    if not factors:
+        raise InputError(f"a gap of {np.diff(time).max():.6g} s with knots every {interval:g} s: allowed is a shorter gap")
     if sigma is None and rates is not None:
-        sigma = MARGIN * left(grid[0])[1]
+        sigma = MARGIN * left(factors[0])[1]
     if sigma is None:
         probes = np.where(np.random.default_rng(0).random((len(time), 8)) < 0.5, -1.0, 1.0)
         probed = system.transposed(probes)
 
-        def score(logarithm: float) -> float:
-            factor = system.factor(10.0**logarithm)
+        def score(factor: Array) -> float:
             trace = float(np.mean(np.sum(probed * cho_solve_banded((factor, True), probed), axis=0))) / len(time)
             free = 1.0 - CAUTION * trace
-            return left(logarithm)[1] ** 2 / free**2 if free > 0.0 else np.inf
+            return left(factor)[1] ** 2 / free**2 if free > 0.0 else np.inf
 
-        best = float(grid[int(np.argmin([score(each) for each in grid]))])
+        best = int(np.argmin([score(each) for each in factors]))
     else:
-        fits = [left(each)[1] for each in grid]
-        best = float(grid[max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)])
-    return Spline(left(best)[0], interval, float(time[0]))
+        fits = [left(each)[1] for each in factors]
+        best = max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)
+    return Spline(left(factors[best])[0], interval, float(time[0]))
 
 
 class _System:
@@ -153,6 +157,12 @@ class _System:
         """Rows times control points."""
         return np.einsum("mj,mjc->mc", self.rows, points[self.columns])
 
-    def factor(self, weight: float) -> Array:
-        """Cholesky factor of the normal equations with this weight of the jerk."""
-        return np.asarray(cholesky_banded(self.normal + weight * self.penalty, lower=True))
+    def factor(self, weight: float) -> Array | None:
+        """Cholesky factor of the normal equations with this weight of the jerk.
+
+        None where points and penalty do not determine the spline: in a long gap rounding loses a small weight.
+        """
+        try:
+            return np.asarray(cholesky_banded(self.normal + weight * self.penalty, lower=True))
+        except np.linalg.LinAlgError:
+            return None

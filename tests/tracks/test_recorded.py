@@ -216,6 +216,13 @@ def test_a_gap_is_named(tmp_path):
     refused(tmp_path, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10 s$", time[keep], values[keep])
 
 
+def test_a_gap_of_many_knots_is_named(tmp_path):
+    time, values = rows(1000)
+    keep = (time < 100) | (time > 400)
+    message = r"a gap of 302 s with knots every 1 s: allowed are 200 knots in a gap, with a knot_s of 1.51 s or more"
+    refused(tmp_path, message, time[keep], values[keep], max_gap_s=400.0)
+
+
 def test_a_jump_is_named(tmp_path):
     time, values = rows()
     values[60:, 0] += 100.0 / 6.37e6

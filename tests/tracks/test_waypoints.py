@@ -69,6 +69,9 @@ def test_a_wrong_key_beside_the_places_is_named():
         ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
         ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
         ([PLACES[0], {**PLACES[1], "latitude_deg": 95.0}], r"latitude_deg = 95.0 .deg.: must be less than or equal to 89\.9$"),
+        ([PLACES[0], PLACES[1], PLACES[0]], r"waypoints\[1\]: a turn of 180 deg: allowed is up to 171.9 deg, or a stop_s"),
+        ([{**PLACES[0], "stop_s": 86400.0}, PLACES[1]], "the plan lasts 86474.* s or more: allowed is up to 86400 s"),
+        ([{**PLACES[0], "latitude_deg": 89.9}, {**PLACES[1], "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
         ([PLACES[0], {**PLACES[1], "latitude_deg": 60.0}], "more than 300 km from the first"),
     ],
 )
@@ -88,6 +91,31 @@ def test_environments_and_campaigns_take_a_track():
         gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded, heading_deg=(0.0, 90.0)).reset(seed=1)
     summary = insenv.campaign(loaded, "loosely-coupled", 3, duration_s=20.0)
     assert len(summary.seeds) == 3
+
+
+def test_a_plan_across_the_date_line():
+    loaded = scenario([
+        {"latitude_deg": 45.0, "longitude_deg": 179.995, "speed_mps": 15.0},
+        {"latitude_deg": 45.0, "longitude_deg": -179.995, "speed_mps": 15.0},
+    ])  # fmt: skip
+    shape = loaded.vehicle.shape
+    times = np.linspace(0.0, shape.duration_s, 500)
+    assert np.abs(4.5e6 * shape.spline.at(times, 1)[:, 1]).max() < 16.0
+    assert 4.5e6 * (shape.spline.at(times)[-1, 1] - shape.spline.at(times)[0, 1]) == pytest.approx(788.0, abs=5.0)
+
+
+def test_a_place_that_is_passed_at_a_distance_is_noted():
+    """A turn by 170 deg at 15 m/s: an arc of the radius v^2 / a would begin beyond half of the line."""
+    sharp = [PLACES[0], PLACES[1], {**PLACES[0], "longitude_deg": 7.0025}]
+    (note,) = scenario(sharp, imu={"grade": "tactical"}).notes
+    assert note.startswith("the arc at vehicle.waypoints[1] passes ") and "keeps it closer" in note
+    stopped = [sharp[0], {**sharp[1], "stop_s": 5.0}, sharp[2]]
+    assert scenario(stopped, imu={"grade": "tactical"}).notes == ()
+
+
+def test_knots_longer_than_the_plan_are_refused():
+    with pytest.raises(InputError, match=r"knot_s = 3600 s: allowed is at most the duration of the track, 93 s"):
+        scenario(PLACES[:2], vehicle={"knot_s": 3600.0})
 
 
 def test_a_plan_of_hours_has_longer_knots(tmp_path):

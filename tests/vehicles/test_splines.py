@@ -61,3 +61,22 @@ def test_derivatives_tell_of_the_motion_between_points():
     spline = smoothed(time, np.sin(time)[:, None], 1.5, rates=np.cos(time)[:, None])
     assert np.abs(spline.at(fine)[:, 0] - np.sin(fine)).max() < 0.01
     assert np.abs(smoothed(time, np.sin(time)[:, None], 1.5).at(fine)[:, 0] - np.sin(fine)).max() > 0.5
+
+
+@pytest.mark.parametrize("knots", [50, 200])
+def test_a_gap_of_many_knots(knots):
+    """There the penalty alone determines the spline: a parabola has no jerk."""
+    time = np.r_[np.arange(300.0), np.arange(300.0 + knots, 600.0 + knots)]
+    spline = smoothed(time, (time**2)[:, None], 1.0)
+    fine = np.linspace(0.0, time[-1], 5000)
+    assert np.abs(spline.at(fine)[:, 0] - fine**2).max() < 1e-7 * time[-1] ** 2
+
+
+def test_weights_that_rounding_loses_are_left_out():
+    """Long gaps between single points: with the smallest weights the equations are not positive definite."""
+    generator = np.random.default_rng(0)
+    for _ in range(40):
+        steps = generator.choice([1e-3, 0.3, 1.0, 3.0, 50.0, 199.0], size=30, p=[0.1, 0.2, 0.4, 0.1, 0.1, 0.1])
+        time = np.concatenate([[0.0], np.cumsum(steps)])
+        spline = smoothed(time, (1e-3 * time)[:, None], 1.0)
+        assert np.abs(spline.at(time)[:, 0] - 1e-3 * time).max() < 1e-5 * time[-1]
