@@ -17,10 +17,11 @@ from pydantic import field_validator
 
 from insenv import geodesy
 from insenv.errors import InputError
-from insenv.files.toml import Number, Positive, Section, key
+from insenv.files.toml import Number, Positive, key
 from insenv.tracks.points import Points, checked
 from insenv.tracks.section import TrackSection, knot_interval
 from insenv.tracks.shape import Shape, shaped
+from insenv.vehicles.section import PlaceSection
 
 Array = NDArray[np.float64]
 
@@ -40,12 +41,9 @@ SMOOTHING_M = 0.005
 """What the splines may leave of the plan, m: so much a corner of the acceleration is rounded off."""
 
 
-class Waypoint(Section):
+class Waypoint(PlaceSection):
     """A place of the plan."""
 
-    latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.9, le=89.9)
-    longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
-    height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
     speed_mps: Number = key(..., "speed over ground from here on; that of the last place does not count", "m/s", gt=0, le=1e3)
     stop_s: Number = key(0.0, "time to stand here", "s", ge=0, le=86400)
 

@@ -26,6 +26,7 @@ class Ship(Section):
 class File(Section):
     height_m: Number = key(1.0, "height", "m", gt=0, lt=4)
     duration_s: Number = key(1.0, "duration", "s", ge=0.5, le=86400)
+    arm_deg: Number = key(0.0, "a limit that binary numbers do not have", "deg", le=89.9)
     count: Annotated[int, Strict()] = key(1, "count", ge=0, le=2**53)
     title: str = key("a", "title", min_length=1, max_length=3)
     repeat: bool = key(True, "repeat", strict=True)
@@ -44,6 +45,7 @@ class File(Section):
     ("wrong", "message"),
     [
         ({"height_m": 0}, "height_m = 0 [m]: must be greater than 0"),
+        ({"arm_deg": 95.0}, "arm_deg = 95.0 [deg]: must be less than or equal to 89.9"),
         ({"height_m": 9}, "height_m = 9 [m]: must be less than 4"),
         ({"duration_s": 0.1}, "duration_s = 0.1 [s]: must be greater than or equal to 0.5"),
         ({"duration_s": 1e9}, "duration_s = 1000000000.0 [s]: must be less than or equal to 86400"),

@@ -68,7 +68,10 @@ def test_a_wrong_key_beside_the_places_is_named():
         (PLACES[:1], "vehicle.waypoints.*: must have two places or more"),
         ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
         ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
-        ([PLACES[0], {**PLACES[1], "latitude_deg": 95.0}], r"latitude_deg = 95.0 .deg.: must be less than or equal to 89\.9$"),
+        (
+            [PLACES[0], {**PLACES[1], "latitude_deg": 95.0}],
+            r"latitude_deg = 95.0 .deg.: must be less than or equal to 89\.999$",
+        ),
         ([PLACES[0], PLACES[1], PLACES[0]], r"waypoints\[1\]: a turn of 180 deg: allowed is up to 171.9 deg, or a stop_s"),
         ([{**PLACES[0], "stop_s": 86400.0}, PLACES[1]], "the plan lasts 86474.* s or more: allowed is up to 86400 s"),
         ([{**PLACES[0], "latitude_deg": 89.9}, {**PLACES[1], "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
