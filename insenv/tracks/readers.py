@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Column = str | int
 Rows = list[tuple[float, float, float, float]]
-"""Time s, latitude deg, longitude deg, height m."""
+"""Time s, latitude deg, longitude deg, height m or NaN."""
 
 
 class Columns(Section):
@@ -96,7 +96,8 @@ def _chosen(path: Path, tracks: Sequence[tuple[str, Rows]], track: Column | None
     points = _points(path, tracks[0][1])
     if len(tracks) == 1:
         return points
-    return replace(points, notes=(f"{path.name} has the tracks {shown}: the first is taken; vehicle.track chooses another",))
+    note = f"{path.name} has the tracks {shown}: the first is taken; vehicle.track chooses another"
+    return replace(points, notes=(note, *points.notes))
 
 
 def _csv(path: Path, columns: Columns) -> Points:
@@ -119,9 +120,22 @@ def _csv(path: Path, columns: Columns) -> Points:
 
 
 def _points(path: Path, rows: Rows) -> Points:
-    """Points from rows of time s, latitude deg, longitude deg, height m."""
+    """Points from rows; their heights are 0, with a note, if none has one.  Raises `InputError` if some have none."""
     values = np.array(rows, dtype=np.float64).reshape(-1, 4)
-    return Points(str(path), values[:, 0], np.radians(values[:, 1]), np.radians(values[:, 2]), values[:, 3])
+    notes: tuple[str, ...] = ()
+    unknown = np.flatnonzero(np.isnan(values[:, 3]))
+    if 0 < len(unknown) < len(values):
+        raise InputError(
+            f"{path}: point {unknown[0] + 1} has no height, others have one: allowed are heights of all or of none"
+        )
+    if len(unknown):
+        values[:, 3] = 0.0
+        notes = (f"{path.name} has no heights: the track is at height_offset_m above the ellipsoid",)
+    return Points(str(path), values[:, 0], np.radians(values[:, 1]), np.radians(values[:, 2]), values[:, 3], notes=notes)
+
+
+def _height(given: float | None) -> float:
+    return float("nan") if given is None else float(given)
 
 
 def _gpx(path: Path) -> list[tuple[str, Rows]]:
@@ -140,7 +154,7 @@ def _gpx(path: Path) -> list[tuple[str, Rows]]:
         for number, (point, _, _) in enumerate(track.walk(), 1):
             if point.time is None:
                 raise InputError(f"{path}: point {number} has no time: a planned route is no recorded track")
-            rows.append((point.time.timestamp(), point.latitude, point.longitude, point.elevation or 0.0))
+            rows.append((point.time.timestamp(), point.latitude, point.longitude, _height(point.elevation)))
         if rows:
             tracks.append((track.name or "", rows))
     if not tracks:
@@ -171,7 +185,7 @@ def _nmea(path: Path, columns: Columns) -> Points:
         time = stamp.hour * 3600.0 + stamp.minute * 60.0 + stamp.second + stamp.microsecond * 1e-6 + day
         if rows and time < rows[-1][0] - 43200.0:
             day, time = day + 86400.0, time + 86400.0
-        height = float(fix.altitude or 0.0) + float(fix.geo_sep or 0.0)
+        height = _height(fix.altitude) + float(fix.geo_sep or 0.0)
         rows.append((time, fix.latitude, fix.longitude, height))
     if wrong:
         raise InputError(wrong)
@@ -212,7 +226,7 @@ def _kml_rows(path: Path, track: Element) -> Rows:
     for number, (stamp, place) in enumerate(zip(times, places, strict=True), 1):
         try:
             moment = datetime.fromisoformat(stamp.strip().replace("Z", "+00:00"))
-            longitude, latitude, height = (float(part) for part in (*place, "0")[:3])
+            longitude, latitude, height = (float(part) for part in (*place, "nan")[:3])
         except ValueError:
             raise InputError(
                 f"{path}: point {number}: {stamp!r} at {place!r}: allowed is a time and two or three numbers"

@@ -149,11 +149,11 @@ class RecordedSection(RecordedFile):
     @property
     def shape(self) -> Shape:
         """The splines.  Raises `InputError` for a file that is no track."""
-        return _shape(self)
+        return _shape(self.model_dump_json())
 
 
 @lru_cache(maxsize=16)
-def _shape_of(text: str) -> Shape:
+def _shape(text: str) -> Shape:
     section = RecordedSection.model_validate_json(text)
     found = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
     points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
@@ -183,7 +183,3 @@ def knot_interval(stated: float | None, usual: float, points: Points) -> float:
             f"with a knot_s of {gap / LONGEST_GAP:.6g} s or more"
         )
     return float(interval)
-
-
-def _shape(section: RecordedSection) -> Shape:
-    return _shape_of(section.model_dump_json())

@@ -1,6 +1,7 @@
 """kind = "recorded": tracks through CSV, GPX, logs and results, against closed forms and simulated drives."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -124,6 +125,19 @@ def test_a_closed_form_through_gpx(tmp_path):
     heading = insenv.attitude.numeric.to_euler(shown["q_nb"])[2]
     fast = np.hypot(*shown["velocity_n"][:, :2].T) > 10.0
     assert np.abs(np.angle(np.exp(1j * (heading - course))))[fast].max() < np.radians(0.5)
+
+
+def test_heights_that_are_missing_are_noted_or_refused(tmp_path):
+    time = np.arange(0.0, 100.0)
+    write_gpx(tmp_path / "t.gpx", time, closed_form(time))
+    text = (tmp_path / "t.gpx").read_text(encoding="utf-8")
+    (tmp_path / "t.gpx").write_text(re.sub("<ele>.*?</ele>", "", text, count=1), encoding="utf-8")
+    with pytest.raises(InputError, match="point 1 has no height, others have one"):
+        scenario(tmp_path / "t.gpx")
+    (tmp_path / "t.gpx").write_text(re.sub("<ele>.*?</ele>", "", text), encoding="utf-8")
+    loaded = scenario(tmp_path / "t.gpx", vehicle={"height_offset_m": 50.0})
+    assert loaded.vehicle.notes == ("t.gpx has no heights: the track is at height_offset_m above the ellipsoid",)
+    assert loaded.start.height_m == pytest.approx(50.0)
 
 
 @pytest.fixture(scope="module")
