@@ -122,7 +122,13 @@ class Plan:
 
     def plant_of(self, run: int) -> Plant:
         """The plant of one run."""
-        return build(parse(self.values_of(run), self.name, self.name), self.seed_of(run), self.duration_s)
+        try:
+            return build(parse(self.values_of(run), self.name, self.name), self.seed_of(run), self.duration_s)
+        except InputError as error:
+            if not self.variations:
+                raise
+            drawn = ", ".join(map(str, self.variations))
+            raise InputError(f"vary {drawn}, in the run of seed {self.seed_of(run)}: {error}") from None
 
     def values_of(self, run: int) -> dict[str, Any]:
         """The values of the scenario of one run."""
@@ -239,21 +245,25 @@ def make_plan(
     check_design(design, plan.runs, len(plan.variations))
     numbers = plan.numbers(range(plan.runs)) if plan.variations else np.zeros((0, 0))
     tried = [
-        varied(plan.scenario, {variation.key: value})
+        (variation, which, varied(plan.scenario, {variation.key: value}))
         for place, variation in enumerate(plan.variations)
-        for value in variation.distribution.tried(numbers[:, place])
+        for value, which in variation.distribution.tried(numbers[:, place])
     ]
     if duration_s is None and "duration_s" not in plan.scenario:
-        plan = replace(plan, duration_s=_shortest(plan, scenario, tried))
+        plan = replace(plan, duration_s=_shortest(plan, scenario, [changed for _, _, changed in tried]))
     vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
-    plants = [plan.plant]
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
-    plants += [build(parse(values, plan.name), plan.first_seed, plan.duration_s) for values in tried]
-    for plant in plants:
-        plant.parameters_of(estimator, whole=False)
+    plan.plant.parameters_of(estimator, whole=False)
+    for variation, which, changed in tried:
+        try:
+            plant = build(parse(changed, plan.name), plan.first_seed, plan.duration_s)
+            plant.parameters_of(estimator, whole=False)
+        except InputError as error:
+            raise InputError(f"vary {variation}{f', {which}' if which else ''}: {error}") from None
         if plant.model is not plan.plant.model:
             raise InputError(
-                f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, for example)"
+                f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, or more knots of a track "
+                "than its model holds: a larger knot_s keeps them fewer)"
             )
     return plan
 
@@ -264,7 +274,10 @@ def _shortest(plan: Plan, scenario: Scenario, tried: Iterable[Mapping[str, Any]]
         return plan.duration_s
 
     def lasts(values: Mapping[str, Any]) -> float:
-        return validated(type(scenario.vehicle), values["vehicle"], f"{plan.name}: vehicle").lasts_s or plan.duration_s
+        try:
+            return validated(type(scenario.vehicle), values["vehicle"], plan.name).lasts_s or plan.duration_s
+        except InputError:  # which the build of this plant reports
+            return plan.duration_s
 
     durations = {plan.duration_s, *map(lasts, tried)}
     if len(durations) > 1:

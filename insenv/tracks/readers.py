@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import model_validator
 
 from insenv.attitude.numeric import to_euler
-from insenv.errors import InputError, InsenvError, nearest
+from insenv.errors import InputError, nearest
 from insenv.files.toml import Section, key
-from insenv.installing import install_extra
+from insenv.installing import need
 from insenv.tracks.points import Points
 
 if TYPE_CHECKING:
@@ -140,10 +140,9 @@ def _height(given: float | None) -> float:
 
 def _gpx(path: Path) -> list[tuple[str, Rows]]:
     """The tracks with points; the segments of a track follow each other."""
-    try:
-        import gpxpy
-    except ImportError:
-        raise InsenvError(f"gpxpy is not installed: {install_extra('workbench')}") from None
+    need(f"{path}: a GPX file", "gpxpy", extra="workbench")
+    import gpxpy
+
     try:
         found = gpxpy.parse(path.read_text(encoding="utf-8-sig"))
     except (gpxpy.gpx.GPXException, UnicodeDecodeError) as error:
@@ -164,10 +163,9 @@ def _gpx(path: Path) -> list[tuple[str, Rows]]:
 
 def _nmea(path: Path, columns: Columns) -> Points:
     """Fixes of the sentences GGA, whose heights are above mean sea level and of the geoid; days follow from midnights."""
-    try:
-        import pynmea2
-    except ImportError:
-        raise InsenvError(f"pynmea2 is not installed: {install_extra('workbench')}") from None
+    need(f"{path}: an NMEA file", "pynmea2", extra="workbench")
+    import pynmea2
+
     rows: Rows = []
     wrong, day = "", 0.0
     for number, line in enumerate(path.read_text(encoding="ascii", errors="replace").splitlines(), 1):
