@@ -44,9 +44,12 @@ def turn_of(psi: Any) -> Any:
     return attitude.to_dcm(attitude.from_rotation_vector(psi))
 
 
-def covariance_after(update: Update, n: int) -> Any:
-    """Covariance triangle of n errors after an update whose correction has been taken out of the state."""
-    return symmetric.triangle(turned(symmetric.full(update.stored, n), turn_of(update.correction[TILT])))
+def covariance_after(update: Update, n: int, share: Any = 1.0) -> Any:
+    """Covariance triangle of n errors after an update whose correction has been taken out of the state.
+
+    share: 1; 0 leaves the covariance as the conventional Kalman filter of small angles does.
+    """
+    return symmetric.triangle(turned(symmetric.full(update.stored, n), turn_of(update.correction[TILT] * share)))
 
 
 def adjoint_before(adjoint: Any, psi: Any) -> Any:
