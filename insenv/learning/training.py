@@ -53,7 +53,7 @@ class Choice:
 PRINTED = Choice((2 * 15.0,), (math.sqrt(0.2),), raw_inputs=1)
 """The machine as the paper prints it: raw differences, c = 15 (gamma is 2 c), delta^2 = 0.2, inputs over their standard
 deviation, samples without weights."""
-VALIDATED = Choice((3.0, 30.0, 300.0, 3e3, 3e4, 3e5), (0.1, math.sqrt(0.2), 2.0, 8.0), raw_inputs=1)
+VALIDATED = Choice((0.3, 3.0, 30.0, 300.0, 3e3, 3e4, 3e5), (0.1, math.sqrt(0.2), 2.0, 8.0, 32.0, 128.0), raw_inputs=1)
 """The same with parameters by cross-validation."""
 RESET = replace(PRINTED, raw_inputs=2)
 """The same with the differences of a SINS whose velocity and position every fix sets."""

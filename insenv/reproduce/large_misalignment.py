@@ -160,7 +160,7 @@ def figure(path_stem: Path) -> list[Path]:
     """Figures 2 to 4 of the paper with insenv's methods, and with the printed filters.  PNG and SVG of each."""
     printed = path_stem.with_name(f"{path_stem.name}-printed")
     own_colours = dict(zip(IDS, (1, 0, 2), strict=True))
-    return [*_figure(_run, own_colours, path_stem), *_figure(_printed, {KALMAN: 3, PRINTED: 4, LSSVM: 2}, printed)]
+    return [*_figure(_run, own_colours, path_stem), *_figure(_printed, {KALMAN: 3, PRINTED: 4}, printed)]
 
 
 def _figure(runs: Callable[[str], Ensemble], methods: dict[str, int], path_stem: Path) -> list[Path]:
