@@ -1,5 +1,8 @@
 """Measure whether the filters' errors are as large as their covariances say; `make consistency` prints the table.
 
+    python tools/consistency.py                       all cases, some minutes
+    python tools/consistency.py fusion --write        those of one estimator, into docs/consistency.md; other rows stay
+
 For each case the normalised estimation error squared (NEES) e^T P^-1 e is averaged over the runs at every recorded
 time. If the errors have the stated covariance, the mean times the number of runs is chi-square distributed with
 (degrees of freedom) x (runs) degrees of freedom, and lies within its 95 % bounds 95 % of the time.  Errors are
@@ -11,8 +14,10 @@ Bar-Shalom, Li, Kirubarajan (2001), section 5.4.2.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import argparse
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -174,26 +179,54 @@ CASES: tuple[Case, ...] = (
 """The cases that `make consistency` measures."""
 
 
-def measured(runs: int | None = None) -> Iterator[CaseResult]:
-    """The results of all cases, one after the other."""
-    for case in CASES:
-        yield measure(case, runs)
-
-
 def row(found: CaseResult) -> str:
     """A line of the table in Markdown."""
     low, high = found.bounds
     return (
-        f"| {found.case.estimator} | {found.case.what} | {found.degrees} | {100 * found.inside:.0f} % | "
-        f"{found.mean.mean():.2f} | {found.mean.min():.2f} - {found.mean.max():.2f} | {low:.2f} - {high:.2f} |"
+        f"| {found.case.estimator} | {found.case.what} | {len(found.nees)} | {found.case.from_s:g} s | {found.degrees} | "
+        f"{100 * found.inside:.0f} % | {found.mean.mean():.2f} | {found.mean.min():.2f} - {found.mean.max():.2f} | "
+        f"{low:.2f} - {high:.2f} |"
     )
 
 
 HEADER = "\n".join((
-    "| estimator | case | states | time inside | mean NEES / states | range in time | 95 % bounds |", "|---" * 7 + "|",
+    "| estimator | case | seeds | from | states | time inside | mean NEES / states | range in time | 95 % bounds |",
+    "|---" * 9 + "|",
 ))  # fmt: skip
+PAGE = Path(__file__).parents[1] / "docs" / "consistency.md"
+BEGIN, END = "<!-- begin nees -->\n", "<!-- end nees -->"
+
+
+def write(found: CaseResult, page: Path = PAGE) -> None:
+    """Put a row into the table of the page, in the place of that of the same case, in the order of `CASES`."""
+    before, rest = page.read_text(encoding="utf-8").split(BEGIN)
+    old, after = rest.split(END)
+    table = {_key(line): line for line in (*old.splitlines(), row(found)) if line.count("|") == 10}
+    keys = ((case.estimator, case.what) for case in CASES)
+    lines = [table[key] for key in keys if key in table]
+    page.write_text("\n".join([before + BEGIN.rstrip(), "", HEADER, *lines, "", END + after]), encoding="utf-8")
+
+
+def _key(line: str) -> tuple[str, str]:
+    estimator, what = (cell.strip() for cell in line.split("|")[1:3])
+    return estimator, what
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure the cases of these estimators (all, if none is named), and print their rows as they come."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("estimators", nargs="*", help="all, if none is named")
+    parser.add_argument("--write", action="store_true", help="write the rows into docs/consistency.md")
+    given = parser.parse_args(arguments)
+    print(HEADER)
+    for case in CASES:
+        if given.estimators and case.estimator not in given.estimators:
+            continue
+        found = measure(case)
+        print(row(found), flush=True)
+        if given.write:
+            write(found)
+
 
 if __name__ == "__main__":
-    print(HEADER)
-    for one in measured():
-        print(row(one), flush=True)
+    main()

@@ -44,6 +44,7 @@ from insenv.estimators.parts import gnss_fix, lever_arm, motion_errors, rows, st
 from insenv.estimators.parts.applicability import linear_start, together, unmodelled_motion, unseen_heading
 from insenv.estimators.parts.gauss_markov import decays
 from insenv.estimators.parts.increments import compensated
+from insenv.estimators.parts.invariant import turned
 from insenv.estimators.parts.kalman import measure_joseph
 from insenv.estimators.parts.quaternion_error import (
     ACCEL,
@@ -298,9 +299,7 @@ def fed_back(x: Any, P: Any, correction: Any, q_wb: Any, step: Any) -> dict[str,
     q_wb: attitude after it.  step: quaternion by which the errors turn.
     """
     turn = attitude.to_dcm(step)
-    for part, matrix in ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)):
-        P[part, :] = matrix @ P[part, :]
-        P[:, part] = P[:, part] @ matrix.T
+    P = turned(P, ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)))
     return {
         **placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
         **interval_start(q_wb),

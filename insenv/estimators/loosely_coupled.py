@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from insenv import attitude, geodesy
+from insenv import geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
@@ -234,15 +234,8 @@ def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def corrected(x: Any, correction: Any) -> dict[str, Any]:
     """State rows with an estimated error state (15) taken out."""
-    dr, dv, psi = correction[POSITION], correction[VELOCITY], correction[TILT]
-    # moving the position turns the computed frame by -theta; platform and velocity are then referred to the new one
-    theta = geodesy.transport_rate_w(dr, x.q_ew, x.height)
-    velocity = x.velocity_w - dv
     return {
-        "q_wb": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(psi + theta), x.q_wb)),
-        "velocity_w": velocity + ca.cross(theta, velocity),
-        "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
-        "height": x.height + dr[2],
+        **strapdown.corrected(x, correction[POSITION], correction[VELOCITY], correction[TILT]),
         "gyro_bias": x.gyro_bias + correction[GYRO],
         "accel_bias": x.accel_bias + correction[ACCEL],
     }

@@ -8,7 +8,7 @@ import casadi as ca
 import pytest
 
 from insenv.core.batch import make_batch
-from insenv.core.codegen import functions_source
+from insenv.core.codegen import native_source
 from insenv.core.instructions import instructions, ordering
 from insenv.core.model import Model, Step
 from insenv.core.runner import make_runner
@@ -62,4 +62,4 @@ def test_an_operation_that_is_not_exactly_rounded_is_refused() -> None:
     )
 
     with pytest.raises(RuntimeError, match="'go' of a model uses SIN: not an exactly rounded operation"):
-        functions_source(model)
+        native_source(model)

@@ -38,6 +38,8 @@ def test_states_and_aids_follow_from_the_unit_the_instruments_and_the_vehicle():
     assert "gnss_lever_arm, gnss_delay" in titles("car-unknown-receiver")
     odometer_car = titles("car-odometer")
     assert "odometer_scale" in odometer_car and odometer_car.endswith("aids: gnss, odometer, non_holonomic, zero_velocity")
+    ship = titles("ship-dvl")  # without them the sigma of heading was 1.5 to 6 times the limit
+    assert "gyro_scale, gyro_misalignment, accel_scale" in ship and ship.endswith("aids: gnss, dvl")
     hover = titles("multirotor-hover")
     assert "hard_iron" in hover and "gyro_scale" not in hover and hover.endswith("aids: gnss, barometer, magnetometer")
 

@@ -1,7 +1,10 @@
 """Barometer: height by the pressure of the air, with a constant and a slowly varying error as states.
 
-    height + bias + drift + scale (height - start height)
+    height + bias + drift + scale (height gained since the start)
 
+The height gained is that of the velocities, which is known to the speed's error.  The estimated height less the told one of the
+start would differ from it by each correction of the height, and the product of an unknown scale and an unknown height would
+seem to measure the height: its sigma came out below the limit.
 An instrument with the lag T shows the height of T ago, to first order.  Dynamic pressure that enters the static port is a
 height error k v^2 / (2 g), counted as noise that lasts.
 """
@@ -34,7 +37,7 @@ def _residual(p: Any, seen: Navigation, u: Any) -> Any:
     offset_w, velocity_w = seen.point(ca.SX.zeros(3), u.barometer_age)
     height = seen.estimated_height - offset_w[2] + p.barometer_lag * velocity_w[2]
     error = seen.value(BIAS.name, 0.0) + seen.value(DRIFT.name, 0.0)
-    return height + error + seen.value(SCALE.name, 0.0) * (height - p.start_height) - u.barometer_height
+    return height + error + seen.value(SCALE.name, 0.0) * seen.climbed - u.barometer_height
 
 
 def _dynamic(p: Any, x: Any) -> Any:

@@ -15,14 +15,14 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude
-from insenv.core.elementary import minimum, select
+from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 from insenv.geodesy import NOMINAL_GRAVITY
 
-SLOTS = 12
+SLOTS = 14
 SPACING = 0.08
-"""s; together 1 s, the longest age at which a measurement is compared with the motion of its own time."""
+"""s; together at least 1.04 s, the longest age at which a measurement is compared with the motion of its own time."""
 _KINDS = (("way", 3), ("velocity", 3), ("attitude", 4), ("rate", 3))
 """What a slot holds: m, m/s (w), quaternion from b to w, rad/s (b)."""
 
@@ -74,8 +74,8 @@ class Past:
 
 
 def past(x: Any, u: Any, age: Any) -> Past:
-    """The motion `age` seconds before the end of the present sample; older than what is kept: the oldest;
-    younger than the sample: at the present velocity.
+    """The motion `age` seconds before the end of the present sample; older than what is kept: that of the oldest, at its
+    velocity; younger than the sample: at the present velocity.
 
     x: state rows `STATE`, and those of the navigation, after the sample.
     """
@@ -104,8 +104,10 @@ def past(x: Any, u: Any, age: Any) -> Past:
     r = select(span > 0, (old_age - age + u.dt / 2) / safe, 1.0)
     r = select(r < 0, 0.0, r)
     q = attitude.normalize(older[6:10] + (younger[6:10] - older[6:10]) * s)
-    ahead = x.velocity_w * minimum(age, 0.0)
-    return Past(x.way_w - way + ahead, velocity, attitude.to_dcm(q), older[10:13] + (younger[10:13] - older[10:13]) * r)
+    beyond_the_ends = x.velocity_w * minimum(age, 0.0) + older[3:6] * maximum(age - old_age, 0.0)
+    return Past(
+        x.way_w - way + beyond_the_ends, velocity, attitude.to_dcm(q), older[10:13] + (younger[10:13] - older[10:13]) * r
+    )
 
 
 def corrected(x: Any, dv: Any, psi: Any) -> dict[str, Any]:

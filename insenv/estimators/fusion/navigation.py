@@ -56,6 +56,8 @@ class Navigation:
         self.offset_w = -error[POSITION]
         """Position relative to the estimated one, m."""
         self.estimated_height = x.height
+        self.climbed = -x.way_w[2]
+        """Height gained since the start as the velocities give it, m: no correction of the height is in it."""
         _, delta_velocity = corrected_increments(states, self._values, u)
         _, used_velocity = corrected_increments(states, {s.name: getattr(x, s.name) for s in states}, u)
         self._force_error_w = estimated @ ((delta_velocity - used_velocity) / u.dt)

@@ -20,6 +20,8 @@ WORTH = 0.1
 MINUTE = 60.0
 FLOATING = ("ship", "multirotor")
 """Kinds of vehicle that never stand still."""
+HOVERING = ("multirotor",)
+"""Kinds of vehicle whose turns and accelerations are too small to show a scale factor or a misalignment."""
 
 
 def aids_of(drive: Drive) -> tuple[str, ...]:
@@ -38,7 +40,7 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
     }
     found = []
     for triad, effect in manoeuvre.items():
-        if drive.in_place or drive.vehicle in FLOATING:  # no manoeuvre shows them
+        if drive.in_place or drive.vehicle in HOVERING:  # no manoeuvre shows them
             continue
         found += [
             f"{triad}_{error}"

@@ -7,9 +7,9 @@ from typing import Any
 
 import casadi as ca
 
-from insenv import attitude, geodesy
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.contract import ErrorState
+from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 
 
@@ -31,14 +31,7 @@ def corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Map
 
 def navigation_corrected(x: Any, correction: Any, states: Sequence[ErrorState], places: Mapping[str, slice]) -> dict[str, Any]:
     """Rows of navigation and estimated errors with an estimated error (n) taken out."""
-    dr, dv, psi = correction[POSITION], correction[VELOCITY], correction[TILT]
-    # moving the position turns the computed frame by -theta; platform and velocity are then referred to the new one
-    theta = geodesy.transport_rate_w(dr, x.q_ew, x.height)
-    velocity = x.velocity_w - dv
     return {
-        "q_wb": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(psi + theta), x.q_wb)),
-        "velocity_w": velocity + ca.cross(theta, velocity),
-        "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
-        "height": x.height + dr[2],
+        **strapdown.corrected(x, correction[POSITION], correction[VELOCITY], correction[TILT]),
         **{state.name: getattr(x, state.name) + correction[places[state.name]] for state in states},
     }

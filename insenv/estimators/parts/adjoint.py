@@ -34,7 +34,7 @@ from insenv.core import symmetric
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts.error_model import TILT
-from insenv.estimators.parts.invariant import adjoint_before, turn_of, turned
+from insenv.estimators.parts.invariant import adjoint_before, turn_of, turned, with_platform
 from insenv.estimators.parts.kalman import Update, weight_and_gain
 
 
@@ -162,7 +162,7 @@ def _back_over_turn(n: int, x: Any, turn: Any) -> dict[str, Any]:
     """Go back over the turn of the errors with the attitude."""
     return {
         "adjoint": adjoint_before(x.adjoint, turn),
-        "information": symmetric.triangle(turned(symmetric.full(x.information, n), turn_of(turn).T)),
+        "information": symmetric.triangle(turned(symmetric.full(x.information, n), with_platform(turn_of(turn).T))),
     }
 
 

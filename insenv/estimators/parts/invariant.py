@@ -17,6 +17,7 @@ Sources: Barrau and Bonnabel (2017), "The invariant extended Kalman filter as a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -30,13 +31,18 @@ TURNING = (VELOCITY, TILT)
 """The parts of the error that turn."""
 
 
-def turned(matrix: Any, turn: Any) -> Any:
-    """T M T^T for a matrix (n x n) over the error; turn: C (3x3), or its transpose for the way back."""
-    for part in TURNING:
+def turned(matrix: Any, turns: Sequence[tuple[slice, Any]]) -> Any:
+    """T M T^T for a matrix (n x n) over the error, T = 1 but for the blocks `turns`: a part of the error and its turn."""
+    for part, turn in turns:
         matrix[part, :] = turn @ matrix[part, :]
-    for part in TURNING:
+    for part, turn in turns:
         matrix[:, part] = matrix[:, part] @ turn.T
     return matrix
+
+
+def with_platform(turn: Any) -> tuple[tuple[slice, Any], ...]:
+    """The blocks of T; turn: C (3x3), or its transpose for the way back."""
+    return tuple((part, turn) for part in TURNING)
 
 
 def turn_of(psi: Any) -> Any:
@@ -49,7 +55,8 @@ def covariance_after(update: Update, n: int, share: Any = 1.0) -> Any:
 
     share: 1; 0 leaves the covariance as the conventional Kalman filter of small angles does.
     """
-    return symmetric.triangle(turned(symmetric.full(update.stored, n), turn_of(update.correction[TILT] * share)))
+    turn = turn_of(update.correction[TILT] * share)
+    return symmetric.triangle(turned(symmetric.full(update.stored, n), with_platform(turn)))
 
 
 def adjoint_before(adjoint: Any, psi: Any) -> Any:
