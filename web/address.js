@@ -1,5 +1,7 @@
 /** The state of a live page in its address: a link repeats the run. */
 
+import { beyond, given } from "./words.js";
+
 /**
  * @typedef {object} State
  * @property {number} seed
@@ -31,7 +33,7 @@ export function stateOf(fragment, live) {
   const parts = new URLSearchParams(fragment.replace(/^#/, ""));
   for (const [key, text] of parts) {
     if (key === "seed") {
-      if (!/^\d+$/.test(text)) throw new Error(`seed = ${text}: allowed is a whole number`);
+      if (!/^\d+$/.test(text)) throw new Error(`${given("seed", text)}: allowed is a whole number`);
       state.seed = Number(text);
     } else if (key === "commands") {
       state.commands = commandsOf(text);
@@ -71,12 +73,9 @@ function valueOf(key, text, live) {
  * @param {{key: string, unit: string, minimum: number, maximum: number}} control
  * @param {string} text
  * @returns {number} */
-export function checked({ key, unit, minimum, maximum }, text) {
+export function checked(control, text) {
   const value = Number(text);
-  const [shown, end] = [text.trim() === "" ? "nothing" : text, unit ? ` ${unit}` : ""];
-  if (text.trim() === "" || !(value >= minimum && value <= maximum)) {
-    throw new Error(`${key} = ${shown}${end}: allowed is ${minimum} to ${maximum}${end}`);
-  }
+  if (text.trim() === "" || !(value >= control.minimum && value <= control.maximum)) throw new Error(beyond(control, text));
   return value;
 }
 
@@ -86,6 +85,6 @@ function parsed(key, text) {
   try {
     return JSON.parse(text);
   } catch {
-    throw new Error(`${key} = ${text.slice(0, 40)}: this is no list of values`);
+    throw new Error(`${given(key, text.slice(0, 40))}: allowed is a list of values`);
   }
 }

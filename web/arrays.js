@@ -2,7 +2,7 @@
 
 /** The bytes of a text in base64.
  * @param {string} text
- * @returns {Uint8Array} */
+ * @returns {Uint8Array<ArrayBuffer>} */
 export function bytesOf(text) {
   const direct = /** @type {any} */ (Uint8Array).fromBase64;
   if (direct) return direct.call(Uint8Array, text);

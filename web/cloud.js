@@ -1,8 +1,9 @@
 /** A cloud of units: the errors of many seeds against the limit. */
 
+import { channelName } from "./channels.js";
 import { button, fill, h } from "./dom.js";
 import { between } from "./history.js";
-import { channelName, thresholdOf } from "./livepanels.js";
+import { thresholdOf } from "./livepanels.js";
 import { number } from "./numbers.js";
 import { makeSpan } from "./span.js";
 import { summaryTable } from "./tables.js";
@@ -12,17 +13,17 @@ const UNITS = 64;
 
 /**
  * @param {any} live
- * @param {() => void} start  ask for the units
+ * @param {(units: number) => void} start  ask for so many units
  */
 export function cloudPanel(live, start) {
-  /** @type {{errors: Float64Array[], sigmas: (Float64Array | null)[]}[]} */
+  /** @type {{errors: Float64Array[]}[]} */
   let units = [];
   let [interval, limited] = [1, true];
   const chosen = {
     estimator: 0,
     channel: live.estimators[0].channels.includes("heading_deg") ? "heading_deg" : live.estimators[0].channels[0],
   };
-  const go = button(`${UNITS} units`, () => start(), { id: "cloud" });
+  const go = button(`${UNITS} units`, () => start(UNITS), { id: "cloud" });
   const progress = h("output", { class: "quiet", id: "cloud-done" });
   const place = h("div", {});
   const table = h("div", {});
@@ -112,12 +113,12 @@ export function cloudPanel(live, start) {
     element,
     begin: () => {
       units = [];
-      progress.textContent = "0 of 64";
+      progress.textContent = `0 of ${UNITS}`;
       go.disabled = true;
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
     take: (/** @type {any} */ message) => {
-      units.push({ errors: message.errors, sigmas: message.sigmas });
+      units.push({ errors: message.errors });
       interval = message.interval_s;
       progress.textContent = `${message.done} of ${message.units}`;
       choice.hidden = false;

@@ -3,6 +3,7 @@
 import { checked } from "./address.js";
 import { button, h } from "./dom.js";
 import { roundDown } from "./numbers.js";
+import { given, rangesOf } from "./words.js";
 
 const GROUPS = {
   imu: "Inertial unit",
@@ -78,9 +79,6 @@ function section(key) {
  * @param {(value: number) => void} take */
 function seedRow(live, take) {
   const ranges = live.seeds.numbers;
-  const allowed = ranges
-    .map((/** @type {number[]} */ [first, last]) => (first === last ? String(first) : `${first} to ${last}`))
-    .join(", ");
   const input = h("input", {
     id: "seed",
     type: "number",
@@ -95,7 +93,7 @@ function seedRow(live, take) {
     const offered =
       input.value.trim() !== "" &&
       ranges.some((/** @type {number[]} */ [first, last]) => Number.isInteger(value) && value >= first && value <= last);
-    wrong.textContent = offered ? "" : `seed = ${input.value || "nothing"}: allowed is ${allowed}`;
+    wrong.textContent = offered ? "" : `${given("seed", input.value)}: allowed is ${rangesOf(ranges)}`;
     if (offered) take(value);
   };
   input.addEventListener("change", give);

@@ -1,39 +1,26 @@
 /** The heading dial: the true heading, the estimates, and their stated three sigma. */
 
-import { h } from "./dom.js";
+import { sharpCanvas } from "./canvas.js";
 import { fixed } from "./numbers.js";
 import { colour, faint, groupColour } from "./theme.js";
 
 /** @typedef {{group: number, heading: number, sigma: number | null}} Needle  deg */
 
 export function headingDial() {
-  const canvas = h("canvas", { class: "dial", role: "img", "aria-label": "Heading dial" });
-  let size = [200, 200];
+  const canvas = sharpCanvas(
+    { class: "dial", role: "img", "aria-label": "Heading dial" },
+    () => shown && draw(...shown),
+  );
   /** @type {[number, Needle[]] | undefined} */
   let shown;
-  new ResizeObserver(() => {
-    size = [canvas.clientWidth, canvas.clientHeight];
-    canvas.width = Math.round(size[0] * devicePixelRatio);
-    canvas.height = Math.round(size[1] * devicePixelRatio);
-    if (shown) draw(...shown);
-  }).observe(canvas);
   /** @param {number} truth  deg
    * @param {Needle[]} needles */
   const draw = (truth, needles) => {
     shown = [truth, needles];
-    const context = canvas.getContext("2d");
-    if (!context) return;
-    const [width, height] = size;
+    const context = canvas.cleared();
+    const [width, height] = canvas.size;
     const radius = Math.min(width, height) / 2 - 18;
-    context.setTransform(
-      devicePixelRatio,
-      0,
-      0,
-      devicePixelRatio,
-      devicePixelRatio * (width / 2),
-      devicePixelRatio * (height / 2),
-    );
-    context.clearRect(-width / 2, -height / 2, width, height);
+    context.translate(width / 2, height / 2);
     face(context, radius);
     for (const { group, heading, sigma } of needles) {
       if (sigma === null || !(sigma > 0)) continue;
@@ -52,7 +39,7 @@ export function headingDial() {
     context.textAlign = "center";
     context.fillText(`${fixed((truth + 360) % 360, 1)}\u00b0`, 0, Math.cos(radians(truth)) > 0 ? radius * 0.5 : -radius * 0.42);
   };
-  return { element: canvas, draw };
+  return { element: canvas.element, draw };
 }
 
 /** @param {number} degrees */

@@ -1,6 +1,6 @@
 /** The vehicle in three dimensions, true (solid) and estimated (outlines), over a compass rose: plain canvas, no GPU needed. */
 
-import { h } from "./dom.js";
+import { sharpCanvas } from "./canvas.js";
 import { meshOf } from "./meshes.js";
 import { colour, faint, groupColour } from "./theme.js";
 
@@ -14,7 +14,7 @@ const QUARTER = 0.6;
  * @param {ArrayLike<number>} q
  * @param {Vector} v
  * @returns {Vector} */
-export function turned(q, [x, y, z]) {
+function turned(q, [x, y, z]) {
   const [w, a, b, c] = [q[0], q[1], q[2], q[3]];
   const [tx, ty, tz] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
   return [x + w * tx + b * tz - c * ty, y + w * ty + c * tx - a * tz, z + w * tz + a * ty - b * tx];
@@ -24,7 +24,7 @@ export function turned(q, [x, y, z]) {
  * @param {string} kind  of vehicle
  */
 export function hullView(kind) {
-  const canvas = h("canvas", {
+  const { element: canvas, cleared, size } = sharpCanvas({
     class: "hull",
     role: "img",
     "aria-label": "The vehicle seen from its quarter: true attitude solid, estimates as outlines",
@@ -32,12 +32,6 @@ export function hullView(kind) {
   const mesh = meshOf(kind);
   let [azimuth, aside, elevation] = [0, QUARTER, ELEVATION];
   let fresh = true;
-  let size = [300, 240];
-  new ResizeObserver(() => {
-    size = [canvas.clientWidth, canvas.clientHeight];
-    canvas.width = Math.round(size[0] * devicePixelRatio);
-    canvas.height = Math.round(size[1] * devicePixelRatio);
-  }).observe(canvas);
   /** @type {[number, number] | null} */
   let held = null;
   canvas.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
@@ -56,14 +50,11 @@ export function hullView(kind) {
    * @param {{group: number, q: ArrayLike<number>}[]} estimates
    * @param {number} heading  deg */
   const draw = (truth, estimates, heading) => {
-    const context = canvas.getContext("2d");
-    if (!context) return;
+    const context = cleared();
     const target = (heading * Math.PI) / 180;
     const behind = Math.atan2(Math.sin(target - azimuth), Math.cos(target - azimuth));
     azimuth += fresh ? behind : 0.06 * behind;
     fresh = false;
-    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-    context.clearRect(0, 0, size[0], size[1]);
     const project = camera(azimuth + aside, elevation, size);
     rose(context, project);
     solid(

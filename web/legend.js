@@ -4,12 +4,13 @@ import { h } from "./dom.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
 /**
- * @param {{name: string}[]} groups  the estimators (or what else has a colour)
+ * @param {{name: string}[]} groups  the estimators (or what else has a colour); one without a name is not listed
  * @param {{kind: string, text: string}[]} others  what else is drawn: "truth", "limit", "band", "outage", "cross", "statistics"
  * @param {(group: number, shown: boolean) => void} show
  */
 export function legend(groups, others, show) {
   const entries = groups.map(({ name }, group) => {
+    if (!name) return null;
     const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
     const button = h(
       "button",

@@ -3,24 +3,21 @@
 import { addressOf, stateOf } from "./address.js";
 import { cloudPanel } from "./cloud.js";
 import { controlPanel } from "./controls.js";
-import { headingDial } from "./dial.js";
-import { button, fill, h } from "./dom.js";
+import { button, h } from "./dom.js";
 import { driver } from "./drive.js";
+import { showEnd } from "./ending.js";
 import { makeHistory } from "./history.js";
-import { hullView } from "./hull.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
-import { changed, copy, cutNow, download, notesOf, outagesOf, same } from "./livestate.js";
-import { clock } from "./numbers.js";
-import { endTables, readings } from "./readings.js";
+import { changed, changesOf, conditions, copy, cutNow, download, outagesOf, preparedState } from "./livestate.js";
+import { notesPanel } from "./notes.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
-import { onTheme, themeButton } from "./theme.js";
-import { makeTrack } from "./livetrack.js";
+import { themeButton } from "./theme.js";
+import { firstSpeed, transport } from "./transport.js";
+import { vehicleViews } from "./views.js";
 
-const SPEEDS = [1, 2, 5, 10, 30, 100];
 const SHORTEST = 10;
-const HALF_A_MINUTE = 35; // s: how long a run lasts at the speed that a page begins with
 const ADDRESS_MS = 250;
 
 /**
@@ -34,24 +31,18 @@ export function livePage(live) {
   const history = makeHistory(live.sizes.y, Math.ceil(live.samples / live.every) + 2);
   const span = makeSpan(0, SHORTEST);
   const panels = livePanels(live, span);
-  const hull = hullView(live.vehicle);
-  const dial = headingDial();
-  const numbers = readings(live, at);
-  const track = makeTrack(live, at);
+  const views = vehicleViews(live, at, history);
+  const notes = notesPanel(live);
   const end = h("section", { class: "end", "aria-live": "polite", hidden: true });
   const wrong = h("p", { class: "wrong told", role: "alert", id: "wrong" });
-  /** @type {{seed: number, values: Record<string, any>, commands: any}} */
-  let state = { seed: live.seed, values: {}, commands: undefined };
-  let clouding = false;
-  let settings = state.values;
-  let [running, ended, speed] = [
-    false,
-    false,
-    /** @type {number | null} */ (SPEEDS.find((value) => live.duration_s / value <= HALF_A_MINUTE) ?? 100),
-  ];
+  let state = preparedState(live);
+  let clouded = conditions(live, state);
+  let due = false; // whether the settings are to be shown again
+  let linked = false; // whether the state is that of a link which has not started yet
+  let [running, ended, clouding] = [false, false, false];
+  let speed = /** @type {number | null} */ (firstSpeed(live.duration_s));
   /** @type {any} */
   let frame = null;
-  let drawn = { due: false, shown: 0 };
 
   // --- what is asked of the simulation
 
@@ -77,17 +68,26 @@ export function livePage(live) {
     if (go) run();
     show();
   };
-  const change = (/** @type {number | null} */ seed, /** @type {Record<string, any>} */ values) => {
-    const go = running;
-    state = { seed: seed ?? state.seed, values: changed(live, state.values, values), commands: state.commands };
-    wrong.textContent = "";
-    restart(go);
-  };
-  const controls = controlPanel(live, change, () => {
-    state = { seed: live.seed, values: {}, commands: undefined };
+  const begin = (/** @type {import("./address.js").State} */ now) => {
+    state = now;
     wrong.textContent = "";
     restart(running);
+  };
+  const bar = transport(live, {
+    toggle: () => (running ? pause() : run()),
+    step: () => session.send({ do: "step", samples: live.every }),
+    reset: () => restart(false),
+    pace: (value) => {
+      speed = value;
+      if (running) run();
+    },
   });
+  const show = () => bar.show({ running, ended, speed });
+  const controls = controlPanel(
+    live,
+    (seed, values) => begin({ ...state, seed: seed ?? state.seed, values: changed(live, state.values, values) }),
+    () => begin(preparedState(live)),
+  );
   const drive = driver(
     live,
     (values) => {
@@ -102,11 +102,11 @@ export function livePage(live) {
     },
     (sensor, on) => session.send({ do: "cut", sensor, on }),
   );
-  const cloud = cloudPanel(live, () => {
+  const cloud = cloudPanel(live, (units) => {
     running = false;
     clouding = true;
     cloud.begin();
-    session.send({ do: "cloud", units: 64 });
+    session.send({ do: "cloud", units });
     show();
   });
 
@@ -118,39 +118,50 @@ export function livePage(live) {
       const before = history.count();
       history.add(message.records);
       panels.take(history, before, history.count());
-      track.take(history, before, history.count());
+      views.take(before, history.count());
       span.extend(0, Math.max(SHORTEST, message.time_s));
     }
-    drawn.due = true;
+    views.ask();
+  };
+  /** Say what of the scenario has changed, and show the limit where it holds. */
+  const compare = () => {
+    const changes = changesOf(live, state);
+    const prepared = !changes.settings && !changes.commands;
+    panels.limited(prepared);
+    cloud.limited(prepared);
+    notes.show(changes);
+    panels.shade(outagesOf(live, state.values));
+    const now = conditions(live, state);
+    if (now !== clouded) cloud.clear(); // it was of other settings or commands
+    clouded = now;
+    return prepared;
+  };
+  const refuse = (/** @type {unknown} */ error) => {
+    wrong.textContent = `This link cannot be followed: ${error instanceof Error ? error.message : error}. The scenario is shown as it is.`;
   };
   session.on("ready", () => {
     if (!location.hash) return;
     try {
       state = stateOf(location.hash, live);
+      linked = true;
       restart(false);
     } catch (error) {
-      wrong.textContent = `This link cannot be followed: ${error instanceof Error ? error.message : error}. The scenario is shown as it is.`;
+      refuse(error);
     }
   });
   session.on("reset", (message) => {
     history.clear();
     panels.clear();
-    track.clear();
-    hull.reset();
+    views.clear();
     span.extend(0, SHORTEST);
     span.reset();
     end.hidden = true;
     clouding = false;
     cloud.stop();
-    if (!same(settings, state.values)) cloud.clear(); // it was of other settings
-    settings = state.values;
-    panels.shade(outagesOf(live, state.values));
     drive.release();
-    const own = Object.keys(state.values).length === 0 && same(state.commands ?? live.commands?.given, live.commands?.given);
-    panels.limited(own);
-    cloud.limited(own);
-    controls.show(message.seed, state.values);
+    compare();
     take(message);
+    due = true;
     session.send({ do: "values" });
     show();
   });
@@ -159,12 +170,7 @@ export function livePage(live) {
     take(message);
     running = false;
     ended = true;
-    fill(
-      end,
-      h("h2", {}, "At the end, as ", h("code", {}, "insenv run"), " prints it"),
-      h("div", { class: "tables several" }, endTables(live, at, history)),
-    );
-    end.hidden = false;
+    showEnd(end, live, at, history, compare());
     show();
   });
   session.on("cloud", (message) => {
@@ -173,18 +179,18 @@ export function livePage(live) {
   });
   session.on("values", (message) => {
     state = { seed: message.seed, values: message.values, commands: message.commands };
+    linked = false;
+    if (due) controls.show(state.seed, state.values); // not with each command: a reader may be typing
+    due = false;
     keep();
-    panels.shade(outagesOf(live, state.values));
-    if (Object.keys(state.values).length || !same(state.commands, live.commands?.given)) {
-      panels.limited(false);
-      cloud.limited(false);
-    }
+    compare();
   });
   session.on("toml", ({ name, text }) => download(name, text));
   session.on("error", ({ message }) => {
     running = clouding = false;
     cloud.stop();
-    wrong.textContent = message;
+    if (linked) refuse(message);
+    else wrong.textContent = message;
     show();
   });
 
@@ -194,10 +200,7 @@ export function livePage(live) {
     keeping = true;
     setTimeout(() => {
       keeping = false;
-      const fragment = addressOf(
-        { ...state, commands: same(state.commands, live.commands?.given) ? undefined : state.commands },
-        live.seed,
-      );
+      const fragment = addressOf({ ...state, commands: changesOf(live, state).commands ? state.commands : undefined }, live.seed);
       try {
         window.history.replaceState(null, "", fragment ? `#${fragment}` : location.pathname + location.search);
       } catch {
@@ -208,146 +211,54 @@ export function livePage(live) {
 
   // --- what is seen
 
-  const play = button("Run", () => (running ? pause() : run()), { class: "main", id: "run" });
-  const step = button("Step", () => session.send({ do: "step", samples: live.every }), {
-    id: "step",
-    title: `${live.every} samples`,
-  });
-  const again = button("Reset", () => restart(false), { id: "reset" });
-  const pace = h(
-    "select",
-    { id: "speed", "aria-label": "Speed" },
-    SPEEDS.map((value) => h("option", { value }, `${value} \u00d7 real time`)),
-    h("option", { value: "" }, "as fast as it goes"),
-  );
-  pace.addEventListener("change", () => {
-    speed = pace.value === "" ? null : Number(pace.value);
-    if (running) run();
-  });
-  const time = h("output", { class: "clock", id: "clock" });
-  const done = h("progress", { max: live.duration_s, value: 0, "aria-label": "Share of the run" });
-  const show = () => {
-    play.textContent = running ? "Pause" : ended ? "Run again" : "Run";
-    step.disabled = running || ended;
-    pace.value = speed === null ? "" : String(speed);
-  };
-  addEventListener("keydown", (event) => {
-    const inside =
-      event.target instanceof HTMLElement && event.target.closest("button, input, select, summary, [role='application']");
-    if (event.key === " " && !inside) {
-      event.preventDefault();
-      play.click();
-    }
-  });
-  const tables = { truth: at("q_nb").at, attitude: at("attitude").at };
-  const estimates = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) => ({
-    group,
-    q: at(`${one.prefix}q_nb`).at,
-    attitude: at(`${one.prefix}attitude`).at,
-    sigma: one.stated.indexOf("heading_deg") < 0 ? null : at(`${one.prefix}sigma`).at + one.stated.indexOf("heading_deg"),
-  }));
-  /** @type {Set<number>} */
-  const hidden = new Set();
   const paint = () => {
     requestAnimationFrame(paint);
-    if (frame) {
-      const y = frame.outputs;
-      const shown = estimates.filter((/** @type {any} */ one) => !hidden.has(one.group));
-      hull.draw(
-        y.subarray(tables.truth, tables.truth + 4),
-        shown.map((/** @type {any} */ one) => ({ group: one.group, q: y.subarray(one.q, one.q + 4) })),
-        y[tables.attitude + 2],
-      );
-      if (drawn.due) {
-        drawn.due = false;
-        dial.draw(
-          y[tables.attitude + 2],
-          shown.map((/** @type {any} */ one) => ({
-            group: one.group,
-            heading: y[one.attitude + 2],
-            sigma: one.sigma === null ? null : y[one.sigma],
-          })),
-        );
-        time.textContent = clock(frame.time_s);
-        done.value = frame.time_s;
-        const now = performance.now();
-        if (!running || now - drawn.shown > 100) {
-          drawn.shown = now;
-          numbers.draw(y);
-          track.draw();
-        } else drawn.due = true;
-        drive.show(Math.hypot(y[at("velocity_n").at], y[at("velocity_n").at + 1]), cutNow(live, state.values, frame.time_s));
-      }
+    if (frame && views.draw(frame.outputs, running)) {
+      const velocity = at("velocity_n").at;
+      bar.at(frame.time_s);
+      drive.show(Math.hypot(frame.outputs[velocity], frame.outputs[velocity + 1]), cutNow(live, state.values, frame.time_s));
     }
     panels.draw();
   };
-  onTheme(() => (drawn.due = true));
   requestAnimationFrame(paint);
   session.send({ do: "load", live });
   show();
 
   const hide = (/** @type {number} */ group, /** @type {boolean} */ shown) => {
-    if (shown) hidden.delete(group);
-    else hidden.add(group);
     panels.show(group, shown);
-    track.show(group, shown);
-    drawn.due = true;
+    views.show(group, shown);
   };
   const steered = live.commands || live.outages.length > 0;
-  const link = button("Copy link", () => copy(link), { class: "quiet" });
-  const toml = button("Download as scenario", () => session.send({ do: "toml" }), { class: "quiet", id: "toml" });
+  const names = live.estimators.map((/** @type {any} */ one) => ({ name: one.id }));
+  const keys = h(
+    "div",
+    { class: "bar" },
+    legend(names, othersOf(panels.panels, "truth"), hide),
+    spanControls(span),
+  );
   return h(
     "div",
     { class: "frame live" },
-    h(
-      "header",
-      {},
-      h(
-        "div",
-        {},
-        h("h1", {}, live.title || live.name),
-        h(
-          "p",
-          { class: "facts" },
-          `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${live.estimators.map((/** @type {any} */ one) => one.id).join(", ")}`,
-        ),
-      ),
-      h("div", { class: "tools" }, link, toml, themeButton()),
-    ),
+    heading(live, () => session.send({ do: "toml" })),
     h(
       "main",
       {},
-      h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),
+      bar.element,
       wrong,
       h(
         "div",
         { class: "stage" },
         h("h2", { class: "hidden" }, "The vehicle now"),
-        h("div", { class: "views" }, hull.element, dial.element, track.element),
-        h("div", { class: "side" }, steered && drive.element, numbers.element),
+        views.views,
+        h("div", { class: "side" }, steered && drive.element, views.numbers),
       ),
-      notesOf(live),
+      notes.element,
       end,
       h(
         "div",
         { class: "columns" },
         controls.element,
-        h(
-          "div",
-          { class: "plots" },
-          h(
-            "div",
-            { class: "bar" },
-            legend(
-              live.estimators.map((/** @type {any} */ one) => ({ name: one.id })),
-              othersOf(panels.panels, "truth"),
-              hide,
-            ),
-            spanControls(span),
-          ),
-          panels.elements,
-          cloud.element,
-        ),
+        h("div", { class: "plots" }, keys, panels.elements, cloud.element),
       ),
     ),
     h(
@@ -357,5 +268,20 @@ export function livePage(live) {
       h("code", {}, "insenv run"),
       ", to the bit. The space key runs and pauses. This page makes no request.",
     ),
+  );
+}
+
+/** The head of the page.
+ * @param {any} live
+ * @param {() => void} toml  ask for the scenario file */
+function heading(live, toml) {
+  const link = button("Copy link", () => copy(link), { class: "quiet" });
+  const ids = live.estimators.map((/** @type {any} */ one) => one.id).join(", ");
+  const facts = `${live.name} \u00b7 ${live.duration_s} s at ${live.rate_hz} Hz \u00b7 ${ids}`;
+  return h(
+    "header",
+    {},
+    h("div", {}, h("h1", {}, live.title || live.name), h("p", { class: "facts" }, facts)),
+    h("div", { class: "tools" }, link, button("Download as scenario", toml, { class: "quiet", id: "toml" }), themeButton()),
   );
 }

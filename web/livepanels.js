@@ -1,33 +1,17 @@
 /** The plots of a live page: errors with sigma and limit, biases, test ratios; they grow with the records. */
 
+import { channelName } from "./channels.js";
 import { h } from "./dom.js";
 import { between } from "./history.js";
-import { number, roundDown } from "./numbers.js";
+import { roundDown } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
 
-const NAMES = {
-  roll_deg: ["Roll error", "deg"],
-  pitch_deg: ["Pitch error", "deg"],
-  heading_deg: ["Heading error", "deg"],
-  north_m: ["North error", "m"],
-  east_m: ["East error", "m"],
-  down_m: ["Down error", "m"],
-  vn_mps: ["Velocity north error", "m/s"],
-  ve_mps: ["Velocity east error", "m/s"],
-  vd_mps: ["Velocity down error", "m/s"],
-};
 const BIASES = [
   ["gyro_bias", "Gyro bias", "deg/h", (180 / Math.PI) * 3600],
   ["accel_bias", "Accelerometer bias", "ug", 1e6 / 9.80665],
 ];
 const AXES = ["forward", "right", "down"];
 const AT_ONCE = 2;
-
-/** The title and unit of a channel of errors.
- * @param {string} channel */
-export function channelName(channel) {
-  return NAMES[/** @type {keyof typeof NAMES} */ (channel)] ?? [channel, ""];
-}
 
 /** Up to which error the scale of a channel is about linear: some limits of its settled part; null without a limit.
  * @param {any} live
@@ -103,7 +87,6 @@ export function livePanels(live, span) {
   }
   let next = 0;
   return {
-    x,
     elements: sections.map((section) =>
       h(
         "section",
@@ -136,10 +119,10 @@ export function livePanels(live, span) {
       }
     },
     /** Draw some of the panels that are due and seen: a frame has time for a few. */
-    draw: (all = false) => {
-      for (let some = 0, looked = 0; looked < panels.length && (all || some < AT_ONCE); looked++) {
+    draw: () => {
+      for (let some = 0, looked = 0; looked < panels.length && some < AT_ONCE; looked++) {
         const one = panels[next++ % panels.length];
-        if (!one.due || !(one.seen || all)) continue;
+        if (!one.due || !one.seen) continue;
         one.plot.update(x, one.panel.curves);
         one.due = false;
         some++;
@@ -149,10 +132,6 @@ export function livePanels(live, span) {
       for (const one of panels) one.panel.shade.splice(0, one.panel.shade.length, ...windows);
     },
     limited: (/** @type {boolean} */ shown) => (limited = shown),
-    told: () =>
-      panels
-        .filter((one) => one.panel.curves.length)
-        .map((one) => `${one.panel.title} ${number(one.panel.curves.at(-1)?.y?.at(-1))}`),
   };
 }
 

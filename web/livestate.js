@@ -2,24 +2,6 @@
 
 import { h } from "./dom.js";
 
-/** What must be said of the scenario and of the estimators.
- * @param {any} live */
-export function notesOf(live) {
-  const of = (/** @type {any} */ { id, notes = [], needs_s: needs = 0 }) =>
-    [...notes, ...(needs > live.duration_s ? [`this run is too short: it needs ${Math.ceil(needs)} s to converge`] : [])].map(
-      (note) => `${id}: ${note}`,
-    );
-  const notes = [...live.notes, ...live.estimators.flatMap(of)];
-  return (
-    notes.length > 0 &&
-    h(
-      "ul",
-      { class: "notes" },
-      notes.map((note) => h("li", {}, note)),
-    )
-  );
-}
-
 /** The values with some changed; a value of the scenario itself is left out.
  * @param {any} live
  * @param {Record<string, any>} before
@@ -61,10 +43,27 @@ export function cutNow(live, values, time) {
   );
 }
 
-/** @param {any} one
- * @param {any} other */
-export function same(one, other) {
-  return JSON.stringify(one ?? []) === JSON.stringify(other ?? []);
+/** The state as the document has it.
+ * @param {any} live
+ * @returns {import("./address.js").State} */
+export function preparedState(live) {
+  return { seed: live.seed, values: {}, commands: undefined };
+}
+
+/** What of the scenario a state changes, beside the seed: settings, commands.
+ * @param {any} live
+ * @param {import("./address.js").State} state */
+export function changesOf(live, { values, commands }) {
+  const unchanged = conditions(live, { ...preparedState(live), commands }) === conditions(live, preparedState(live));
+  return { settings: Object.keys(values).length > 0, commands: !unchanged };
+}
+
+/** All of a state but the seed, to be compared.
+ * @param {any} live
+ * @param {import("./address.js").State} state
+ * @returns {string} */
+export function conditions(live, { values, commands }) {
+  return JSON.stringify([values, commands ?? live.commands?.given ?? []]);
 }
 
 /** Offer a text as a file.

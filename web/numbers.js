@@ -14,7 +14,30 @@ export function number(value) {
     const [digits, power] = value.toExponential(1).split("e");
     return `${digits}e${power[0]}${power.slice(1).padStart(2, "0")}`;
   }
-  return value.toFixed(Math.max(0, 2 - Math.floor(Math.log10(size))));
+  return decimal(value, Math.max(0, 2 - Math.floor(Math.log10(size))));
+}
+
+/** So many significant digits without zeros at the end, as the format "g" of Python.
+ * @param {number} value
+ * @param {number} digits
+ * @returns {string} */
+export function significant(value, digits) {
+  if (!Number.isFinite(value)) return Number.isNaN(value) ? "nan" : value > 0 ? "inf" : "-inf";
+  if (value === 0) return "0";
+  const [lead, power] = value.toExponential(digits - 1).split("e");
+  const bare = (/** @type {string} */ text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text);
+  if (Number(power) >= -4 && Number(power) < digits) return bare(decimal(value, digits - 1 - Number(power)));
+  return `${bare(lead)}e${power[0]}${power.slice(1).padStart(2, "0")}`;
+}
+
+/** A number with so many decimals; a tie goes to the even digit, as in Python.
+ * @param {number} value
+ * @param {number} decimals */
+function decimal(value, decimals) {
+  const further = 40; // a tie has fewer decimals
+  const exact = value.toFixed(decimals + further);
+  const cut = exact.slice(0, -further).replace(/\.$/, "");
+  return /^50*$/.test(exact.slice(-further)) && /[02468]$/.test(cut) ? cut : value.toFixed(decimals);
 }
 
 /** A number for an axis: as short as it can be, with a typographic minus.
@@ -30,7 +53,9 @@ export function tick(value) {
  * @param {number | null | undefined} value
  * @param {number} decimals */
 export function fixed(value, decimals) {
-  return value === null || value === undefined || !Number.isFinite(value) ? "-" : value.toFixed(decimals).replace("-", MINUS);
+  if (value === null || value === undefined || !Number.isFinite(value)) return "-";
+  const text = value.toFixed(decimals);
+  return text.replace("-", Number(text) === 0 ? "" : MINUS);
 }
 
 /** A time as minutes and seconds.

@@ -2,8 +2,9 @@
 
 import { arraysOf, drawn } from "./arrays.js";
 import { h } from "./dom.js";
+import { intervalsPanel } from "./intervals.js";
 import { legend, othersOf } from "./legend.js";
-import { makeSpan, spanControls } from "./span.js";
+import { TIME, makeSpan, spanControls } from "./span.js";
 import { summaryTable } from "./tables.js";
 import { themeButton } from "./theme.js";
 import { timePlot } from "./timeplot.js";
@@ -16,6 +17,7 @@ import { trackPlot } from "./track.js";
  */
 export function reportPage(report, live = null) {
   const array = arraysOf(report.arrays);
+  const axis = report.axis ?? TIME;
   const names = report.legend.map((/** @type {{name: string}} */ one) => one.name);
   const panels = report.sections.flatMap((/** @type {any} */ section) => section.panels);
   const timed = panels.filter((/** @type {any} */ panel) => panel.type === "time");
@@ -27,7 +29,7 @@ export function reportPage(report, live = null) {
   const plots = [];
   const sections = report.sections.map((/** @type {any} */ section) => {
     const made = section.panels.map((/** @type {any} */ panel) =>
-      panel.type === "track" ? track(panel, array, span, names) : timePlot(decoded(panel, array), span, names),
+      drawnPanel(panel, array, span, names, axis),
     );
     plots.push(...made);
     const grid = h(
@@ -44,7 +46,7 @@ export function reportPage(report, live = null) {
       "div",
       { class: "bar" },
       legend(report.legend, othersOf(panels, report.truth, report.shares), show),
-      spanControls(span, timed.find((/** @type {any} */ panel) => panel.from_s)?.from_s ?? null),
+      spanControls(span, axis, timed.find((/** @type {any} */ panel) => panel.from_s)?.from_s ?? null),
     );
   return h(
     "div",
@@ -66,6 +68,18 @@ export function reportPage(report, live = null) {
     ),
     h("footer", {}, `insenv ${report.version}. Drag over a plot to zoom, double-click for the whole run.`),
   );
+}
+
+/** A panel by its type.
+ * @param {any} panel
+ * @param {(place: number) => Float32Array} array
+ * @param {import("./span.js").Span} span
+ * @param {string[]} names
+ * @param {import("./span.js").Axis} axis */
+function drawnPanel(panel, array, span, names, axis) {
+  if (panel.type === "track") return track(panel, array, span, names);
+  if (panel.type === "intervals") return intervalsPanel(panel);
+  return timePlot(decoded(panel, array), span, names, axis);
 }
 
 /** The head of a page.

@@ -3,6 +3,11 @@
 import { button, h } from "./dom.js";
 import { number } from "./numbers.js";
 
+/** @typedef {{name: string, unit: string}} Axis  what plots are over */
+
+/** @type {Axis} */
+export const TIME = { name: "Time", unit: "s" };
+
 /**
  * @typedef {object} Span
  * @property {() => [number, number]} shown  begin and end, s
@@ -54,8 +59,10 @@ export function makeSpan(begin, end) {
 
 /** The fields that show and set the span, and the button that shows everything.
  * @param {Span} span
+ * @param {Axis} axis
  * @param {number | null} from  start of the statistics, s */
-export function spanControls(span, from = null) {
+export function spanControls(span, axis = TIME, from = null) {
+  const unit = axis.unit ? ` ${axis.unit}` : "";
   const begin = h("input", { type: "text", inputmode: "decimal", id: "span-begin", size: 7, autocomplete: "off" });
   const end = h("input", { type: "text", inputmode: "decimal", id: "span-end", size: 7, autocomplete: "off" });
   const reset = button("Whole run", () => span.reset(), { class: "quiet", id: "span-reset" });
@@ -74,19 +81,19 @@ export function spanControls(span, from = null) {
   const take = () => {
     const [from, to] = [Number(begin.value), Number(end.value)];
     if (begin.value.trim() !== "" && end.value.trim() !== "" && to > from) span.set(from, to);
-    else wrong.textContent = `Time ${begin.value} to ${end.value} s: allowed are two numbers, the first one smaller.`;
+    else wrong.textContent = `${axis.name} ${begin.value} to ${end.value}${unit}: allowed are two numbers, the first one smaller.`;
   };
   for (const field of [begin, end]) field.addEventListener("change", take);
   span.onChange(show);
   show();
   return h(
     "div",
-    { class: "span", role: "group", "aria-label": "Time shown" },
-    h("label", { for: "span-begin" }, "Time"),
+    { class: "span", role: "group", "aria-label": `${axis.name} shown` },
+    h("label", { for: "span-begin" }, axis.name),
     begin,
     h("label", { for: "span-end" }, "to"),
     end,
-    h("span", {}, "s"),
+    axis.unit && h("span", {}, axis.unit),
     from !== null && late,
     reset,
     wrong,

@@ -5,7 +5,7 @@ import { groupColour, onTheme } from "./theme.js";
 
 /** A text that may hold a unit in brackets, as "heading [deg]": the unit is shown beside it.
  * @param {string} text */
-function withUnit(text) {
+export function withUnit(text) {
   const found = /^(.*) \[(.*)\]$/.exec(text);
   return found ? [found[1], h("span", { class: "unit" }, ` ${found[2]}`)] : [text];
 }

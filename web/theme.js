@@ -24,7 +24,7 @@ export function colour(name) {
 /** The colour of a group of curves: of an estimator by its place, of the truth for -1.
  * @param {number} group */
 export function groupColour(group) {
-  return colour(group < 0 ? "truth" : `c${group % 7}`);
+  return colour(group < 0 ? "truth" : `c${group % 11}`);
 }
 
 /** A colour with this opacity (0 to 1).
@@ -56,8 +56,9 @@ export function themeButton() {
     // a page from disk may have no storage: the choice then lasts as long as the page
   }
   const element = h("button", { type: "button", class: "quiet" });
+  const system = matchMedia("(prefers-color-scheme: dark)");
   const apply = () => {
-    document.documentElement.dataset.theme = chosen;
+    document.documentElement.dataset.theme = chosen === "auto" ? (system.matches ? "dark" : "light") : chosen;
     element.textContent = NAMES[/** @type {keyof typeof NAMES} */ (chosen)] ?? NAMES.auto;
     changed();
   };
@@ -71,7 +72,7 @@ export function themeButton() {
     }
     apply();
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
+  system.addEventListener("change", apply);
   apply();
   return element;
 }

@@ -1,18 +1,14 @@
 /** A panel over time: curves, bands, limits, shading, zoom by pointer and keys, the values under the pointer. */
 
+import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
 import { number, tick, ticks } from "./numbers.js";
 import { marks, rangeOf } from "./scale.js";
-import { colour, faint, groupColour, onTheme } from "./theme.js";
+import { TIME } from "./span.js";
+import { colour, groupColour, onTheme } from "./theme.js";
 
 /**
- * @typedef {object} Curve
- * @property {"line" | "thin" | "points" | "crosses" | "limit" | "band" | "between"} kind
- * @property {number} group  place in the legend; -1: the truth
- * @property {(number | null)[]} [y]
- * @property {(number | null)[]} [low]  of a band
- * @property {(number | null)[]} [high]  of a band
- * @property {number} [strength]  scales the opacity of a band
+ * @typedef {import("./curves.js").Curve} Curve
  *
  * @typedef {object} Panel
  * @property {string} title
@@ -20,6 +16,7 @@ import { colour, faint, groupColour, onTheme } from "./theme.js";
  * @property {number | null} threshold
  * @property {boolean} log
  * @property {number | null} from_s
+ * @property {boolean} [positive]  the vertical scale begins at 0
  * @property {[number, number][]} shade
  * @property {number[]} x
  * @property {Curve[]} curves
@@ -40,12 +37,13 @@ const BEND = 0.5;
  * @param {Panel} panel
  * @param {import("./span.js").Span} span
  * @param {string[]} names  of the groups
+ * @param {import("./span.js").Axis} axis
  * @returns {TimePlot}
  */
-export function timePlot(panel, span, names) {
+export function timePlot(panel, span, names, axis = TIME) {
   let curves = panel.curves;
   const readout = h("output", { class: "readout" });
-  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": told(panel, names), onkeydown: keys(span) });
+  const area = h("div", { class: "plot", tabindex: "0", role: "img", "aria-label": told(panel, names, axis), onkeydown: keys(span) });
   const title = h("h3", {}, panel.title, panel.unit !== "1" && h("span", { class: "unit" }, ` ${panel.unit}`));
   const element = h("div", { class: "panel" }, h("div", { class: "head" }, title, readout), area);
   /** @type {Set<number>} */
@@ -55,7 +53,8 @@ export function timePlot(panel, span, names) {
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
-    return rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+    const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
+    return [panel.positive ? 0 : low, high];
   };
   const threshold = panel.threshold;
   const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 4, asinh: BEND * threshold };
@@ -67,14 +66,14 @@ export function timePlot(panel, span, names) {
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
       axes: [
-        axis(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
-        axis(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
+        scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
+        scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
       ],
       series: [{}, ...series],
       bands,
       hooks: {
         setSelect: [(/** @type {any} */ u) => selected(u, span)],
-        setCursor: [(/** @type {any} */ u) => read(u, readout, owners, names)],
+        setCursor: [(/** @type {any} */ u) => read(u, readout, owners, names, axis)],
         drawClear: [(/** @type {any} */ u) => background(u, panel)],
       },
     },
@@ -107,102 +106,19 @@ export function timePlot(panel, span, names) {
 
 /** What a screen reader tells of a panel: the last value of each estimator.
  * @param {Panel} panel
- * @param {string[]} names */
-function told(panel, names) {
+ * @param {string[]} names
+ * @param {import("./span.js").Axis} axis */
+function told(panel, names, axis) {
   const unit = panel.unit === "1" ? "" : ` ${panel.unit}`;
   const ends = panel.curves
     .filter((curve) => curve.kind === "line" && curve.y?.length)
     .map((curve) => `${curve.group < 0 ? "truth" : names[curve.group]} ${number(curve.y?.[curve.y.length - 1])}${unit}`);
-  return `${panel.title} over time. At the end: ${ends.join(", ") || "no value"}. ${KEYS}`;
-}
-
-/** The series and bands of uPlot, and the curve that owns each series.
- * @param {Curve[]} curves
- * @param {Set<number>} hidden */
-function layout(curves, hidden) {
-  /** @type {any[]} */
-  const series = [];
-  /** @type {any[]} */
-  const bands = [];
-  /** @type {Curve[]} */
-  const owners = [];
-  for (const curve of curves) {
-    const paint = () => groupColour(curve.group);
-    const first = series.length + 1;
-    if (curve.kind === "band" || curve.kind === "between") {
-      series.push(
-        { stroke: "transparent", width: 0, points: { show: false } },
-        { stroke: "transparent", width: 0, points: { show: false } },
-      );
-      const fill = () => (hidden.has(curve.group) ? "transparent" : faint(paint(), 0.16 * (curve.strength ?? 1)));
-      bands.push({ series: [first, first + 1], fill });
-      owners.push(curve, curve);
-    } else if (curve.kind === "limit") {
-      const line = {
-        stroke: () => (curve.group < 0 ? colour("limit") : paint()),
-        width: 1.1,
-        dash: [5, 3],
-        points: { show: false },
-      };
-      series.push({ ...line }, { ...line });
-      owners.push(curve, curve);
-    } else if (curve.kind === "line") {
-      series.push({ stroke: paint, width: curve.group < 0 ? 4 : 1.3, points: { show: false } });
-      owners.push(curve);
-    } else if (curve.kind === "thin") {
-      series.push({ stroke: () => faint(paint(), 0.4), width: 0.8, points: { show: false } });
-      owners.push(curve);
-    } else {
-      const size = curve.kind === "points" ? 2.5 : 7;
-      series.push({
-        stroke: paint,
-        width: 1,
-        paths: () => null,
-        points: { show: true, size, fill: paint, stroke: paint, ...(curve.kind === "crosses" ? { paths: crosses } : {}) },
-      });
-      owners.push(curve);
-    }
-  }
-  return { series, bands, owners };
-}
-
-/** The columns of uPlot.
- * @param {number[]} x
- * @param {Curve[]} curves */
-function columns(x, curves) {
-  /** @type {any[]} */
-  const found = [x];
-  for (const curve of curves) {
-    if (curve.kind === "band" || curve.kind === "between") found.push(curve.high, curve.low);
-    else if (curve.kind === "limit")
-      found.push(
-        curve.y,
-        curve.y?.map((value) => (value === null ? null : -value)),
-      );
-    else found.push(curve.y);
-  }
-  return found;
-}
-
-/** The curves by which the vertical range is chosen.
- * @param {Curve[]} curves
- * @param {Set<number>} hidden
- * @returns {{y: (number | null)[], kind: string}[]} */
-function ranged(curves, hidden) {
-  /** @type {{y: (number | null)[], kind: string}[]} */
-  const found = [];
-  for (const { kind, group, y, low, high } of curves) {
-    if (hidden.has(group)) continue;
-    if (kind === "band" && low && high) found.push({ y: low, kind }, { y: high, kind });
-    else if (kind === "between" && low && high) found.push({ y: low, kind: "line" }, { y: high, kind: "line" });
-    else if (y) found.push({ y, kind });
-  }
-  return found;
+  return `${panel.title} over ${axis.name.toLowerCase()}. At the end: ${ends.join(", ") || "no value"}. ${KEYS}`;
 }
 
 /** @param {number} size
  * @param {(u: any, place: number, low: number, high: number) => number[]} splits */
-function axis(size, splits) {
+function scaleOf(size, splits) {
   return {
     size,
     splits,
@@ -250,26 +166,6 @@ function background(u, panel) {
   ctx.restore();
 }
 
-/** The paths of crosses at the points of a series.
- * @param {any} u
- * @param {number} place
- * @param {number} first
- * @param {number} last */
-function crosses(u, place, first, last) {
-  const path = new Path2D();
-  const half = 3.2 * devicePixelRatio;
-  for (let at = first; at <= last; at++) {
-    const value = u.data[place][at];
-    if (value === null || value === undefined) continue;
-    const [x, y] = [u.valToPos(u.data[0][at], "x", true), u.valToPos(value, "y", true)];
-    path.moveTo(x - half, y - half);
-    path.lineTo(x + half, y + half);
-    path.moveTo(x - half, y + half);
-    path.lineTo(x + half, y - half);
-  }
-  return { stroke: path, fill: null, flags: 3 };
-}
-
 /** Show the part that was drawn over.
  * @param {any} u
  * @param {import("./span.js").Span} span */
@@ -283,14 +179,15 @@ function selected(u, span) {
  * @param {any} u
  * @param {HTMLElement} readout
  * @param {Curve[]} owners
- * @param {string[]} names */
-function read(u, readout, owners, names) {
+ * @param {string[]} names
+ * @param {import("./span.js").Axis} axis */
+function read(u, readout, owners, names, axis) {
   const place = u.cursor.idx;
   if (place === null || place === undefined) {
     readout.replaceChildren();
     return;
   }
-  const parts = [h("span", { class: "at" }, `${number(u.data[0][place])} s`)];
+  const parts = [h("span", { class: "at" }, `${number(u.data[0][place])} ${axis.unit}`)];
   owners.forEach((owner, index) => {
     const value = u.data[index + 1][place];
     if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;
@@ -324,7 +221,7 @@ function keys(span) {
 /** The first place of sorted values that is not below `value`.
  * @param {ArrayLike<number>} sorted
  * @param {number} value */
-export function firstFrom(sorted, value) {
+function firstFrom(sorted, value) {
   let [low, high] = [0, sorted.length];
   while (low < high) {
     const middle = (low + high) >> 1;

@@ -1,5 +1,6 @@
 /** The track seen from above, north up, on a grid of 1, 2 or 5 times a power of ten metres: zoom by wheel, pinch and keys. */
 
+import { sharpCanvas } from "./canvas.js";
 import { h, onceAFrame } from "./dom.js";
 import { number, roundDown, tick } from "./numbers.js";
 import { colour, groupColour, onTheme } from "./theme.js";
@@ -25,7 +26,11 @@ const KEYS = "Press plus and minus to zoom, arrow keys to move, 0 for the whole 
  * @param {string} label  what a screen reader tells
  */
 export function trackPlot(title, scene, label) {
-  const canvas = h("canvas", { role: "img", tabindex: "0", class: "track", "aria-label": `${title}. ${label} ${KEYS}` });
+  const sharp = sharpCanvas(
+    { role: "img", tabindex: "0", class: "track", "aria-label": `${title}. ${label} ${KEYS}` },
+    () => draw(),
+  );
+  const { element: canvas, size } = sharp;
   const readout = h("output", { class: "readout" });
   const element = h(
     "div",
@@ -37,8 +42,7 @@ export function trackPlot(title, scene, label) {
   const hidden = new Set();
   /** @type {{east: number, north: number, scale: number} | null} */
   let view = null;
-  let size = [300, 300];
-  const draw = onceAFrame(() => paint(canvas, size, scene, hidden, view ?? fitted(scene, size, hidden)));
+  const draw = onceAFrame(() => paint(sharp.cleared(), size, scene, hidden, view ?? fitted(scene, size, hidden)));
   const change = (/** @type {(view: {east: number, north: number, scale: number}) => void} */ act) => {
     view = view ?? { ...fitted(scene, size, hidden) };
     act(view);
@@ -77,12 +81,6 @@ export function trackPlot(title, scene, label) {
     event.preventDefault();
     acts[event.key]();
   });
-  new ResizeObserver(() => {
-    size = [canvas.clientWidth, canvas.clientHeight];
-    canvas.width = Math.round(size[0] * devicePixelRatio);
-    canvas.height = Math.round(size[1] * devicePixelRatio);
-    draw();
-  }).observe(canvas);
   onTheme(draw);
   return {
     element,
@@ -122,17 +120,13 @@ function fitted(scene, size, hidden) {
   return { east: (west + east) / 2, north: (south + north) / 2, scale };
 }
 
-/** @param {HTMLCanvasElement} canvas
+/** @param {CanvasRenderingContext2D} context
  * @param {number[]} size
  * @param {Scene} scene
  * @param {Set<number>} hidden
  * @param {{east: number, north: number, scale: number}} view */
-function paint(canvas, size, scene, hidden, view) {
-  const context = canvas.getContext("2d");
-  if (!context) return;
+function paint(context, size, scene, hidden, view) {
   const [width, height] = size;
-  context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-  context.clearRect(0, 0, width, height);
   const x = (/** @type {number} */ east) => width / 2 + (east - view.east) * view.scale;
   const y = (/** @type {number} */ north) => height / 2 - (north - view.north) * view.scale;
   grid(context, size, view, x, y);

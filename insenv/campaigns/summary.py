@@ -17,6 +17,7 @@ from insenv.campaigns.sensitivity import sensitivities
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.campaigns.tables import run_columns
 from insenv.evaluation.chi_square import quantile
+from insenv.evaluation.errors import statistics_from
 from insenv.evaluation.health import Health, health
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import data_frame, require_matplotlib
@@ -74,8 +75,7 @@ class Summary(Statistics):
 def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignLimit) -> Summary:
     """Summarise all blocks; sums follow the order of the runs, so that they do not depend on the workers."""
     time = plan.times
-    alignment = not plan.chosen.navigates
-    from_s = 0.75 * float(time[-1]) if alignment else 0.0
+    from_s = statistics_from(plan.chosen.navigates, float(time[-1]))
     late = time >= from_s - 1e-9
     seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))
     limits = limit.course()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,19 +59,21 @@ def variation_of(key: str, given: object) -> Variation:
     if isinstance(given, Distribution):
         return Variation(key, given)
     if isinstance(given, str):
-        try:
-            return Variation(key, parse_distribution(given))
-        except InputError as error:
-            raise InputError(f"vary[{key!r}] = {given!r}: {error}") from None
+        return _variation(key, given, lambda: parse_distribution(given))
     try:
         low, high = (float(limit) for limit in given)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
         raise InputError(
             f"vary[{key!r}] = {given!r}: allowed is a pair of numbers, the lower first, or a text such as 'normal(0, 1)'"
         ) from None
-    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-        raise InputError(f"vary[{key!r}] = {given!r}: allowed is a pair of finite numbers, the lower first")
-    return Variation(key, Distribution("uniform", (low, high)))
+    return _variation(key, given, lambda: Distribution("uniform", (low, high)))
+
+
+def _variation(key: str, given: object, distribution: Callable[[], Distribution]) -> Variation:
+    try:
+        return Variation(key, distribution())
+    except InputError as error:
+        raise InputError(f"vary[{key!r}] = {given!r}: {error}") from None
 
 
 def varied(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,5 +36,5 @@ def budget(
     with working(f"{loaded.name}, {runs} seeds") as progress:
         found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
         written = None if folder is None else write_budget(found, folder, not no_figure)
-    unwritten = "--out DIR writes the figure and the contributions over time"
+    unwritten = "--out DIR writes the page, the figure and the contributions over time"
     print_result(written, as_json, partial(budget_document, found), partial(budget_tables, found), unwritten)

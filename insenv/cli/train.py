@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -26,6 +27,10 @@ def train(
         Optional[int],  # noqa: UP045
         typer.Option(metavar="N", help="Number of support vectors; the default is the largest that the estimator holds."),
     ] = None,
+    as_printed: Annotated[
+        bool,
+        typer.Option("--as-printed", help="Raw differences as inputs, c = 15 and delta^2 = 0.2, as in the paper."),
+    ] = False,
     out: Annotated[Path, typer.Option("--out", "-o", parser=given_path, metavar="FILE", help="File to write.")] = Path(
         "lssvm.json"
     ),
@@ -33,7 +38,7 @@ def train(
 ) -> None:
     """Train an estimator on simulated runs of a filter and write it to a file (docs/estimators/lssvm.md)."""
     from insenv.cli.output import print_json, print_line, print_table, working
-    from insenv.learning.training import Choice, need_packages
+    from insenv.learning.training import PRINTED, Choice, need_packages
     from insenv.learning.training import train as learn
 
     if estimator not in LEARNERS:
@@ -41,7 +46,8 @@ def train(
     chosen = seed_range(seeds)
     check_output_file(out)
     need_packages()
-    choice = Choice() if support is None else Choice(support=support)
+    choice = PRINTED if as_printed else Choice()
+    choice = choice if support is None else replace(choice, support=support)
     with working("simulating") as progress:
 
         def show(work: str, done: int, total: int) -> None:

@@ -44,5 +44,5 @@ def tune(
         )  # fmt: skip
         written = None if folder is None else write_tuning(found, folder, not no_figure)
     lines = [found.toml()] if found.is_better else []
-    unwritten = f"--out DIR writes {'this section' if found.is_better else 'what was found'} and the figure"
+    unwritten = f"--out DIR writes {'this section' if found.is_better else 'what was found'}, the page and the figure"
     print_result(written, as_json, partial(tuning_document, found), partial(tuning_tables, found), unwritten, lines)

@@ -277,8 +277,6 @@ class Estimator:
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
         this = f"estimator {self.id!r}"
-        if self.smooths and not drive.whole:
-            return f"{this} smooths a whole run from its end: `insenv run` can, one seed at a time; here use {self.smooths!r}"
         follows = bool(self.moving_row) and float((rows or {}).get(self.moving_row, 0.0)) != 0.0
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
@@ -287,6 +285,8 @@ class Estimator:
             return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
+        if self.smooths and not drive.whole:
+            return f"{this} smooths a whole run from its end: `insenv run` can, one seed at a time; here use {self.smooths!r}"
         return ""
 
     def check(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> None:

@@ -12,9 +12,12 @@ t_M + D/2, with f = -g:
 This first fix comes after `SPAN` blocks, 180 s, and sets the attitude. Fine levelling by velocity feedback follows: the
 integrated velocity, which should stay near zero, corrects itself and the tilts with the gains of the two-state Kalman
 filter of one horizontal channel (velocity error' = g tilt) for a given standard deviation of the sway's velocity. (A
-constant gain high enough to level within a minute would bring the sway of a moored boat into the tilts.) Later fixes,
-one every 2 s, are averaged into the heading with weights 1/k. This is insenv's addition; `heading_memory` = 0 keeps the
-first fix, as in the paper.
+constant gain high enough to level within a minute would bring the sway of a moored boat into the tilts.)
+
+insenv's addition: the heading of the difference between two ends, each a weighted sum (`END`) of the twelve vectors at the
+newest and the oldest edge. Every later vector, one every 2 s, lengthens the difference: the step of the newest end shows
+the heading as the whole difference does, and the heading is the mean over all k steps, the new one with the weight 1/k. The
+mean of the steps is the difference of the ends. `heading_memory` = 0 keeps the first fix, as in the paper.
 
 The cascade passes what rotates with the Earth with a gain 2.0e-7 below that of what does not: a tilt about east of at
 most 1.0e-7 rad, which is not corrected.
@@ -29,7 +32,7 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core.elementary import PI, minimum, select, sin_cos
+from insenv.core.elementary import PI, exp, minimum, select, sin_cos
 from insenv.core.model import Model, Step
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator
@@ -40,31 +43,54 @@ TAPS = tuple(len(h) for h in CASCADE.filters)
 STRIDE = CASCADE.strides[-1]
 """Blocks from one filtered vector to the next."""
 BASELINE = 54
-"""Filtered vectors from the oldest to the newest of a difference: D = 108 s."""
+"""Steps from the oldest filtered vector to the newest in the difference of the first fix: D = 108 s."""
 SPAN = -(-CASCADE.span // STRIDE) * STRIDE + BASELINE * STRIDE
 """Blocks until the first fix."""
 DELAY = 0.5 + CASCADE.delay + BASELINE * STRIDE / 2
 """Blocks from t_M to the end of the last block, exact."""
+END = (0.746, 0.278, -0.005, -0.14, -0.169, -0.136, -0.073, -0.006, 0.052, 0.1, 0.147, 0.206)
+"""Weights of the vectors of an end, from its edge inwards: those of the least noise of heading after 240 s, for N of 0.002
+deg/sqrt(h) and V of 20 ug/sqrt(Hz), with a white noise of 1e-6 rad of each vector added, which keeps the weights small and so
+the attenuation of the cascade (a test designs them again)."""
+LAG = sum(j * weight for j, weight in enumerate(END))
+"""Steps from the edge to the mean time of an end."""
+START = BASELINE - 2 * LAG
+"""Steps between the two ends at the first fix."""
+STEP_DELAY = 0.5 + CASCADE.delay + (LAG + 0.5) * STRIDE
+"""Blocks from the middle of the newest step to the end of the last block."""
+PRINTED_SMEAR, PRINTED_ENDS = 9.859, 0.06397
+SMEAR, ENDS = 16.135, 0.04164
+"""Of the impulse response h of blocks and cascade, with the weights of an end and (as printed) without: twice the integral of
+H (1 - H), H that of h (s), and twice that of h^2 (1/s)."""
 
 
-def noise_times(averaged: Any) -> tuple[Any, Any]:
+def noise_times(elapsed: Any, memory: Any) -> tuple[Any, Any]:
     """Times (s, s^3) by which the noise of heading falls.
 
     The squared noise of heading times the squared horizontal Earth rate is N^2 over the first plus (V/g)^2 over the
-    second, with N and V the random walks of gyros and accelerometers.
+    second, with N and V the random walks of gyros and accelerometers: the inverse integrals of the squares of the weights
+    that cascade and mean give to drift, and of these weights' slopes (a test integrates them: within 2 and 13 %).
 
-    averaged: time over which fixes are averaged, s. Fitted to the inverse integrals of the squares of the weights that
-    cascade, difference and average give to drift, and of these weights' slopes: within 6 and 25 % (a test integrates
-    them).
+    elapsed: time since the first fix, s. memory: the part of it over which the mean goes, s; older steps are forgotten
+    exponentially; below one step the first fix is kept.
     """
-    square = averaged * averaged
-    return 40.0 + ca.sqrt(square + 78.85**2), 1.82e5 + 57.0 * square
+    interval = STRIDE * BLOCK_S
+    printed = memory < interval
+    recent = minimum(elapsed, memory)
+    whole = interval * START + recent
+    kept = exp(-2.0 * (elapsed - recent) / whole)  # of the squares of the oldest weights
+    longer = whole * whole * 2.0 / (1.0 + kept)
+    first = interval * BASELINE
+    return (
+        select(printed, first * first / (first - PRINTED_SMEAR), longer / (whole - SMEAR)),
+        select(printed, first * first / PRINTED_ENDS, longer / ENDS),
+    )
 
 
 PARAMETERS = frozen_frame.PARAMETERS + Table((
     Row("sway_velocity_sigma", "Standard deviation of horizontal sway velocity", "m/s", start=0.3, lower=1e-6, upper=100.0),
     Row("level_sigma", "Standard deviation of tilt after the first fix", "rad", start=3e-5, lower=1e-9, upper=1.0),
-    Row("heading_memory", "Time over which fixes are averaged into the heading", "s", start=600.0, lower=0.0, upper=1e6),
+    Row("heading_memory", "Time since the first fix that the heading is averaged over", "s", start=600.0, lower=0.0, upper=1e6),
 ))  # fmt: skip
 
 STATE = frozen_frame.STATE + Table((
@@ -150,29 +176,30 @@ def third(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """Attitude from gravity and its derivative, (3), (5), (6), with the delay compensated, (7)."""
+    """Attitude from gravity and its derivative, (3), (5), (6), with the delay compensated, (7); then the mean of the steps."""
     up = _unit(x.filtered[BASELINE // 2, :].T)
     north = _unit(ca.cross(up, (x.filtered[0, :] - x.filtered[BASELINE, :]).T))
     east = ca.cross(north, up)
     # gravity leans against the ellipsoid's normal
     lean = attitude.from_small_rotation_vector(ca.vertcat(0, x.gravity_n[0] / x.gravity, 0))
     q_nMi = attitude.multiply(lean, attitude.from_dcm(ca.horzcat(north, east, -up).T))
-    # the Earth's rotation from the start to t_M, with the mean length of a block
-    delay = DELAY * x.time / x.blocks
-    s, c = sin_cos(geodesy.OMEGA_IE * (x.time - delay) / 2)
-    q_n0i = attitude.multiply(frozen_frame.q_n0n(ca.vertcat(c, s), x.axis_n), q_nMi)
+    q_n0i = attitude.multiply(_q_n0n_before(x, DELAY), q_nMi)
 
-    is_first = x.fixes == 0
+    # the way of gravity between the ends, or of the newest end in its last step, points along east by what the Earth turns in
+    # its time; its north part shows the heading
+    is_first, interval = x.fixes == 0, STRIDE * x.time / x.blocks
+    opposite = [select(is_first, x.filtered[BASELINE - j, :], x.filtered[j + 1, :]) for j in range(len(END))]
+    way_i = sum((END[j] * (x.filtered[j, :] - opposite[j]).T for j in range(len(END))), ca.SX.zeros(3))
+    base = select(is_first, q_n0i, x.q_n0i)
+    way_n = attitude.rotate_inverse(_q_n0n_before(x, select(is_first, DELAY, STEP_DELAY)), attitude.rotate(base, way_i))
+    full = x.gravity * frozen_frame.horizontal_earth_rate(x) * interval
+    # without memory only the first fix counts
+    memory = p.heading_memory / interval
+    weight = select(memory < 1.0, 0.0, 1.0 / (START + minimum(x.fixes, memory)))  # of a step
     to_n0 = frozen_frame.q_n0n(x.half_turn, x.axis_n)
-    difference = attitude.rotate_inverse(to_n0, attitude.error_rotation_vector(q_n0i, x.q_n0i))
-    interval = STRIDE * x.time / x.blocks
-    # weight 1/k; without memory only the first fix counts
-    memory = minimum(x.fixes + 1, p.heading_memory / interval)
-    weight = select(memory < 1.0, 0.0, 1 / select(memory < 1.0, 1.0, memory))
-    turn = attitude.rotate(to_n0, ca.vertcat(0, 0, weight * difference[2]))
-    averaged = attitude.normalize(attitude.multiply(attitude.from_rotation_vector(turn), x.q_n0i))
+    turn = attitude.rotate(to_n0, ca.vertcat(0, 0, weight * way_n[0] / full))
     return {
-        "q_n0i": select(is_first, q_n0i, averaged),
+        "q_n0i": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(turn), base)),
         "fixes": x.fixes + 1,
         "fix_due": 0,
         "velocity_variance": select(is_first, p.sway_velocity_sigma**2, x.velocity_variance),
@@ -183,7 +210,8 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
 def output(p: Any, x: Any) -> dict[str, Any]:
     """Attitude now, and the limit of biases and white noise; before the first fix the heading is unknown."""
     g = x.gravity
-    drift_time, cube = noise_times(minimum(STRIDE * BLOCK_S * x.fixes, p.heading_memory))
+    interval = STRIDE * BLOCK_S
+    drift_time, cube = noise_times(interval * (x.fixes - 1.0), p.heading_memory)
     noise = p.angle_random_walk**2 / drift_time + (p.velocity_random_walk / g) ** 2 / cube
     tilt = p.accel_bias_sigma / g
     slope = x.axis_n[2] / (x.axis_n[0] + 1e-12)
@@ -193,6 +221,12 @@ def output(p: Any, x: Any) -> dict[str, Any]:
     unknown = x.fixes == 0
     levelled, heading = select(unknown, 0.2, levelled), select(unknown, PI, minimum(heading, PI))
     return {"q_nb": frozen_frame.q_nb(x, x.q_n0i), "attitude_sigma": ca.vertcat(levelled, levelled, heading)}
+
+
+def _q_n0n_before(x: Any, blocks: Any) -> Any:
+    """Earth's rotation from the start until some blocks before the end of the last one, with the mean length of a block."""
+    s, c = sin_cos(geodesy.OMEGA_IE * (x.time - blocks * x.time / x.blocks) / 2)
+    return frozen_frame.q_n0n(ca.vertcat(c, s), x.axis_n)
 
 
 def _pushed(buffer: Any, vector: Any) -> Any:

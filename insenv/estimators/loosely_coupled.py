@@ -41,6 +41,11 @@ PARAMETERS = (
     + rows.FIX_WANDER
     + rows.MOTION_ERRORS
 )  # fmt: skip
+OWN_PARAMETERS = PARAMETERS + Table((
+    Row("covariance_kept", "1: feedback leaves the covariance as it is, the conventional filter of small angles", lower=0,
+        upper=1, flag=True),
+))  # fmt: skip
+"""Those of this filter; the smoother has `PARAMETERS`."""
 
 STATE = (
     strapdown.STATE
@@ -206,7 +211,7 @@ def gnss_update(p: Any, x: Any, u: Any) -> tuple[Update, dict[str, Any]]:
 def gnss(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One fix, with feedback."""
     update, reported = gnss_update(p, x, u)
-    return {**corrected(x, update.correction), "covariance": covariance_after(update, N), **reported}
+    return {**corrected(x, update.correction), "covariance": covariance_after(update, N, 1.0 - p.covariance_kept), **reported}
 
 
 def standing_update(p: Any, x: Any) -> Update:
@@ -224,7 +229,7 @@ def standing_update(p: Any, x: Any) -> Update:
 def zero_velocity(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """Zero velocity, with feedback."""
     update = standing_update(p, x)
-    return {**corrected(x, update.correction), "covariance": covariance_after(update, N)}
+    return {**corrected(x, update.correction), "covariance": covariance_after(update, N, 1.0 - p.covariance_kept)}
 
 
 def corrected(x: Any, correction: Any) -> dict[str, Any]:
@@ -265,7 +270,7 @@ def consistency_error(x: Values, outputs: Values, truth: Values) -> tuple[Any, A
 MODEL = Model(
     id="loosely-coupled",
     title="GNSS/INS, 15 states, position and velocity of GNSS loosely coupled",
-    parameters=PARAMETERS,
+    parameters=OWN_PARAMETERS,
     state=STATE,
     inputs=rows.AIDED_INPUTS,
     outputs=rows.AIDED_OUTPUTS,

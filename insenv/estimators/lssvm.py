@@ -20,6 +20,9 @@ File of a trained machine: JSON, with the version of the format and the conditio
      "training": {"runs": [{"scenario", "digest", "seeds", "duration_s"}], "filter", "samples", "scores", ...},
      "machine": {"support", "coefficients", "offset", "scale", "machine_sigma"}}
 
+"raw_inputs" in "machine" says that it takes the differences of velocity and position themselves, as the paper prints it,
+and answers from the first fix on: 1, those of a SINS that runs free; 2, of one whose velocity and position every fix sets.
+
 The numbers of `machine` are the rows of `MACHINE`, float64 to the last bit.
 """
 
@@ -67,6 +70,8 @@ MACHINE = Table((
     Row("scale", "Factor of the inputs: 1 / the kernel's width", "1", (FEATURES,), lower=0.0, upper=1e12),
     Row("machine_sigma", "Scatter of the machine's output about that of the filter it was trained on", "rad", (3,), "n",
         lower=0.0, upper=10.0),
+    Row("raw_inputs", "1: the inputs are the differences of velocity and position themselves; 2: since the last fix", "1",
+        lower=0.0, upper=2.0),
 ))  # fmt: skip
 """The machine as parameter rows: all zero, it leaves the SINS at its start attitude."""
 _SHAPES = {"support": (-1, FEATURES), "coefficients": (-1, 3), "offset": (3,), "scale": (FEATURES,), "machine_sigma": (3,)}
@@ -111,10 +116,16 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
 
 def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
     """One fix: the differences, and the inputs of the machine."""
-    changed = differences.fix(p, x, u)
+    at = differences.measured(p, x, u)
+    changed = differences.fix(p, x, u, at)
     after = SimpleNamespace(**{**vars(x), **changed})
-    ready = select(differences.heading_sigma(after) < READY, 1.0, 0.0)
-    return {**changed, "features": differences.features(p, after), "infer_due": ready}
+    inputs = select(p.raw_inputs > 0.0, differences.raw(x, u, at, p.raw_inputs > 1.0), differences.features(p, after))
+    return {**changed, "features": inputs, "infer_due": _ready(p, after)}
+
+
+def _ready(p: Any, x: Any) -> Any:
+    """1 when the inputs show the heading; a machine on raw inputs is not asked."""
+    return select(ca.logic_or(p.raw_inputs > 0.0, differences.heading_sigma(x) < READY), 1.0, 0.0)
 
 
 def infer(p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -141,7 +152,7 @@ def output(p: Any, x: Any) -> dict[str, Any]:
         "q_nb": frozen_frame.q_nb(x, x.q_n0i),
         "attitude_sigma": ca.vertcat(*[select(answered, minimum(sigma[i], start[i] + sigma[i]), start[i]) for i in range(3)]),
         "features": x.features,
-        "ready": select(differences.heading_sigma(x) < READY, 1.0, 0.0),
+        "ready": _ready(p, x),
     }
 
 
@@ -168,7 +179,7 @@ class TrainedMachine:
 
     support (S, 6): support vectors over the kernel's width. coefficients (S, 3), offset (3): rad. scale (6): factors of
     the inputs. machine_sigma (3): scatter about the training targets, rad. training: its conditions, as in the file.
-    insenv: version of insenv that trained it.
+    insenv: version of insenv that trained it. raw_inputs: as in the file.
     """
 
     support: Array
@@ -178,6 +189,7 @@ class TrainedMachine:
     machine_sigma: Array
     training: Mapping[str, Any]
     insenv: str
+    raw_inputs: int = 0
 
     def rows(self, room: int) -> dict[str, Any]:
         """Parameter rows for a model with room for `room` support vectors. Raises `InputError` if there are more."""
@@ -187,7 +199,7 @@ class TrainedMachine:
         support, coefficients = np.zeros((room, FEATURES)), np.zeros((room, 3))
         support[:count], coefficients[:count] = self.support, self.coefficients
         rest = {name: getattr(self, name) for name in ("offset", "scale", "machine_sigma")}
-        return {"support": support, "coefficients": coefficients, **rest}
+        return {"support": support, "coefficients": coefficients, **rest, "raw_inputs": float(self.raw_inputs)}
 
     @property
     def seeds(self) -> dict[str, set[int]]:
@@ -201,6 +213,8 @@ class TrainedMachine:
         """Write the file, under a temporary name first. Raises `InsenvError` if it cannot be written."""
         path = Path(path)
         machine = {name: np.asarray(getattr(self, name)).tolist() for name in _SHAPES}
+        if self.raw_inputs:
+            machine["raw_inputs"] = self.raw_inputs
         content = {"format": FORMAT, "version": VERSION, "insenv": self.insenv, "training": self.training, "machine": machine}
         try:
             with atomic(path) as stream:
@@ -241,13 +255,17 @@ def load(path: str | Path) -> TrainedMachine:
         raise InputError(
             f"{name!r} is damaged: {len(arrays['support'])} support vectors, {len(arrays['coefficients'])} coefficients"
         )
-    return TrainedMachine(**arrays, training=training, insenv=str(content.get("insenv", "")))
+    raw = machine.get("raw_inputs", 0)
+    if raw not in (0, 1, 2):
+        raise InputError(f"{name!r} is damaged: machine.raw_inputs is {raw!r}: allowed are 0, 1 and 2")
+    return TrainedMachine(**arrays, training=training, insenv=str(content.get("insenv", "")), raw_inputs=int(raw))
 
 
 @functools.cache
-def shipped() -> TrainedMachine:
-    """The machine that insenv ships."""
-    return load(str(files("insenv.estimators") / "data" / "lssvm.json"))
+def shipped(name: str = "lssvm") -> TrainedMachine:
+    """A machine that insenv ships: "lssvm"; on raw inputs "lssvm-printed", "lssvm-printed-validated" (parameters by
+    cross-validation) and "lssvm-printed-reset" (differences since the last fix)."""
+    return load(str(files("insenv.estimators") / "data" / f"{name}.json"))
 
 
 def _array(name: str, machine: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
@@ -268,7 +286,7 @@ def _text(content: Mapping[str, Any]) -> str:
     rest = json.dumps({k: v for k, v in content.items() if k != "machine"}, indent=1, ensure_ascii=True, allow_nan=False)
     parts = []
     for key, value in machine.items():
-        nested = bool(value) and isinstance(value[0], list)
+        nested = isinstance(value, list) and bool(value) and isinstance(value[0], list)
         shown = "[\n" + ",\n".join(json.dumps(row) for row in value) + "]" if nested else json.dumps(value)
         parts.append(f'"{key}": {shown}')
     return rest[:-2] + ',\n "machine": {\n' + ",\n".join(parts) + "}\n}\n"

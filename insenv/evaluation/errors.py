@@ -26,6 +26,11 @@ TOO_SURE = 3.0
 """Ratio of an rms error to its stated standard deviation beyond which a run says so."""
 
 
+def statistics_from(navigates: bool, end_s: float) -> float:
+    """Start of the statistics of a run that ends at `end_s`, s: of a navigation 0, of an alignment its last quarter."""
+    return 0.0 if navigates else 0.75 * end_s
+
+
 @dataclass(frozen=True)
 class Track:
     """A motion at sampled times.

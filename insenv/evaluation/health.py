@@ -206,4 +206,6 @@ def _called(verdict: Verdict, factor: float) -> str:
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
     called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
-    return f"{called}: {100 * refused / count:.2g} % of {count} {what} refused, {nis.text}"
+    share = 100 * refused / count
+    shown = f"{share:.2g}" if share < 99.5 else "100"
+    return f"{called}: {shown} % of {count} {what} refused, {nis.text}"

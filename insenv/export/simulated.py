@@ -16,6 +16,7 @@ from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import make_runner, prepare
 from insenv.errors import InputError
 from insenv.estimators import get
+from insenv.evaluation.errors import statistics_from
 from insenv.export import log_tables
 from insenv.export.angles import degrees_of
 from insenv.export.text_log import file_of
@@ -136,12 +137,12 @@ def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings,
             "file": file_of("imu"),
             **log_tables.IMU,
             "rate_hz": scenario.rate_hz,
-            "unit": {name: value for name, value in scenario.imu.model_dump(exclude_none=True).items() if name in _SHEET_KEYS},
+            "unit": {"grade": scenario.imu.grade, **_sheet(scenario.imu.model_dump(exclude_defaults=True))},
         },
         "reference": {"file": file_of("reference"), **log_tables.reference_keys(reference)},
     }
     if scenario.estimators and not any(get(id).navigates for id in scenario.estimators):
-        data["evaluation"] = {"from_s": 0.75 * plant.duration_s}  # as a run judges alignments
+        data["evaluation"] = {"from_s": statistics_from(False, plant.duration_s)}  # as a run judges alignments
     if gnss is not None and len(gnss.time) and scenario.gnss is not None:
         rows, told = plant.parameters, plant.knowledge.instruments
         data["gnss"] = {
@@ -158,6 +159,11 @@ def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings,
             keys = {"file": file_of(each.id), **log_tables.instrument_keys(each)}
             data[each.id] = {**_kept(scenario.sensors[each.id], each.id), **keys}
     return data
+
+
+def _sheet(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a scenario's [imu] that the data sheet of a log has: figures, and the course of the temperature."""
+    return {name: value for name, value in values.items() if name in _SHEET_KEYS}
 
 
 def _kept(section: Any, id: str) -> dict[str, Any]:
@@ -191,4 +197,7 @@ def _list(value: Any) -> list[float]:
     return [float(each) for each in np.broadcast_to(np.asarray(value, dtype=float), 3)]
 
 
-_SHEET_KEYS = ("grade", *FIGURES)
+_SHEET_KEYS = (
+    *FIGURES, "temperature_start_degc", "temperature_end_degc", "temperature_reference_degc", "temperature_ramp_k_h",
+    "warm_up_s",
+)  # fmt: skip

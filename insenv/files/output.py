@@ -23,11 +23,13 @@ def as_path(what: str, value: object) -> Path:
     return Path(value)
 
 
-def check_output_file(path: Path) -> None:
-    """Raise `InputError` if no file can be written at `path`.
+def check_output_file(path: Path, ending: str = "") -> None:
+    """Raise `InputError` if no file can be written at `path`, or if its name does not have the ending.
 
     Refuse anything but a regular file: renaming over it would replace a device node.
     """
+    if ending and path.suffix != ending:
+        raise InputError(f"output {str(path)!r}: allowed is a name that ends in {ending}")
     try:
         if path.exists() and not path.is_file():
             raise InputError(f"cannot write {str(path)!r}: it is {'a folder' if path.is_dir() else 'not a regular file'}")

@@ -56,7 +56,7 @@ def export_fmu(
     if arrays and fmi == 2:
         raise InputError("arrays with FMI 2: allowed is FMI 3")
     arrays = fmi == 3 if arrays is None else arrays
-    check_output(output, ".fmu")
+    check_output_file(output, ".fmu")
     targets = chosen([platforms] if isinstance(platforms, str) else platforms)
     exported = subject(what, settings or {}, estimator)
     listed = variables(exported)
@@ -98,13 +98,6 @@ def _icon(subject: Subject) -> bytes:
     names = (identifier(scenario.name).partition("_")[0], scenario.vehicle.kind, "plant")
     listed = (fmu_folder() / "icons" / f"{name}.png" for name in (["estimator"] if subject.kind == "estimator" else names))
     return next(path for path in listed if path.is_file()).read_bytes()
-
-
-def check_output(path: Path, ending: str) -> None:
-    """Raise `InputError` if a file cannot be written there, before the long work."""
-    if path.suffix != ending:
-        raise InputError(f"output {str(path)!r}: allowed is a name that ends in {ending}")
-    check_output_file(path)
 
 
 def write_archive(path: Path, files: Mapping[str, bytes]) -> None:

@@ -19,8 +19,8 @@ from xml.etree import ElementTree
 
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
-from insenv.files.output import as_path
-from insenv.fmu.exporter import check_output, export_fmu, write_archive
+from insenv.files.output import as_path, check_output_file
+from insenv.fmu.exporter import export_fmu, write_archive
 from insenv.fmu.subject import identifier
 from insenv.scenario import ScenarioLike, build, load
 
@@ -55,7 +55,7 @@ def export_ssp(
     from fmpy import read_model_description
 
     output, estimator = as_path("output", output), get(estimator)
-    check_output(output, ".ssp")
+    check_output_file(output, ".ssp")
     loaded = load(scenario)
     plant = build(loaded, seed=seed)
     if plant.parameters.get("imu_drop_probability", 0.0) > 0.0:

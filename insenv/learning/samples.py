@@ -40,6 +40,7 @@ EMPTY = {
     "offset": np.zeros(3),
     "scale": np.zeros(FEATURES),
     "machine_sigma": np.zeros(3),
+    "raw_inputs": 0.0,
 }
 
 
@@ -61,9 +62,15 @@ class Samples:
 
 
 def collect(
-    scenarios: Sequence[Scenario], seeds: Sequence[int], duration_s: float | None, progress: Callable[[int, int], None] | None
+    scenarios: Sequence[Scenario],
+    seeds: Sequence[int],
+    duration_s: float | None,
+    progress: Callable[[int, int], None] | None,
+    raw_inputs: int = 0,
 ) -> Samples:
     """Collect samples from every scenario and seed; seed number k starts with share k modulo the number of shares.
+
+    raw_inputs: as in the file of a machine; the outputs are then the angles (rotation vector).
 
     Raises `InputError` for a scenario in which the filter cannot work, or if fewer than two runs are usable.
     """
@@ -75,7 +82,7 @@ def collect(
             chosen = list(seeds)[place :: len(SHARES)]
             if not chosen:
                 continue
-            pairs, lost = _of(scenario, share, chosen, duration_s)
+            pairs, lost = _of(scenario, share, chosen, duration_s, raw_inputs)
             found += pairs
             astray += lost
             done += 1
@@ -87,7 +94,7 @@ def collect(
     misalignment = np.concatenate([q for _, q in found])
     return Samples(
         np.concatenate([inputs for inputs, _ in found]),
-        sine_vector(misalignment),
+        attitude.numeric.to_rotation_vector(misalignment) if raw_inputs else sine_vector(misalignment),
         2 * np.arcsin(np.minimum(np.linalg.norm(misalignment[:, 1:], axis=1), 1.0)),
         np.repeat(np.arange(len(found)), counts),
         len(found),
@@ -103,7 +110,7 @@ def _check(scenario: Scenario) -> None:
 
 
 def _of(
-    scenario: Scenario, share: float, seeds: Sequence[int], duration_s: float | None
+    scenario: Scenario, share: float, seeds: Sequence[int], duration_s: float | None, raw_inputs: int
 ) -> tuple[list[tuple[Array, Array]], int]:
     """Inputs and misalignment quaternions of each run, and the number of runs left out."""
     known = scenario.knowledge
@@ -118,7 +125,7 @@ def _of(
         seeds,
         duration_s=duration_s,
         records=max(2, round(seconds)),
-        tuning={FILTER: whole, "lssvm": EMPTY},
+        tuning={FILTER: whole, "lssvm": {**EMPTY, "raw_inputs": float(raw_inputs)}},
     )
     pairs, lost = [], 0
     for row, seed in enumerate(seeds):

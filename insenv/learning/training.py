@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,11 +42,21 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Choice:
-    """Candidates for the kernel width and the weight of the errors, and the number of support vectors."""
+    """Candidates for the kernel width and the weight of the errors, the number of support vectors, and the inputs."""
 
     gammas: tuple[float, ...] = GAMMAS
     sigmas: tuple[float, ...] = SIGMAS
     support: int = SUPPORT
+    raw_inputs: int = 0
+
+
+PRINTED = Choice((2 * 15.0,), (math.sqrt(0.2),), raw_inputs=1)
+"""The machine as the paper prints it: raw differences, c = 15 (gamma is 2 c), delta^2 = 0.2, inputs over their standard
+deviation, samples without weights."""
+VALIDATED = Choice((0.3, 3.0, 30.0, 300.0, 3e3, 3e4, 3e5), (0.1, math.sqrt(0.2), 2.0, 8.0, 32.0, 128.0), raw_inputs=1)
+"""The same with parameters by cross-validation."""
+RESET = replace(PRINTED, raw_inputs=2)
+"""The same with the differences of a SINS whose velocity and position every fix sets."""
 
 
 def train(
@@ -81,14 +92,16 @@ def train(
     def reporter(work: str) -> Callable[[int, int], None] | None:
         return None if progress is None else lambda done, total: progress(work, done, total)
 
-    samples = collect(loaded, seeds, duration_s, reporter("simulating"))
-    weights = relative_weights(samples.angle)
+    samples = collect(loaded, seeds, duration_s, reporter("simulating"), choice.raw_inputs)
+    weights = np.ones(len(samples.angle)) if choice.raw_inputs else relative_weights(samples.angle)
+    size = samples.inputs.std(axis=0) if choice.raw_inputs else np.ones(samples.inputs.shape[1])
+    samples = replace(samples, inputs=samples.inputs / size)
     from threadpoolctl import threadpool_limits  # comes with scikit-learn
 
     with threadpool_limits(1):  # the matrices are small, and sums must not depend on the number of cores
         search, held_out = _search(samples, weights, choice, reporter("learning"))
     best = search.best_estimator_
-    small = samples.angle < SMALL
+    small = samples.angle < (np.inf if choice.raw_inputs else SMALL)
     scatter = np.sqrt(np.mean(held_out[small if small.any() else slice(None)] ** 2, axis=0))
     training: dict[str, Any] = {
         "filter": FILTER,
@@ -119,10 +132,11 @@ def train(
         support=_rounded_array(best.support_ / best.sigma),
         coefficients=_rounded_array(best.dual_coef_),
         offset=_rounded_array(best.intercept_),
-        scale=np.full(samples.inputs.shape[1], 1.0 / best.sigma),
+        scale=_rounded_array(1.0 / (best.sigma * size)) if choice.raw_inputs else np.full(len(size), 1.0 / best.sigma),
         machine_sigma=_rounded_array(scatter),
         training=training,
         insenv=__version__,
+        raw_inputs=choice.raw_inputs,
     )
 
 

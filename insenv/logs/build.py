@@ -27,8 +27,12 @@ from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
 from insenv.logs.repeats import repeats
 from insenv.logs.sampling import covered_steps, sampling
 from insenv.logs.units import ANGLE_UNITS, SPEED_UNITS, Array, wrap
+from insenv.sensors import units
 from insenv.sensors.contract import Place
+from insenv.sensors.thermal import without_thermal_errors
 
+_COLDEST, _HOTTEST = -100.0, 200.0
+"""Temperatures of a unit, deg C: beyond them the column has another unit."""
 _LONGEST = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
 
@@ -98,7 +102,7 @@ def _with_rest(description: LogDescription, imu: InertialSamples, gnss: GnssFixe
 
 def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     expected = kf_gins.IMU_FIELDS if section.format == "kf-gins" else None
-    columns = (*section.gyro, *section.accel, *(() if section.interval is None else (section.interval,)))
+    columns = [*section.gyro, *section.accel, *(c for c in (section.interval, section.temperature) if c is not None)]
     table, stamps = reader.read("imu", section, columns, expected, between=section.kind == "rate")
     sampled = sampling(stamps, section.rate_hz)
     reader.notes += sampled.notes
@@ -116,8 +120,47 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     found = increments(
         stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths
     )
+    if section.temperature is not None:
+        found = _compensated(section, table, stamps, found, reader.notes)
     reader.notes += implausible(found)
     return found
+
+
+def _compensated(
+    section: ImuSection, table: TextTable, stamps: Array, samples: InertialSamples, notes: list[str]
+) -> InertialSamples:
+    """The samples without the calibrated thermal errors, by the log's own temperature.  Raises `InputError`."""
+    assert section.temperature is not None
+    celsius = table.column(section.temperature)
+    bad = np.flatnonzero((celsius < _COLDEST) | (celsius > _HOTTEST))
+    if bad.size:
+        raise InputError(
+            f"{table.where(bad[0])}, column {section.temperature!r}: temperature is {celsius[bad[0]]:g} deg C, allowed"
+            f" {_COLDEST:g} to {_HOTTEST:g}"
+        )
+    warmth = np.interp(samples.imu_time, stamps, celsius) - section.temperature_reference_degc
+
+    def cleaned(increments: Array, C_bs: Array, bias_slope: Any, scale_slope: Any) -> Array:
+        sensed: Array = np.linalg.solve(C_bs, increments.T).T.astype(np.float64)
+        clean = without_thermal_errors(sensed, samples.dt, warmth, np.array(bias_slope), units.ppm_to_one(scale_slope))
+        return np.asarray(clean @ C_bs.T)
+
+    notes.append(f"imu: the calibrated thermal errors are taken off, at {celsius.min():.3g} to {celsius.max():.3g} deg C")
+    return replace(
+        samples,
+        delta_angle=cleaned(
+            samples.delta_angle,
+            section.gyro_axes(),
+            units.deg_h_to_rad_s(section.gyro_temperature_slope_deg_h_k),
+            section.gyro_scale_factor_slope_ppm_k,
+        ),
+        delta_velocity=cleaned(
+            samples.delta_velocity,
+            section.force_axes(),
+            units.ug_to_m_s2(section.accel_temperature_slope_ug_k),
+            section.accel_scale_factor_slope_ppm_k,
+        ),
+    )
 
 
 def _intervals(section: ImuSection, table: TextTable, stamps: Array) -> Array:

@@ -7,8 +7,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, ValidationInfo, field_validator, model_validator
 
+from insenv import attitude
 from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, key
 from insenv.files.values import NotNegative as PerAxis
+from insenv.files.values import PerAxis as Signed
+from insenv.files.values import Rotation, within
 from insenv.logs import kf_gins
 from insenv.logs.columns import AngleUnit, Column, Columns3, FileSection, MeasurementSection, Sigma3
 from insenv.logs.instrument_sections import (
@@ -30,6 +33,13 @@ def _check_grade(value: str) -> str:
 
 
 Grade = Annotated[str, AfterValidator(_check_grade)]
+Slope = Annotated[Signed, within(-1e6, 1e6)]
+ScaleSlope = Annotated[Signed, within(-1000.0, 1000.0)]
+SLOPES = (
+    "gyro_temperature_slope_deg_h_k", "gyro_scale_factor_slope_ppm_k",
+    "accel_temperature_slope_ug_k", "accel_scale_factor_slope_ppm_k",
+)  # fmt: skip
+"""The calibrated thermal errors of a log's unit."""
 
 
 def columns_of(model: type[FileSection]) -> tuple[str, ...]:
@@ -67,6 +77,11 @@ class ImuSection(FileSection):
     accel_axes: Any = key(
         None, "axes of the accelerometer where they differ; may be a reflection (a unit that reports minus the force)"
     )
+    mounting_angles_deg: Rotation = key(
+        (0.0, 0.0, 0.0),
+        "measured roll, pitch and heading of the unit in the vehicle: the axes that `axes` names are turned by them",
+        "deg",
+    )
     rate_hz: Positive | None = key(None, "nominal sample rate; absent: from the median step of the time stamps", "Hz", le=1e5)
     grade: Grade = key(
         "",
@@ -78,6 +93,22 @@ class ImuSection(FileSection):
     )
     interval: Column | None = key(
         None, "column of the length of the interval that each sample covers [s]; absent: from the time stamps"
+    )
+    gyro_temperature_slope_deg_h_k: Slope = key(
+        (0.0, 0.0, 0.0), "calibrated bias of the gyros per kelvin, x, y, z of the sensor: taken off the samples", "deg/h/K"
+    )
+    gyro_scale_factor_slope_ppm_k: ScaleSlope = key(
+        (0.0, 0.0, 0.0), "calibrated scale factor of the gyros per kelvin: taken off the samples", "ppm/K"
+    )
+    accel_temperature_slope_ug_k: Slope = key(
+        (0.0, 0.0, 0.0), "calibrated bias of the accelerometers per kelvin: taken off the samples", "ug/K"
+    )
+    accel_scale_factor_slope_ppm_k: ScaleSlope = key(
+        (0.0, 0.0, 0.0), "calibrated scale factor of the accelerometers per kelvin: taken off the samples", "ppm/K"
+    )
+    temperature_reference_degc: Number = key(20.0, "temperature at which these errors are 0", "deg C", ge=-100, le=200)
+    temperature: Column | None = key(
+        None, "column of the temperature of the unit [deg C], for the calibrated slopes", validate_default=True
     )
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
@@ -114,6 +145,16 @@ class ImuSection(FileSection):
             raise ValueError("give either grade (of [imu]) or the section imu.unit, which may have a grade itself")
         return value
 
+    @field_validator("temperature")
+    @classmethod
+    def _slopes_with_temperature(cls, value: Any, info: ValidationInfo) -> Any:
+        given = [name for name in SLOPES if np.any(info.data.get(name, 0.0))]
+        if given and value is None:
+            raise ValueError(f"must be given with {' and '.join(given)}: the column of the temperature [deg C]")
+        if value is not None and not given and all(name in info.data for name in SLOPES):
+            raise ValueError(f"has no effect without a calibrated slope: give {', '.join(SLOPES[:-1])} or {SLOPES[-1]}")
+        return value
+
     @field_validator("interval")
     @classmethod
     def _mean_over_interval(cls, value: Any, info: ValidationInfo) -> Any:
@@ -128,15 +169,28 @@ class ImuSection(FileSection):
             raise ValueError("does not go with kind = 'increment': allowed interval_end, interval_start")
         return value
 
+    def gyro_axes(self) -> Array:
+        """C_bs (3, 3) of the gyros."""
+        return self._mounted(axes_matrix(self.axes))
+
+    def force_axes(self) -> Array:
+        """C_bs (3, 3) of the accelerometers; it may be a reflection."""
+        axes = self.axes if self.accel_axes is None else self.accel_axes
+        return self._mounted(axes_matrix(axes, reflection_allowed=True))
+
+    def _mounted(self, matrix: Array) -> Array:
+        if not any(self.mounting_angles_deg):
+            return matrix
+        angles = np.radians(self.mounting_angles_deg)
+        return np.asarray(attitude.numeric.to_dcm(attitude.numeric.from_euler(*angles)) @ matrix)
+
     def gyro_matrix(self) -> Array:
         """(3, 3): from the gyro columns to SI in body FRD."""
-        return axes_matrix(self.axes) * (GYRO_UNITS[self.kind][self.gyro_unit] * self.gyro_scale)
+        return self.gyro_axes() * (GYRO_UNITS[self.kind][self.gyro_unit] * self.gyro_scale)
 
     def accel_matrix(self) -> Array:
         """(3, 3): from the accelerometer columns to SI in body FRD."""
-        axes = self.axes if self.accel_axes is None else self.accel_axes
-        matrix: Array = axes_matrix(axes, reflection_allowed=True)
-        return np.asarray(matrix * (ACCEL_UNITS[self.kind][self.accel_unit] * self.accel_scale))
+        return np.asarray(self.force_axes() * (ACCEL_UNITS[self.kind][self.accel_unit] * self.accel_scale))
 
 
 class PositionSection(FileSection):

@@ -13,7 +13,7 @@ from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import make_runner, prepare
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
+from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
 from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
 from insenv.plant.feeding import bridge_lost, chunks, recording_interval
@@ -146,7 +146,7 @@ def result_of(
     found = errors(track_of(track.time, outputs), track)
     if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
         limit = None
-    from_s = 0.0 if estimator.navigates else 0.75 * float(track.time[-1])
+    from_s = statistics_from(estimator.navigates, float(track.time[-1]))
     result = Result(
         estimator=estimator.id,
         time=track.time,

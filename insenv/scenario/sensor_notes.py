@@ -27,7 +27,8 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
 
     Standard deviation of the bias, largest axis: the fixed, turn-on and in-run parts, and the effect of gravity
     through g-sensitivity (gyros) and misalignment (accelerometers).  For a moving vehicle also the accelerometers'
-    scale factor; for one in place and nearly level it affects only the vertical axis.  Correlation time: the driving
+    scale factor; for one in place and nearly level it affects only the vertical axis.  Thermal errors count with the largest
+    distance from the temperature of reference, and a ramp with what it makes in an hour.  Correlation time: the driving
     noise of a first-order Gauss-Markov process with this standard deviation is that of the in-run part, the bias
     random walk, of the slow processes of the flicker noise and, with one hour, of the parts that depend on motion.  It is
     `CONSTANT` for a bias that does not change.  The fast processes of the flicker noise, which no filter can follow, count
@@ -40,10 +41,13 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
         return [np.abs(rows[name]).reshape(count, -1).max(axis=1) if name in rows else none for name in names]
 
     notes: dict[str, Vector] = {}
+    off, change, ramp, constant = _course(rows, count)
     for triad, white, floor in (("gyro", "angle_random_walk", 1e-9), ("accel", "velocity_random_walk", 1e-7)):
         time, noise, flickering, coupled, scale = largest(
             f"{triad}_instability_time", white, f"{triad}_flicker", f"{triad}_misalignment_sigma", f"{triad}_scale_factor_sigma"
         )
+        slope, scale_slope = largest(f"{triad}_temperature_slope", f"{triad}_scale_factor_slope")
+        scale = np.hypot(scale, scale_slope * (off + ramp))
         if triad == "gyro":
             motion = gravity * largest("gyro_g_sensitivity")[0]
         else:
@@ -52,6 +56,8 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
         bias, bias_sigma, in_run, walk, motion, part = _power(np.array([*figures, motion, flicker.SIGMA * flickering]), 2)
         variance = bias + bias_sigma + in_run + motion
         drive = 2 * in_run / np.maximum(time, 1e-3) + walk + 2 * motion / units.HOUR
+        warm, warming, ramped = _power(np.array([slope * off, slope * change, slope * ramp]), 2)
+        variance, drive = variance + warm + ramped, drive + 2 * warming / constant + 2 * ramped / units.HOUR
         fast = np.zeros(count)
         for correlation in flicker.TIMES:
             if correlation < SLOW:
@@ -70,6 +76,18 @@ def data_sheets(rows: Mapping[str, Any], in_place: bool) -> dict[str, Vector]:
     return notes
 
 
+def _course(rows: Mapping[str, Any], count: int) -> tuple[Vector, Vector, Vector, Vector]:
+    """Largest distance from the temperature of reference, change by warming up, change by the ramp in an hour (K), and the
+    time constant of warming up (s); (k,) each."""
+
+    def of(name: str, otherwise: float) -> Vector:
+        return np.broadcast_to(np.asarray(rows.get(f"imu_temperature_{name}", otherwise), dtype=float), count)
+
+    initial, final, reference = (of(name, 293.15) for name in ("initial", "final", "reference"))
+    off = np.maximum(np.abs(initial - reference), np.abs(final - reference))
+    return off, np.abs(final - initial), np.abs(of("ramp", 0.0)) * units.HOUR, of("time", 600.0)
+
+
 def _power(values: Vector, exponent: float) -> Vector:
     """Powers as of Python's floats, from which NumPy's may differ in the last bit."""
     return np.array([value**exponent for value in values.ravel().tolist()]).reshape(values.shape)
@@ -77,8 +95,10 @@ def _power(values: Vector, exponent: float) -> Vector:
 
 def motion_error(rows: Mapping[str, Any], triad: str) -> float:
     """Scale factor and misalignment of a triad ("gyro", "accel"), 1 sigma, from a unit's rows: error per measured motion."""
-    sigmas = (rows.get(f"{triad}_{name}", 0.0) for name in ("scale_factor_sigma", "misalignment_sigma"))
-    return float(np.hypot(*(np.max(np.abs(sigma)) for sigma in sigmas)))
+    names = ("scale_factor_sigma", "misalignment_sigma", "scale_factor_slope")
+    scale, coupled, slope = (float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in names)
+    off, _, ramp, _ = _course({name: np.ravel(value) for name, value in rows.items() if name.startswith("imu_temp")}, 1)
+    return float(np.hypot(np.hypot(scale, coupled), slope * float(off[0] + ramp[0])))
 
 
 CONSTANT = 1e9

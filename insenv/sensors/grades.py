@@ -45,6 +45,7 @@ class ImuGrade:
     gyro_misalignment_sigma_urad: float = 0.0
     gyro_g_sensitivity_deg_h_g: float = 0.0
     gyro_temperature_slope_deg_h_k: float = 0.0
+    gyro_scale_factor_slope_ppm_k: float = 0.0
     gyro_quantum_arcsec: float = 0.0
     gyro_range_deg_s: float = units.rad_to_deg(HUGE)
 
@@ -60,6 +61,7 @@ class ImuGrade:
     accel_scale_factor_sigma_ppm: float = 0.0
     accel_misalignment_sigma_urad: float = 0.0
     accel_temperature_slope_ug_k: float = 0.0
+    accel_scale_factor_slope_ppm_k: float = 0.0
     accel_quantum_m_s: float = 0.0
     accel_range_g: float = units.m_s2_to_g(HUGE)
 
@@ -107,6 +109,7 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "gyro_misalignment_sigma_urad": ("gyro_misalignment_sigma", units.urad_to_rad),
     "gyro_g_sensitivity_deg_h_g": ("gyro_g_sensitivity", units.deg_h_g_to_rad_s_per_m_s2),
     "gyro_temperature_slope_deg_h_k": ("gyro_temperature_slope", units.deg_h_to_rad_s),
+    "gyro_scale_factor_slope_ppm_k": ("gyro_scale_factor_slope", units.ppm_to_one),
     "gyro_quantum_arcsec": ("gyro_quantum", units.arcsec_to_rad),
     "gyro_range_deg_s": ("gyro_range", units.deg_to_rad),
     "accel_bias_ug": ("accel_bias", units.ug_to_m_s2),
@@ -120,6 +123,7 @@ CONVERSIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "accel_scale_factor_sigma_ppm": ("accel_scale_factor_sigma", units.ppm_to_one),
     "accel_misalignment_sigma_urad": ("accel_misalignment_sigma", units.urad_to_rad),
     "accel_temperature_slope_ug_k": ("accel_temperature_slope", units.ug_to_m_s2),
+    "accel_scale_factor_slope_ppm_k": ("accel_scale_factor_slope", units.ppm_to_one),
     "accel_quantum_m_s": ("accel_quantum", _same),
     "accel_range_g": ("accel_range", units.g_to_m_s2),
 }

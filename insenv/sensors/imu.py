@@ -3,14 +3,15 @@
 For each triad, s being the sensor axes, b the body and dt the length of a sample (Groves 2013, section
 4.4):
 
-    y_s   = (I + S + M) C(e)^T C_sb d_b + bias_s dt + G C_sb dv_b + N sqrt(dt) w
+    y_s   = (I + k (T - T_0)) (I + S + M) C(e)^T C_sb d_b + bias_s dt + G C_sb dv_b + N sqrt(dt) w
     y_s   is limited to +-range dt, then quantized: n = floor((residual + y_s) / quantum + 1/2)
     out_b = C_bs n quantum, or 0 if the sample is lost
 
-S scale factor, M misalignment, e mounting error, G g-sensitivity (gyros only), w standard normal.  The remainder below
-one count is carried to the next sample.  Only w and the loss are drawn on every sample.  The bias is the sum of the
-turn-on bias, a first-order Gauss-Markov process, a random walk, flicker noise and a thermal part; the step "drift"
-advances these by `drift_interval` with their exact discretisation, and the bias varies linearly between these points.
+S scale factor, k its change per kelvin (a diagonal), T temperature, T_0 that of reference, M misalignment, e mounting
+error, G g-sensitivity (gyros only), w standard normal.  The remainder below one count is carried to the next sample.
+Only w and the loss are drawn on every sample.  The bias is the sum of the turn-on bias, a first-order Gauss-Markov
+process, a random walk, flicker noise and a thermal part; the step "drift" advances these by `drift_interval` with their
+exact discretisation, and the bias varies linearly between these points.
 """
 
 from __future__ import annotations
@@ -72,6 +73,7 @@ def _start(p: Values, r: Any) -> dict[str, Any]:
     warm = p.imu_temperature_initial - p.imu_temperature_reference
     state: dict[str, Any] = {
         "imu_temperature": p.imu_temperature_initial,
+        "imu_temperature_target": p.imu_temperature_final,
         "C_bs": C_bs,
         "gyro_g_matrix": p.gyro_g_sensitivity @ C_bs.T,
     }
@@ -100,10 +102,11 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     root_dt = ca.sqrt(dt)
     n = normals(r[0:6])
     arrives = r[6] >= p.imu_drop_probability
+    temperature = x.imu_temperature + x.imu_temperature_step
     state: dict[str, Any] = {"imu_valid": arrives}
     for triad, own, output in ((GYRO, n[0:3], "delta_angle"), (ACCEL, n[3:6], "delta_velocity")):
         bias = _of(x, triad, "bias_s") + _of(x, triad, "bias_step_s")
-        sensed = _sensed(p, x, triad, bias) + getattr(p, triad.white) * root_dt * own
+        sensed = _sensed(p, x, triad, bias, temperature) + getattr(p, triad.white) * root_dt * own
         counted, residual = _count(p, x, triad, sensed)
         state[f"{triad.name}_bias_s"] = bias
         state[f"{triad.name}_bias_true"] = _of(x, triad, "bias_true") + _of(x, triad, "bias_step_b")
@@ -111,22 +114,23 @@ def _sample(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         state[output] = select(arrives, x.C_bs @ counted, 0.0)
     counter = x.drift_counter + 1.0
     return state | {
-        "imu_temperature": x.imu_temperature + x.imu_temperature_step,
+        "imu_temperature": temperature,
         "drift_counter": counter,
         "drift_due": (counter + 0.5) * dt > p.drift_interval,
     }
 
 
-def _sensed(p: Values, x: Values, triad: Triad, bias: Any) -> Any:
-    """Increments (3, s) of a triad without noise, from the true increments of the sample and a bias (3, s)."""
+def _sensed(p: Values, x: Values, triad: Triad, bias: Any, temperature: Any) -> Any:
+    """Increments (3, s) of a triad without noise, from the true increments of the sample, a bias (3, s) and a temperature."""
     true = x.true_delta_angle if triad is GYRO else x.true_delta_velocity
     extra = x.gyro_g_matrix @ x.true_delta_velocity if triad is GYRO else ca.SX.zeros(3)
-    return _of(x, triad, "error_matrix") @ true + bias * p.sample_interval + extra
+    thermal = 1.0 + _of(p, triad, "scale_factor_slope") * (temperature - p.imu_temperature_reference)
+    return thermal * (_of(x, triad, "error_matrix") @ true) + bias * p.sample_interval + extra
 
 
 def systematic_error(p: Values, x: Values) -> tuple[Any, Any]:
     """Error of the last delta angle (3, rad, b) and delta velocity (3, m/s, b), without noise and quantization."""
-    angle, velocity = (x.C_bs @ _sensed(p, x, triad, _of(x, triad, "bias_s")) for triad in (GYRO, ACCEL))
+    angle, velocity = (x.C_bs @ _sensed(p, x, triad, _of(x, triad, "bias_s"), x.imu_temperature) for triad in (GYRO, ACCEL))
     return angle - x.true_delta_angle, velocity - x.true_delta_velocity
 
 
@@ -148,7 +152,7 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
 
     Exact discretisation over h = count dt: Gauss-Markov b <- a b + sigma sqrt(1 - a^2) w, a = exp(-h/T)
     (Gelb 1974, chapter 3); random walk b <- b + K sqrt(h) w; flicker noise as Gauss-Markov processes
-    (`insenv.sensors.flicker`); temperature T <- T_end + (T - T_end) exp(-h/T_w).
+    (`insenv.sensors.flicker`); temperature T <- T_end + r h + (T - T_end) exp(-h/T_w), T_end <- T_end + r h.
 
     The flicker noise is drawn at the first update, at the end of the first sample, and is in the bias at once.
     """
@@ -157,10 +161,12 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
     count = select(count > 1.0, count, 1.0)
     h = count * p.sample_interval
     warming = exp(-h / p.imu_temperature_time)
-    temperature = p.imu_temperature_final + (x.imu_temperature - p.imu_temperature_final) * warming
+    target = x.imu_temperature_target + p.imu_temperature_ramp * h
+    temperature = target + (x.imu_temperature - x.imu_temperature_target) * warming
     first = x.drift_counter >= HUGE
     state: dict[str, Any] = {
         "drift_counter": 0.0,
+        "imu_temperature_target": target,
         "imu_temperature_step": (temperature - x.imu_temperature) / count,
     }
     for triad, own, more in ((GYRO, n[0:6], n[12 : 12 + 3 * PARTS]), (ACCEL, n[6:12], n[12 + 3 * PARTS :])):
@@ -173,14 +179,14 @@ def _drift(p: Values, x: Values, u: Values, r: Any) -> dict[str, Any]:
         flickering = ca.sum2(parts)
         bias_s = _of(x, triad, "bias_s") + first * flickering
         bias_true = _of(x, triad, "bias_true") + first * (x.C_bs @ flickering)
-        target = _of(x, triad, "bias_turn_on") + instability + walk + thermal + flickering
+        reached = _of(x, triad, "bias_turn_on") + instability + walk + thermal + flickering
         state[f"{triad.name}_instability"] = instability
         state[f"{triad.name}_walk"] = walk
         state[f"{triad.name}_flicker_parts"] = parts
         state[f"{triad.name}_bias_s"] = bias_s
         state[f"{triad.name}_bias_true"] = bias_true
-        state[f"{triad.name}_bias_step_s"] = (target - bias_s) / count
-        state[f"{triad.name}_bias_step_b"] = (x.C_bs @ target - bias_true) / count
+        state[f"{triad.name}_bias_step_s"] = (reached - bias_s) / count
+        state[f"{triad.name}_bias_step_b"] = (x.C_bs @ reached - bias_true) / count
     return state
 
 
@@ -200,6 +206,7 @@ def _errors_of(triad: Triad) -> tuple[ErrorSource, ...]:
         ErrorSource(f"{name} drifting bias", tuple(f"{name}_{row}" for row in drifting)),
         ErrorSource(f"{name} thermal bias", (f"{name}_temperature_slope",)),
         ErrorSource(f"{name} white noise", (triad.white,)),
+        ErrorSource(f"{name} thermal scale factor", (f"{name}_scale_factor_slope",)),
         ErrorSource(f"{name} scale factor", (f"{name}_scale_factor", f"{name}_scale_factor_sigma")),
         ErrorSource(f"{name} misalignment", (f"{name}_misalignment", f"{name}_misalignment_sigma")),
         ErrorSource(f"{name} quantization", (f"{name}_quantum",)),

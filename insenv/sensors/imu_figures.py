@@ -18,9 +18,9 @@ WAYS = (("gyro_arw_deg_sqrt_h", "gyro_white_deg_h"), ("accel_vrw_ug_sqrt_hz", "a
 """Values that describe the same noise: at most one of each group may be given."""
 _SUFFIXES = {
     "_deg_h_sqrt_h": "deg/h/sqrt(h)", "_deg_sqrt_h": "deg/sqrt(h)", "_deg_h_g": "deg/h/g", "_deg_h_k": "deg/h/K",
-    "_m_s_sqrt_h": "m/s/sqrt(h)", "_ug_sqrt_hz": "ug/sqrt(Hz)", "_ug_sqrt_h": "ug/sqrt(h)", "_ug_k": "ug/K", "_deg_h": "deg/h",
-    "_deg_s": "deg/s", "_m_s": "m/s", "_ug": "ug", "_ppm": "ppm", "_urad": "urad", "_arcsec": "arcsec", "_time_s": "s",
-    "_g": "g",
+    "_m_s_sqrt_h": "m/s/sqrt(h)", "_ug_sqrt_hz": "ug/sqrt(Hz)", "_ug_sqrt_h": "ug/sqrt(h)", "_ug_k": "ug/K", "_ppm_k": "ppm/K",
+    "_deg_h": "deg/h", "_deg_s": "deg/s", "_m_s": "m/s", "_ug": "ug", "_ppm": "ppm", "_urad": "urad", "_arcsec": "arcsec",
+    "_time_s": "s", "_g": "g",
 }  # fmt: skip
 
 

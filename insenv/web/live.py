@@ -18,23 +18,24 @@ from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
 from insenv.evaluation.errors import TOO_SURE
-from insenv.evaluation.limits.bound import FLOOR
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
-from insenv.scenario import Plant, Scenario, ScenarioLike, build, limit_of, load, no_limit
+from insenv.report.page.of_run import EXPLAINED
+from insenv.report.tables import within
+from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
-from insenv.web.controls import Control, Prober
+from insenv.web.controls import Control
+from insenv.web.judging import health_rows, health_rule, judged, limit_along, limit_document
 from insenv.web.model import PageModel, page_model
+from insenv.web.probing import Prober
 from insenv.web.start import known_vector, start_source, told_places
 
 SEEDS = 1024
 """Seeds that a page offers, from 0 on, beside that of the scenario."""
-LIMIT_TIMES = 300
-"""Number of times at which the limit is shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +160,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
     scenario = plant.scenario
     if not 0 < plant.samples < 2**31:
         raise InputError(f"duration_s = {plant.duration_s:g} s: a page runs at most 2^31 samples")
+    limit = limit_along(live.plain, progress)
     named = model.parameters.unpack(live.parameters)
     told = {
         member.prefix: {row.name: named[member.prefix + row.name] for row in member.estimator.model.parameters}
@@ -188,8 +190,10 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "prefix": member.prefix,
                 "channels": list(member.channels),
                 "stated": list(member.stated),
-                "needs_s": member.estimator.needed_s(told[member.prefix]),
-                "notes": list(member.estimator.notes(told[member.prefix], plant.duration_s)),
+                "settled": not member.estimator.too_short(told[member.prefix], plant.duration_s),
+                "health": health_rows(member.estimator),
+                **judged(member, plant, live.every, limit),
+                "notes": _notes_of(member.estimator, told[member.prefix], plant.duration_s),
             }
             for member in live.page.members
         ],
@@ -199,8 +203,10 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
         ],
         "controls": [_control(control) for control in live.controls],
-        "limit": _limit(live.plain, progress),
+        "limit": limit_document(limit, plant.duration_s),
+        "health": health_rule(),
         "too_sure": TOO_SURE,
+        "explained": EXPLAINED | {"within": f"{within(1)}."},
         "notes": _notes(plant),
     }
 
@@ -245,6 +251,12 @@ def _control(control: Control) -> dict[str, Any]:
     return shown | bounds | {"targets": [vars(target) for target in control.targets]}
 
 
+def _notes_of(estimator: Estimator, parameters: Mapping[str, Any], duration_s: float) -> list[str]:
+    """What an estimator says of these parameters and this duration, as in a run."""
+    short = estimator.too_short(parameters, duration_s)
+    return [*([short] if short else []), *estimator.notes(parameters, duration_s)]
+
+
 def _notes(plant: Plant) -> list[str]:
     """What a reader of the page must know of it."""
     notes = [*plant.scenario.notes, no_limit(plant)]
@@ -253,20 +265,6 @@ def _notes(plant: Plant) -> list[str]:
             "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
         )
     return [note for note in notes if note]
-
-
-def _limit(plant: Plant, progress: Progress | None) -> dict[str, Any] | None:
-    """The limit of the scenario as it stands, by channel; None if there is none."""
-    if no_limit(plant):
-        return None
-    times = np.linspace(0.0, plant.duration_s, LIMIT_TIMES + 1)[1:]
-    found = limit_of(plant, progress).at(times)
-    sigma = {name: _rounded(values) for name, values in found.items()}
-    return {"time_s": _rounded(times), "sigma": sigma, "floor": {name: FLOOR[name] for name in found}}
-
-
-def _rounded(values: Vector) -> list[float]:
-    return [float(f"{value:.6g}") for value in values]
 
 
 def compressed(module: bytes) -> bytes:

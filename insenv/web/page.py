@@ -34,7 +34,7 @@ def page(
     """
     check_progress(progress)
     path = as_path("output", output)
-    check_output_file(path)
+    check_output_file(path, ".html")
     made = live(scenario, estimators, seed=seed, duration_s=duration_s, settings=settings)
     text = assembled(made.plant.scenario.title, {"live": live_document(made, progress)})
     check_size(text)

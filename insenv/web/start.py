@@ -8,7 +8,7 @@ seeds that a page offers: the inverse of their distribution takes a logarithm, w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -118,8 +118,3 @@ def known_vector(sigma: Vector, given: Sequence[float | None], drawn: Vector) ->
     """The argument `known` of ``begin``: normals, sigmas, errors, and whether each error is given (36,)."""
     errors = [0.0 if value is None else value for value in given]
     return np.concatenate([drawn, sigma, errors, [float(value is not None) for value in given]])
-
-
-def flat(values: Iterable[Any]) -> Vector:
-    """Numbers and vectors one after the other."""
-    return np.concatenate([np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values])

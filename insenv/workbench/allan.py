@@ -189,25 +189,25 @@ def allan(
     name = log.description.title if isinstance(log, RecordedLog) else Path(log).name
     log = log if isinstance(log, RecordedLog) else load(as_path("log", log))
     part = part_of(log, from_s, to_s)
-    found, done = [], 0
+    found: list[SensorNoise] = []
+
+    def keep(noise: SensorNoise) -> None:
+        found.append(noise)
+        if progress is not None:
+            progress(len(found), len(AXES) + 2)
+
     for place, axis in enumerate(AXES):
-        found.append(sensor_noise(axis, part.rates[:, place], part.interval))
-        done += 1
-        if progress is not None:
-            progress(done, len(AXES) + 2)
-    triads = []
+        keep(sensor_noise(axis, part.rates[:, place], part.interval))
+    axes = tuple(found)
     for kind in ("gyro", "accel"):
-        triads.append(_triad(kind, [axis for axis in found if axis.kind == kind]))
-        done += 1
-        if progress is not None:
-            progress(done, len(AXES) + 2)
+        keep(_triad(kind, [axis for axis in axes if axis.kind == kind]))
     assumed = assumed_unit(log, (part.begin_s, part.end_s))
     gyro_bias, accel_bias = assumed.grade.gyro_bias_sigma_deg_h, assumed.grade.accel_bias_sigma_ug
     assumption = (
         f"assumed as for a log without a grade, by class {assumed.name!r}: biases {gyro_bias:g} deg/h and "
         f"{accel_bias / 1000:g} mg, 1 sigma"
     )
-    return UnitNoise(name, part, tuple(found), (triads[0], triads[1]), assumed.grade, assumption)
+    return UnitNoise(name, part, axes, (found[-2], found[-1]), assumed.grade, assumption)
 
 
 def sensor_noise(name: str, rate: Array, interval: float) -> SensorNoise:

@@ -27,7 +27,7 @@ from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
-from insenv.evaluation.errors import ATTITUDE, wrapped_deg
+from insenv.evaluation.errors import ATTITUDE, statistics_from, wrapped_deg
 from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit, reseeded
 from insenv.scenario.error_sources import Source, sensors_of, sources_of, start_without, unknown_errors
@@ -202,12 +202,13 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
     channels, count = case.measured.channels, len(case.sources)
     whole, none = errors[:, 0], errors[:, 1]
     angles = [place for place, name in enumerate(channels) if name in ATTITUDE]
-    alone = np.stack(list(_differences(errors, none, count, angles)), axis=1)
+    alone = list(_differences(errors, none, count, angles))
     with np.errstate(invalid="ignore"):
-        rest = whole - none - alone.sum(axis=1)
+        rest = whole - none - sum(alone)
     rest[..., angles] = wrapped_deg(rest[..., angles])
-    series = np.concatenate([whole[:, None], none[:, None], rest[:, None], alone, errors[:, 2 + count :]], axis=1)
-    finite = np.isfinite(series).all(axis=(2, 3))
+    # views, and one variant at a time below: a copy of all errors takes gigabytes
+    series = [whole, none, rest, *alone, *np.moveaxis(errors[:, 2 + count :], 1, 0)]
+    finite = np.stack([np.isfinite(one).all(axis=(1, 2)) for one in series], axis=1)
     usable = finite.mean(axis=0) >= 0.5
     usable[2] = usable[:2].all() and usable[3 : 3 + count].all()
     kept = finite[:, usable].all(axis=1) if usable[0] else finite[:, 0]
@@ -215,12 +216,13 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
         raise InputError(
             f"estimator {case.estimator.id!r} diverges in every run of {case.plant.scenario.name!r}: nothing to share out"
         )
-    squares = np.where(usable[:, None, None], np.mean(series[kept] ** 2, axis=0), np.nan)
+    nothing = np.full(whole.shape[1:], np.nan)
+    squares = np.stack([np.mean(one[kept] ** 2, axis=0) if good else nothing for one, good in zip(series, usable, strict=True)])
     table = case.estimator.model.parameters
     parameters = table.unpack(table.pack(case.plant.parameters_of(case.estimator, case.rows, whole=False)))
     short = case.estimator.too_short(parameters, case.plant.duration_s)
     seeds = np.array([plant.seed for plant in case.plants])
-    from_s = 0.0 if case.estimator.navigates else 0.75 * float(case.times[-1])
+    from_s = statistics_from(case.estimator.navigates, float(case.times[-1]))
     notes = [*case.plant.scenario.notes, *((short,) if short else ()), *case.estimator.notes(parameters, case.plant.duration_s)]
     unknown = unknown_errors(case.plant.scenario)
     if unknown:

@@ -9,14 +9,13 @@ import numpy as np
 from insenv.evaluation.errors import CHANNELS
 from insenv.report.tables import label
 from insenv.style import COLOURS, DASHED, LIMIT, legend, page, title
+from insenv.workbench.budget_presentation import ranked
 from insenv.workbench.budget_result import Array, Budget
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = 8
-"""Largest number of sources that have a colour of their own; the others are one band."""
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6BB1", "#A6761D")
 _OTHERS, _METHOD = "#c8c8c8", "#7f7f7f"
 
@@ -27,9 +26,7 @@ def draw_budget(found: Budget) -> Figure:
     Mean squares add up, and a band ends at the root of the sum of those below it and its own.  The largest source is the
     lowest band; the thickness of a band higher up therefore shows less than its rms.
     """
-    shares = np.nan_to_num(found.shares()[:-1])
-    order = sorted(range(len(found.sources)), key=lambda k: -shares[k].max())
-    own, others = order[:SHOWN], order[SHOWN:]
+    own, others = ranked(found)
     names = [name for name in CHANNELS if name in found.channels]
     handles: dict[str, Any] = {}
     with page() as figure:

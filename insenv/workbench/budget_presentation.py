@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.tables import number, table_of
 from insenv.style import save
-from insenv.workbench.budget_result import Budget
+from insenv.workbench.budget_result import Array, Budget
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,6 +25,8 @@ SMALL = 1e-3
 """Share of the variance, in every channel of a table, below which a source is not listed."""
 NAMED = 10
 """Largest number of seeds that are printed."""
+SHOWN = 8
+"""Largest number of sources that have a colour of their own; the others are one band."""
 
 
 def budget_document(found: Budget, files: Sequence[str] = ()) -> dict[str, Any]:
@@ -43,17 +46,39 @@ def budget_tables(found: Budget) -> Iterator[RenderableType]:
             yield Text()
             yield from _group(found, title, places)
     yield Text()
-    start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
-    yield Text(f"rms {start}: of the change by a source alone; w/o: of the error without", "dim")
-    yield Text("method: no source at all; interaction: the rest of all sources, run by run", "dim")
-    low, high = ratio_bounds(found.runs - len(found.diverged))
-    count = found.runs - len(found.diverged)
-    yield Text(f"rms of {count} runs over that of many runs: {low:.2f} to {high:.2f} (95 %)", "dim")
-    if found.diverged:
-        named = ", ".join(map(str, found.diverged[:NAMED])) + (", ..." if len(found.diverged) > NAMED else "")
-        yield Text(f"{len(found.diverged)} of {found.runs} runs diverged and are left out: seed {named}", "yellow")
+    for sentence in sentences(found):
+        yield Text(sentence, "dim")
+    if diverged := left_out(found):
+        yield Text(diverged, "yellow")
     for note in found.notes:
         yield Text(f"note: {note}")
+
+
+def sentences(found: Budget) -> tuple[str, ...]:
+    """What the lines and columns mean."""
+    start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
+    count = found.runs - len(found.diverged)
+    low, high = ratio_bounds(count)
+    return (
+        f"rms {start}: of the change by a source alone; w/o: of the error without",
+        "method: no source at all; interaction: the rest of all sources, run by run",
+        f"rms of {count} runs over that of many runs: {low:.2f} to {high:.2f} (95 %)",
+    )
+
+
+def ranked(found: Budget) -> tuple[list[int], list[int]]:
+    """The sources with a colour of their own, the largest first, and the others; by place."""
+    shares = np.nan_to_num(found.shares()[:-1])
+    order = sorted(range(len(found.sources)), key=lambda k: -shares[k].max())
+    return order[:SHOWN], order[SHOWN:]
+
+
+def left_out(found: Budget) -> str:
+    """The sentence on runs that diverged; empty if none did."""
+    if not found.diverged:
+        return ""
+    named = ", ".join(map(str, found.diverged[:NAMED])) + (", ..." if len(found.diverged) > NAMED else "")
+    return f"{len(found.diverged)} of {found.runs} runs diverged and are left out: seed {named}"
 
 
 def facts(found: Budget) -> str:
@@ -62,48 +87,75 @@ def facts(found: Budget) -> str:
     return f"{found.runs} runs of {found.duration_s:g} s, {seeds}; {len(found.sources)} sources of error"
 
 
-def _group(found: Budget, title: str, places: list[int]) -> Iterator[RenderableType]:
-    """One table: the sources by their share, then what they make together."""
-    from rich.text import Text
+@dataclass(frozen=True)
+class BudgetRow:
+    """One line of a table.  values: by channel, of the source alone and of the error without it; None: not told.
 
-    columns = [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")]
-    table = table_of(title, *columns, gap=1)
+    large: by channel, whether the source has a quarter of the variance.
+    """
+
+    name: str
+    values: tuple[float | None, ...]
+    large: tuple[bool, ...] = ()
+
+
+def budget_rows(found: Budget, places: list[int]) -> list[BudgetRow]:
+    """The lines for some channels, by their places: the sources by their share, then what they make together."""
     shares = found.shares()[:, places]
     alone, without = found.rms(found.alone)[:, places], found.rms(found.without)[:, places]
     largest = np.nan_to_num(shares[:-1], nan=np.inf).max(axis=1)
     order = sorted(range(len(found.sources)), key=lambda k: -largest[k])
     small = [k for k in order if largest[k] < SMALL]
-    for k in order:
-        if k in small and len(small) > 1:
-            continue
-        pairs = zip(alone[k], without[k], shares[k], strict=True)
-        cells = [c for a, w, s in pairs for c in (Text(number(a), "bold" if s >= 0.25 else ""), Text(number(w)))]
-        table.add_row(found.sources[k], *cells)
-    if len(small) > 1:
-        together = np.sqrt(np.sum(alone[small] ** 2, axis=0))
-        table.add_row(f"{len(small)} smaller ones", *(c for value in together for c in (number(value), "")))
-    table.add_section()
+    if len(small) < 2:
+        small = []
+    rows = [
+        BudgetRow(found.sources[k], tuple(np.stack([alone[k], without[k]], 1).ravel().tolist()), tuple(shares[k] >= 0.25))
+        for k in order
+        if k not in small
+    ]
+    if small:
+        rows.append(_together(f"{len(small)} smaller ones", np.sqrt(np.sum(alone[small] ** 2, axis=0))))
     lines = [("method", found.none), ("root sum of squares", found.sum), ("all sources", found.whole)]
     lines += [("interaction", found.interaction)]
     lines += [] if found.limit is None else [("limit", found.limit)]
-    for name, squares in lines:
-        values = found.rms(squares)[places]
-        style = "bold" if name == "all sources" else ""
-        table.add_row(name, *(c for value in values for c in (Text(number(value), style), "")))
+    return rows + [_together(name, found.rms(squares)[places]) for name, squares in lines]
+
+
+def _together(name: str, values: Array) -> BudgetRow:
+    return BudgetRow(name, tuple(each for value in values.tolist() for each in (value, None)))
+
+
+def _group(found: Budget, title: str, places: list[int]) -> Iterator[RenderableType]:
+    """One table of `budget_rows`."""
+    from rich.text import Text
+
+    columns = [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")]
+    table = table_of(title, *columns, gap=1)
+    for row in budget_rows(found, places):
+        if row.name == "method":
+            table.add_section()
+        cells = [Text("" if value is None else number(value)) for value in row.values]
+        for cell, large in zip(cells[::2], row.large or [row.name == "all sources"] * len(places), strict=True):
+            cell.stylize("bold" if large else "")
+        table.add_row(row.name, *cells)
     yield table
 
 
 def write_budget(found: Budget, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write budget.npz, budget.json and, if `figure` and matplotlib is installed, budget.png and budget.svg."""
+    """Write budget.npz, budget.json; if `figure`, the page budget.html, and, with matplotlib, budget.png and budget.svg."""
     from insenv.workbench.budget_figure import draw_budget
+    from insenv.workbench.budget_page import budget_page
 
     note = no_matplotlib() if figure else ""
     drawn = figure and not note
-    names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
+    kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
+    names = [f"{NAME}.{kind}" for kind in kinds]
     with folder.staged() as part:
         with part(names[0]).open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **budget_arrays(found))
         part(names[1]).write_text(to_json(budget_document(found, names)) + "\n", encoding="ascii")
+        if figure:
+            part(f"{NAME}.html").write_text(budget_page(found), encoding="utf-8", newline="\n")
         if drawn:
             save(draw_budget(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(tuple(folder.path / name for name in names), note)

@@ -28,6 +28,7 @@ from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
+from insenv.evaluation.errors import statistics_from
 from insenv.installing import need
 from insenv.plant.loop import PREFIX
 from insenv.scenario import ScenarioLike, limit_of, load, no_limit
@@ -86,7 +87,7 @@ class Seeds:
     @property
     def from_s(self) -> float:
         """Time from which errors count, as in a campaign."""
-        return 0.0 if self.plan.chosen.navigates else 0.75 * float(self.plan.times[-1])
+        return statistics_from(self.plan.chosen.navigates, float(self.plan.times[-1]))
 
     def objective(self, measures: Measures, before: Measures) -> float:
         """J; `FAILED` if a run diverged."""

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 NAME = "tuning"
+PARAMETER_COLUMNS = ("parameter", "before", "after", "factor")
+CHANNEL_COLUMNS = ("rms", "before", "after", "ratio", "from", "to", "limit")
 
 
 @dataclass(frozen=True)
@@ -134,34 +136,50 @@ def tuning_tables(found: Tuning) -> Iterator[RenderableType]:
     yield Text(f"{found.source}: {found.estimator}", "bold")
     yield Text(f"sought on {found.trained_on}, judged on {found.judged_on}")
     yield Text()
-    table = table_of("parameter", "before", "after", "factor")
-    for parameter, factor in zip(found.parameters, found.factors, strict=True):
-        values = (_shown(parameter.setting(each)) for each in (1.0, float(factor)))
-        table.add_row(parameter.key, *values, number(float(factor)))
+    table = table_of(*PARAMETER_COLUMNS)
+    for row in parameter_rows(found):
+        table.add_row(*row)
     yield table
     yield Text()
     if found.channels:
-        table = table_of("rms", "before", "after", "ratio", "from", "to", "limit")
-        for channel in found.channels:
-            ratio = channel.ratio
-            real = ratio.low > 1.0 or ratio.high < 1.0
-            cells: list[str | Text] = [
-                number(channel.before),
-                number(channel.after),
-                Text(number(ratio.value), "bold" if real else ""),
-            ]
-            table.add_row(label(channel.name), *cells, number(ratio.low), number(ratio.high), number(channel.limit))
+        table = table_of(*CHANNEL_COLUMNS)
+        for channel, (name, before, after, ratio, *others) in zip(found.channels, channel_rows(found), strict=True):
+            real = channel.ratio.low > 1.0 or channel.ratio.high < 1.0
+            table.add_row(name, before, after, Text(ratio, "bold" if real else ""), *others)
         yield table
-    if found.consistency is not None:
-        before, after = found.consistency["before"], found.consistency["after"]
-        yield Text(f"consistency, 1 if the stated sigmas are right: {number(before)} before, {number(after)} after")
-    change = found.change
-    ends = f"{change.value:+.3f}, 95 %: {change.low:+.3f} to {change.high:+.3f}"
-    yield Text(f"objective on {found.judged_on}: {found.before:.3f}, changed by {ends}")
+    for sentence in sentences(found):
+        yield Text(sentence)
     if not found.is_better:
         yield Text("no better than by chance on data not seen before: keep the present tuning", "yellow")
     for note in found.notes:
         yield Text(f"note: {note}")
+
+
+def parameter_rows(found: Tuning) -> list[tuple[str, ...]]:
+    """By parameter: key, value before and after, factor."""
+    return [
+        (one.key, _shown(one.setting(1.0)), _shown(one.setting(float(factor))), number(float(factor)))
+        for one, factor in zip(found.parameters, found.factors, strict=True)
+    ]
+
+
+def channel_rows(found: Tuning) -> list[tuple[str, ...]]:
+    """By channel: label, rms before and after, their ratio with its interval, limit."""
+    return [
+        (label(one.name), *map(number, (one.before, one.after, one.ratio.value, one.ratio.low, one.ratio.high, one.limit)))
+        for one in found.channels
+    ]
+
+
+def sentences(found: Tuning) -> tuple[str, ...]:
+    """The consistency and the objective on the data for judging."""
+    consistent, change = found.consistency, found.change
+    told = []
+    if consistent is not None:
+        before, after = (number(consistent[name]) for name in ("before", "after"))
+        told.append(f"consistency, 1 if the stated sigmas are right: {before} before, {after} after")
+    ends = f"{change.value:+.3f}, 95 %: {change.low:+.3f} to {change.high:+.3f}"
+    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {ends}")
 
 
 def _shown(value: float | list[float]) -> str:
@@ -169,13 +187,18 @@ def _shown(value: float | list[float]) -> str:
 
 
 def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> FilesWritten:
-    """Write tuning.toml, tuning.json and, if `figure` and matplotlib is installed, tuning.png and tuning.svg."""
+    """Write tuning.toml, tuning.json; if `figure`, the page tuning.html, and, with matplotlib, tuning.png and tuning.svg."""
+    from insenv.workbench.tune_page import tuning_page
+
     note = no_matplotlib() if figure else ""
     drawn = figure and not note
-    names = [f"{NAME}.toml", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
+    kinds = ["toml", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
+    names = [f"{NAME}.{kind}" for kind in kinds]
     with folder.staged() as part:
         part(names[0]).write_text(found.toml(), encoding="utf-8")
         part(names[1]).write_text(to_json(tuning_document(found, names)) + "\n", encoding="ascii")
+        if figure:
+            part(f"{NAME}.html").write_text(tuning_page(found), encoding="utf-8", newline="\n")
         if drawn:
             save(draw_tuning(found), {kind: part(f"{NAME}.{kind}") for kind in ("png", "svg")})
     return FilesWritten(tuple(folder.path / name for name in names), note)

@@ -119,16 +119,66 @@ def test_equation_7_is_the_turn_of_the_navigation_frame_during_the_delay(latitud
 
 
 def test_the_stated_noise_is_that_of_the_weights():
-    for fixes in (1, 5, 10, 30, 60, 150, 300):
-        w = np.convolve(impulse_response(CASCADE), np.full(1080, 1 / 1080))
-        mean = np.zeros((fixes - 1) * 20 + 1)
-        mean[::20] = 1 / fixes
-        w = np.convolve(w, mean) * 10  # weight of drift, 1/s
-        drift = 1 / (np.sum(w**2) * 0.1)
-        cube = 1 / (np.sum((np.diff(np.r_[0, w, 0]) * 10) ** 2) * 0.1)
-        stated = [float(v) for v in inertial_fir.noise_times(2.0 * fixes)]
-        assert stated[0] == pytest.approx(drift, rel=0.06)
-        assert stated[1] == pytest.approx(cube, rel=0.25)
+    """The weights by the recursion of the mean, also after the memory is full."""
+    memory, newest = 100.0, 1 / inertial_fir.START
+    ends = np.zeros(54 + 300)  # weights of the ends at the edges, in steps: of the newest, and of the one before
+    ends[54], ends[0] = newest, -newest
+    for fixes in range(1, 301):
+        if fixes > 1:
+            new = 1 / (inertial_fir.START + min(fixes - 1, memory / 2))
+            ends *= 1 - new
+            ends[54 + fixes - 1] += new
+            ends[54 + fixes - 2] -= new
+        if fixes in (1, 5, 10, 30, 60, 150, 300):
+            stated = [float(v) for v in inertial_fir.noise_times(2.0 * (fixes - 1), memory)]
+            assert stated == pytest.approx(times_of(ends[: 54 + fixes], inertial_fir.END), rel=0.13)
+            assert stated[0] == pytest.approx(times_of(ends[: 54 + fixes], inertial_fir.END)[0], rel=0.02)
+    printed = np.zeros(55)
+    printed[54], printed[0] = 1 / 54, -1 / 54
+    for elapsed in (0.0, 60.0):
+        assert [float(v) for v in inertial_fir.noise_times(elapsed, 0.0)] == pytest.approx(times_of(printed, (1.0,)), rel=1e-3)
+
+
+def times_of(edges, end):
+    """Inverse integrals of the squares of the weights of drift, and of their slopes (s, s^3).
+
+    edges: weights of the ends, per step, the oldest first; end: the weights inside an end. The oldest end is the mirror image.
+    """
+    vectors = np.zeros(len(edges))
+    for place in np.flatnonzero(edges):
+        inward = np.arange(len(end)) * (1 if place == 0 else -1)
+        vectors[place + inward] += edges[place] * np.array(end)
+    blocks = np.zeros((len(vectors) - 1) * 20 + 1)
+    blocks[::20] = vectors / 2.0  # 1/s
+    slopes = np.convolve(impulse_response(CASCADE), blocks)
+    assert abs(slopes.sum()) < 1e-12
+    drift = np.cumsum(slopes)
+    assert abs(drift.sum() * 0.1) == pytest.approx(1.0, abs=1e-9)
+    return [1 / (np.sum(drift**2) * 0.1), 1 / (np.sum((slopes / 0.1) ** 2) * 0.1)]
+
+
+def test_the_weights_of_an_end_are_those_of_the_design():
+    """Least noise of heading after 240 s by least squares, from the covariance of the filtered vectors."""
+    gyro, force, blocks = np.radians(0.002) / 60, 20e-6, np.arange(2400)
+    h = impulse_response(CASCADE)
+    last = np.arange(719, 2400, 20)
+    H = np.zeros((len(last), len(blocks)))
+    for row, end in zip(H, last, strict=True):
+        row[end - 710 : end + 1] = h
+    walk = H[:, ::-1].cumsum(axis=1)[:, ::-1] * np.sqrt(0.1) * gyro  # weight of the gyros' noise in each block
+    white = H * force / np.sqrt(0.1)
+    basis = np.zeros((len(last), 12))
+    for j in range(12):
+        basis[-1 - j, j], basis[j, j] = 1.0, -1.0
+    covariance = walk @ walk.T + white @ white.T + 1e-12 * np.eye(len(last))
+    found = np.linalg.solve(basis.T @ covariance @ basis, basis.T @ (2.0 * np.arange(len(last))))
+    assert found / found.sum() == pytest.approx(np.array(inertial_fir.END), abs=2e-3)
+    assert sum(inertial_fir.END) == pytest.approx(1.0, abs=1e-12)
+    # the longest disturbances get no more weight than in the difference of the printed first fix
+    frequency = np.linspace(fir.STOP_HZ, 0.25, 400)
+    weights = basis @ inertial_fir.END / (2.0 * (len(last) - 1 - 2 * inertial_fir.LAG))
+    gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, 2.0 * np.arange(len(last)))) @ weights)
+    assert gain.max() < 2 / 108.0
 
 
 def at_rest(id, q_nb, latitude, *, gyro_bias=(0, 0, 0), accel_bias=(0, 0, 0), duration=184.0, dt=0.05, **parameters):

@@ -1,13 +1,14 @@
 """`lssvm`: its inputs against closed forms, bit-identical runners, its file, and its training data."""
 
 import json
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
 from exactness import inexact_operations
 
-from insenv import attitude
+from insenv import attitude, geodesy
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
@@ -45,6 +46,21 @@ def test_every_runner_is_bit_identical():
     batch = make_batch(MODEL, 3, np.tile(parameters, (3, 1)))
     for row in batch.run(len(rows), np.tile(rows, (3, 1, 1)), every=100):
         assert np.array_equal(row, one)
+
+
+@pytest.mark.parametrize(("raw", "seconds"), [(1.0, 60.0), (2.0, 1.0)])
+def test_raw_inputs_are_the_differences_of_velocity_and_position(raw, seconds):
+    """From (20, 20, 60) deg: (R - I) times specific force at rest, integrated once and twice."""
+    parameters, rows, columns = fed(60.0, **EMPTY | {"raw_inputs": raw})
+    shown = MODEL.outputs.unpack(make_runner(MODEL, parameters).run(len(rows), rows, 1))
+    assert shown["ready"][-1] == 1.0
+    start, true = (attitude.numeric.to_dcm(q[-1]) for q in (shown["q_nb"], columns["q_nb"]))
+    up = np.array([0.0, 0.0, -float(geodesy.numeric.normal_gravity(np.sin(np.radians(32.0)), 0.0))])
+    force = (start @ true.T - np.eye(3)) @ up
+    velocity, position = shown["features"][-1].reshape(2, 3)
+    noise = 0.01 * np.linalg.norm(force) * seconds + 0.1  # the Earth's rotation, and the receiver's
+    assert np.abs(velocity - force * seconds).max() < noise
+    assert np.abs(position - force * seconds**2 / 2).max() < noise * max(seconds, 1.0)
 
 
 def test_machine_is_the_sum_over_its_support_vectors():
@@ -149,9 +165,11 @@ def test_training_and_evaluation_have_other_scenarios_and_seeds():
     assert biases["gyro_bias_deg_h"] == (0.0, 0.0, 0.0) and biases["gyro_bias_sigma_deg_h"] == 0.05  # drawn
 
 
-def test_the_shipped_machine_belongs_to_the_present_scenario():
+@pytest.mark.parametrize("name", ["lssvm", "lssvm-printed", "lssvm-printed-reset", "lssvm-printed-validated"])
+def test_the_shipped_machines_belong_to_the_present_scenario(name):
     training = pytest.importorskip("insenv.learning.training")
-    for run in lssvm.shipped().training["runs"]:
+    assert lssvm.shipped(name).raw_inputs == {"lssvm": 0, "lssvm-printed-reset": 2}.get(name, 1)
+    for run in lssvm.shipped(name).training["runs"]:
         assert run["digest"] == training.digest(load(run["scenario"]))
 
 
@@ -177,6 +195,8 @@ def test_file_keeps_every_bit(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
     rows = tuning("lssvm", {"file": str(tmp_path / "m.json")})
     assert np.array_equal(rows["support"][:5], one.support) and not rows["coefficients"][5:].any()
+    replace(one, raw_inputs=2).save(tmp_path / "m.json")
+    assert tuning("lssvm", {"file": str(tmp_path / "m.json")})["raw_inputs"] == 2.0
     with pytest.raises(InputError, match="97 support vectors: allowed is up to 96"):
         machine(97).rows(lssvm.SUPPORT)
     with pytest.raises(InsenvError, match="cannot write"):
@@ -195,6 +215,7 @@ def changed(**changes):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (changed(machine__raw_inputs=3), "machine.raw_inputs is 3: allowed are 0, 1 and 2"),
         (changed(format="other"), "its format is not 'insenv-lssvm'"),
         (changed(version=2), "version 2: this insenv reads up to 1; use a newer insenv"),
         (changed(version="1"), "version '1': allowed is 1"),

@@ -199,11 +199,12 @@ def test_velocity_and_position_without_aiding_grow_as_told():
 def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanization():
     """40 s of a drive with a turn and a climb: every navigation error, and every kind of error of the unit."""
     full = {"gyro_temperature_slope_deg_h_k": 1.0, "accel_temperature_slope_ug_k": 10.0, "temperature_end_degc": 40.0,
+            "gyro_scale_factor_slope_ppm_k": 10.0, "accel_scale_factor_slope_ppm_k": 10.0, "temperature_ramp_k_h": 100.0,
             "mounting_error_deg": [1.0, 2.0, 3.0], "gyro_bias_deg_h": 1.0, "accel_bias_ug": 100.0}  # fmt: skip
     plant = build(changed("car-city-drive", duration_s=70.0, imu=full), seed=1)
     rows, dt, begin = rows_of(plant), plant.sample_interval, 6000
     unit = unit_of(rows)
-    ends = np.append(begin, np.arange(begin + 20, plant.samples + 1, 20))
+    ends = np.append(begin, np.arange(begin + 10, plant.samples + 1, 10))  # errors fall with the square of a step
     blocks = list(steps_along(plant.model, plant.model.parameters.pack(rows), dt, ends, unit.C_bs))
     steps = replace(blocks[0], **{n: np.concatenate([getattr(b, n) for b in blocks])[1:] for n in vars(blocks[0])})
     A = integrals(steps, earth_axes(steps.latitude, steps.longitude), steps.thrust)
@@ -254,15 +255,20 @@ def unit_error(source, unit, angle, velocity, dt, place, begin):
     """Errors of the increments (n, 3) of angle and velocity by one unit of one state, from the equations of the unit."""
     count = len(angle)
     zero = np.zeros((count, 3))
+    time = (begin + np.arange(count) + 0.5) * dt
+    warmth = 20.0 * (1 - np.exp(-time / 600.0)) + time * 100.0 / 3600.0
     if source.name in ("bias", "in-run bias", "thermal bias"):
         own = np.zeros((count, 3))
-        time = (begin + np.arange(count) + 0.5) * dt
-        own[:, place] = dt * (20.0 * (1 - np.exp(-time / 600.0)) if source.name == "thermal bias" else 1.0)
+        own[:, place] = dt * (warmth if source.name == "thermal bias" else 1.0)
         return (own, zero) if source.triad == 0 else (zero, own)
     if source.name == "mounting":
         turn = np.zeros(3)
         turn[place] = 1.0
         return -np.cross(turn, angle), -np.cross(turn, velocity)
+    if source.name == "thermal scale factor":
+        own = np.zeros((count, 3))
+        own[:, place] = warmth * (angle, velocity)[source.triad][:, place]
+        return (own, zero) if source.triad == 0 else (zero, own)
     matrix = np.zeros((3, 3))
     matrix.flat[place] = 1.0
     if source.name == "g-sensitivity":

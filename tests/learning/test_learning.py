@@ -21,7 +21,7 @@ from insenv.estimators import lssvm  # noqa: E402
 from insenv.estimators.lssvm import kernel  # noqa: E402
 from insenv.learning import training  # noqa: E402
 from insenv.learning.regressor import LSSVMRegressor, pivots, rbf  # noqa: E402
-from insenv.learning.samples import EMPTY, denoised, sine_vector, smooth_misalignment  # noqa: E402
+from insenv.learning.samples import EMPTY, collect, denoised, sine_vector, smooth_misalignment  # noqa: E402
 from insenv.learning.training import Choice, digest, train  # noqa: E402
 from insenv.runs.ensemble import ensemble  # noqa: E402
 from insenv.scenario import load  # noqa: E402
@@ -237,6 +237,23 @@ def test_command(tmp_path, monkeypatch):
     assert code == 0, err
     (tmp_path / "own.toml").write_text(scenario.replace("m.json", "n.json"))
     refused(call("run", "own.toml", "-e", "lssvm"), "lssvm", "file", "n.json")
+
+
+def test_the_printed_machine(tmp_path, monkeypatch):
+    """c = 15 and delta^2 = 0.2, inputs over their standard deviation, the angles as outputs, no weights."""
+    monkeypatch.chdir(tmp_path)
+    call("train", "lssvm", TRAINING, "--seeds", "20-24", "--duration", "120", "--as-printed", "-o", "m.json")
+    machine = lssvm.load("m.json")
+    assert machine.raw_inputs == 1
+    assert machine.training["parameters"] == {"gamma": 30.0, "sigma": np.sqrt(0.2), "support": 96}
+    samples = collect([load(TRAINING)], range(20, 25), 120.0, None, 1)
+    size = samples.inputs.std(axis=0)
+    plain = LSSVMRegressor(30.0, np.sqrt(0.2), 96).fit(samples.inputs / size, samples.outputs)
+    here = samples.inputs[::7]
+    square = ((here[:, None] * machine.scale - machine.support) ** 2).sum(axis=-1)
+    found = np.exp(-square) @ machine.coefficients + machine.offset
+    assert np.allclose(found, plain.predict(here / size), rtol=1e-6, atol=1e-7)
+    assert np.abs(samples.inputs[:, 3:]).max() > 1e4  # m: the SINS runs free
 
 
 def lssvm_scenario():

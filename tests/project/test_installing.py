@@ -51,7 +51,7 @@ def test_every_extra_that_is_advised_is_declared():
     root = Path(installing.__file__).parents[1]
     declared = (root / "pyproject.toml").read_text("utf-8")
     code = "".join(path.read_text("utf-8") for path in (root / "insenv").rglob("*.py"))
-    advised = set(re.findall(r"(?:install_extra\(|\bextra=)['\"](\w+)", code))
+    advised = set(re.findall(r"(?:install_extra\(|\bneed\([^)]*\bextra=)['\"](\w+)", code))
     assert {"plot", "native", "workbench", "web"} <= advised
     assert all(re.search(rf"^{extra} = \[", declared, re.MULTILINE) for extra in advised)
 

@@ -214,6 +214,36 @@ def test_sensor_notes() -> None:
     assert all(value > 0.0 for name, value in vars(notes).items() if not name.endswith(proportional))
 
 
+def test_the_data_sheet_has_the_thermal_errors_of_the_run() -> None:
+    """A unit that warms by 30 K is as uncertain as its slopes make it; at the temperature of reference nothing changes."""
+    data = data_of("car-city-drive")
+    data["imu"] |= {"gyro_temperature_slope_deg_h_k": -10.0, "accel_scale_factor_slope_ppm_k": 50.0}
+    plain, known = (build(parse(each)).knowledge for each in (data_of("car-city-drive"), data))
+    assert {n: v for n, v in vars(known.sensors).items() if n in vars(plain.sensors)} == vars(plain.sensors)
+    assert (known.rotation_error, known.thrust_error) == (plain.rotation_error, plain.thrust_error)
+    data["imu"] |= {"temperature_end_degc": 50.0}
+    warm = build(parse(data)).knowledge
+    bias, scale = 300.0 * DEG / 3600, 50e-6 * 30.0
+    assert warm.sensors.gyro_bias_sigma == pytest.approx(np.hypot(plain.sensors.gyro_bias_sigma, bias))
+    assert warm.sensors.accel_scale_sigma == pytest.approx(np.hypot(plain.sensors.accel_scale_sigma, scale))
+    assert warm.thrust_error == pytest.approx(np.hypot(plain.thrust_error, scale))
+    assert warm.sensors.gyro_correlation_time < 650.0
+    data["imu"] |= {"temperature_end_degc": 20.0, "temperature_ramp_k_h": 30.0}
+    ramped = build(parse(data)).knowledge
+    assert ramped.sensors.gyro_bias_sigma == pytest.approx(np.hypot(plain.sensors.gyro_bias_sigma, bias))
+
+
+def test_a_known_mounting_turns_what_belongs_to_the_sensor_alone() -> None:
+    """A unit that lies on its side reads the body's motion in body axes; its bias is that of its own axis."""
+    data = data_of("static-ecef")
+    data["imu"] = {"grade": "perfect", "accel_bias_ug": [0.0, 100.0, 0.0], "mounting_angles_deg": [90.0, 0.0, 0.0]}
+    plant = build(parse(data), duration_s=1.0)
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(10))
+    force = shown["delta_velocity"] / plant.sample_interval
+    up = -9.80665e-4 * np.array([0.0, 0.0, -1.0])  # the sensor's y axis points down
+    np.testing.assert_allclose(force - shown["true_delta_velocity"] / plant.sample_interval, np.tile(up, (10, 1)), atol=1e-12)
+
+
 def test_noise_density_and_noise_per_sample() -> None:
     data = data_of("ship-swaying")
     data["rate_hz"] = 100.0
@@ -257,6 +287,13 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         ),
         (CAR, "[gnss]", "[gnss]\nposition_noise_m = [1.0, -1.0, 1.0]", "[m]: each must be from 0 to 100000"),
         (CAR, "seed = 1", "sed = 1", "sed: unknown key; did you mean 'seed'?"),
+        (
+            CAR,
+            "[gnss]",
+            "[gnss]\nduration_s = 60",
+            "gnss.duration_s: unknown key; it belongs at the top of the file",
+        ),
+        (CAR, "seed = 1", "latitude_deg = 45", "latitude_deg: unknown key; it belongs in [start]"),
         (CAR, "seed = 1", "seed = 1.5", "seed = 1.5: must be a whole number"),
         (CAR, "seed = 1", "seed = -1", "seed = -1: must be greater than or equal to 0"),
         (CAR, "rate_hz = 200.0", "rate_hz = '200'", "rate_hz = '200' [Hz]: must be a number"),

@@ -23,6 +23,7 @@ from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, gnss_part
 from insenv.sensors.gnss_section import GnssSection
 from insenv.sensors.imu import imu_part
 from insenv.sensors.imu_tables import IMU_PARAMETERS, IMU_STATE
+from insenv.sensors.thermal import without_thermal_errors
 
 CHANCE = 1e-5
 TRUTH = {
@@ -124,6 +125,7 @@ def all_errors() -> dict[str, Any]:
             "instability_sigma",
             "rate_random_walk",
             "temperature_slope",
+            "scale_factor_slope",
         ):
             rows[f"{name}_{row}"] = scale
         for row in ("scale_factor", "scale_factor_sigma", "misalignment", "misalignment_sigma"):
@@ -308,6 +310,43 @@ def test_temperature_warms_up_and_drags_the_bias_along() -> None:
     assert np.abs(out["imu_temperature"] - exact).max() < 40.0 / time**2 * 1.0**2 / 8.0 * 1.01
     for i in range(3):
         assert np.allclose(out["gyro_bias_true"][:, i], 2e-7 * (out["imu_temperature"] - 300.0), rtol=0, atol=1e-18)
+
+
+def test_a_ramp_moves_the_temperature_and_the_warm_up_ends_on_it() -> None:
+    dt, n, time, ramp = 0.1, 1200, 30.0, 0.02
+    rows = {"sample_interval": dt, "imu_temperature_initial": 280.0, "imu_temperature_final": 320.0}
+    rows |= {"imu_temperature_time": time, "imu_temperature_ramp": ramp}
+    t = np.arange(n) * dt
+    exact = 320.0 + ramp * t - 40.0 * np.exp(-t / time)
+    assert np.allclose(simulate(n, rows)["imu_temperature"][::10], exact[::10], rtol=0, atol=1e-10)
+
+
+def test_the_scale_factor_follows_the_temperature_on_each_axis() -> None:
+    dt, n = 0.1, 1200
+    rows = {"sample_interval": dt, "imu_temperature_initial": 280.0, "imu_temperature_final": 320.0}
+    rows |= {"imu_temperature_time": 30.0, "imu_temperature_reference": 300.0}
+    rows |= {"gyro_scale_factor_slope": (1e-5, -2e-5, 3e-5), "accel_scale_factor_slope": (-4e-5, 5e-5, 0.0)}
+    rows |= {"q_bs": (np.cos(0.4), np.sin(0.4), 0.0, 0.0)}  # the slopes belong to the sensor's axes
+    angle, velocity = np.array([1e-3, 2e-3, -3e-3]), np.array([0.1, -0.2, -0.98])
+    out = simulate(n, rows, {"true_delta_angle": angle, "true_delta_velocity": velocity})
+    C_bs = Rotation.from_euler("x", 0.8).as_matrix()
+    warmth = out["imu_temperature"] - 300.0
+    for name, true in (("gyro", angle), ("accel", velocity)):
+        factors = 1.0 + warmth[:, None] * np.array(rows[f"{name}_scale_factor_slope"])
+        measured = out["delta_angle" if name == "gyro" else "delta_velocity"]
+        assert np.allclose(measured, (factors * (C_bs.T @ true)) @ C_bs.T, rtol=0, atol=1e-15)
+
+
+def test_a_calibration_takes_off_what_the_temperature_adds() -> None:
+    rows = {"sample_interval": 0.01, "imu_temperature_initial": 280.0, "imu_temperature_final": 330.0}
+    rows |= {"imu_temperature_time": 5.0, "imu_temperature_ramp": 0.1, "imu_temperature_reference": 300.0}
+    rows |= {"gyro_scale_factor_slope": (1e-5, -2e-5, 3e-5), "gyro_temperature_slope": (1e-6, 2e-6, -3e-6)}
+    angle = np.array([1e-3, 2e-3, -3e-3])
+    out = simulate(1200, rows, {"true_delta_angle": angle})
+    slopes = np.array(rows["gyro_temperature_slope"]), np.array(rows["gyro_scale_factor_slope"])
+    clean = without_thermal_errors(out["delta_angle"], np.full(1200, 0.01), out["imu_temperature"] - 300.0, *slopes)
+    assert np.abs(out["delta_angle"] - angle).max() > 5e-7
+    assert np.allclose(clean, angle, rtol=0, atol=1e-17)
 
 
 def test_dropped_samples_are_marked_empty_and_a_function_of_the_seed() -> None:

@@ -59,7 +59,10 @@ def test_what_has_no_page(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     refused(call("page", "car-city-drive", "-e", "smoother", "-o", path), "smooths a whole run from its end")
     refused(call("page", "ship-swaying", "-e", "loosely-coupled", "-o", path), "needs GNSS")
-    refused(call("page", *SHORT, "-o", tmp_path), "it is a folder")
+    refused(call("page", "ship-swaying", "-e", "smoother", "-o", path), "estimator 'smoother' needs GNSS")
+    refused(call("page", *SHORT, "-o", tmp_path / "page.txt"), "page.txt': allowed is a name that ends in .html")
+    (tmp_path / "folder.html").mkdir()
+    refused(call("page", *SHORT, "-o", tmp_path / "folder.html"), "it is a folder")
     with pytest.raises(insenv.InputError, match="no scenario 'ship-swayin'; did you mean"):
         insenv.page("ship-swayin", path)
     assert not path.exists()

@@ -5,6 +5,7 @@
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from browser import LAPTOP, PHONE, browser_needed, chromium
 
 import insenv
 from insenv.report.page.html import LIMIT
-from insenv.report.tables import number
+from insenv.report.tables import error_columns, error_rows, number
 
 web = pytest.importorskip("insenv.web.page")
 pytest.importorskip("ziglang", reason="ziglang is not installed: there is no compiler to WebAssembly")
@@ -55,15 +56,10 @@ def shown(browser):
     return [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in browser.value(rows)]
 
 
-def printed(report):
-    """What `insenv run` prints: final, rms and max, and the stated sigma."""
-    found = []
-    for result in report.results:
-        statistics, stated = result.statistics(), result.stated()
-        for channel in result.errors:
-            values = [statistics[kind][channel] for kind in ("final", "rms", "max")]
-            found.append([number(value) for value in [*values, *([stated[channel]] if stated else [])]])
-    return found
+def printed(report, limit=True):
+    """What `insenv run` prints: all columns; without those of the limit where the page knows none."""
+    results = report.results if limit else [replace(result, limit={}) for result in report.results]
+    return [[number(value) for value in values.values()] for result in results for _, values in error_rows(result)]
 
 
 def test_run_to_the_end_shows_the_numbers_of_insenv_run(browser, ship):
@@ -71,8 +67,34 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run(browser, ship):
     fast(browser)
     report = insenv.run("ship-swaying", ["q-method"], duration_s=60.0)
     assert [row[1:] for row in shown(browser)] == printed(report)
+    heads = "[...document.querySelectorAll('.end thead th')].map((cell) => cell.textContent)"
+    assert browser.value(heads) == list(error_columns(report.results[0]))
     assert browser.console() == []
     assert ship.stat().st_size < LIMIT
+
+
+def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browser, car):
+    """The verdict, the share of fixes refused, the mean NIS with its bounds; the limit, which is that of the scenario alone."""
+    browser.open(car)
+    fast(browser)
+    report = insenv.run("car-city-drive", ["loosely-coupled", "wander-sins"], duration_s=120.0)
+    assert [row[1:] for row in shown(browser)] == printed(report)
+    below = "[...document.querySelectorAll('.end .below')].map((line) => line.textContent)"
+    health = report.results[0].health
+    assert f"Health: {health.summary}" in browser.value(below)
+    assert browser.value("document.querySelector('.end .state').textContent") == health.verdict
+    now = browser.value("document.querySelector('.readings .below').textContent")
+    assert now.startswith(f"loosely-coupled {health.verdict} ") and health.summary.endswith(
+        now.partition(f"{health.verdict} ")[2]
+    )
+    assert browser.value("document.getElementById('changed').textContent") == ""
+    browser.driver.execute_script("document.getElementById('reset').click(); document.getElementById('cut-gnss').click()")
+    told = browser.until("document.getElementById('changed').textContent")
+    assert "no limit is known for them" in told and "some may not hold now" in told
+    fast(browser)
+    assert browser.value("document.querySelector('.end').textContent.includes('limit')") is False
+    assert "no fix came: the estimate is that of the inertial unit alone" in browser.value(below)
+    assert browser.console() == []
 
 
 def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_repeats_them(browser, ship):
@@ -93,7 +115,7 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
     values = insenv.load("ship-swaying").model_dump(mode="json", exclude_unset=True)
     values["imu"]["grade"] = "navigation"
     report = insenv.run(values, ["q-method"], seed=7, duration_s=60.0)
-    assert [row[1:] for row in found] == printed(report)
+    assert [row[1:] for row in found] == printed(report, limit=False)
     link = browser.until("location.hash.includes('seed=7') && location.hash")
     assert "imu.grade=navigation" in link
     browser.open(ship, fragment=link)
@@ -107,17 +129,18 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
     [
         ("#imu.mass_kg=3", "imu.mass_kg: this page has no control of that name"),
         ("#seed=1.5", "seed = 1.5: allowed is a whole number"),
-        ("#seed=999999", "seed = 999999: this page offers the seeds 0 to 1023"),
+        ("#seed=999999", "seed = 999999: allowed is 0 to 1023"),
         ("#start.latitude_deg=95", "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"),
         ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
         ("#commands=[[1,{%22sail%22:1}]]", "command"),
-        ("#commands=[1", "commands = [1: this is no list of values"),
+        ("#commands=[1", "commands = [1: allowed is a list of values"),
     ],
 )
 def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, message):
     browser.open(ship, fragment=fragment)
     told = browser.until("document.getElementById('wrong')?.textContent")
-    assert message in told
+    assert told.startswith("This link cannot be followed: ") and message in told
+    assert browser.until("document.getElementById('seed').value === '1' && location.hash === ''")
     assert browser.console() == []
 
 
@@ -133,6 +156,11 @@ def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
     field.send_keys("95", Keys.TAB)
     told = browser.until("[...document.querySelectorAll('.controls [role=alert]')].map((one) => one.textContent).join('')")
     assert told == "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"
+    seed = browser.driver.find_element(By.ID, "seed")
+    seed.clear()
+    seed.send_keys(Keys.TAB)
+    told = browser.until("document.getElementById('seed-wrong').textContent")
+    assert told == "seed is empty: allowed is 0 to 1023"
 
 
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
@@ -173,7 +201,8 @@ def test_a_car_is_driven_with_keys_and_its_scenario_gives_the_same_numbers(brows
     )
     browser.until(END, timeout_s=120.0)
     found = shown(browser)
-    link = browser.until("location.hash.includes('commands=') && location.hash")
+    # the address follows a moment later: wait for the one with the outage that has ended
+    link = browser.until("/commands=/.test(location.hash) && /outages_s=(?!.*1000000000)/.test(location.hash) && location.hash")
     browser.driver.find_element(By.ID, "toml").click()
     text = browser.until("window.kept[0]")
     (tmp_path / "driven.toml").write_text(text, encoding="utf-8")

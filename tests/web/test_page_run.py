@@ -211,7 +211,25 @@ def test_numbers_in_the_page_are_written_as_in_the_terminal(browser, tmp_path):
     from insenv.files.resources import web_folder
 
     text = (web_folder() / "numbers.js").read_text("utf-8").replace("export function", "function")
-    values = [0.0, 1.0, -0.012345, 123456.7, 1e-7, -1e9, 99.96, 0.09996, 999.5, 1e-4, -3.14159, 123.456, 2.5e5]
+    values = [
+        0.0,
+        1.0,
+        -0.012345,
+        123456.7,
+        1e-7,
+        -1e9,
+        99.96,
+        0.09996,
+        999.5,
+        1e-4,
+        -3.14159,
+        123.456,
+        2.5e5,
+        10.25,
+        0.00625,
+        12.5,
+        0.12345,
+    ]
     (tmp_path / "numbers.html").write_text("<p>numbers</p>")
     browser.open(tmp_path / "numbers.html")
     shown = browser.driver.execute_script(f"{text}\nreturn JSON.stringify(arguments[0].map(number));", values)

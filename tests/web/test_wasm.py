@@ -15,7 +15,7 @@ import pytest
 
 import insenv
 from insenv.bench.page_machine import PageMachine
-from insenv.files.resources import web_folder
+from insenv.report.page.html import worker_script
 from insenv.scenario import load, names
 from insenv.web.controls import setting_of, with_values
 from insenv.web.live import Live, live, live_document
@@ -117,7 +117,7 @@ def test_controls_give_the_numbers_of_run() -> None:
 
 
 NODE = """
-const { Session } = require(process.argv[2]), fs = require("fs");
+const { Session } = require("./worker.cjs"), fs = require("fs");
 const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [], clouds = [];
 let ended;
 const end = new Promise((resolve) => { ended = resolve; });
@@ -151,8 +151,8 @@ def by_worker(made: Live, messages: list[dict[str, Any]], folder: Path) -> dict[
         pytest.skip("Node is not installed")
     (folder / "given.json").write_text(json.dumps([live_document(made), messages]))
     (folder / "go.cjs").write_text(NODE)
-    worker = str(web_folder() / "worker.js")
-    done = subprocess.run(["node", "go.cjs", worker], cwd=folder, capture_output=True, text=True, timeout=120)
+    (folder / "worker.cjs").write_text(worker_script())
+    done = subprocess.run(["node", "go.cjs"], cwd=folder, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     model = made.page.model
     return model.outputs.unpack(np.fromfile(folder / "records.bin").reshape(-1, model.outputs.size))
@@ -222,6 +222,16 @@ def test_a_cloud_has_the_errors_of_run(tmp_path: Path) -> None:
             np.testing.assert_allclose(np.reshape(errors, expected.shape), expected, rtol=0, atol=1e-9)
 
 
+def test_a_cloud_follows_the_commands(tmp_path: Path) -> None:
+    made = page_of("ship-swaying", "q-method", duration_s=10.0)
+    messages = [{"do": "step", "samples": 401}, {"do": "input", "values": {"sea": 2.0}}, {"do": "step", "samples": 100}]
+    by_worker(made, [*messages, {"do": "cloud", "units": 2}], tmp_path)
+    for cloud in json.loads((tmp_path / "clouds.json").read_text()):
+        (result,) = insenv.run(tmp_path / "scenario.toml", seed=cloud["seed"]).results
+        ends = [errors[-1] for errors in result.errors.values()]
+        np.testing.assert_allclose(cloud["errors"][0][-3:], ends, rtol=0, atol=1e-9)
+
+
 def test_the_sea_of_a_moored_ship_is_steered(tmp_path: Path) -> None:
     """A rising sea and a passing wave: `insenv run` of the scenario file follows."""
     made = page_of("ship-swaying", "q-method", duration_s=10.0)
@@ -248,7 +258,10 @@ def test_worker_refuses_in_a_sentence(tmp_path: Path) -> None:
     ):
         with pytest.raises(AssertionError, match=re.escape(sentence)):
             by_worker(made, [{"do": "reset", "seed": 9, "values": values}], tmp_path)
-    with pytest.raises(AssertionError, match="seed = 5000: this page offers the seeds 0 to 1023"):
+    grades = [option.value for control in made.controls if control.key == "imu.grade" for option in control.options]
+    with pytest.raises(AssertionError, match=re.escape(f"{', '.join(grades[:-1])} or {grades[-1]}")):
+        by_worker(made, [{"do": "reset", "seed": 9, "values": {"imu.grade": "golden"}}], tmp_path)
+    with pytest.raises(AssertionError, match="seed = 5000: allowed is 0 to 1023"):
         by_worker(made, [{"do": "reset", "seed": 5000, "values": {}}], tmp_path)
 
 

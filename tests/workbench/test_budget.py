@@ -1,5 +1,7 @@
 """Error budgets: against closed forms, sums of Gaussian sources, single runs, and what is declared of the sensors."""
 
+import base64
+import itertools
 import json
 from dataclasses import replace
 
@@ -10,11 +12,13 @@ from command_line import call, strict
 import insenv
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
+from insenv.report.tables import number
 from insenv.scenario import build, error_sources, load
 from insenv.scenario.error_sources import sensors_of
 from insenv.sensors import IMU, registry
 from insenv.workbench import budget as budget_module
 from insenv.workbench import budget_presentation
+from insenv.workbench.budget_page import budget_page_document
 from insenv.workbench.switches import packed, switch_off, switchable
 
 OMEGA = 7.292115e-5
@@ -220,7 +224,7 @@ def test_the_command_prints_writes_and_is_json(tmp_path):
     assert "root sum of squares" in text and "accel turn-on bias" in text and "interaction" in text
     assert all(len(line) <= 80 for line in text.splitlines() if "written to" not in line)
     assert sorted(path.name for path in (tmp_path / "found").iterdir()) == [
-        "budget.json", "budget.npz", "budget.png", "budget.svg"
+        "budget.html", "budget.json", "budget.npz", "budget.png", "budget.svg"
     ]  # fmt: skip
     status, text, _ = call(*given, "--json")
     document = strict(text)
@@ -230,6 +234,24 @@ def test_the_command_prints_writes_and_is_json(tmp_path):
     with np.load(tmp_path / "found" / "budget.npz") as arrays:
         assert arrays["alone"].shape == (len(document["sources"]), len(arrays["time"]), 3)
         assert np.allclose(arrays["root_sum_square"] ** 2, arrays["method"] ** 2 + (arrays["alone"] ** 2).sum(axis=0))
+
+
+def test_the_page_stacks_what_the_budget_holds(ship):
+    """Bands end at the root of the sums of squares, the highest at that of all; shares add up to 100 %; figures as printed."""
+    document = budget_page_document(ship)
+    arrays = [np.frombuffer(base64.b64decode(text), dtype="<f4") for text in document["arrays"]]
+    stacks, shares = document["sections"]
+    heading = stacks["panels"][2]
+    bands = [curve for curve in heading["curves"] if curve["kind"] == "between"]
+    assert np.all(arrays[bands[0]["low"]] == 0.0)
+    assert all(one["high"] == other["low"] for one, other in itertools.pairwise(bands))
+    np.testing.assert_allclose(arrays[bands[-1]["high"]], np.sqrt(ship.sum[:, 2]), rtol=1e-6)
+    assert np.allclose(arrays[shares["panels"][2]["curves"][-1]["high"]], 100.0)
+    largest = ship.sources[int(np.argmax(ship.shares()[:-1].max(axis=1)))]
+    assert document["legend"][bands[0]["group"]]["name"] == largest
+    (table,) = document["tables"]
+    row = next(row for row in table["rows"] if row[0] == "all sources")
+    assert row[1::2] == [number(value) for value in ship.rms(ship.whole)]
 
 
 def test_a_data_frame_has_a_row_for_each_source(ship):

@@ -1,5 +1,6 @@
 """Tuning: a filter that is mistuned on purpose is tuned back, on a scenario and on a log without a reference."""
 
+import base64
 import json
 import sys
 from dataclasses import replace
@@ -17,6 +18,7 @@ from insenv.estimators import get
 from insenv.scenario import load
 from insenv.workbench import tune as tune_module
 from insenv.workbench import tune_log, tune_search
+from insenv.workbench.tune_page import tuning_page_document
 from insenv.workbench.tune_parameters import tuned_parameters
 
 KEYS = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
@@ -164,6 +166,18 @@ def test_a_log_without_fixes_or_with_few_is_refused():
         insenv.tune(log, "wander-sins")
 
 
+def test_the_page_shows_the_change_and_the_search(found):
+    document = tuning_page_document(found)
+    parameters, errors = document["tables"]
+    assert [row[0] for row in parameters["rows"]] == KEYS and len(errors["rows"]) == len(found.channels)
+    factors, ratios = (panel["rows"] for panel in document["sections"][0]["panels"])
+    assert [one["value"] for one in factors] == found.factors.tolist()
+    assert [(one["low"], one["high"]) for one in ratios] == [(one.ratio.low, one.ratio.high) for one in found.channels]
+    (search,) = document["sections"][1]["panels"]
+    best = np.frombuffer(base64.b64decode(document["arrays"][search["curves"][-1]["y"]]), dtype="<f4")
+    assert np.array_equal(best, found.history[:, 0].astype("<f4"))
+
+
 @pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}])
 def test_what_a_log_has_not_is_refused_instead_of_ignored(more):
     log = simulated_log(car(), seed=3, duration_s=30.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
@@ -202,7 +216,7 @@ def test_the_command_prints_writes_and_is_json(tmp_path, monkeypatch):
     status, out, err = call(*given, "--out", tmp_path / "out")
     assert (status, err) == (0, "") and "keep the present tuning" in out and "sought on seeds 1 to 2" in out
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "tuning.json", "tuning.png", "tuning.svg", "tuning.toml"
+        "tuning.html", "tuning.json", "tuning.png", "tuning.svg", "tuning.toml"
     ]  # fmt: skip
     status, out, _ = call(*given, "--json")
     document = strict(out)

@@ -50,9 +50,12 @@ def turn_of(psi: Any) -> Any:
     return attitude.to_dcm(attitude.from_rotation_vector(psi))
 
 
-def covariance_after(update: Update, n: int) -> Any:
-    """Covariance triangle of n errors after an update whose correction has been taken out of the state."""
-    turn = turn_of(update.correction[TILT])
+def covariance_after(update: Update, n: int, share: Any = 1.0) -> Any:
+    """Covariance triangle of n errors after an update whose correction has been taken out of the state.
+
+    share: 1; 0 leaves the covariance as the conventional Kalman filter of small angles does.
+    """
+    turn = turn_of(update.correction[TILT] * share)
     return symmetric.triangle(turned(symmetric.full(update.stored, n), with_platform(turn)))
 
 

@@ -22,6 +22,7 @@ weight is its information relative to that of the other, (omega_ie cos L / gyro 
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -61,6 +62,8 @@ STATE = frozen_frame.FRAME + Table((
     Row("chain_gnss", "Chain of GNSS", "SI", (CHAIN, 3), "n0"),
     Row("chain_covariance", "Covariance of the chain of one axis, upper triangle by columns", "SI",
         (symmetric.triangle_size(CHAIN),)),
+    Row("last_computed", "Position and velocity by the SINS at the last fix's epoch", "SI", (2, 3), "i"),
+    Row("last_shown", "The same by GNSS", "SI", (2, 3), "n0"),
     Row("sway", "Sum of products of the two chains' innovations in position over their variance", "1", (3, 3), "i, n0"),
 )) + MEMORY  # fmt: skip
 
@@ -88,8 +91,9 @@ def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
     }
 
 
-def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One fix, at its own epoch: propagate the chains of SINS and GNSS to it and correct them."""
+def measured(p: Any, x: Any, u: Any) -> SimpleNamespace:
+    """Position and velocity at the epoch of a fix, `computed` by the SINS (i) and `shown` by GNSS (n0); and the rows of state
+    that follow: `rest_velocity`, `rest_position`, `half_turn`."""
     T, age = x.stretch - u.gnss_age, u.gnss_age
     rest_velocity, rest_position = _rest(x, T)
     half_turn = turned(x.half_turn, -age)
@@ -105,7 +109,29 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
         x.position_i - x.velocity_i * age + x.force_i * (age * age / 2) + attitude.rotate(x.q_ib, arm - swing * age),
         x.velocity_i - x.force_i * age + attitude.rotate(x.q_ib, swing),
     )
+    return SimpleNamespace(
+        computed=computed, shown=shown, rest_velocity=rest_velocity, rest_position=rest_position, half_turn=half_turn
+    )
 
+
+def raw(x: Any, u: Any, at: SimpleNamespace, since_last: Any) -> Any:
+    """The differences themselves, SINS minus GNSS (6): velocity (m/s) and position (m), n at the epoch of the fix.
+
+    since_last: 1 for a SINS whose velocity and position are set to those of every fix, else 0.
+    """
+    back = attitude.conjugate(q_n0n(at.half_turn, x.axis_n))
+    into_n = attitude.multiply(back, x.q_n0i)
+    T, found = x.stretch - u.gnss_age, []
+    for q, (position, velocity), last in ((into_n, at.computed, x.last_computed), (back, at.shown, x.last_shown)):
+        velocity_then = since_last * last[1, :].T
+        moved = position - since_last * last[0, :].T - velocity_then * T
+        found.append(ca.vertcat(attitude.rotate(q, velocity - velocity_then), attitude.rotate(q, moved)))
+    return found[0] - found[1]
+
+
+def fix(p: Any, x: Any, u: Any, at: SimpleNamespace) -> dict[str, Any]:
+    """One fix, at its own epoch: propagate the chains of SINS and GNSS to it and correct them.  at: `measured`."""
+    T, age, computed, shown = x.stretch - u.gnss_age, u.gnss_age, at.computed, at.shown
     Phi = _transition(T)
     P = Phi @ symmetric.full(x.chain_covariance, CHAIN) @ Phi.T + _noise(p, x, T)
     sins, gnss = Phi @ x.chain_sins, Phi @ x.chain_gnss
@@ -123,9 +149,11 @@ def fix(p: Any, x: Any, u: Any) -> dict[str, Any]:
         P = P - gain @ P[place, :]
         P = symmetric.full(symmetric.triangle(P), CHAIN)
     return {
-        "rest_velocity": rest_velocity,
-        "rest_position": rest_position,
-        "rest_half_turn": half_turn,
+        "rest_velocity": at.rest_velocity,
+        "rest_position": at.rest_position,
+        "rest_half_turn": at.half_turn,
+        "last_computed": ca.horzcat(*computed).T,
+        "last_shown": ca.horzcat(*shown).T,
         "stretch": age,
         "chain_sins": sins,
         "chain_gnss": gnss,

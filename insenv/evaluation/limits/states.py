@@ -49,13 +49,13 @@ class Unit:
     """The inertial unit, with the gravity that it measures: its sources, its white noise and its temperature.
 
     noise (2, 3): white noise of gyros (rad/s^0.5) and accelerometers (m/s^1.5), s.  C_bs (3, 3): from sensor to body axes.
-    temperatures: initial, final and reference temperature (K) and time constant (s).
+    temperatures: initial, final and reference temperature (K), time constant (s) and ramp (K/s).
     """
 
     sources: tuple[Source, ...]
     noise: Array
     C_bs: Array
-    temperatures: tuple[float, float, float, float]
+    temperatures: tuple[float, ...]
 
 
 def unit_of(rows: Mapping[str, Any]) -> Unit:
@@ -74,6 +74,7 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         floor = SIGMA * row(f"{name}_flicker", 3)
         found += [source(f"flicker {part}", triad, floor**2, time=np.full(3, TIMES[part])) for part in range(PARTS)]
         found.append(source("thermal bias", triad, row(f"{name}_temperature_slope", 3) ** 2))
+        found.append(source("thermal scale factor", triad, row(f"{name}_scale_factor_slope", 3) ** 2))
         matrix = np.zeros(9)
         matrix[[0, 4, 8]] = row(f"{name}_scale_factor", 3) ** 2 + row(f"{name}_scale_factor_sigma", 3) ** 2
         matrix[list(_OFF_DIAGONAL)] = row(f"{name}_misalignment", 6) ** 2 + row(f"{name}_misalignment_sigma", 6) ** 2
@@ -86,12 +87,12 @@ def unit_of(rows: Mapping[str, Any]) -> Unit:
         np.maximum(np.abs(row("angle_random_walk", 3)), LEAST_ANGLE_NOISE),
         np.maximum(np.abs(row("velocity_random_walk", 3)), LEAST_VELOCITY_NOISE),
     ]
-    kelvin = [float(rows.get(f"imu_temperature_{name}", 293.15)) for name in ("initial", "final", "reference")]
+    usual = {"initial": 293.15, "final": 293.15, "reference": 293.15, "time": 600.0, "ramp": 0.0}
     return Unit(
         sources=tuple(source for source in found if source is not None),
         noise=np.array(white),
         C_bs=attitude.numeric.to_dcm(q_bs / np.linalg.norm(q_bs)),
-        temperatures=(kelvin[0], kelvin[1], kelvin[2], float(rows.get("imu_temperature_time", 600.0))),
+        temperatures=tuple(float(rows.get(f"imu_temperature_{name}", value)) for name, value in usual.items()),
     )
 
 
@@ -149,10 +150,9 @@ def _columns(source: Source, unit: Unit, steps: Steps, increments: Array, force:
     if source.name in ("bias", "in-run bias") or source.name.startswith("flicker"):
         columns = steps.C_ns
     elif source.name == "thermal bias":
-        initial, final, reference, constant = unit.temperatures
-        middle = steps.time - steps.length / 2
-        warmth = final + (initial - final) * np.exp(-middle / constant) - reference
-        columns = steps.C_ns * warmth[:, None, None]
+        columns = steps.C_ns * _warmth(unit, steps)
+    elif source.name == "thermal scale factor":
+        columns = increments.reshape(-1, 3, 9)[:, :, [0, 4, 8]] * _warmth(unit, steps)
     elif source.name == "matrix":
         columns = increments.reshape(-1, 3, 9)
     elif source.name == "g-sensitivity":
@@ -160,6 +160,14 @@ def _columns(source: Source, unit: Unit, steps: Steps, increments: Array, force:
     else:  # mounting: the increments d are sensed as d + d x e
         columns = np.einsum("mnkj,kjl->mnl", increments, _CROSS)
     return np.asarray(columns[:, :, source.place])
+
+
+def _warmth(unit: Unit, steps: Steps) -> Array:
+    """Temperature of the unit in the middle of each step above that of reference, K (m, 1, 1)."""
+    initial, final, reference, constant, ramp = unit.temperatures
+    middle = steps.time - steps.length / 2
+    warmth = final + ramp * middle + (initial - final) * np.exp(-middle / constant) - reference
+    return np.asarray(warmth)[:, None, None]
 
 
 _CROSS = np.zeros((3, 3, 3))

@@ -1,7 +1,8 @@
 """One self-contained HTML file from the folder ``web/`` and JSON documents.
 
-The modules of ``web/`` are joined into one script: each stands once, after those that it imports.  A content security
-policy forbids every request, and every script and style but those of the page, which it names by their digests.
+The modules of ``web/`` are joined into one script, those of the worker into another: each stands once, after those that it
+imports.  A content security policy forbids every request, and every script and style but those of the page, which it names by
+their digests.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ LIMIT = 2_000_000
 """Bytes that a page may have."""
 ENTRY = "main.js"
 WORKER = "worker.js"
+STYLES = ("vendor/uPlot/uPlot.min.css", "colours.css", "page.css", "plots.css", "live.css", "sizes.css")
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w-]+\.js)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?:async )?(?:function|const|class) (\w+)", re.MULTILINE)
 _LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
@@ -30,13 +32,13 @@ _LEFT = re.compile(r"^\s*(?:import|export)\b", re.MULTILINE)
 def assembled(title: str, documents: Mapping[str, Any]) -> str:
     """The text of a page that shows `documents`, JSON values by kind ("report", "live"); with "live" it may run WebAssembly."""
     folder = web_folder()
-    style = (folder / "vendor/uPlot/uPlot.min.css").read_text("utf-8") + (folder / "style.css").read_text("utf-8")
+    style = "".join((folder / name).read_text("utf-8") for name in STYLES)
     library = (folder / "vendor/uPlot/uPlot.iife.min.js").read_text("utf-8")
     script = f'{library}\n(() => {{\n"use strict";\n{joined(folder, ENTRY)}}})();\n'
     live = "live" in documents
     parts = [_data(kind, to_json(value, indent=None)) for kind, value in documents.items()]
     if live:
-        parts.append(f'<script type="text/plain" id="worker">\n{_inline((folder / WORKER).read_text("utf-8"))}</script>')
+        parts.append(f'<script type="text/plain" id="worker">\n{_inline(worker_script())}</script>')
     filled = {
         "title": escape(title),
         "policy": policy(script, style, live),
@@ -46,6 +48,11 @@ def assembled(title: str, documents: Mapping[str, Any]) -> str:
     }
     template = (folder / "page.html").read_text("utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found.group(1)], template)
+
+
+def worker_script() -> str:
+    """The simulation of a live page, which its worker runs."""
+    return f'"use strict";\n{joined(web_folder(), WORKER)}'
 
 
 def check_size(text: str) -> None:

@@ -25,6 +25,12 @@ NAMES = {
     "roll_deg": "Roll", "pitch_deg": "Pitch", "heading_deg": "Heading", "north_m": "North", "east_m": "East", "down_m": "Down",
     "vn_mps": "Velocity north", "ve_mps": "Velocity east", "vd_mps": "Velocity down",
 }  # fmt: skip
+EXPLAINED = {
+    "rms": "final: at the end; rms, max: over the time of the statistics.",
+    "limit": "limit: the smallest standard deviation that any method can have.",
+    "stated": "stated: the standard deviation that the estimator itself states.",
+}
+"""What columns of a table of errors mean."""
 UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 AXES = ("forward", "right", "down")
 _BIASES = (
@@ -96,9 +102,7 @@ def _explained(report: RunData) -> list[str]:
     if not any(result.errors for result in report.results):
         return []
     columns = {name for result in report.results for name in error_columns(result)}
-    told = ["final: at the end; rms, max: over the time of the statistics."]
-    told += ["limit: the smallest standard deviation that any method can have."] if "limit" in columns else []
-    told += ["stated: the standard deviation that the estimator itself states."] if "stated" in columns else []
+    told = [EXPLAINED[name] for name in ("rms", "limit", "stated") if name in columns]
     return [*told, *([f"{within(1)}."] if "limit" in columns else [])]
 
 

@@ -20,8 +20,8 @@ class TimePanel:
     """A panel over time.
 
     times (n,) s. threshold: up to which the vertical scale is linear, beyond it logarithmic; None: linear. log: a logarithmic
-    scale. wraps: angles in degrees, drawn with a gap where they wrap. from_s: start of the statistics, s. shade: intervals of
-    time without fixes, s.
+    scale. wraps: angles in degrees, drawn with a gap where they wrap. from_s: start of the statistics, s. positive: the
+    vertical scale begins at 0. shade: intervals of time without fixes, s.
     """
 
     pool: Pool
@@ -32,6 +32,7 @@ class TimePanel:
     log: bool = False
     wraps: bool = False
     from_s: float | None = None
+    positive: bool = False
     shade: Sequence[tuple[float, float]] = ()
     curves: list[dict[str, Any]] = field(default_factory=list)
 
@@ -59,6 +60,7 @@ class TimePanel:
             "log": self.log,
             "wraps": self.wraps,
             "from_s": self.from_s,
+            "positive": self.positive,
             "shade": [list(interval) for interval in self.shade],
             "curves": self.curves,
         }
@@ -74,6 +76,12 @@ def track_panel(pool: Pool, times: Array, tracks: Sequence[tuple[int, Array, Arr
         "tracks": [{"group": group, "east": pool.add(east), "north": pool.add(north)} for group, east, north in tracks],
         "refused": [{"group": group, "at": [int(place) for place in places]} for group, places in marks],
     }
+
+
+def intervals_panel(title: str, rows: Iterable[tuple[str, float, float | None, float | None]]) -> dict[str, Any]:
+    """Values beside a line at 1, on a logarithmic scale. rows: name, value, ends of its interval (None: it has none)."""
+    shown = [dict(zip(("name", "value", "low", "high"), row, strict=True)) for row in rows]
+    return {"type": "intervals", "title": title, "rows": shown}
 
 
 def table(

@@ -1,0 +1,70 @@
+"""What a page needs to judge its estimators as `insenv.run` does: the rule of health, the limit, the time of the statistics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from insenv.core.progress import Progress
+from insenv.core.tables import Vector
+from insenv.estimators import Estimator
+from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
+from insenv.evaluation import nis
+from insenv.evaluation.errors import statistics_from
+from insenv.evaluation.limits import FLOOR, Limit
+from insenv.scenario import Plant, limit_of, no_limit
+from insenv.web.model import Member
+
+LIMIT_TIMES = 300
+"""Number of times at which the limit is shown."""
+
+
+def health_rule() -> dict[str, Any]:
+    """The figures of `insenv.evaluation.nis`, with which web/health.js judges."""
+    return {
+        "probabilities": nis.PROBABILITIES,
+        "blocks": nis.BLOCKS,
+        "notable": nis.NOTABLE,
+        "many": nis.MANY,
+        "most": nis.MOST,
+        "apart": nis.APART,
+        "last": nis.LAST,
+        "fewest": nis.FEWEST,
+        "verdicts": nis.VERDICTS,
+    }
+
+
+def health_rows(estimator: Estimator) -> dict[str, Any] | None:
+    """The outputs that tell its health: of fixes (None: it takes none) and of aids by id; None if it tells none."""
+    if not estimator.reports_health:
+        return None
+    aids = {id: aid_health(id) for id in reported_aids(estimator.model.outputs.names)}
+    return {"fixes": FIX_HEALTH.names if estimator.reports_fixes else None, "aids": aids}
+
+
+def judged(member: Member, plant: Plant, every: int, limit: Limit | None) -> dict[str, Any]:
+    """Start of its statistics, and the limit over their time by channel, as `insenv.run` prints it."""
+    times = np.arange(1, plant.samples // every + 1, dtype=np.float64) * (every * plant.sample_interval)
+    from_s = statistics_from(member.estimator.navigates, float(times[-1]))
+    found = {} if limit is None else limit.rms(times, from_s)
+    return {"from_s": from_s, "limit": {name: value for name, value in found.items() if name in member.channels}}
+
+
+def limit_along(plain: Plant, progress: Progress | None) -> Limit | None:
+    """The limit of the scenario as it stands; None if there is none."""
+    return None if no_limit(plain) else limit_of(plain, progress)
+
+
+def limit_document(limit: Limit | None, duration_s: float) -> dict[str, Any] | None:
+    """Its course by channel."""
+    if limit is None:
+        return None
+    times = np.linspace(0.0, duration_s, LIMIT_TIMES + 1)[1:]
+    found = limit.at(times)
+    sigma = {name: _rounded(values) for name, values in found.items()}
+    return {"time_s": _rounded(times), "sigma": sigma, "floor": {name: FLOOR[name] for name in found}}
+
+
+def _rounded(values: Vector) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]

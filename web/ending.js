@@ -1,0 +1,75 @@
+/** The end of a live run: the tables that `insenv run` prints. */
+
+import { LABELS } from "./channels.js";
+import { fill, h } from "./dom.js";
+import { healthNow, statisticsOf } from "./judge.js";
+import { number, significant } from "./numbers.js";
+import { summaryTable } from "./tables.js";
+
+const MARKED = 3; // ratio beyond which a cell is marked, as on the page of a run
+
+/** Fill the section at the end of a run.
+ * @param {HTMLElement} section
+ * @param {any} live
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @param {boolean} prepared  whether the run was that of the scenario as it stands, whose limit is known */
+export function showEnd(section, live, at, history, prepared) {
+  const tables = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) =>
+    endTable(live, one, group, at, history, prepared),
+  );
+  const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
+  const told = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
+  if (columns.has("limit")) told.push(live.explained.within);
+  fill(
+    section,
+    h("h2", {}, "At the end, with the figures of ", h("code", {}, "insenv run")),
+    h("div", { class: "tables several" }, tables.map(summaryTable)),
+    h("p", { class: "quiet" }, told.join(" ")),
+  );
+  section.hidden = false;
+}
+
+/** The document of the table of an estimator (web/README.md).
+ * @param {any} live
+ * @param {any} estimator
+ * @param {number} group
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @param {boolean} prepared */
+function endTable(live, estimator, group, at, history, prepared) {
+  const { settled } = estimator;
+  const statistics = statisticsOf(estimator, at, history);
+  const limit = prepared ? estimator.limit : {};
+  const yardsticks = [
+    ...(estimator.stated.length ? ["stated"] : []),
+    ...(Object.keys(limit).length ? ["limit"] : []),
+  ];
+  const yardstick = yardsticks.at(-1);
+  const rows = statistics.map((one) => {
+    const kinds = { ...one, limit: limit[one.channel] ?? null };
+    const cells = ["final", "rms", "max", ...yardsticks].map((kind) => /** @type {any} */ (kinds)[kind]);
+    const own = yardstick && /** @type {any} */ (kinds)[yardstick];
+    const known = own && settled && !(yardstick === "limit" && own < live.limit.floor[one.channel]);
+    return { channel: one.channel, cells: [...cells, ...(yardstick ? [known ? one.rms / own : null] : [])] };
+  });
+  const columns = ["error", "final", "rms", "max", ...yardsticks, ...(yardstick ? [`rms/${yardstick}`] : [])];
+  const health = healthNow(live, estimator, at, history);
+  const below = estimator.from_s > 0 ? [`Statistics from ${significant(estimator.from_s, 6)} s on`] : [];
+  if (health) below.push(`Health: ${health.lines[0]}`, ...health.lines.slice(1));
+  else if (estimator.health?.fixes) below.push("no fix came: the estimate is that of the inertial unit alone");
+  const sure = statistics.filter((one) => settled && one.stated && one.rms > live.too_sure * one.stated);
+  if (sure.length) {
+    const ratios = sure.map((one) => `${one.channel.replace(/_.*/, "")} ${significant(one.rms / (one.stated ?? NaN), 3)}`);
+    below.push(`the errors are larger than this estimator states, rms over stated sigma: ${ratios.join(", ")}`);
+  }
+  return {
+    caption: estimator.id,
+    columns,
+    rows: rows.map(({ channel, cells }) => [LABELS[/** @type {keyof typeof LABELS} */ (channel)], ...cells.map(number)]),
+    group,
+    below,
+    warnings: rows.flatMap(({ cells }, place) => (yardstick && (cells[cells.length - 1] ?? 0) > MARKED ? [[place, cells.length]] : [])),
+    state: health?.verdict ?? "",
+  };
+}

@@ -1,0 +1,37 @@
+/** Values with their intervals beside a line at 1, on a logarithmic scale: factors, and ratios of after to before. */
+
+import { h } from "./dom.js";
+import { number } from "./numbers.js";
+import { withUnit } from "./tables.js";
+
+/** @typedef {{name: string, value: number | null, low: number | null, high: number | null}} Interval */
+
+/** @param {{title: string, rows: Interval[]}} panel */
+export function intervalsPanel({ title, rows }) {
+  const known = (/** @type {number | null} */ value) => value !== null && Number.isFinite(value) && value > 0;
+  const all = rows.flatMap(({ value, low, high }) => [value, low, high]).filter(known);
+  const reach = Math.max(Math.log(1.1), ...all.map((value) => Math.abs(Math.log(Number(value)))));
+  const share = (/** @type {number | null} */ value) => `${50 + (46 * Math.log(Number(value))) / reach}%`;
+  const drawn = rows.map(({ name, value, low, high }) => {
+    const line = h("div", { class: "line", "aria-hidden": "true" });
+    const add = (/** @type {string} */ kind, /** @type {number} */ from, /** @type {number} */ to) => {
+      const part = h("i", { class: kind });
+      part.style.left = share(Math.min(from, to));
+      part.style.width = `calc(${share(Math.max(from, to))} - ${share(Math.min(from, to))})`;
+      line.append(part);
+    };
+    if (known(low) && known(high)) add("reach", Number(low), Number(high));
+    else if (known(value) && low === null) add("reach", 1, Number(value));
+    if (known(value)) add("dot", Number(value), Number(value));
+    const ends = low === null && high === null ? "" : ` (${number(low)} to ${number(high)})`;
+    return h("tr", {}, h("th", { scope: "row" }, withUnit(name)), h("td", { class: "drawn" }, line), h("td", {}, `${number(value)}${ends}`));
+  });
+  const table = h("table", {}, h("tbody", {}, drawn));
+  const element = h(
+    "div",
+    { class: "panel intervals" },
+    h("div", { class: "head" }, h("h3", {}, title)),
+    h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": title }, table),
+  );
+  return { element, show: () => {} };
+}

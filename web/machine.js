@@ -1,0 +1,135 @@
+/** The WebAssembly of a live page, and what its document says of parameters: seeds, controls, outages. */
+
+import { bytesOf } from "./arrays.js";
+import { beyond, orOf, rangesOf } from "./words.js";
+
+/** @type {Record<string, (value: number, scale: number) => number>} */
+const FORMS = {
+  product: (value, scale) => scale * value,
+  degrees: (value, scale) => (value * Math.PI) / scale,
+  inverse: (value, scale) => scale * (1 / value),
+};
+
+/** Float64 numbers of base64 text, little endian.
+ * @param {string} text
+ * @returns {Float64Array} */
+function numbersOf(text) {
+  const bytes = bytesOf(text);
+  return new Float64Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
+}
+
+/** The bytes of a gzip file.
+ * @param {Uint8Array<ArrayBuffer>} bytes
+ * @returns {Promise<Uint8Array<ArrayBuffer>>} */
+async function unzipped(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** The module, and what the document says of it. */
+export class Machine {
+  /** @param {any} live  the document
+   * @param {WebAssembly.Instance} instance */
+  constructor(live, instance) {
+    this.live = live;
+    this.exports = /** @type {any} */ (instance.exports);
+    this.free = (this.exports.__heap_base.value + 15) & ~15;
+    this.start = { p: numbersOf(live.start.p), known: numbersOf(live.start.known), u: numbersOf(live.start.u) };
+    this.drawn = numbersOf(live.seeds.normals);
+    /** @type {Map<string, any>} */
+    this.controls = new Map((live.controls ?? []).map((/** @type {any} */ control) => [control.key, control]));
+  }
+
+  /** @param {any} live
+   * @returns {Promise<Machine>} */
+  static async load(live) {
+    const module = new WebAssembly.Module(await unzipped(bytesOf(live.wasm)));
+    return new Machine(live, new WebAssembly.Instance(module));
+  }
+
+  /** Addresses of vectors of float64 of these lengths.
+   * @param {number[]} lengths
+   * @returns {number[]} */
+  reserve(lengths) {
+    const places = lengths.map((length) => {
+      const place = this.free;
+      this.free += 8 * Math.max(length, 1);
+      return place;
+    });
+    const lacking = this.free - this.exports.memory.buffer.byteLength;
+    if (lacking > 0) this.exports.memory.grow(Math.ceil(lacking / 65536));
+    return places;
+  }
+
+  /** The standard normals behind the start errors of a seed.
+   * @param {number} seed
+   * @returns {Float64Array} */
+  normals(seed) {
+    let before = 0;
+    for (const [first, last] of this.live.seeds.numbers) {
+      if (seed >= first && seed <= last && Number.isInteger(seed)) {
+        const at = 9 * (before + seed - first);
+        return this.drawn.subarray(at, at + 9);
+      }
+      before += last - first + 1;
+    }
+    throw new Error(`seed = ${seed}: allowed is ${rangesOf(this.live.seeds.numbers)}`);
+  }
+
+  /** Set what controls stand for.  Options go before numbers: those may replace numbers of a grade.
+   * @param {Record<string, any>} values  by key
+   * @param {Float64Array} p
+   * @param {Float64Array} known */
+  apply(values, p, known) {
+    const rank = (/** @type {string} */ key) => (this.controls.get(key)?.options ? 0 : 1);
+    for (const key of Object.keys(values).sort((a, b) => rank(a) - rank(b))) this.set(key, values[key], p, known);
+  }
+
+  /** @param {string} key
+   * @param {any} value
+   * @param {Float64Array} p
+   * @param {Float64Array} known */
+  set(key, value, p, known) {
+    const outage = this.live.outages.find((/** @type {any} */ one) => one.key === key);
+    if (outage) {
+      this.setOutages(outage, value, p);
+      return;
+    }
+    const control = this.controls.get(key);
+    if (!control) throw new Error(`${key}: this page has no control of that name`);
+    if (control.options) {
+      const option = control.options.find((/** @type {any} */ one) => one.value === value);
+      if (!option) {
+        const allowed = orOf(control.options.map((/** @type {any} */ one) => one.value));
+        throw new Error(`${key} = ${JSON.stringify(value)}: allowed is ${allowed}`);
+      }
+      for (const [at, number] of option.p) p[at] = number;
+      return;
+    }
+    if (typeof value !== "number" || !(value >= control.minimum && value <= control.maximum)) {
+      throw new Error(beyond(control, value));
+    }
+    for (const target of control.targets) {
+      const into = target.into === "known" ? known : p;
+      const number = FORMS[target.form](value, target.scale);
+      for (const at of target.at) into[at] = number;
+      for (const at of target.given) known[at] = 1;
+    }
+  }
+
+  /** @param {{key: string, start: number, end: number, most: number}} outage
+   * @param {number[][]} windows  s
+   * @param {Float64Array} p */
+  setOutages(outage, windows, p) {
+    const good =
+      Array.isArray(windows) &&
+      windows.every((one) => Array.isArray(one) && one.length === 2 && one[0] >= 0 && one[0] < one[1]);
+    if (!good) throw new Error(`${outage.key}: allowed are pairs of a begin of 0 s or later and an end after it`);
+    if (windows.length > outage.most) {
+      throw new Error(`${outage.key}: at most ${outage.most} outages, ${windows.length} given`);
+    }
+    for (let k = 0; k < outage.most; ++k) {
+      [p[outage.start + k], p[outage.end + k]] = windows[k] ?? [0, 0];
+    }
+  }
+}

@@ -1,0 +1,55 @@
+/** The bar that runs a simulation: run, pause, step, reset, speed, the clock, and the share that is done. */
+
+import { button, h } from "./dom.js";
+import { clock } from "./numbers.js";
+
+const SPEEDS = [1, 2, 5, 10, 30, 100];
+const HALF_A_MINUTE = 35; // s: how long a run lasts at the speed that a page begins with
+
+/** The speed that a page begins with.
+ * @param {number} duration  s */
+export function firstSpeed(duration) {
+  return SPEEDS.find((value) => duration / value <= HALF_A_MINUTE) ?? 100;
+}
+
+/**
+ * @param {any} live
+ * @param {{toggle: () => void, step: () => void, reset: () => void, pace: (speed: number | null) => void}} acts  speed null: as
+ *   fast as it goes
+ */
+export function transport(live, acts) {
+  const play = button("Run", acts.toggle, { class: "main", id: "run" });
+  const step = button("Step", acts.step, { id: "step", title: `${live.every} samples` });
+  const again = button("Reset", acts.reset, { id: "reset" });
+  const pace = h(
+    "select",
+    { id: "speed", "aria-label": "Speed" },
+    SPEEDS.map((value) => h("option", { value }, `${value} \u00d7 real time`)),
+    h("option", { value: "" }, "as fast as it goes"),
+  );
+  pace.addEventListener("change", () => acts.pace(pace.value === "" ? null : Number(pace.value)));
+  const time = h("output", { class: "clock", id: "clock" });
+  const done = h("progress", { max: live.duration_s, value: 0, "aria-label": "Share of the run" });
+  addEventListener("keydown", (event) => {
+    const inside =
+      event.target instanceof HTMLElement && event.target.closest("button, input, select, summary, [role='application']");
+    if (event.key === " " && !inside) {
+      event.preventDefault();
+      play.click();
+    }
+  });
+  return {
+    element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),
+    /** @param {{running: boolean, ended: boolean, speed: number | null}} now */
+    show: ({ running, ended, speed }) => {
+      play.textContent = running ? "Pause" : ended ? "Run again" : "Run";
+      step.disabled = running || ended;
+      pace.value = speed === null ? "" : String(speed);
+    },
+    /** @param {number} seconds */
+    at: (seconds) => {
+      time.textContent = clock(seconds);
+      done.value = seconds;
+    },
+  };
+}

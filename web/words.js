@@ -1,0 +1,32 @@
+/** Sentences about what is not allowed: the thing, its value, and what is allowed. */
+
+/** Texts one after the other, "or" before the last.
+ * @param {string[]} texts
+ * @returns {string} */
+export function orOf(texts) {
+  return texts.length < 2 ? texts.join("") : `${texts.slice(0, -1).join(", ")} or ${texts.at(-1)}`;
+}
+
+/** Whole numbers in ranges: "0 to 1023 or 5000".
+ * @param {[number, number][]} ranges  first and last
+ * @returns {string} */
+export function rangesOf(ranges) {
+  return orOf(ranges.map(([first, last]) => (first === last ? `${first}` : `${first} to ${last}`)));
+}
+
+/** What is wrong with a value given for a number.
+ * @param {{key: string, unit?: string, minimum: number, maximum: number}} control
+ * @param {unknown} value  a number, or the text that was typed
+ * @returns {string} */
+export function beyond({ key, unit, minimum, maximum }, value) {
+  const of = unit ? ` ${unit}` : "";
+  return `${given(key, value, of)}: allowed is ${minimum} to ${maximum}${of}`;
+}
+
+/** What was given: "seed = 1.5", or "seed is empty".
+ * @param {string} key
+ * @param {unknown} value
+ * @param {string} [unit]  with a space before it */
+export function given(key, value, unit = "") {
+  return String(value).trim() === "" ? `${key} is empty` : `${key} = ${value}${unit}`;
+}
