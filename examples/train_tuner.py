@@ -1,13 +1,15 @@
 """Train a tuner: PPO of Stable-Baselines3 learns to scale a filter's noises and is compared on held-out seeds.
 
-    pip install -e '.[rl,plot]'              # torch's wheel for processors without a GPU is enough
+    pip install -e '.[rl,plot,workbench]'    # torch's wheel for processors without a GPU is enough
     python examples/train_tuner.py           # some minutes
     python examples/train_tuner.py --steps 40000 --out tuner
+    python examples/train_tuner.py --steps 0 # without PPO: about a minute, and neither torch nor Stable-Baselines3
 
 The filter is the 15-state filter in a city drive with two GNSS outages.  It is mistuned on purpose: each episode multiplies its
 noise parameters by random factors of up to 30 either way, which the agent does not know.  The agent observes innovations,
 covariance and sensors, and chooses factors that correct the filter.  It is compared with the untuned filter (as mistuned), with
-the best fixed factors of a search along the axes, and with the filter that has the correct data sheets.
+the best fixed factors of two searches (along the axes, and by CMA-ES as `insenv tune` does), and with the filter that has the
+correct data sheets.
 """
 
 import argparse
@@ -19,6 +21,7 @@ import numpy as np
 
 import insenv
 from insenv.errors import InputError
+from insenv.installing import need
 
 ID = "insenv/Tuning-v0"
 EPISODE = {"duration_s": 240.0, "gnss_outages_s": ((90.0, 120.0), (180.0, 210.0)), "samples_per_step": 2000}
@@ -54,6 +57,18 @@ def best_fixed(seeds, passes, **options):
             reward, _ = episodes(fixed(np.repeat(tried, len(seeds), axis=0)), np.tile(seeds, len(grid)), **options)
             best = tried[np.argmax(reward.reshape(len(grid), -1).mean(axis=1))]
     return best
+
+
+def best_by_cma_es(seeds, evaluations, **options):
+    """Search all components at once, by CMA-ES, for the best mean reward over the seeds."""
+    from insenv.workbench.tune_search import search
+
+    def objective(logs):  # of the factors 10^(2 action)
+        actions = np.repeat(logs / np.log(100.0), len(seeds), axis=0)
+        reward, _ = episodes(fixed(actions), np.tile(seeds, len(logs)), **options)
+        return -reward.reshape(len(logs), -1).mean(axis=1)
+
+    return np.log10(search(objective, 6, evaluations, SEARCH, None).factors) / 2.0
 
 
 def train(steps, **options):
@@ -102,7 +117,7 @@ def draw(path, found, curve):
     with style.page(9.0, 4.8) as figure:
         left, right = figure.subplots(1, 2)
         left.plot(*curve.T, color=style.COLOURS[2], label="PPO during training (with exploration)")
-        colours = (style.COLOURS[0], style.COLOURS[1], style.COLOURS[2], style.LIMIT)
+        colours = (style.COLOURS[0], style.COLOURS[1], style.COLOURS[3], style.COLOURS[2], style.LIMIT)
         for (name, (reward, infos)), colour in zip(found.items(), colours, strict=True):
             left.axhline(reward.mean(), color=colour, linestyle="--", label=f"{name}, held-out seeds")
             time = np.arange(1, len(infos["nees"]) + 1) * EPISODE["samples_per_step"] / 200.0
@@ -121,21 +136,30 @@ def draw(path, found, curve):
 
 def main():
     parser = argparse.ArgumentParser(description="Train a tuner with PPO and compare it on held-out seeds")
-    parser.add_argument("--steps", type=int, default=24_000, help="environment steps to train for")
+    parser.add_argument("--steps", type=int, default=24_000, help="environment steps to train for; 0: no PPO")
     parser.add_argument("--seeds", type=int, default=64, help="held-out seeds to compare on")
     parser.add_argument("--passes", type=int, default=1, help="passes of the search for the best fixed factors")
+    parser.add_argument("--evaluations", type=int, default=144, help="sets of factors that CMA-ES tries")
     parser.add_argument("--mistuned", type=float, default=1.5, help="half-width of the random mistuning, decades")
     parser.add_argument("--out", type=Path, help="folder for a figure")
     given = parser.parse_args()
-    from insenv.envs import sb3  # noqa: F401
-
+    if given.steps:
+        from insenv.envs import sb3  # noqa: F401
+    elif given.out:
+        parser.error("--out draws the learning curve: allowed with --steps above 0")
+    need("CMA-ES", "cma", extra="workbench")
     options = {"mistuning_decades": given.mistuned}
     held_out = HELD_OUT + np.arange(given.seeds)
 
-    print(f"insenv {insenv.__version__}: training on {ID}")
-    policy, curve = train(given.steps, **options)
-    best = best_fixed(SEARCH + np.arange(48), given.passes, **options)
-    policies = {"untuned": fixed(np.zeros(6)), "best fixed factors": fixed(best), "PPO": policy}
+    print(f"insenv {insenv.__version__}: {'training on' if given.steps else 'comparison on'} {ID}")
+    policy, curve = train(given.steps, **options) if given.steps else (None, None)
+    seeds = SEARCH + np.arange(48)
+    best = {
+        "best fixed factors": best_fixed(seeds, given.passes, **options),
+        "those by CMA-ES": best_by_cma_es(seeds, given.evaluations, **options),
+    }
+    policies = {"untuned": fixed(np.zeros(6)), **{name: fixed(action) for name, action in best.items()}}
+    policies |= {"PPO": policy} if policy else {}
     found = {name: episodes(policy, held_out, **options) for name, policy in policies.items()}
     found["correct data sheets"] = episodes(fixed(np.zeros(6)), held_out, mistuning_decades=0.0)
 
@@ -146,12 +170,15 @@ def main():
             f"{name:22s} {reward.mean():9.3f} {reward.std() / np.sqrt(given.seeds):10.3f} {infos['measure'].mean():8.3f} "
             f"{infos['consistency'].mean():12.3f} {np.sqrt(square[6:9].sum()):13.2f} {np.degrees(np.sqrt(square[2])):14.3f}"
         )
+    for name, action in best.items():
+        print(f"{name}:", " ".join(f"{10 ** (2 * a):.2g}" for a in action))
+    if not policy:
+        return
     difference = found["PPO"][0] - found["untuned"][0]
     error = difference.std() / np.sqrt(given.seeds)
     print(
         f"\nPPO minus untuned, seed by seed: {difference.mean():+.3f} +- {error:.3f}; better on {np.mean(difference > 0):.0%}"
     )
-    print("factors of the search:", " ".join(f"{10 ** (2 * a):.2g}" for a in best))
     mean = np.exp(np.log(found["PPO"][1]["scale"]).mean(axis=(0, 1)))
     print("factors of PPO, geometric mean:", " ".join(f"{scale:.2g}" for scale in mean))
     if given.out:

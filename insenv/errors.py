@@ -28,12 +28,13 @@ LISTED = "`insenv list`"
 def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
     """End of a message about an unknown `name`: the nearest allowed name, and the allowed names.
 
-    listed: where they are listed too, such as `LISTED`: of more than `MOST_NAMES` the message then has the nearest ones.
+    listed: where they are listed too, such as `LISTED`: of more than `MOST_NAMES` the message then has the nearest ones, in the
+    order of `allowed`.
     """
     allowed = list(allowed)
     close = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
     guess = f"; did you mean {close[0]!r}?" if close else ""
     if not listed or len(allowed) <= MOST_NAMES:
         return f"{guess} (allowed: {', '.join(allowed) or 'none'})"
-    shown = difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0)
+    shown = sorted(difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0), key=allowed.index)
     return f"{guess} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"

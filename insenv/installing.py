@@ -1,4 +1,4 @@
-"""Commands that install optional packages, as messages advise them.
+"""Optional packages: whether they are installed, and the commands that install them, as messages advise them.
 
 insenv is on no package index, so ``pip install 'insenv[plot]'`` fails: an extra installs from a checkout only.
 """
@@ -10,6 +10,8 @@ import re
 import shlex
 from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
+
+from insenv.errors import InputError
 
 _AFTER_NAME = re.compile(r"[^\w.-]")
 
@@ -40,6 +42,17 @@ def is_installed(module: str) -> bool:
         return importlib.util.find_spec(module) is not None
     except ModuleNotFoundError:  # of an import hook
         return False
+
+
+def need(what: str, module: str, *, package: str = "", extra: str = "") -> None:
+    """Raise `InputError` if an optional package is not installed: the call asks for something that this installation lacks.
+
+    what: needs it; module: what is imported; package: its name, if that is another; extra: the extra of insenv that brings it,
+    if one does.
+    """
+    if not is_installed(module):
+        advice = install_extra(extra) if extra else install_package(package or module)
+        raise InputError(f"{what} needs {package or module}, which is not installed: {advice}")
 
 
 def _is_checkout(root: Path) -> bool:

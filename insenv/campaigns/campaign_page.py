@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 import insenv
-from insenv.campaigns.presentation import CAMPAIGN_COLUMNS, campaign_facts, campaign_rows, drawn
+from insenv.campaigns.presentation import CAMPAIGN_COLUMNS, campaign_facts, campaign_rows, consistency_lines, drawn
 from insenv.campaigns.statistics import Statistics
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
-from insenv.evaluation.health import VERDICTS
 from insenv.report.page import assembled
 from insenv.report.page.arrays import Pool, kept_records
 from insenv.report.page.of_run import NAMES, unit_of
@@ -65,16 +64,8 @@ def campaign_page_document(found: Statistics) -> dict[str, Any]:
 
 
 def _sentences(found: Statistics) -> Sequence[str]:
-    said = [] if found.from_s <= 0 else [f"Statistics from {found.from_s:g} s on"]
-    if (nees := found.as_json()["nees"]) is not None:
-        said.append(
-            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds {number(nees['low'])} to "
-            f"{number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
-        )
-    if (verdicts := found.verdicts()) is not None:
-        shares = ", ".join(f"{100 * verdicts[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
-        said.append(f"Health of {verdicts['runs']} runs: {shares}; {100 * verdicts['refused']:.2g} % of the fixes refused")
-    return said
+    start = [] if found.from_s <= 0 else [f"Statistics from {found.from_s:g} s on"]
+    return [*start, *consistency_lines(found)]
 
 
 def _course(found: Statistics, pool: Pool, keep: Any, name: str) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +24,6 @@ from insenv.campaigns.presentation import campaign_document, campaign_tables, wr
 from insenv.campaigns.summary import Summary
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.document import finite, to_json
-from insenv.report.files import no_matplotlib
 from insenv.report.tables import label, number, table_of
 
 if TYPE_CHECKING:
@@ -165,10 +163,7 @@ def comparison_tables(found: Comparison) -> Iterator[RenderableType]:
 
 def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
     """Write the files of each campaign to DIR/ID and comparison.json to DIR."""
-    paths: tuple[Path, ...] = ()
-    for id, summary in found.summaries.items():
-        paths += write_campaign(summary, OutputFolder(folder.path / id), figure, table).paths
+    parts = [write_campaign(one, OutputFolder(folder.path / id), figure, table) for id, one in found.summaries.items()]
     with folder.staged() as part:
         part(f"{NAME}.json").write_text(to_json(comparison_document(found)) + "\n", encoding="ascii")
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
-    return FilesWritten((folder.path / f"{NAME}.json", *paths), note)
+    return FilesWritten((folder.path / f"{NAME}.json", *(path for part in parts for path in part.paths)), parts[0].note)

@@ -76,11 +76,12 @@ class Distribution:
         """The value of a scenario's key for one of `numbers`."""
         return self.parameters[int(number)] if self.kind == "choice" else float(number)
 
-    def tried(self, numbers: Array) -> list[Any]:
-        """Values with which a plan is checked: the ends of a range, all choices, the extremes of the drawn `numbers`."""
+    def tried(self, numbers: Array) -> list[tuple[Any, str]]:
+        """Values with which a plan is checked, and which ones they are: ends of a range, all choices, extremes of `numbers`."""
         if self.kind in ("uniform", "loguniform", "choice"):
-            return list(self.parameters)
-        return [float(numbers.min()), float(numbers.max())]
+            return [(value, "") for value in self.parameters]
+        extremes = {"smallest": float(numbers.min()), "largest": float(numbers.max())}
+        return [(value, f"the {which} of {len(numbers)} values drawn") for which, value in extremes.items()]
 
     @property
     def is_of_numbers(self) -> bool:

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.installing import install_extra
+from insenv.installing import need
 
 Workers = Callable[[], AbstractContextManager[Executor]]
 """Makes an executor; called again after one broke because a worker died."""
@@ -65,10 +65,8 @@ def cluster(address: str) -> Workers:
     """
     if not _ADDRESS.fullmatch(address):
         raise InputError(f"scheduler {address!r}: allowed is tcp://HOST:PORT (or tls:// and the other protocols of Dask)")
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError(f"a scheduler needs Dask: {install_extra('cluster')}") from None
+    need("a scheduler", "distributed", package="Dask", extra="cluster")
+    from distributed import Client
 
     @contextmanager
     def connected() -> Iterator[Executor]:

@@ -123,8 +123,14 @@ class Plan:
         """The plant of one run."""
         numbers = zip(self.variations, self.numbers([run])[0], strict=True)
         values = {v.key: v.distribution.value(number) for v, number in numbers}
-        scenario = parse(varied(self.scenario, values), self.name, self.name)
-        return build(scenario, self.seed_of(run), self.duration_s)
+        changed = varied(self.scenario, values)
+        try:
+            return build(parse(changed, self.name, self.name), self.seed_of(run), self.duration_s)
+        except InputError as error:
+            if not self.variations:
+                raise
+            drawn = ", ".join(map(str, self.variations))
+            raise InputError(f"vary {drawn}, in the run of seed {self.seed_of(run)}: {error}") from None
 
     def plants(self, runs: Sequence[int]) -> Iterable[Plant]:
         """The plants of some runs."""
@@ -235,18 +241,19 @@ def make_plan(
     check_variations(plan.variations)
     check_design(design, plan.runs, len(plan.variations))
     vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
-    plants = [plan.plant]
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
     numbers = plan.numbers(range(plan.runs)) if plan.variations else np.zeros((0, 0))
+    plan.plant.parameters_of(estimator, whole=False)
     for place, variation in enumerate(plan.variations):
-        for value in variation.distribution.tried(numbers[:, place]):
-            plants.append(
-                build(parse(varied(plan.scenario, {variation.key: value}), plan.name), plan.first_seed, plan.duration_s)
-            )
-    for plant in plants:
-        plant.parameters_of(estimator, whole=False)
-        if plant.model is not plan.plant.model:
-            raise InputError(
-                f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, for example)"
-            )
+        for value, which in variation.distribution.tried(numbers[:, place]):
+            changed = varied(plan.scenario, {variation.key: value})
+            try:
+                plant = build(parse(changed, plan.name), plan.first_seed, plan.duration_s)
+                plant.parameters_of(estimator, whole=False)
+            except InputError as error:
+                raise InputError(f"vary {variation}{f', {which}' if which else ''}: {error}") from None
+            if plant.model is not plan.plant.model:
+                raise InputError(
+                    f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, for example)"
+                )
     return plan

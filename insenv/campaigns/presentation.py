@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,15 +71,8 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     yield Text(f"mean, percentiles: of the errors at the end; rms, limit, stated: {start}, all runs", "dim")
     if document["limit_ratio_95"] and any(row["limit"] for row in figures.values()):
         yield Text(within(plan.runs - len(found.diverged)), "dim")
-    if (nees := document["nees"]) is not None:
-        yield Text(
-            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
-            f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
-        )
-    if (found_health := found.verdicts()) is not None:
-        yield Text(f"health of {found_health['runs']} runs: {_health_of(found_health, 'fixes')}")
-        for id, of_aid in found_health["aids"].items():
-            yield Text(f"  {id}: {_health_of(of_aid, 'measurements')}")
+    for told in consistency_lines(found):
+        yield Text(told)
     for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
         if seeds_of:
             named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
@@ -123,6 +115,19 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
     yield Text()
 
 
+def consistency_lines(found: Statistics) -> Iterator[str]:
+    """NEES with its bounds, and the health of the runs, if there are any."""
+    if (nees := found.as_json()["nees"]) is not None:
+        yield (
+            f"NEES {number(nees['mean'])} for {nees['degrees_of_freedom']} states, in its 95 % bounds "
+            f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
+        )
+    if (of_runs := found.verdicts()) is not None:
+        yield f"health of {of_runs['runs']} runs: {_health_of(of_runs, 'fixes')}"
+        for id, of_aid in of_runs["aids"].items():
+            yield f"  {id}: {_health_of(of_aid, 'measurements')}"
+
+
 def drawn(variation: Variation) -> str:
     """From what a key is drawn, in words."""
     distribution = variation.distribution
@@ -134,7 +139,8 @@ def drawn(variation: Variation) -> str:
 def campaign_facts(found: Statistics) -> str:
     """Runs, duration, seeds and samples in one line."""
     plan = found.plan
-    seeds = f"seeds {plan.first_seed} to {plan.first_seed + plan.runs - 1}" if plan.runs > 1 else f"seed {plan.first_seed}"
+    last = plan.seed_of(plan.runs - 1)
+    seeds = f"seeds {plan.first_seed} to {last}" if last > plan.first_seed else f"seed {plan.first_seed}"
     return f"{plan.runs} runs of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
 
 
@@ -183,7 +189,7 @@ def write_campaign(found: Statistics, folder: OutputFolder, figure: bool = True,
 
     if table:
         check_format(table)
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     tables = [f"runs.{table}"] if table else []
     kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]

@@ -23,7 +23,7 @@ from insenv.core.compile import NoRoomError, batch_library_path
 from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
-from insenv.estimators import Estimator, get
+from insenv.estimators import Estimator, get_all
 from insenv.files.output import as_path
 from insenv.scenario import ScenarioLike
 
@@ -91,13 +91,10 @@ def make_plans(
     variations: Sequence[Variation] = (),
     design: str = "random",
 ) -> list[Plan]:
-    """The plans of several estimators on the same runs.  Raises `InputError` as `make_plan`, and for an id that is repeated."""
-    ids = [get(each).id for each in estimators]
-    if not ids or len(set(ids)) < len(ids):
-        raise InputError(f"estimator: {', '.join(ids) or 'none'}: allowed are one or several different ones")
+    """The plans of estimators on the same runs; one that is named twice runs once.  Raises `InputError` as `make_plan`."""
     return [
         make_plan(scenario, each, runs, first_seed=first_seed, duration_s=duration_s, variations=variations, design=design)
-        for each in estimators
+        for each in get_all(estimators)
     ]
 
 
@@ -287,4 +284,4 @@ def _block(plan: Plan, number: int, digest: str, token: str = "", part: Arrays |
             f"a worker with insenv {__version__} would give other results than this process: install the same version of "
             "insenv and of its plug-ins on all"
         )
-    return run_block(plan, number, stopped, *(() if part is None else (part,)))
+    return run_block(plan, number, stopped, part)

@@ -9,14 +9,13 @@ First-order indices come from any design (random balance, SALib's `rbd_fast`), t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
-from insenv.installing import install_extra
+from insenv.installing import install_extra, is_installed
 
 Array = NDArray[np.float64]
 
@@ -86,7 +85,7 @@ def sensitivities(
 
 def sensitivity_note(plan: Plan) -> str:
     """What must be said of the sensitivities of a plan; empty if nothing."""
-    if not plan.variations or find_spec("SALib"):
+    if not plan.variations or is_installed("SALib"):
         return ""
     return f"no Sobol indices: SALib is not installed: {install_extra('workbench')}"
 
@@ -103,7 +102,7 @@ def _indices(plan: Plan, values: Array, rms: Array, whole: NDArray[np.bool_]) ->
     """First-order and total indices of all keys."""
     count = len(plan.variations)
     nothing: list[Index | None] = [None] * count
-    if not find_spec("SALib") or not np.ptp(rms[whole]) > 0.0:
+    if not is_installed("SALib") or not np.ptp(rms[whole]) > 0.0:
         return nothing, nothing
     problem = {"num_vars": count, "names": [v.key for v in plan.variations], "bounds": [[0.0, 1.0]] * count}
     if plan.design == "saltelli":

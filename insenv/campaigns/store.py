@@ -120,21 +120,20 @@ class Folder:
         return str(whole.get("plan", "")) == self._digest and np.array_equal(whole.get("seed", ()), expected)
 
     def put(self, number: int, arrays: Arrays) -> None:
-        """Write a finished block, preceded by the manifest if it is the first.  Raises `InputError` beside another's."""
-        try:
-            self._identified()
-            with atomic(self._file(number)) as stream:
-                np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays)
-            self._wrote = True
+        """Write a finished block.  Raises `InputError` beside another's."""
+        self._write(self._file(number), arrays)
+        with suppress(OSError):  # a finished block counts, whatever lies beside it
             self._begun(number).unlink(missing_ok=True)
-        except OSError as error:
-            raise InsenvError(f"cannot write to {str(self.path)!r}: {error.strerror or error}") from error
 
     def put_part(self, number: int, arrays: Arrays) -> None:
         """Write what an interruption left of a block."""
+        self._write(self._begun(number), arrays)
+
+    def _write(self, path: Path, arrays: Arrays) -> None:
+        """Write arrays, preceded by the manifest if they are the first."""
         try:
             self._identified()
-            with atomic(self._begun(number)) as stream:
+            with atomic(path) as stream:
                 np.savez(stream, allow_pickle=False, plan=np.array(self._digest), **arrays)
             self._wrote = True
         except OSError as error:

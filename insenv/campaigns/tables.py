@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from insenv.campaigns.statistics import Statistics
 from insenv.errors import InputError
-from insenv.installing import install_extra
+from insenv.installing import need
 
 FORMATS = ("csv", "parquet")
 
@@ -39,8 +38,8 @@ def check_format(name: str) -> None:
     """Raise `InputError` for a format that is unknown or whose package is missing."""
     if name not in FORMATS:
         raise InputError(f"table = {name!r}: allowed is {' or '.join(FORMATS)}")
-    if name == "parquet" and not find_spec("pyarrow"):
-        raise InputError(f"table 'parquet' needs pyarrow, which is not installed: {install_extra('workbench')}")
+    if name == "parquet":
+        need("table 'parquet'", "pyarrow", extra="workbench")
 
 
 def write_runs(found: Statistics, path: Path, name: str) -> None:

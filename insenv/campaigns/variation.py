@@ -15,8 +15,12 @@ from insenv.core import noise
 from insenv.errors import InputError, nearest
 from insenv.scenario.grades import grade_value
 
-FIXED = ("seed", "duration_s", "rate_hz")
-"""Keys that cannot be varied: all runs of a campaign share them, and the seeds increase by one."""
+FIXED = {
+    "seed": "every run has a seed of its own, counted up from the first one (--seed FIRST)",
+    "duration_s": "all runs of a campaign share it (--duration S)",
+    "rate_hz": "all runs of a campaign share it: set it in the scenario",
+}
+"""Keys that cannot be varied, and why."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,9 @@ class Variation:
 
     key: str
     distribution: Distribution
+
+    def __str__(self) -> str:
+        return f"{self.key}={self.distribution}"
 
     def uniforms(self, seeds: Sequence[int]) -> np.ndarray:
         """A uniform in (0, 1) for each seed (n,): a pure function of seed and key, whatever else varies."""
@@ -133,7 +140,7 @@ def check_variations(variations: Sequence[Variation]) -> None:
         if keys.count(key) > 1:
             raise InputError(f"vary {key!r}: given more than once")
         if key in FIXED:
-            raise InputError(f"vary {key!r}: all runs of a campaign share it; set it with --seed and --duration")
+            raise InputError(f"vary {key!r}: {FIXED[key]}")
         whole = [other for other in keys if other.startswith(f"{key}.")]
         if whole:
             raise InputError(f"vary {key!r} and {whole[0]!r}: allowed is the whole or its elements")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -29,7 +30,7 @@ def allan(
     as_json: Json = False,
 ) -> None:
     """Measure the noise of a log's inertial unit by its Allan deviation; write a grade file."""
-    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
     from insenv.workbench.allan import allan as measure
     from insenv.workbench.allan_report import check_grade, document, tables, write_files, write_grade
@@ -41,18 +42,10 @@ def allan(
         if grade is not None:
             write_grade(found, grade)
         written = None if folder is None else write_files(found, folder, grade, not no_figure)
-    files = [str(path) for path in written.paths] if written else []
-    if written and written.note:
-        print_line(f"insenv: {written.note}", stderr=True)
-    if as_json:
-        at = None if grade is None else str(grade)
-        print_json(document(found, at or (files[1] if files else None), files))
-        return
-    print_parts(tables(found))
-    print_line()
-    if grade is not None:
-        print_line(f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit')
-    if written:
-        print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
-    if grade is None and not written:
-        print_line("--grade FILE.toml writes the grade of this unit, --out DIR the figure too")
+    at = grade if grade is not None or written is None else written.paths[1]
+    told = [] if grade is None else [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit']
+    told += [f"only the noise is measured; all else is {found.assumption}"] if at is not None else []
+    unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
+    print_result(
+        written, as_json, partial(document, found, None if at is None else str(at)), partial(tables, found), unwritten, told
+    )

@@ -35,13 +35,14 @@ def examples(
         for path in sorted(source.rglob("*"))
         if path.is_file() and "__pycache__" not in path.parts
     }
-    _write(folder, texts)
+    count, new_ones = len(texts), _write(folder, texts)
     shown = folder.as_posix()
+    told = f"{count} files written to {shown}" if new_ones == count else f"{count} files in {shown}, {new_ones} of them new"
     _tell(
         folder,
         list(texts),
         as_json,
-        f"{len(texts)} files written to {shown}; to try them:",
+        f"{told}; to try them:",
         f"  insenv run {shown}/own_scenario.toml",
         f"  insenv replay {shown}/logs/plain.toml -e loosely-coupled",
         f"  python {shown}/env_loop.py",
@@ -85,15 +86,23 @@ def _renamed(path: Path, names: dict[str, str]) -> bytes:
     return text.encode()
 
 
-def _write(folder: Path, texts: dict[str, bytes]) -> None:
-    """Write files below a folder, all or none.  Raises `InputError` if one exists or the folder cannot be written to."""
+def _write(folder: Path, texts: dict[str, bytes]) -> int:
+    """Write files below a folder, all or none, and return their number; one that is there with this content stays.
+
+    Raises `InputError` if one exists with another content or the folder cannot be written to.
+    """
     from insenv.files.output import staged
 
+    try:
+        equal = [name for name, text in texts.items() if (folder / name).is_file() and (folder / name).read_bytes() == text]
+    except OSError as error:
+        raise InputError(f"cannot read {str(error.filename or folder)!r}: {error.strerror or error}") from None
+    texts = {name: text for name, text in texts.items() if name not in equal}
     there = [name for name in texts if (folder / name).exists()]
     if there:
         named = str(folder / there[0])
         what = f"{named!r} exists" if len(there) == 1 else f"{named!r} and {len(there) - 1} more files exist"
-        raise InputError(f"{what}: no file is overwritten")
+        raise InputError(f"{what} with another content: no file is overwritten")
     try:
         folders = sorted({(folder / name).parent for name in texts})
         for place in folders:
@@ -105,6 +114,7 @@ def _write(folder: Path, texts: dict[str, bytes]) -> None:
                         part(Path(name).name).write_bytes(text)
     except OSError as error:
         raise InputError(f"cannot write {str(error.filename or folder)!r}: {error.strerror or error}") from None
+    return len(texts)
 
 
 def _tell(folder: Path, names: list[str], as_json: bool, *lines: str) -> None:

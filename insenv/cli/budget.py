@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Scenario, Seed, Settings, deferred, one
+from insenv.cli.options import Duration, Estimator, FirstSeed, Json, NoFigure, Out, Scenario, Settings, deferred, one
 
 
 @deferred
@@ -14,7 +15,7 @@ def budget(
     scenario: Scenario,
     estimator: Estimator,
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of seeds.")] = 64,
-    seed: Seed = None,
+    seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
     out: Out = None,
@@ -22,7 +23,7 @@ def budget(
     as_json: Json = False,
 ) -> None:
     """Say which source of error dominates: each alone, and all but it, on the same seeds."""
-    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
     from insenv.scenario import load
     from insenv.scenario.tuning import parsed_settings
@@ -35,15 +36,5 @@ def budget(
     with working(f"{loaded.name}, {runs} seeds") as progress:
         found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
         written = None if folder is None else write_budget(found, folder, not no_figure)
-    paths = [str(path) for path in written.paths] if written else []
-    if written and written.note:
-        print_line(f"insenv: {written.note}", stderr=True)
-    if as_json:
-        print_json(budget_document(found, paths))
-        return
-    print_parts(budget_tables(found))
-    print_line()
-    if written:
-        print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
-    else:
-        print_line("--out DIR writes the figure and the contributions over time")
+    unwritten = "--out DIR writes the figure and the contributions over time"
+    print_result(written, as_json, partial(budget_document, found), partial(budget_tables, found), unwritten)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Json, NoFigure, Out, Scenario, deferred
+from insenv.cli.options import Duration, FirstSeed, Json, NoFigure, Out, Scenario, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,12 +21,7 @@ def campaign(
         list[str], typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; several are compared.")
     ],
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Number of runs.")],
-    seed: Annotated[
-        Optional[int],  # noqa: UP045
-        typer.Option(
-            metavar="FIRST", help="Seed of the first run, which replaces the scenario's; later runs count up from it."
-        ),
-    ] = None,
+    seed: FirstSeed = None,
     duration: Duration = None,
     vary: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -53,7 +49,7 @@ def campaign(
     from insenv.campaigns.comparison import comparison_document, comparison_tables, write_comparison
     from insenv.campaigns.presentation import campaign_document, campaign_tables, write_campaign
     from insenv.campaigns.tables import check_format
-    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
     from insenv.scenario import load
 
@@ -81,19 +77,13 @@ def campaign(
                 if compared is None
                 else write_comparison(compared, folder, not no_figure, kind)
             )
-    paths = [str(path) for path in written.paths] if written else []
-    if written and written.note:
-        print_line(f"insenv: {written.note}", stderr=True)
-    if as_json:
-        print_json(campaign_document(summaries[0], paths) if compared is None else comparison_document(compared, paths))
-        return
-    print_parts(campaign_tables(summaries[0]) if compared is None else comparison_tables(compared))
-    print_line()
-    if folder is not None and written:
-        names = ", ".join(path.relative_to(folder.path).as_posix() for path in written.paths)
-        print_line(f"written to {folder.path}: {names}, {'' if compared is None else '*/'}blocks/")
+    unwritten = "--out DIR keeps the figure, every run, and the blocks from which --resume continues"
+    if compared is None:
+        found = summaries[0]
+        document, tables = partial(campaign_document, found), partial(campaign_tables, found)
     else:
-        print_line("--out DIR keeps the figure, every run, and the blocks from which --resume continues")
+        document, tables = partial(comparison_document, compared), partial(comparison_tables, compared)
+    print_result(written, as_json, document, tables, unwritten, further=["blocks/" if compared is None else "*/blocks/"])
 
 
 def _workers(workers: int | None, scheduler: str | None) -> Workers | None:

@@ -35,6 +35,10 @@ Estimators = Annotated[
     typer.Option("--estimator", "-e", metavar="ID", help="Estimator to run; may be given more than once."),
 ]
 Seed = Annotated[Optional[int], typer.Option(metavar="N", help="Replaces the scenario's seed.")]  # noqa: UP045
+FirstSeed = Annotated[
+    Optional[int],  # noqa: UP045
+    typer.Option(metavar="FIRST", help="Seed of the first run, which replaces the scenario's; later runs count up from it."),
+]
 Duration = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option(metavar="S", help="Simulated seconds of a run; replaces the scenario's duration."),
@@ -75,8 +79,8 @@ def deferred(command: Callable[..., int | None]) -> Callable[..., Work]:
 
 
 def one(estimators: Sequence[str] | None) -> str | None:
-    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several."""
-    if estimators and len(estimators) > 1:
+    """The estimator of a command that runs one; None if none is named.  Raises `InputError` for several different ones."""
+    if estimators and len(set(estimators)) > 1:
         raise InputError(
             f"-e {' -e '.join(estimators)}: allowed is one estimator; `insenv run` and `insenv campaign` take several"
         )

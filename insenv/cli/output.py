@@ -5,18 +5,18 @@ from __future__ import annotations
 import logging
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from insenv.report.document import to_json
-from insenv.report.tables import WIDTH, comparison
+from insenv.report.tables import WIDTH
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress
 
-    from insenv.report import Report
+    from insenv.report import FilesWritten
 
 
 COMPILER = "insenv.core.compile"
@@ -50,20 +50,49 @@ def print_line(text: str = "", stderr: bool = False) -> None:
     print(text, file=sys.stderr if stderr else sys.stdout)
 
 
-def print_report(report: Report) -> None:
-    """Print the tables of a report on stdout."""
-    print_parts(comparison(report))
-
-
 def print_parts(parts: Iterable[RenderableType]) -> None:
     """Print tables and lines on stdout."""
+    from rich.table import Table
+
     console = _console()
     width = console.width
     for part in parts:
-        # no digit is cut off in a narrow terminal, which breaks the lines itself
-        needed = console.measure(part, options=console.options.update(width=MOST)).minimum
-        console.width = max(width, needed)
+        # a table is not cut in a narrow terminal, which breaks the lines itself
+        needed = console.measure(part, options=console.options.update(width=MOST))
+        console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
         console.print(part)
+
+
+def print_result(
+    written: FilesWritten | None,
+    as_json: bool,
+    document: Callable[[list[str]], Any],
+    parts: Callable[[], Iterable[RenderableType]],
+    unwritten: str,
+    lines: Iterable[str] = (),
+    further: Sequence[str] = (),
+) -> None:
+    """Print the result of a command: one JSON document, or tables, then `lines`, then which files are where.
+
+    written: the files of --out; None: without it, and `unwritten` says what it would do.  further: names of folders beside
+    these files.  document: called with the paths written.  What was omitted goes to stderr.
+    """
+    paths = [str(path) for path in written.paths] if written else []
+    if written and written.note:
+        print_line(f"insenv: {written.note}", stderr=True)
+    if as_json:
+        print_json(document(paths))
+        return
+    print_parts(parts())
+    print_line()
+    for line in lines:
+        print_line(line)
+    if written:
+        base = written.paths[0].parent
+        names = [path.relative_to(base).as_posix() for path in written.paths]
+        print_line(f"written to {base}: {', '.join([*names, *further])}")
+    elif unwritten:
+        print_line(unwritten)
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = (), *, head: bool = True) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,13 +64,14 @@ def run(
 ) -> int:
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.cli.output import working
+    from insenv.estimators import get_all
     from insenv.export import record
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
     from insenv.scenario.tuning import parsed_settings
 
-    chosen, given = _known(estimators or []), parsed_settings(settings or [])
+    chosen, given = get_all(estimators) if estimators else None, parsed_settings(settings or [])
     formats = chosen_formats(
         out,
         {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": log},
@@ -86,8 +88,8 @@ def run(
             from insenv.web.live import live as made
             from insenv.web.live import live_document
 
-            documents["live"] = live_document(made(loaded, chosen or None, seed=seed, duration_s=duration, settings=given))
-        report = simulate(loaded, chosen or None, seed=seed, duration_s=duration, settings=given, progress=progress)
+            documents["live"] = live_document(made(loaded, chosen, seed=seed, duration_s=duration, settings=given))
+        report = simulate(loaded, chosen, seed=seed, duration_s=duration, settings=given, progress=progress)
         more = exported(report, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
         finish = _written(report, folder, not no_figure, as_json, more, documents)
     finish()
@@ -119,6 +121,7 @@ def replay(
 ) -> int:
     """Run estimators on a recorded log; print their errors against its reference."""
     from insenv.cli.output import working
+    from insenv.estimators import get_all
     from insenv.logs import load
     from insenv.report import OutputFolder
     from insenv.runs.replayed import replay as follow
@@ -126,7 +129,7 @@ def replay(
 
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
-    chosen, given = _known(estimators), parsed_settings(settings or [])
+    chosen, given = get_all(estimators), parsed_settings(settings or [])
     formats = chosen_formats(
         out,
         {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": as_log},
@@ -138,13 +141,6 @@ def replay(
         finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)
-
-
-def _known(estimator_ids: Sequence[str]) -> list[str]:
-    """The ids without repetition.  Raises `InputError` for an unknown id."""
-    from insenv import estimators
-
-    return list(dict.fromkeys(estimators.get(id).id for id in estimator_ids))
 
 
 def _status(report: Report, strict: bool) -> int:
@@ -168,25 +164,10 @@ def _written(
     documents: Mapping[str, Any] | None = None,
 ) -> Callable[[], None]:
     """Write the files, those of other formats (`more`) and `documents` in the page; return what prints the report."""
-    from insenv.cli.output import print_json, print_line, print_report
+    from insenv.cli.output import print_result
     from insenv.report import document, write_files
+    from insenv.report.tables import comparison
 
     written = None if folder is None else write_files(report, folder, figure, more, documents)
-    paths = [str(path) for path in written.paths] if written else []
-
-    def finish() -> None:
-        if written and written.note:
-            print_line(f"insenv: {written.note}", stderr=True)
-        if as_json:
-            print_json(document(report, paths))
-            return
-        print_report(report)
-        print_line()
-        if written:
-            base = written.paths[0].parent
-            names = ", ".join(Path(path).relative_to(base).as_posix() for path in paths)
-            print_line(f"written to {base}: {names}")
-        else:
-            print_line("--out DIR writes the figure and every array of the run")
-
-    return finish
+    unwritten = "--out DIR writes the figure and every array of the run"
+    return partial(print_result, written, as_json, partial(document, report), partial(comparison, report), unwritten)

@@ -233,7 +233,8 @@ def _sigmas(tilt_deg: float, heading_deg: float) -> str:
 
 
 def _print_summary(summary: dict[str, Any], report: Report | None = None) -> None:
-    from insenv.cli.output import print_line, print_report
+    from insenv.cli.output import print_line, print_parts
+    from insenv.report.tables import comparison
 
     link, late = summary["link"], summary["lateness_ms"]
     total = sum(summary["sent"].values())
@@ -252,6 +253,6 @@ def _print_summary(summary: dict[str, Any], report: Report | None = None) -> Non
         print_line(f"written: {summary['tlog']}")
     if report is not None:
         print_line()
-        print_report(report)
+        print_parts(comparison(report))
         if files := summary["score"].get("files"):
             print_line(f"written: {', '.join(files)}")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, Estimator, Json, NoFigure, Out, Seed, Settings, deferred, one
+from insenv.cli.options import Duration, Estimator, FirstSeed, Json, NoFigure, Out, Settings, deferred, one
 
 
 @deferred
@@ -20,7 +21,7 @@ def tune(
     runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Seeds on which to search.")] = 8,
     held_out: Annotated[int, typer.Option(metavar="N", help="Further seeds on which to judge.")] = 32,
     evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
-    seed: Seed = None,
+    seed: FirstSeed = None,
     duration: Duration = None,
     settings: Settings = None,
     out: Out = None,
@@ -28,7 +29,7 @@ def tune(
     as_json: Json = False,
 ) -> None:
     """Tune the noises and gates of a filter, and judge the result on data that the search has not seen."""
-    from insenv.cli.output import print_json, print_line, print_parts, working
+    from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
     from insenv.scenario.tuning import parsed_settings
     from insenv.workbench.tune import tune as search
@@ -42,17 +43,6 @@ def tune(
             duration_s=duration, settings=given, progress=progress,
         )  # fmt: skip
         written = None if folder is None else write_tuning(found, folder, not no_figure)
-    paths = [str(path) for path in written.paths] if written else []
-    if written and written.note:
-        print_line(f"insenv: {written.note}", stderr=True)
-    if as_json:
-        print_json(tuning_document(found, paths))
-        return
-    print_parts(tuning_tables(found))
-    print_line()
-    if found.is_better:
-        print_line(found.toml())
-    if written:
-        print_line(f"written to {written.paths[0].parent}: {', '.join(path.name for path in written.paths)}")
-    else:
-        print_line("--out DIR writes this section and the figure")
+    lines = [found.toml()] if found.is_better else []
+    unwritten = f"--out DIR writes {'this section' if found.is_better else 'what was found'} and the figure"
+    print_result(written, as_json, partial(tuning_document, found), partial(tuning_tables, found), unwritten, lines)

@@ -12,8 +12,7 @@ from pathlib import Path
 from insenv.core.codegen import module_source
 from insenv.core.compile import Compiler, compile_library
 from insenv.core.model import Model
-from insenv.errors import InsenvError
-from insenv.installing import install_extra, is_installed
+from insenv.installing import need
 
 _FLAGS = ("-target", "wasm32-wasi", "-std=gnu99", "-O2", "-g0", "-ffp-contract=off", "-fno-math-errno", "-w", "-c")
 _LINK = ("--no-entry", "--strip-all", "-z", "stack-size=262144", "--export=__heap_base")
@@ -28,9 +27,8 @@ EXPORTED(output) void exported_output(const double *p, const double *x, double *
 
 
 def wasm_compiler() -> Compiler:
-    """The compiler to WebAssembly.  Raises `InsenvError` if the `ziglang` wheel is not installed."""
-    if not is_installed("ziglang"):
-        raise InsenvError(f"a page needs the compiler of the package ziglang: {install_extra('web')}")
+    """The compiler to WebAssembly.  Raises `InputError` if the `ziglang` wheel is not installed."""
+    need("a page", "ziglang", extra="web")
     zig = (sys.executable, "-m", "ziglang")
     return Compiler((*zig, "cc"), _FLAGS, (*zig, "wasm-ld", *_LINK))
 

@@ -19,12 +19,10 @@ from gymnasium.vector import AutoresetMode
 
 from insenv.envs.interface import Interface
 from insenv.errors import InputError
-from insenv.installing import install_extra
+from insenv.installing import need
 
-try:
-    from stable_baselines3.common.vec_env import VecEnv  # type: ignore[import-not-found,unused-ignore]
-except ModuleNotFoundError:
-    raise InputError(f"insenv.envs.sb3 needs Stable-Baselines3, which is not installed: {install_extra('rl')}") from None
+need("insenv.envs.sb3", "stable_baselines3", package="Stable-Baselines3", extra="rl")
+from stable_baselines3.common.vec_env import VecEnv  # type: ignore[import-not-found,unused-ignore]  # noqa: E402
 
 Indices = int | Iterable[int] | None
 

@@ -205,4 +205,5 @@ def _called(verdict: Verdict, factor: float) -> str:
 
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
-    return f"{_called(verdict, factor)}: {100 * refused / count:.2g} % of {count} {what} refused, {nis.text}"
+    called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
+    return f"{called}: {100 * refused / count:.2g} % of {count} {what} refused, {nis.text}"

@@ -77,15 +77,15 @@ class Nis:
 
     @property
     def text(self) -> str:
-        """The mean with its bounds, and why a mean outside of them may be none of the filter's faults."""
-        if not self.mean >= 0:
-            return "none used"
-        why = ""
-        if self.mean > self.high and not self.above:
-            why = f", above by less than {100 * (NOTABLE - 1):.0f} % in sigma"
-        elif self.mean < self.low:
-            why = ", below: sigmas larger than the scatter"
-        return f"NIS {figure(self.mean)} ({self.low:.3g} to {self.high:.3g}{why})"
+        """The mean with its bounds."""
+        return f"NIS {figure(self.mean)} ({self.low:.3g} to {self.high:.3g})" if self.mean >= 0 else "none used"
+
+    @property
+    def qualified(self) -> str:
+        """What the verdict "consistent" means where the mean is outside the bounds; empty inside."""
+        if self.mean < self.low:
+            return ", innovations smaller than stated"
+        return f" within {100 * (NOTABLE - 1):.0f} % of sigma" if self.mean > self.high else ""
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 from insenv.errors import InputError, nearest
 from insenv.export import gpx, kml, nmea, rerun_recording, ros, text_log
 from insenv.export.log_tables import csv_text
 from insenv.export.tracks import columns_of
-from insenv.installing import install_extra
+from insenv.installing import need
 from insenv.logs import RecordedLog
 from insenv.report.files import OutputFolder, file_name, write_contents
 from insenv.report.run_data import RunData
@@ -42,14 +41,6 @@ class Format:
     log: bool = False
     package: str = ""
     extra: str = ""
-
-    def missing(self) -> str:
-        """The sentence that its package is not installed; empty if it is."""
-        try:
-            there = not self.package or find_spec(self.package) is not None
-        except ValueError:  # the module is set to None
-            there = False
-        return "" if there else f"{self.package} is not installed: {install_extra(self.extra)}"
 
 
 def _csv(given: Given) -> Files:
@@ -114,8 +105,8 @@ def check_formats(formats: Iterable[str]) -> tuple[str, ...]:
     for name in found:
         if name not in FORMATS:
             raise InputError(f"formats: unknown name {name!r}{nearest(str(name), FORMATS)}")
-        if missing := FORMATS[name].missing():
-            raise InputError(f"format {name!r}: {missing}")
+        if FORMATS[name].package:
+            need(f"format {name!r}", FORMATS[name].package, extra=FORMATS[name].extra)
     return found
 
 

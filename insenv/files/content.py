@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 
 ARCHIVE, BINARY, EMPTY, TABLE, UTF16 = "an archive", "a binary file", "empty", "a table of numbers", "text in UTF-16"
+NMEA, GPX, KML, OTHER = "sentences of NMEA 0183", "a GPX file", "a KML file", "text"
 _ARCHIVES = (b"\x1f\x8b", b"PK\x03\x04", b"\xfd7zXZ\x00", b"BZh", b"7z\xbc\xaf")
 _SEPARATORS = re.compile(r"[,;\t]| +")
+_SENTENCE = re.compile(r"[$!][A-Z]{5},[^\n]*\*[0-9A-Fa-f]{2}\s")
+_HEAD = 2000
+"""Characters in which the first element of a markup file begins."""
 _LINES = 20
 _BYTES = 65536
 
 
 def content_of(raw: bytes) -> str:
-    """One of the constants above if the bytes are plainly that; "" for any other text."""
+    """What the bytes plainly are, one of the constants above; `OTHER` for text that is none of them."""
     if not raw.strip():
         return EMPTY
     if raw.startswith(_ARCHIVES):
@@ -21,7 +25,12 @@ def content_of(raw: bytes) -> str:
         return UTF16
     if b"\0" in raw or _share_of_controls(raw) > 0.02:
         return BINARY
-    return TABLE if _has_row_of_numbers(raw[:_BYTES].decode("utf-8", errors="replace")) else ""
+    text = raw[:_BYTES].decode("utf-8-sig", errors="replace").lstrip()
+    if text.startswith("<"):
+        return next((content for tag, content in (("<gpx", GPX), ("<kml", KML)) if tag in text[:_HEAD]), OTHER)
+    if _SENTENCE.match(text):
+        return NMEA
+    return TABLE if _has_row_of_numbers(text) else OTHER
 
 
 def _share_of_controls(raw: bytes) -> float:

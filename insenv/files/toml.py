@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, ge
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
 
 from insenv.errors import InputError, nearest
-from insenv.files.content import ARCHIVE, BINARY, EMPTY, TABLE, UTF16, content_of
+from insenv.files.content import ARCHIVE, BINARY, EMPTY, OTHER, UTF16, content_of
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -109,7 +109,8 @@ def summary(section: type[Section]) -> str:
 def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[str, Any]:
     """The values of a TOML file, in UTF-8 with or without a byte order mark.
 
-    hints: end of the message about a file that is something else, by the constants of `insenv.files.content`.
+    hints: end of the message about a file that is something else, by the constants of `insenv.files.content`; that of `OTHER`
+    is for a name that does not end in .toml.
     Raises InputError: not found, not readable, empty, not UTF-8, not TOML.
     """
     path = Path(path)
@@ -130,7 +131,7 @@ def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a UTF-8 text file (byte {error.start})") from None
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
-        if content == TABLE:
+        if content != OTHER or path.suffix.lower() != ".toml":
             raise InputError(f"{path}: {content}, not a TOML file{hint}") from None
         raise InputError(f"{path}: not valid TOML: {error}") from None
     except RecursionError:

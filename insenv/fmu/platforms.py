@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import platform
 import struct
@@ -14,7 +13,7 @@ from pathlib import Path
 from insenv.core.cache import cache_folder
 from insenv.core.compile import Compiler, compile_library, find_compiler
 from insenv.errors import InputError, InsenvError, nearest
-from insenv.installing import install_extra
+from insenv.installing import install_extra, need
 
 FLAGS = (
     "-std=gnu99",
@@ -142,8 +141,7 @@ def _host_compiler(identifier: str) -> Compiler:
 
 
 def _need_zig() -> None:
-    if importlib.util.find_spec("ziglang") is None:
-        raise InputError(f"building for named platforms needs ziglang: {install_extra('native')} (or --platform host)")
+    need("building for platforms other than host", "ziglang", extra="native")
 
 
 def _cross_compiler(where: Platform, identifier: str) -> Compiler:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from insenv.core.progress import check_progress
 from insenv.errors import InputError
 from insenv.estimators.lssvm import SUPPORT, TrainedMachine
-from insenv.installing import install_extra
+from insenv.installing import need
 from insenv.scenario import Scenario, load
 
 if TYPE_CHECKING:
@@ -141,11 +141,8 @@ def digest(scenario: Scenario) -> str:
 
 def need_packages() -> None:
     """Raise `InputError` if a package that training needs is not installed."""
-    from importlib.util import find_spec
-
-    missing = [name for module, name in (("sklearn", "scikit-learn"), ("pywt", "PyWavelets")) if find_spec(module) is None]
-    if missing:
-        raise InputError(f"training needs {' and '.join(missing)}: {install_extra('ml')}")
+    for module, package in (("sklearn", "scikit-learn"), ("pywt", "PyWavelets")):
+        need("training", module, package=package, extra="ml")
 
 
 def _search(samples: Samples, weights: Array, choice: Choice, progress: Callable[[int, int], None] | None) -> tuple[Any, Array]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.files.content import BINARY, TABLE
+from insenv.files.content import BINARY, GPX, KML, NMEA, OTHER, TABLE
 from insenv.files.toml import read_toml, validated
 from insenv.logs.assemble import check_columns
 from insenv.logs.build import build
@@ -21,9 +21,15 @@ from insenv.scenario.files import names
 from insenv.scenario.kinds import is_log, is_scenario
 from insenv.sensors.grade_file import beside
 
+_TRACK = (
+    'a track has no inertial samples to replay; a scenario whose [vehicle] has kind = "recorded" simulates them along it '
+    "(docs/trajectories.md)"
+)
 _HINTS = {
     TABLE: "a description in TOML names its columns and units: `insenv new log FILE` writes one to start from (docs/logs.md)",
     BINARY: f"the name of a flight log ends in {SUFFIXES}",
+    OTHER: f"allowed is a .toml file that describes a log, or a flight log, whose name ends in {SUFFIXES}",
+    **dict.fromkeys((NMEA, GPX, KML), _TRACK),
 }
 """What a file needs that is not a description of a log."""
 

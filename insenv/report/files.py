@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Result
 from insenv.files.output import as_path, staged
-from insenv.installing import install_extra
+from insenv.installing import install_extra, is_installed
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable
 from insenv.report.page import run_page
@@ -36,8 +35,8 @@ _UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 
 
 def no_matplotlib() -> str:
-    """The note of results without a figure."""
-    return f"no figure: matplotlib is not installed: {install_extra('plot')}"
+    """The note of results without a figure because matplotlib is not installed; empty if it is."""
+    return "" if is_installed("matplotlib") else f"no figure: matplotlib is not installed: {install_extra('plot')}"
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ def write_files(
     name = file_name(report.scenario)
     note = ""
     if figure:
-        note = NOTHING_TO_DRAW if not drawable(report) else no_matplotlib() if not find_spec("matplotlib") else ""
+        note = NOTHING_TO_DRAW if not drawable(report) else no_matplotlib()
     drawn = figure and not note
     kinds = ["npz", "json", *(["html"] if figure else []), *(["png", "svg"] if drawn else [])]
     names = [*(f"{name}.{kind}" for kind in kinds), *(more or {})]

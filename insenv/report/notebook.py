@@ -6,14 +6,12 @@ import base64
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from insenv.errors import InputError
-from insenv.installing import install_extra, install_package
+from insenv.installing import is_installed, need
 from insenv.style import save
 
 if TYPE_CHECKING:
@@ -26,8 +24,7 @@ HtmlTable = tuple[str, Sequence[str], Iterable[Sequence[str]]]
 
 def require_matplotlib() -> None:
     """Raise `InputError` if matplotlib is not installed."""
-    if not find_spec("matplotlib"):
-        raise InputError(f"a figure needs matplotlib, which is not installed: {install_extra('plot')}")
+    need("a figure", "matplotlib", extra="plot")
 
 
 def html_document(
@@ -36,7 +33,7 @@ def html_document(
     """A title, tables, notes and, if `plot` is given and matplotlib is installed, the figure as a PNG in a data URI."""
     parts = [f"<p><b>{escape(title)}</b><br>{escape(facts)}</p>", *(_table(*table) for table in tables)]
     parts += [f"<p>note: {escape(note)}</p>" for note in notes]
-    if plot is not None and find_spec("matplotlib"):
+    if plot is not None and is_installed("matplotlib"):
         stream = io.BytesIO()
         save(plot(), {"png": stream})
         image = base64.b64encode(stream.getvalue()).decode("ascii")
@@ -57,10 +54,9 @@ def data_frame(index: NDArray[Any], columns: Mapping[str, NDArray[Any]], name: s
 
     Raises `InputError` if pandas is not installed.
     """
-    try:
-        import pandas
-    except ModuleNotFoundError:
-        raise InputError(f"a DataFrame needs pandas, which is not installed: {install_package('pandas')}") from None
+    need("a DataFrame", "pandas")
+    import pandas
+
     flat: dict[str, NDArray[Any]] = {}
     for column, values in columns.items():
         if values.ndim == 1:

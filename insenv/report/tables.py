@@ -167,12 +167,12 @@ def estimate_rows(result: Result) -> list[tuple[str, str, str]]:
     return rows
 
 
-def table_of(first: str, *columns: str, least: int = _NUMBER - 1) -> Table:
-    """An empty table: a column of labels, and columns of numbers of at least `least` characters."""
+def table_of(first: str, *columns: str, least: int = _NUMBER - 1, gap: int = _GAP) -> Table:
+    """An empty table: a column of labels, and columns of numbers of at least `least` characters, `gap` + 1 apart."""
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, _GAP, 0, 0))
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, gap, 0, 0))
     table.add_column(first, no_wrap=True, min_width=_CHANNEL)
     for name in columns:
         table.add_column(name, justify="right", min_width=least, no_wrap=True)

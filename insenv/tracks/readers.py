@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 
 from insenv.attitude.numeric import to_euler
-from insenv.errors import InputError, InsenvError
+from insenv.errors import InputError
 from insenv.files.toml import Section, key
-from insenv.installing import install_extra
+from insenv.installing import need
 from insenv.tracks.points import Points
 
 Column = str | int
@@ -84,10 +84,9 @@ def _points(path: Path, rows: list[tuple[float, float, float, float]]) -> Points
 
 
 def _gpx(path: Path, columns: Columns) -> Points:
-    try:
-        import gpxpy
-    except ImportError:
-        raise InsenvError(f"gpxpy is not installed: {install_extra('workbench')}") from None
+    need(f"{path}: a GPX file", "gpxpy", extra="workbench")
+    import gpxpy
+
     try:
         found = gpxpy.parse(path.read_text(encoding="utf-8-sig"))
     except (gpxpy.gpx.GPXException, UnicodeDecodeError) as error:
@@ -102,10 +101,9 @@ def _gpx(path: Path, columns: Columns) -> Points:
 
 def _nmea(path: Path, columns: Columns) -> Points:
     """Fixes of the sentences GGA, whose heights are above mean sea level and of the geoid; days follow from midnights."""
-    try:
-        import pynmea2
-    except ImportError:
-        raise InsenvError(f"pynmea2 is not installed: {install_extra('workbench')}") from None
+    need(f"{path}: an NMEA file", "pynmea2", extra="workbench")
+    import pynmea2
+
     rows: list[tuple[float, float, float, float]] = []
     wrong, day = "", 0.0
     for number, line in enumerate(path.read_text(encoding="ascii", errors="replace").splitlines(), 1):

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
-from insenv.errors import InsenvError
-from insenv.installing import install_extra
+from insenv.installing import need
 
 Array = NDArray[np.float64]
 
@@ -29,11 +28,10 @@ _FREQUENCIES = 20000
 
 
 def allantools() -> ModuleType:
-    """The package allantools.  Raises `InsenvError` if it is not installed."""
-    try:
-        import allantools as found
-    except ImportError:
-        raise InsenvError(f"allantools is not installed: {install_extra('workbench')}") from None
+    """The package allantools.  Raises `InputError` if it is not installed."""
+    need("an Allan deviation", "allantools", extra="workbench")
+    import allantools as found
+
     return found
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +37,12 @@ _DRAWN = {
 _HEADS = {
     "gyro": ("gyro", "ARW deg/sqrt(h)", "slow noise", "lowest"),
     "accel": ("accel", "VRW ug/sqrt(Hz)", "slow noise", "lowest"),
+}
+_MEANINGS = {
+    "flicker": "flicker: the floor of the deviation",
+    "walk": "walk: a random walk of the bias",
+    "bias": "bias, time: a Gauss-Markov bias (1 sigma) and its correlation time",
+    "count": "count: quantization",
 }
 
 
@@ -93,22 +98,34 @@ def tables(found: UnitNoise) -> Iterator[RenderableType]:
     lasts = part.end_s - part.begin_s
     yield Text(found.log, "bold")
     yield Text(f"{lasts:.6g} s without motion from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
+    rows = (*found.axes, *found.triads)
+    columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():
         yield Text()
-        table = table_of(*head)
-        for noise in (*found.axes, *found.triads):
+        table = table_of(*head[:columns], gap=1)
+        for noise in rows:
             if noise.kind == kind:
-                table.add_row(noise.name if " " in noise.name else f"{noise.name}, all", *_cells(noise))
+                name = noise.name if " " in noise.name else f"{noise.name}, all"
+                table.add_row(*(name, *_cells(noise))[:columns])
         yield table
     yield Text()
-    yield Text(
-        "In brackets the bounds that hold the true figure with 95 %. Slow noise: flicker (its floor), a random walk of the "
-        "bias, or a Gauss-Markov bias (1 sigma) with its correlation time. Lowest: of the Allan deviation, the bias "
-        "instability of a data sheet.",
-        "dim",
-    )
+    for told in _explained(rows):
+        yield Text(told, "dim")
     for warning in found.warnings:
         yield Text(f"warning: {warning}", "yellow")
+
+
+def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
+    """What the entries mean that the tables have."""
+    if any(noise.terms is not None for noise in rows):
+        yield "±: half the width of the 95 % bounds"
+    shown = {name for noise in rows for name, key, _ in _slow_keys(noise.kind) if key in noise.figures()}
+    if shown:
+        yield f"{'; '.join(text for name, text in _MEANINGS.items() if name in shown)}; in brackets: 95 % bounds"
+    if any(noise.terms is not None and not noise.terms.slow for noise in rows):
+        yield "not seen: a flicker above this bound (95 %) would have been"
+    if any(noise.floor() for noise in rows):
+        yield "lowest (deg/h, ug): of the Allan deviation, a data sheet's bias instability; empty while it still falls"
 
 
 def _cells(noise: SensorNoise) -> tuple[str, str, str]:
@@ -124,7 +141,7 @@ def _cells(noise: SensorNoise) -> tuple[str, str, str]:
     return (
         f"{_number(white.value)} ±{error:.1g} %",
         "\n".join(slow),
-        "" if floor is None else f"{_number(floor.value)} {noise.unit}",
+        "" if floor is None else _number(floor.value),
     )
 
 
@@ -160,7 +177,7 @@ def draw(found: UnitNoise) -> Picture:
         for axes, triad in zip(panels, found.triads, strict=True):
             _panel(axes, triad, [axis for axis in found.axes if axis.kind == triad.kind])
         style.title(figure, f"Allan deviation: {found.log}, {found.part.end_s - found.part.begin_s:.6g} s at rest")
-        style.legend(figure, panels)
+        style.legend(figure, panels, columns=8)
         return figure
 
 
@@ -171,7 +188,6 @@ def _panel(axes: Axes, triad: SensorNoise, live: Sequence[SensorNoise]) -> None:
     axes.set_title(f"{name} [{unit}]", loc="left")
     axes.set_xlabel("averaging time [s]")
     axes.set_xscale("log")
-    axes.set_yscale("log")
     lowest = []
     for noise, colour in zip(live, style.COLOURS, strict=False):
         if noise.terms is None:
@@ -180,8 +196,10 @@ def _panel(axes: Axes, triad: SensorNoise, live: Sequence[SensorNoise]) -> None:
         known = np.isfinite(freedom)
         low, high = (np.sqrt(freedom[known] / chi2.ppf(level, freedom[known])) for level in (0.975, 0.025))
         axes.fill_between(tau[known], value[known] * low, value[known] * high, color=colour, alpha=0.16, linewidth=0)
+        axes.fill_between([], [], color=style.LIMIT, alpha=0.16, linewidth=0, label="95 % bounds of an axis")
         axes.plot(tau, value, "o-", markersize=3.0, color=colour, label=noise.name.split()[1])
         lowest.append(value.min())
+    style.log(axes)
     if triad.terms is None or not lowest:
         axes.text(0.5, 0.5, "no noise", transform=axes.transAxes, ha="center")
         return
@@ -240,7 +258,7 @@ def grade_text(found: UnitNoise) -> str:
 
 def write_files(found: UnitNoise, folder: OutputFolder, grade_file: Path | None, figure: bool = True) -> FilesWritten:
     """Write allan.json, unit.toml and, if `figure` and matplotlib is installed, allan.png and allan.svg, or none of them."""
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     names = [f"{FIGURE}.json", GRADE_FILE, *((f"{FIGURE}.png", f"{FIGURE}.svg") if drawn else ())]
     paths = tuple(folder.path / name for name in names)

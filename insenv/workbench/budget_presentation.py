@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +11,12 @@ from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.tables import number
+from insenv.report.tables import number, table_of
 from insenv.style import save
 from insenv.workbench.budget_result import Budget
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 NAME = "budget"
 GROUPS = (("attitude, deg", ATTITUDE), ("velocity, m/s", VELOCITY), ("position, m", POSITION))
@@ -68,7 +66,8 @@ def _group(found: Budget, title: str, places: list[int]) -> Iterator[RenderableT
     """One table: the sources by their share, then what they make together."""
     from rich.text import Text
 
-    table = _narrow_table(title, [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")])
+    columns = [text for place in places for text in (found.channels[place].rpartition("_")[0], "w/o")]
+    table = table_of(title, *columns, gap=1)
     shares = found.shares()[:, places]
     alone, without = found.rms(found.alone)[:, places], found.rms(found.without)[:, places]
     largest = np.nan_to_num(shares[:-1], nan=np.inf).max(axis=1)
@@ -94,23 +93,11 @@ def _group(found: Budget, title: str, places: list[int]) -> Iterator[RenderableT
     yield table
 
 
-def _narrow_table(first: str, columns: Sequence[str]) -> Table:
-    """A table of six numbers beside a name within 80 columns."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column(first, no_wrap=True, min_width=13)
-    for name in columns:
-        table.add_column(name, justify="right", min_width=7, no_wrap=True)
-    return table
-
-
 def write_budget(found: Budget, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write budget.npz, budget.json and, if `figure` and matplotlib is installed, budget.png and budget.svg."""
     from insenv.workbench.budget_figure import draw_budget
 
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     names = [f"{NAME}.npz", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
     with folder.staged() as part:

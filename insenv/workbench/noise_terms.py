@@ -188,6 +188,11 @@ class _Problem:
         self.tau, self.seen, self.duration = tau, seen, duration
         self.covariance = statistics.covariance + MODEL_ERROR**2 * np.eye(len(tau))
 
+    @property
+    def longest(self) -> float:
+        """The longest correlation time of the fit, s: a thousand times the duration, which no curve tells from a walk."""
+        return 1e3 * self.duration
+
     @cached_property
     def _whitening(self) -> Array:
         return np.linalg.inv(np.linalg.cholesky(self.covariance))
@@ -204,7 +209,7 @@ class _Problem:
             return self.cost(fixed), fixed
         lowest = np.log(np.sqrt(np.exp(self.seen.min()))) - 12.0
         low = np.array([np.log(2.0 * self.tau[0]) if name == TIME else lowest - 12.0 for name in names])
-        high = np.array([np.log(1e3 * self.duration) if name == TIME else lowest + 40.0 for name in names])
+        high = np.array([np.log(self.longest) if name == TIME else lowest + 40.0 for name in names])
 
         def values(at: Array) -> dict[str, float]:
             return {**dict(zip(names, np.exp(at).tolist(), strict=True)), **fixed}
@@ -272,6 +277,8 @@ class _Problem:
             return self.best(best, {name: float(np.exp(log))})[0] - least - CHI_SQUARE
 
         low, high = (self._crossing(excess, np.log(value), sign) for sign in (-1.0, 1.0))
+        if high is not None and self.best(best, {name: float(np.exp(high))})[1].get(TIME, 0.0) > 0.99 * self.longest:
+            high = None  # a walk without end, which is worse only because the fit ends its times there
         return Figure(value, 0.0 if low is None else float(np.exp(low)), np.inf if high is None else float(np.exp(high)))
 
     def upper(self, best: Mapping[str, float], name: str) -> float:

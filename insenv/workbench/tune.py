@@ -11,7 +11,7 @@ seeds is one batch of the campaign's model: candidates differ in their parameter
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -28,13 +28,15 @@ from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Estimator, get
+from insenv.installing import need
 from insenv.plant.loop import PREFIX
 from insenv.scenario import ScenarioLike, limit_of, load, no_limit
 from insenv.scenario.files import parse
 from insenv.scenario.tuning import Settings, setting_rows
+from insenv.workbench.tune_log import is_log, tune_log
 from insenv.workbench.tune_parameters import Parameter, tuned_parameters
 from insenv.workbench.tune_result import Channel, Tuning
-from insenv.workbench.tune_search import FAILED, need_cma, search
+from insenv.workbench.tune_search import FAILED, search
 
 Array = NDArray[np.float64]
 
@@ -127,7 +129,7 @@ def tune(
     keys: parameters to tune, by their keys in [estimator.ID]; None: noises and gates that are not 0.
     evaluations: about how many sets of factors are tried.
     seed: first seed; None: the scenario's.
-    duration_s: instead of the scenario's, s.
+    duration_s: instead of the scenario's, s.  A log allows neither of the two.
     settings: parameters by estimator id from which tuning starts, as of `insenv.run`.
     progress: called with the numbers of evaluations done and in all.
 
@@ -135,13 +137,14 @@ def tune(
     run, and if the `cma` package is missing.
     """
     check_progress(progress)
-    need_cma()
+    need("tuning", "cma", extra="workbench")
     for name, value in (("runs", runs), ("held_out", held_out), ("evaluations", evaluations)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 2 <= value <= MOST:
             raise InputError(f"{name} = {value!r}: allowed is a whole number from 2 to {MOST}")
-    from insenv.workbench.tune_log import is_log, tune_log
-
     if is_log(source):
+        for option, asked in (("seed", seed), ("duration_s", duration_s)):
+            if asked is not None:
+                raise InputError(f"{option} = {asked!r}: allowed with a scenario; a log is used as a whole")
         return tune_log(source, estimator, keys, evaluations, settings, progress)
     scenario = load(source)
     setting_rows(settings, [get(estimator)])
@@ -181,7 +184,7 @@ def tune(
         change=_change(judging, first, second),
         channels=_channels(plan.measured.channels, first, second, limit),
         consistency=_consistency(judging, first, second),
-        notes=(*plan.notes, *_notes(found.interrupted, found.evaluations)),
+        notes=(*plan.notes, *_diverged(first, second), *found.notes),
     )
 
 
@@ -218,5 +221,9 @@ def _consistency(judging: Seeds, first: Measures, second: Measures) -> dict[str,
     return {"before": float(np.mean(first.nees)) / degrees, "after": float(np.mean(second.nees)) / degrees}
 
 
-def _notes(interrupted: bool, evaluations: int) -> tuple[str, ...]:
-    return (f"the search was interrupted after {evaluations} evaluations",) if interrupted else ()
+def _diverged(first: Measures, second: Measures) -> Iterator[str]:
+    """A sentence if there are no intervals because the estimator diverges in some of the held-out runs."""
+    counts = [int(np.sum(~np.isfinite(found.squares).all(axis=1))) for found in (first, second)]
+    if any(counts):
+        runs = len(first.squares)
+        yield f"the estimator diverges in {counts[0]} of {runs} held-out runs before and in {counts[1]} after: no interval"

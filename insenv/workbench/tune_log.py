@@ -13,9 +13,10 @@ LARGEST.  Factors are sought on the first half of the log and judged on the seco
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from insenv.core.batch import make_batch
 from insenv.core.progress import Progress
 from insenv.errors import InputError
 from insenv.estimators import Estimator
+from insenv.evaluation.nis import NOTABLE
 from insenv.files.toml import read_toml
 from insenv.logs import RecordedLog
 from insenv.logs.flight.formats import is_flight_log
@@ -46,6 +48,8 @@ UNSETTLED = 0.1
 LEAST_FIXES = 40
 BLOCKS = 10
 """Blocks of the second half whose means are taken as independent."""
+SLOW = "fix_wander_sigma"
+"""Sigma of the slow part of the error of a fix, which innovations do not show."""
 NEEDED = ("innovation", "position_sigma", "velocity_sigma")
 
 
@@ -55,7 +59,9 @@ def is_log(source: object) -> bool:
         return True
     if not isinstance(source, (str, Path)) or str(source) in names() or not Path(source).is_file():
         return False
-    return is_flight_log(Path(source)) or kinds.is_log(read_toml(Path(source)))
+    path = Path(source)
+    # a scenario is a name or a .toml file; of another file the reader of logs says what it is
+    return is_flight_log(path) or path.suffix.lower() != ".toml" or kinds.is_log(read_toml(path))
 
 
 @dataclass(frozen=True)
@@ -121,7 +127,7 @@ def tune_log(
         raise InputError(f"{len(samples)} fixes: tuning on a log needs at least {LEAST_FIXES}")
     table = chosen.model.parameters
     given = table.unpack(table.pack(chosen.parameters(ready.starts[0].knowledge, rows=ready.given[chosen.id])))
-    fixes = Fixes(ready, tuned_parameters(chosen, given, keys), samples, _sigma(ready, samples))
+    fixes = Fixes(ready, tuned_parameters(chosen, given, keys, but=(SLOW,)), samples, _sigma(ready, samples))
     half, count = len(samples) // 2, len(fixes.parameters)
     first = max(1, round(UNSETTLED * half))
 
@@ -139,8 +145,8 @@ def tune_log(
         return np.where(np.isfinite(found), found, FAILED)
 
     found = search(objective, count, evaluations, 1, progress)
-    each, squares = fixes.scores(np.stack([np.ones(count), found.factors]), len(samples))
-    scores, squares = (np.nanmean(values[:, half:], axis=2) for values in (each, squares))
+    scores_of_each, squares_of_each = fixes.scores(np.stack([np.ones(count), found.factors]), len(samples))
+    scores, squares = (np.nanmean(values[:, half:], axis=2) for values in (scores_of_each, squares_of_each))
     end = ready.log.imu_time[ready.first + samples]
     result = Tuning(
         source=ready.log.description.title if isinstance(source, RecordedLog) else str(source),
@@ -157,9 +163,18 @@ def tune_log(
         change=_change(scores[1] - scores[0]),
         channels=(),
         consistency={"before": float(squares[0].mean()), "after": float(squares[1].mean())},
-        notes=(f"the search was interrupted after {found.evaluations} evaluations",) if found.interrupted else (),
+        notes=(*found.notes, *_slow_errors(float(np.nanmean(squares_of_each[0, half:, :3])), given)),
     )
     return _with_errors(result, ready.log, estimator, settings, float(end[half]))
+
+
+def _slow_errors(mean: float, given: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence if positions scatter less than stated (mean of y^2 / S) for a filter that models no slow errors of fixes."""
+    if mean < NOTABLE**-2 and not np.any(given.get(SLOW, 0.0)):
+        yield (
+            f"positions scatter less than their sigmas say (mean y^2 / S {mean:.2g}): the sigmas are too large, or part of the "
+            "error is slow, and the score then favours a filter that follows the fixes: state fix_wander_sigma_m in that case"
+        )
 
 
 def _change(differences: Array) -> Estimate:

@@ -42,14 +42,18 @@ class Parameter:
         return numbers[0] if len(set(numbers)) == 1 else numbers
 
 
-def tuned_parameters(estimator: Estimator, values: Mapping[str, Any], keys: Sequence[str] | None) -> tuple[Parameter, ...]:
+def tuned_parameters(
+    estimator: Estimator, values: Mapping[str, Any], keys: Sequence[str] | None, but: Sequence[str] = ()
+) -> tuple[Parameter, ...]:
     """The parameters that `keys` name (of [estimator.ID]), or by default the noises and gates that are not 0.
 
-    values: parameters of the estimator by row name, SI.  Raises `InputError` for a key that is unknown or whose value is 0.
+    values: parameters of the estimator by row name, SI.  but: rows that are not tuned by default.  Raises `InputError` for a
+    key that is unknown or whose value is 0.
     """
     known = {row: names for row, names in keys_by_row(estimator.model.parameters).items() if row in values}
     if keys is None:
-        chosen = {row: names[0] for row, names in known.items() if _is_noise(row) and np.all(np.asarray(values[row]) > 0.0)}
+        noises = (row for row in known if _is_noise(row) and row not in but and np.all(np.asarray(values[row]) > 0.0))
+        chosen = {row: known[row][0] for row in noises}
     else:
         by_key = {name: row for row, names in known.items() for name in names}
         for key in keys:

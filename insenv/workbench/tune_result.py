@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -171,7 +170,7 @@ def _shown(value: float | list[float]) -> str:
 
 def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> FilesWritten:
     """Write tuning.toml, tuning.json and, if `figure` and matplotlib is installed, tuning.png and tuning.svg."""
-    note = no_matplotlib() if figure and not find_spec("matplotlib") else ""
+    note = no_matplotlib() if figure else ""
     drawn = figure and not note
     names = [f"{NAME}.toml", f"{NAME}.json", *((f"{NAME}.png", f"{NAME}.svg") if drawn else ())]
     with folder.staged() as part:

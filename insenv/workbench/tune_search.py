@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.progress import Progress
-from insenv.errors import InputError
-from insenv.installing import install_extra
 from insenv.workbench.tune_parameters import LARGEST
 
 Array = NDArray[np.float64]
@@ -39,11 +36,10 @@ class Search:
     evaluations: int
     interrupted: bool
 
-
-def need_cma() -> None:
-    """Raise `InputError` if the `cma` package is not installed."""
-    if not find_spec("cma"):
-        raise InputError(f"tuning needs the cma package, which is not installed: {install_extra('workbench')}")
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the search."""
+        return (f"the search was interrupted after {self.evaluations} evaluations",) if self.interrupted else ()
 
 
 def search(objective: Objective, parameters: int, evaluations: int, seed: int, progress: Progress | None) -> Search:

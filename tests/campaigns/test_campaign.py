@@ -1,6 +1,5 @@
 """Campaigns: whole runs in the core; bit-identical with any workers and after interruptions."""
 
-import importlib.util
 import os
 import pickle
 import shutil
@@ -213,7 +212,7 @@ def test_an_interrupted_campaign_resumes_with_bit_identical_results(tmp_path):
 def test_an_interruption_waits_for_no_block_that_has_not_begun(monkeypatch):
     plan, original, begun = small_plan(), block_module.run_block, []
 
-    def slow(plan, number, stopped):
+    def slow(plan, number, stopped, part):
         begun.append(number)
         time.sleep(0.5)
         return original(plan, number, stopped)
@@ -267,7 +266,7 @@ def test_the_folder_of_another_campaign_is_refused(tmp_path):
 def test_a_block_that_fails_ends_the_campaign_and_keeps_the_others(tmp_path, monkeypatch):
     plan, original = small_plan(), block_module.run_block
 
-    def failing(plan, number, stopped):
+    def failing(plan, number, stopped, part):
         if number == 2:
             raise InputError("no such wave")
         return original(plan, number, stopped)
@@ -389,17 +388,3 @@ def test_an_interruption_says_what_is_kept(tmp_path):
         run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1), progress=interrupt)
     with pytest.raises(KeyboardInterrupt, match="nothing written: --out DIR keeps finished blocks"):
         run_campaign(plan, workers=threads(1), progress=interrupt)
-
-
-def test_packages_that_are_missing_are_wrong_input(monkeypatch):
-    from insenv.learning.training import need_packages
-    from insenv.report.notebook import data_frame, require_matplotlib
-
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr("insenv.report.notebook.find_spec", lambda name: None)
-    for name in ("distributed", "pandas"):
-        monkeypatch.setitem(sys.modules, name, None)
-    calls = (need_packages, require_matplotlib, lambda: cluster("tcp://127.0.0.1:8786"), lambda: data_frame(np.zeros(1), {}))
-    for call in calls:
-        with pytest.raises(InputError, match="pip install"):
-            call()

@@ -39,7 +39,7 @@ def drawn(monkeypatch):
     def run(plan, change=lambda arrays: None):
         rng, kept, first = np.random.default_rng(2), [], block_module.run_block(plan, 0)
 
-        def replaced(plan, number, stopped):
+        def replaced(plan, number, stopped, part):
             arrays = {name: value.copy() for name, value in first.items()}
             runs = plan.blocks[number]
             arrays["seed"] = np.array([plan.first_seed + run for run in runs], dtype=float)
@@ -98,7 +98,7 @@ def test_runs_far_from_the_median_are_listed(monkeypatch):
     plan = replace(make_plan(slow_ship(), "analytic", 16, first_seed=3, duration_s=2.0), block_samples=1)
     original = block_module.run_block
 
-    def spoilt(plan, number, stopped):
+    def spoilt(plan, number, stopped, part):
         arrays = original(plan, number)
         arrays["mean_square"] = np.ones_like(arrays["mean_square"])
         for run, factor in ((1, 9.0), (2, 11.0), (5, 300.0)):

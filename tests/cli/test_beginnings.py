@@ -42,6 +42,18 @@ def test_examples_overwrites_nothing(folder):
     assert contents(folder) == {"examples/logs/plain.toml": b"mine"}
 
 
+def test_examples_that_are_there_already_are_no_conflict(folder):
+    assert call("examples")[0] == 0
+    before = contents(folder)
+    (folder / "examples" / "env_loop.py").unlink()
+    status, out, err = call("examples")
+    assert (status, err) == (0, "") and f"{len(before)} files in examples, 1 of them new; to try" in out
+    assert contents(folder) == before and call("examples", "--json")[0] == 0
+    with (folder / "examples" / "env_loop.py").open("ab") as file:
+        file.write(b"# mine")
+    refused(call("examples"), "env_loop.py' exists with another content", "no file is overwritten")
+
+
 def test_a_new_scenario_is_commented_and_names_itself(folder):
     assert call("new", "scenario", "boat.toml")[0] == 0
     text = (folder / "boat.toml").read_text("utf-8")

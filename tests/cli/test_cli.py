@@ -16,7 +16,9 @@ from command_line import SHORT, call, log_file, refused, strict
 from insenv import errors, run
 from insenv.cli import main
 from insenv.cli.interruptions import Interruptions
+from insenv.cli.output import print_parts
 from insenv.evaluation.errors import ATTITUDE
+from insenv.report.tables import table_of
 
 # as installed, but with Ctrl-C enabled even if the parent ignores it, as shells do for background jobs
 PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
@@ -268,3 +270,11 @@ def test_a_command_that_runs_one_estimator_refuses_two(command, tmp_path, monkey
     status, out, err = call(*command, "-e", "q-method", "-e", "analytic")
     assert (status, out) == (2, "") and "-e q-method -e analytic: allowed is one estimator" in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_table_wider_than_the_screen_is_not_cut(capsys):
+    cell = "walk 25.2 [19.4, 31.5] deg/h/sqrt(h), " * 4
+    table = table_of("first", "second")
+    table.add_row("a b", cell)
+    print_parts([table])
+    assert cell.strip() in capsys.readouterr().out

@@ -53,6 +53,37 @@ def test_other_content_is_named(tmp_path, content, words):
     refused(replay(path), "mine.toml", *words)
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        (
+            "notes.md",
+            "# Notes\n\nSome words.\n",
+            ["text, not a TOML file; allowed is a .toml file", ".ulg"],
+        ),
+        ("a.nmea", "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n" * 3, ["NMEA 0183", "recorded"]),
+        (
+            "a.gpx",
+            '<?xml version="1.0"?>\n<!-- a ride -->\n<gpx version="1.1"><trk/></gpx>\n',
+            ["a GPX file", "recorded"],
+        ),
+        (
+            "a.kml",
+            '\ufeff<kml xmlns="http://www.opengis.net/kml/2.2"></kml>',
+            ["a KML file", "trajectories.md"],
+        ),
+        ("a.xml", "<settings>1</settings>", ["text, not a TOML file"]),
+    ],
+    ids=["markdown", "nmea", "gpx", "kml", "xml"],
+)
+def test_a_log_that_is_none_says_what_it_is_in_every_command(tmp_path, name, content, words):
+    path = tmp_path / name
+    path.write_text(content, encoding="utf-8")
+    for answer in (replay(path), call("allan", path), call("tune", path, "-e", "loosely-coupled")):
+        refused(answer, name, *words)
+        assert "not valid TOML" not in answer[2]
+
+
 def test_a_binary_file_may_be_a_flight_log_of_another_name(tmp_path):
     (tmp_path / "flight.log").write_bytes(bytes(range(256)) * 10)
     refused(replay(tmp_path / "flight.log"), "a binary file", ".tlog, .BIN, .ulg, .mcap, .db3 or .bag")

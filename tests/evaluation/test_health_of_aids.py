@@ -11,7 +11,7 @@ from written_logs import written_log
 import insenv
 from insenv import estimators
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
-from insenv.evaluation.health import health
+from insenv.evaluation.health import Health, health
 from insenv.evaluation.nis import Nis
 from insenv.report.tables import comparison
 
@@ -55,17 +55,23 @@ def test_an_aid_that_measured_nothing_is_not_judged():
 
 
 @pytest.mark.parametrize(
-    ("nis", "text"),
+    ("verdict", "nis", "text"),
     [
-        (Nis(1.0, 0.9, 1.1), "NIS 1 (0.9 to 1.1)"),
-        (Nis(1.15, 0.9, 1.1), "NIS 1.15 (0.9 to 1.1, above by less than 10 % in sigma)"),
-        (Nis(1.5, 0.9, 1.1), "NIS 1.5 (0.9 to 1.1)"),
-        (Nis(0.5, 0.9, 1.1), "NIS 0.5 (0.9 to 1.1, below: sigmas larger than the scatter)"),
-        (Nis(float("nan"), float("nan"), float("nan")), "none used"),
+        ("consistent", Nis(1.0, 0.9, 1.1), "consistent: 5 % of 20 fixes refused, NIS 1 (0.9 to 1.1)"),
+        ("consistent", Nis(1.15, 0.9, 1.1), "consistent within 10 % of sigma: 5 % of 20 fixes refused, NIS 1.15 (0.9 to 1.1)"),
+        ("overconfident", Nis(1.5, 0.9, 1.1), "overconfident, factor 1: 5 % of 20 fixes refused, NIS 1.5 (0.9 to 1.1)"),
+        ("overconfident", Nis(0.5, 0.9, 1.1), "overconfident, factor 1: 5 % of 20 fixes refused, NIS 0.5 (0.9 to 1.1)"),
+        (
+            "consistent",
+            Nis(0.5, 0.9, 1.1),
+            "consistent, innovations smaller than stated: 5 % of 20 fixes refused, NIS 0.5 (0.9 to 1.1)",
+        ),
+        ("consistent", Nis(*3 * (float("nan"),)), "consistent: 5 % of 20 fixes refused, none used"),
     ],
 )
-def test_a_consistent_filter_outside_the_bounds_says_why(nis, text):
-    assert nis.text == text
+def test_the_verdict_of_a_filter_outside_the_bounds_says_so_itself(verdict, nis, text):
+    found = Health(20, 1, nis, {}, verdict, 1.0, fix_verdict=verdict)
+    assert found.summary == text
 
 
 def test_the_outputs_of_fusion_are_rows_of_health():

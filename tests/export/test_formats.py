@@ -167,7 +167,7 @@ def test_wrong_calls_are_refused(tmp_path: Path, report: Any) -> None:
 
 def test_a_missing_package_is_named(tmp_path: Path, report: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "gpxpy", None)
-    with pytest.raises(InputError, match="format 'gpx': gpxpy is not installed: pip install"):
+    with pytest.raises(InputError, match="format 'gpx' needs gpxpy, which is not installed: pip install"):
         insenv.write(report, tmp_path, "gpx")
 
 

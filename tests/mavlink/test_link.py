@@ -446,7 +446,7 @@ def test_a_missing_device() -> None:
 
 def test_serial_without_pyserial(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "serial", None)
-    with pytest.raises(InputError, match="pyserial is not installed: pip install"):
+    with pytest.raises(InputError, match="needs pyserial, which is not installed: pip install"):
         open_link("serial:/dev/ttyUSB0:57600")
 
 

@@ -1,5 +1,7 @@
 """Messages about unknown names."""
 
+import re
+
 import pytest
 from command_line import call, refused
 from fmu_tools import exported
@@ -15,8 +17,10 @@ def test_few_names_are_listed():
 def test_of_many_names_the_nearest_are_listed_and_where_all_are():
     names = [f"row_{k}" for k in range(40)]
     found = nearest("row_39x", names, "`insenv list`")
-    assert found.startswith("; did you mean 'row_39'? (allowed: row_39, ")
+    assert found.startswith("; did you mean 'row_39'? (allowed: row_") and ", row_39" in found
     assert found.endswith(" and 34 more; `insenv list` shows all)")
+    numbers = [int(number) for number in re.findall(r"row_(\d+)", found.partition("allowed")[2])]
+    assert numbers == sorted(numbers), "not in the order of the list"
     assert len(found) < 160
 
 

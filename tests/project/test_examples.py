@@ -1,6 +1,7 @@
 """The examples: each script runs from an empty folder, each description is read and agrees with its sibling."""
 
 import os
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -29,6 +30,29 @@ SAID = {  # what each script must print
     "train_manoeuvre.py": ("PPO minus the pattern", "bound of the fixes"),
     "train_tuner.py": ("PPO minus untuned", "best fixed factors"),
 }
+
+
+@pytest.mark.slow
+def test_the_tuners_that_need_no_training_are_as_on_their_page():
+    """All rows of docs/tuning-and-manoeuvre.md but that of PPO; a minute."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", EXAMPLES / "train_tuner.py", "--steps", "0"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, encoding="utf-8", check=True,
+    )  # fmt: skip
+    page = (ROOT / "docs" / "tuning-and-manoeuvre.md").read_text("utf-8")
+    told = {
+        "untuned": "untuned",
+        "best fixed factors": "best fixed factors of a search",
+        "those by CMA-ES": "best fixed factors by CMA-ES",
+        "correct data sheets": "filter with the correct data sheets",
+    }
+    for name, beginning in told.items():
+        printed = re.search(rf"^{name} +(-[\d.]+.*)$", done.stdout, re.MULTILINE)[1].split()
+        row = re.search(rf"^\| {re.escape(beginning)}[^|]*\|(.*)\|$", page, re.MULTILINE)[1]
+        shown = re.findall(r"-?[\d.]+", row)
+        digits = [len(number.partition(".")[2]) for number in shown]
+        wrong = [abs(float(a) - float(b)) > 0.51 * 10.0**-n for a, b, n in zip(printed, shown, digits, strict=True)]
+        assert not any(wrong), (name, printed, shown)
 
 
 def test_each_script_is_named_here():

@@ -1,9 +1,12 @@
 """The commands that messages advise for optional packages."""
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
+from command_line import call, refused
+from places import ROOT
 
 from insenv import installing
 from insenv.installing import install_extra, install_package
@@ -48,6 +51,30 @@ def test_every_extra_that_is_advised_is_declared():
     root = Path(installing.__file__).parents[1]
     declared = (root / "pyproject.toml").read_text("utf-8")
     code = "".join(path.read_text("utf-8") for path in (root / "insenv").rglob("*.py"))
-    advised = set(re.findall(r"install_extra\(['\"](\w+)", code))
-    assert {"plot", "native"} <= advised
+    advised = set(re.findall(r"(?:install_extra\(|\bextra=)['\"](\w+)", code))
+    assert {"plot", "native", "workbench", "web"} <= advised
     assert all(re.search(rf"^{extra} = \[", declared, re.MULTILINE) for extra in advised)
+
+
+LOG = ROOT / "examples" / "logs" / "plain.toml"
+SHIP = ("ship-swaying", "--duration", "5")
+NEEDING = {
+    "allantools": ("allan", LOG),
+    "cma": ("tune", "ship-swaying", "-e", "q-method"),
+    "gpxpy": ("run", *SHIP, "--out", "out", "--gpx"),
+    "rosbags": ("replay", LOG, "-e", "loosely-coupled", "--out", "out", "--bag"),
+    "pyarrow": ("campaign", *SHIP, "-e", "q-method", "-n", "2", "--out", "out", "--table", "parquet"),
+    "distributed": ("campaign", *SHIP, "-e", "q-method", "-n", "2", "--scheduler", "tcp://127.0.0.1:8786"),
+    "sklearn": ("train", "lssvm", "ship-swaying"),
+    "ziglang": ("page", *SHIP, "-o", "x.html"),
+    "serial": ("stream", "ship-swaying", "--to", "serial:/dev/ttyUSB0:57600"),
+    "pyulog": ("replay", ROOT / "examples" / "logs" / "px4-takeoff.ulg.gz", "-e", "loosely-coupled"),
+}
+
+
+@pytest.mark.parametrize("module", NEEDING)
+def test_a_missing_package_is_a_wrong_call_of_every_command(module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    refused(call(*NEEDING[module]), " needs ", ", which is not installed: pip install ")
+    assert not list(tmp_path.iterdir())

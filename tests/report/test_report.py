@@ -285,7 +285,7 @@ def test_file_names(scenario, name):
 
 
 def test_without_matplotlib_the_rest_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr("insenv.report.files.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     written = write_files(report(), OutputFolder(tmp_path))
     assert install_extra("plot") in written.note
     assert {p.suffix for p in tmp_path.iterdir()} == {".npz", ".json", ".html"}
@@ -381,7 +381,7 @@ def test_html_holds_the_tables_and_the_figure(monkeypatch):
     text = made._repr_html_()
     assert text.count("<table>") == 2 and "heading [deg]" in text and "a &lt; b" in text and "latitude [deg]" in text
     assert 'src="data:image/png;base64,' in text
-    monkeypatch.setattr("insenv.report.notebook.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert "<img" not in made._repr_html_() and "<table>" in made._repr_html_()
     with pytest.raises(InputError, match=r"matplotlib, which is not installed: pip install"):
         made.plot()

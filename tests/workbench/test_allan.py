@@ -1,11 +1,14 @@
 """`insenv allan`: the Allan deviation and its fit against noise of known figures, its warnings, and the grade file."""
 
+import io
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from command_line import call, refused, strict
+from rich.console import Console
 from scipy.signal import lfilter
 
 import insenv
@@ -19,6 +22,7 @@ from insenv.sensors import IMU_GRADES
 from insenv.sensors.grade_file import grade_of, toml_text
 from insenv.workbench.allan import AXES, SCALES, sensor_noise
 from insenv.workbench.allan_deviation import curve
+from insenv.workbench.allan_report import tables
 from insenv.workbench.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, fit, markov_variance
 
 RATE = 20.0
@@ -128,6 +132,14 @@ def test_a_slow_bias_that_a_log_cannot_tell_from_a_walk_has_no_upper_bound():
         assert np.isinf(found.figures[TIME].high) and np.isinf(found.figures[MARKOV].high)
     else:
         assert found.figures[WALK].low <= 3.0 * np.sqrt(2.0 / 2000.0) <= found.figures[WALK].high
+
+
+def test_a_bound_at_the_longest_time_of_the_fit_is_none():
+    """Up to that time the fit follows a walk without end; past it, it is worse for no reason of the curve."""
+    generator = np.random.default_rng(4)
+    found = fit(curve(white(generator, 20000, 0.1) + markov(generator, 20000, 3.0, 500.0), 1.0 / RATE)).figures
+    assert np.isinf(found[MARKOV].high) and np.isinf(found[TIME].high)
+    assert 0.0 < found[MARKOV].low < 3.0 and 0.0 < found[TIME].low < 500.0
 
 
 def test_flicker_is_its_floor():
@@ -360,11 +372,32 @@ def test_command(rest):
     assert found["axes"][0]["bias_instability"] is None and found["axes"][0]["unit"] == "deg/h"
     assert found["grade_file"] == "unit.toml"
     assert {path.name for path in (rest / "out").iterdir()} == {"allan.json", "unit.toml", "allan.png", "allan.svg"}
+    assert "only the noise is measured; all else is assumed" in call("allan", "rest.toml", "--grade", "unit.toml")[1]
     listed = strict(call("list", "grades", "--json")[1])["imu_grades"]
     assert {"name": "unit.toml", "title": "Unit of rest.toml"} in listed
     (rest / "rest.toml").write_text(LOG + 'grade = "unit.toml"\n', encoding="utf-8")
     log = insenv.logs.load("rest.toml")
     assert log.sensors(in_place=True).angle_random_walk == pytest.approx(1e-4, rel=0.05)
+
+
+def printed(found):
+    console = Console(file=io.StringIO(), width=80)
+    for part in tables(found):
+        console.print(part)
+    return console.file.getvalue()
+
+
+def test_what_is_printed_explains_what_stands_there_and_no_more():
+    text = printed(insenv.allan(log_of(unit_rates(np.random.default_rng(1), 6000))))
+    assert "not seen: flicker below" in text and "±: half" in text
+    assert not any(word in text for word in ("brackets", "lowest", "Gauss-Markov"))
+    generator = np.random.default_rng(2)
+    rates = unit_rates(generator, 60000, arw=1e-5)
+    rates[:, :3] += np.stack([np.cumsum(white(generator, 60000, 3e-5)) / RATE for _ in range(3)], axis=1)
+    text = printed(insenv.allan(log_of(rates)))
+    assert re.search(r"walk [\d.]+ \[[\d.]+, [\d.]+\] deg/h/sqrt\(h\) +[\d.]+\n", text), text
+    assert "walk: a random walk of the bias; in brackets: 95 % bounds" in text and "lowest (deg/h, ug): " in text
+    assert "…" not in text and "Gauss-Markov" not in text
 
 
 def test_command_refuses(rest):

@@ -1,6 +1,7 @@
 """Tuning: a filter that is mistuned on purpose is tuned back, on a scenario and on a log without a reference."""
 
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -163,9 +164,36 @@ def test_a_log_without_fixes_or_with_few_is_refused():
         insenv.tune(log, "wander-sins")
 
 
+@pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}])
+def test_what_a_log_has_not_is_refused_instead_of_ignored(more):
+    log = simulated_log(car(), seed=3, duration_s=30.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
+    with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
+        insenv.tune(log, "loosely-coupled", **more)
+
+
+def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
+    """Innovations do not show it; where they are small and the filter models none, a note says so."""
+    log = simulated_log(car(), seed=3, duration_s=80.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
+    told = {"loosely-coupled": {"fix_wander_sigma_m": [1.0, 1.0, 1.0]}}
+    found = insenv.tune(log, "loosely-coupled", evaluations=8, settings=told)
+    assert "fix_wander_sigma_m" not in found.settings() and len(found.settings()) > 5 and not found.notes
+    named = insenv.tune(log, "loosely-coupled", keys=["fix_wander_sigma_m"], evaluations=8, settings=told)
+    assert set(named.settings()) == {"fix_wander_sigma_m"}
+    assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
+
+
+def test_runs_that_diverge_are_said():
+    one = tune_module.Measures(np.array([[1.0], [np.nan], [2.0]]), None)
+    assert list(tune_module._diverged(one, one)) == [
+        "the estimator diverges in 1 of 3 held-out runs before and in 1 after: no interval"
+    ]
+    whole = tune_module.Measures(np.ones((3, 1)), None)
+    assert not list(tune_module._diverged(whole, whole))
+
+
 def test_a_missing_package_is_said(monkeypatch):
-    monkeypatch.setattr(tune_search, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match="tuning needs the cma package, which is not installed: "):
+    monkeypatch.setitem(sys.modules, "cma", None)
+    with pytest.raises(InputError, match="tuning needs cma, which is not installed: "):
         insenv.tune("ship-swaying", "q-method")
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.errors import InputError
-from insenv.installing import install_package
+from insenv.installing import need
 from insenv.logs.flight.series import (
     FixSeries,
     Flight,
@@ -49,11 +49,10 @@ _SAME_S = 1e-6
 
 def read_bag(label: str, data: bytes) -> Flight:
     """The series of a bag.  data: of the file, or a tar archive of the folder.  Raises `InputError`: not readable as a bag."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ModuleNotFoundError:
-        raise InputError(f"{label}: rosbags is not installed: {install_package('rosbags')}") from None
+    need(f"{label}: a ROS bag", "rosbags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     with tempfile.TemporaryDirectory() as scratch:
         path = _placed(label, data, Path(scratch))
         try:

@@ -15,7 +15,7 @@ import numpy as np
 
 from insenv import attitude, geodesy
 from insenv.errors import InputError
-from insenv.installing import install_package
+from insenv.installing import need
 from insenv.logs.flight.series import (
     AZIMUTH_SIGMA,
     FIX_3D,
@@ -64,10 +64,9 @@ def read_ulog(label: str, data: bytes) -> Flight:
     """The series of a ULog file. Raises InputError: not such a file, or not readable by pyulog."""
     if not data.startswith(MAGIC):
         raise InputError(f"{label}: not a PX4 ULog file: it must begin with 'ULog'")
-    try:
-        from pyulog import ULog
-    except ModuleNotFoundError:
-        raise InputError(f"{label}: pyulog is not installed: {install_package('pyulog')}") from None
+    need(f"{label}: a ULog file", "pyulog")
+    from pyulog import ULog
+
     whole, damage = whole_messages(data)
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it skips

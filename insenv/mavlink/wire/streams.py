@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from insenv.errors import InputError
-from insenv.installing import install_extra
+from insenv.installing import need
 from insenv.mavlink.wire.address import endpoint, resolve
 from insenv.mavlink.wire.link import Link
 from insenv.mavlink.wire.peers import Peer, StreamPeer
@@ -240,11 +240,9 @@ class SerialLink(_StreamLink):
 
     def _open(self) -> None:
         address, now = self.address, self._clock()
-        try:
-            import serial
-        except ModuleNotFoundError:
-            message = f"address {address}: pyserial is not installed: {install_extra('serial')}"
-            raise InputError(message) from None
+        need(f"address {address}", "serial", package="pyserial", extra="serial")
+        import serial
+
         try:
             line = serial.Serial(address.host, address.port, timeout=0, write_timeout=0, exclusive=True)
         except (serial.SerialException, ValueError, OSError) as error:
