@@ -32,9 +32,13 @@ def nearest(name: str, allowed: Iterable[str], listed: str = "") -> str:
     order of `allowed`.
     """
     allowed = list(allowed)
-    close = difflib.get_close_matches(name, allowed, n=1, cutoff=0.5)
-    guess = f"; did you mean {close[0]!r}?" if close else ""
     if not listed or len(allowed) <= MOST_NAMES:
-        return f"{guess} (allowed: {', '.join(allowed) or 'none'})"
+        return f"{guess(name, allowed)} (allowed: {', '.join(allowed) or 'none'})"
     shown = sorted(difflib.get_close_matches(name, allowed, n=NEAREST_NAMES, cutoff=0.0), key=allowed.index)
-    return f"{guess} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"
+    return f"{guess(name, allowed)} (allowed: {', '.join(shown)} and {len(allowed) - len(shown)} more; {listed} shows all)"
+
+
+def guess(name: str, allowed: Iterable[str]) -> str:
+    """The nearest allowed name as a question; empty if none is near."""
+    close = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else ""

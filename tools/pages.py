@@ -22,7 +22,7 @@ import insenv
 from insenv import estimators
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import shown_name
-from insenv.files.toml import sections_in
+from insenv.files.toml import plain, sections_in
 from insenv.instruments import GNSS_TOLD, INSTRUMENTS
 from insenv.logs.description import EvaluationSection, InitialSection, LogDescription, PublishedSection
 from insenv.logs.description import GnssSection as LogGnssSection
@@ -167,13 +167,13 @@ def _key_cells(name: str, field: Any, types: dict[str, str]) -> list[str]:
     return [f"`{name}`", value, str(extra.get("unit", "")) or "-", allowed or "-", text, str(field.description)]
 
 
-_SIGNS = {"gt": "above {:.16g}", "ge": "from {:.16g}", "lt": "below {:.16g}", "le": "to {:.16g}"}
+_SIGNS = {"gt": "above {}", "ge": "from {}", "lt": "below {}", "le": "to {}"}
 
 
 def _limits(metadata: Any, annotation: Any = None) -> str:
     """The values that a key allows: from its numeric limits and from validators whose function has the attribute `limits`."""
     parts = [
-        text.format(float(getattr(item, name))) for name, text in _SIGNS.items() for item in metadata if hasattr(item, name)
+        text.format(plain(getattr(item, name))) for name, text in _SIGNS.items() for item in metadata if hasattr(item, name)
     ]
     parts += [item.func.limits for item in metadata if hasattr(getattr(item, "func", None), "limits")]
     inner = [_limits(getattr(part, "__metadata__", ()), part) for part in get_args(annotation)]

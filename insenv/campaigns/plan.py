@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,9 @@ from insenv.campaigns.parameters import parameter_digest, run_parameters
 from insenv.campaigns.variation import Variation, check_variations, varied
 from insenv.errors import InputError
 from insenv.estimators import Estimator
+from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
-from insenv.scenario import Plant, ScenarioLike, build, load, parse, reseeded
+from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
 from insenv.scenario.description import MAX_SEED
 
@@ -39,7 +40,7 @@ COMPARED_RUNS = 8
 class Plan:
     """A campaign: run i is the scenario with seed `seed_of(i)`, by default `first_seed` + i, and with its varied keys.
 
-    scenario: values of the scenario by key, as in a TOML file.
+    scenario: values of the scenario by key, as in a TOML file, less those that follow from its vehicle.
     name: name of the scenario.
     estimator: id of the estimator.
     duration_s: duration of every run.
@@ -121,16 +122,18 @@ class Plan:
 
     def plant_of(self, run: int) -> Plant:
         """The plant of one run."""
-        numbers = zip(self.variations, self.numbers([run])[0], strict=True)
-        values = {v.key: v.distribution.value(number) for v, number in numbers}
-        changed = varied(self.scenario, values)
         try:
-            return build(parse(changed, self.name, self.name), self.seed_of(run), self.duration_s)
+            return build(parse(self.values_of(run), self.name, self.name), self.seed_of(run), self.duration_s)
         except InputError as error:
             if not self.variations:
                 raise
             drawn = ", ".join(map(str, self.variations))
             raise InputError(f"vary {drawn}, in the run of seed {self.seed_of(run)}: {error}") from None
+
+    def values_of(self, run: int) -> dict[str, Any]:
+        """The values of the scenario of one run."""
+        numbers = zip(self.variations, self.numbers([run])[0], strict=True)
+        return varied(self.scenario, {v.key: v.distribution.value(number) for v, number in numbers})
 
     def plants(self, runs: Sequence[int]) -> Iterable[Plant]:
         """The plants of some runs."""
@@ -229,7 +232,7 @@ def make_plan(
             f"first seed = {first} of {runs} runs, whose seeds count up: allowed is a whole number up to {MAX_SEED - runs + 1}"
         )
     plan = Plan(
-        scenario=scenario.model_dump(mode="json", warnings=False),
+        scenario=scenario.stated(),
         name=scenario.name or "scenario",
         estimator=estimator.id,
         runs=int(runs),
@@ -240,20 +243,43 @@ def make_plan(
     )
     check_variations(plan.variations)
     check_design(design, plan.runs, len(plan.variations))
+    numbers = plan.numbers(range(plan.runs)) if plan.variations else np.zeros((0, 0))
+    tried = [
+        (variation, which, varied(plan.scenario, {variation.key: value}))
+        for place, variation in enumerate(plan.variations)
+        for value, which in variation.distribution.tried(numbers[:, place])
+    ]
+    if duration_s is None and "duration_s" not in plan.scenario:
+        plan = replace(plan, duration_s=_shortest(plan, scenario, [changed for _, _, changed in tried]))
     vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered
     build(scenario, plan.first_seed + plan.runs - 1, plan.duration_s)  # check the last seed too
-    numbers = plan.numbers(range(plan.runs)) if plan.variations else np.zeros((0, 0))
     plan.plant.parameters_of(estimator, whole=False)
-    for place, variation in enumerate(plan.variations):
-        for value, which in variation.distribution.tried(numbers[:, place]):
-            changed = varied(plan.scenario, {variation.key: value})
-            try:
-                plant = build(parse(changed, plan.name), plan.first_seed, plan.duration_s)
-                plant.parameters_of(estimator, whole=False)
-            except InputError as error:
-                raise InputError(f"vary {variation}{f', {which}' if which else ''}: {error}") from None
-            if plant.model is not plan.plant.model:
-                raise InputError(
-                    f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, for example)"
-                )
+    for variation, which, changed in tried:
+        try:
+            plant = build(parse(changed, plan.name), plan.first_seed, plan.duration_s)
+            plant.parameters_of(estimator, whole=False)
+        except InputError as error:
+            raise InputError(f"vary {variation}{f', {which}' if which else ''}: {error}") from None
+        if plant.model is not plan.plant.model:
+            raise InputError(
+                f"vary: within the ranges the parts of {scenario.name!r} change (a wave more or less, or more knots of a track "
+                "than its model holds: a larger knot_s keeps them fewer)"
+            )
     return plan
+
+
+def _shortest(plan: Plan, scenario: Scenario, tried: Iterable[Mapping[str, Any]]) -> float:
+    """The duration (s) of the shortest track of all runs and of the `tried` values."""
+    if not any(variation.key.startswith("vehicle.") for variation in plan.variations):
+        return plan.duration_s
+
+    def lasts(values: Mapping[str, Any]) -> float:
+        try:
+            return validated(type(scenario.vehicle), values["vehicle"], plan.name).lasts_s or plan.duration_s
+        except InputError:  # which the build of this plant reports
+            return plan.duration_s
+
+    durations = {plan.duration_s, *map(lasts, tried)}
+    if len(durations) > 1:
+        durations |= {lasts(plan.values_of(run)) for run in range(plan.runs)}
+    return min(durations)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import functools
+import inspect
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,21 +17,48 @@ if TYPE_CHECKING:
     from insenv.logs import RecordedLog
     from insenv.report import Report
 
-Csv = Annotated[bool, typer.Option("--csv", help="With --out: write truth, estimate, errors and sigma as CSV.")]
-Gpx = Annotated[bool, typer.Option("--gpx", help="With --out: write truth and estimates as a GPX file.")]
-Kml = Annotated[bool, typer.Option("--kml", help="With --out: write truth and estimates as a KML file.")]
-Bag = Annotated[bool, typer.Option("--bag", help="With --out: write sensors, truth and estimates as a ROS 2 bag.")]
-Mcap = Annotated[bool, typer.Option("--mcap", help="With --out: write the same messages as an MCAP recording.")]
-Rerun = Annotated[bool, typer.Option("--rerun", help="With --out: write them as a recording for the Rerun viewer.")]
-Nmea = Annotated[bool, typer.Option("--nmea", help="With --out: write the fixes of the receiver as NMEA 0183.")]
-Log = Annotated[bool, typer.Option("--log", help="With --out: write the sensors as a log that `insenv replay` reads.")]
+OPTIONS = {
+    "csv": "write truth, estimate, errors and sigma as CSV.",
+    "gpx": "write truth and estimates as a GPX file.",
+    "kml": "write truth and estimates as a KML file.",
+    "bag": "write sensors, truth and estimates as a ROS 2 bag.",
+    "mcap": "write the same messages as an MCAP recording.",
+    "rerun": "write them as a recording for the Rerun viewer.",
+    "nmea": "write the fixes of the receiver as NMEA 0183.",
+    "log": "write the sensors as a log that `insenv replay` reads.",
+}
+"""Formats by name, each an option --NAME, and what it writes."""
 
 
-def chosen_formats(out: Path | None, flags: Mapping[str, bool]) -> tuple[str, ...]:
-    """The names of the formats asked for.  Raises `InputError` if there is no folder for them, or a package is missing."""
+def with_formats(command: Callable[..., int]) -> Callable[..., int]:
+    """The command with an option for each format in place of its parameter `formats`, which gets the names asked for."""
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        if parameter.name != "formats":
+            parameters.append(parameter)
+            continue
+        for name, writes in OPTIONS.items():
+            option = Annotated[bool, typer.Option(f"--{name}", help=f"With --out: {writes}")]
+            parameters.append(parameter.replace(name=_PREFIX + name, default=False, annotation=option))
+
+    @functools.wraps(command)
+    def chosen(**given: Any) -> int:
+        formats = tuple(name for name in OPTIONS if given.pop(_PREFIX + name))
+        return command(**given, formats=formats)
+
+    chosen.__signature__ = inspect.Signature(parameters, return_annotation=int)  # type: ignore[attr-defined]
+    chosen.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return chosen
+
+
+_PREFIX = "as_"
+"""Before the name of a format, that of its parameter: `insenv replay` has an argument ``log``."""
+
+
+def check_asked(out: Path | None, chosen: Sequence[str]) -> tuple[str, ...]:
+    """The formats asked for.  Raises `InputError` if there is no folder for them, or a package is missing."""
     from insenv.export import check_formats
 
-    chosen = tuple(name for name, given in flags.items() if given)
     if chosen and out is None:
         raise InputError(f"--{chosen[0]} writes files: --out DIR names their folder")
     return check_formats(chosen)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from insenv.cli.exports import Bag, Csv, Gpx, Kml, Log, Mcap, Nmea, Rerun, chosen_formats, exported
+from insenv.cli.exports import check_asked, exported, with_formats
 from insenv.cli.options import (
     Duration,
     Estimators,
@@ -40,6 +40,7 @@ class Start(str, Enum):
 
 
 @deferred
+@with_formats
 def run(
     scenario: Scenario,
     estimators: Estimators = None,
@@ -51,14 +52,7 @@ def run(
     live: Annotated[
         bool, typer.Option("--live", help="With --out: the page NAME.html can simulate too (insenv page).")
     ] = False,
-    csv: Csv = False,
-    gpx: Gpx = False,
-    kml: Kml = False,
-    bag: Bag = False,
-    mcap: Mcap = False,
-    rerun: Rerun = False,
-    nmea: Nmea = False,
-    log: Log = False,
+    formats: tuple[str, ...] = (),
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
@@ -72,15 +66,12 @@ def run(
     from insenv.scenario.tuning import parsed_settings
 
     chosen, given = get_all(estimators) if estimators else None, parsed_settings(settings or [])
-    formats = chosen_formats(
-        out,
-        {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": log},
-    )
+    asked = check_asked(out, formats)
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
     if live and (folder is None or no_figure):
         raise InputError("--live is about the page that --out DIR writes: allowed with --out and without --no-figure")
-    if nmea and loaded.gnss is None:
+    if "nmea" in asked and loaded.gnss is None:
         raise InputError(f"--nmea: scenario {loaded.name!r} has no [gnss]")
     with working(loaded.name) as progress:
         documents = {}
@@ -90,13 +81,14 @@ def run(
 
             documents["live"] = live_document(made(loaded, chosen, seed=seed, duration_s=duration, settings=given))
         report = simulate(loaded, chosen, seed=seed, duration_s=duration, settings=given, progress=progress)
-        more = exported(report, formats, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
+        more = exported(report, asked, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
         finish = _written(report, folder, not no_figure, as_json, more, documents)
     finish()
     return _status(report, strict)
 
 
 @deferred
+@with_formats
 def replay(
     log: Annotated[
         Path, typer.Argument(parser=given_path, metavar="LOG", help="A flight log, or a .toml file that describes a log.")
@@ -108,14 +100,7 @@ def replay(
     settings: Settings = None,
     out: Out = None,
     no_figure: NoFigure = False,
-    csv: Csv = False,
-    gpx: Gpx = False,
-    kml: Kml = False,
-    bag: Bag = False,
-    mcap: Mcap = False,
-    rerun: Rerun = False,
-    nmea: Nmea = False,
-    as_log: Log = False,
+    formats: tuple[str, ...] = (),
     strict: Strict = False,
     as_json: Json = False,
 ) -> int:
@@ -130,14 +115,11 @@ def replay(
     if not estimators:
         raise InputError("no estimator: name one with -e ID; `insenv list` shows them")
     chosen, given = get_all(estimators), parsed_settings(settings or [])
-    formats = chosen_formats(
-        out,
-        {"csv": csv, "gpx": gpx, "kml": kml, "bag": bag, "mcap": mcap, "rerun": rerun, "nmea": nmea, "log": as_log},
-    )
+    asked = check_asked(out, formats)
     folder = None if out is None else OutputFolder(out)
     with working(log.name) as progress:
         report = follow(log, chosen, start=start.value, settings=given, progress=progress)
-        more = exported(report, formats, lambda: load(log))
+        more = exported(report, asked, lambda: load(log))
         finish = _written(report, folder, not no_figure, as_json, more)
     finish()
     return _status(report, strict)

@@ -30,5 +30,5 @@ def gpx_text(report: RunData) -> str:
         track.segments.append(segment)
         document.tracks.append(track)
     if not document.tracks:
-        raise InputError("--gpx: neither truth nor estimate has positions")
+        raise InputError("format 'gpx': neither truth nor estimate has positions")
     return document.to_xml(version="1.1")

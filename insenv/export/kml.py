@@ -26,7 +26,7 @@ def kml_text(report: RunData) -> str:
     """The tracks of a report.  Heights are above the ellipsoid.  Raises `InputError` if nothing has positions."""
     placed = [named for named in tracks_of(report) if named.placed]
     if not placed:
-        raise InputError("--kml: neither truth nor estimate has positions")
+        raise InputError("format 'kml': neither truth nor estimate has positions")
     root = ElementTree.Element("kml", {"xmlns": _KML, "xmlns:gx": _GX})
     document = ElementTree.SubElement(root, "Document")
     ElementTree.SubElement(document, "name").text = report.scenario

@@ -29,7 +29,7 @@ _MOVING = 0.01
 def nmea_text(log: RecordedLog) -> str:
     """The sentences of all fixes, each line with its checksum and CR LF.  Raises `InputError` for a log without fixes."""
     if log.gnss is None or not len(log.gnss.time):
-        raise InputError("--nmea: the drive has no GNSS receiver, or no fix came")
+        raise InputError("format 'nmea': the drive has no GNSS receiver, or no fix came")
     return "".join(f"${body}*{checksum(body):02X}\r\n" for body in _sentences(log.gnss))
 
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.evaluation.errors import Track
-from insenv.export.ros import ENU, FLU, track_of_reference
+from insenv.export.ros import FLU, track_of_reference
 from insenv.export.tracks import NamedTrack, tracks_of
 from insenv.logs import RecordedLog
+from insenv.logs.flight.rosbag import ENU
 from insenv.report.run_data import RunData
 
 Array = NDArray[np.float64]

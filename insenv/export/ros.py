@@ -25,14 +25,14 @@ from insenv.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY, Track
 from insenv.export.tracks import EPOCH, NamedTrack, tracks_of
 from insenv.logs import GnssFixes, RecordedLog, Reference
+from insenv.logs.flight.rosbag import ENU
+from insenv.logs.flight.rosbag import FLU as SIGNS
 from insenv.report.run_data import RunData
 
 Array = NDArray[np.float64]
 
-FLU = np.diag([1.0, -1.0, -1.0])
+FLU = np.diag(SIGNS)
 """From forward, right, down to forward, left, up, and back."""
-ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""From north, east, down to east, north, up, and back."""
 _KNOWN_DIAGONAL = 2  # NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN
 _SECOND = 10**9
 _EPOCH_NS = round(EPOCH.timestamp()) * _SECOND

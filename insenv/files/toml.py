@@ -6,13 +6,13 @@ Every error is one line that names file, key, value, unit and what is allowed.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
 
-from insenv.errors import InputError, nearest
+from insenv.errors import InputError, guess, nearest
 from insenv.files.content import ARCHIVE, BINARY, EMPTY, OTHER, UTF16, content_of
 
 if sys.version_info >= (3, 11):
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 MAX_FAULTS = 20
+MAX_PLACES = 2
+"""Tables that a message names for a key that is in the wrong one; a key that more of them have tells nothing."""
 MAX_SHOWN = 80
 """Largest number of characters of a wrong value in a message."""
 
@@ -154,9 +156,10 @@ def _faults(error: ValidationError, model: type[BaseModel], label: str) -> str:
         if (alternative := message.partition(": must be ")[2]) and where in faults:  # of a union of types
             faults[where] += f" or {alternative}" if alternative not in faults[where] else ""
         faults.setdefault(where, message)
-    shown = [f"{label}: {where}{message}" for where, message in list(faults.items())[:MAX_FAULTS]]
-    more = len(faults) - len(shown)
-    return "\n".join(shown + ([f"and {more} more"] if more > 0 else []))
+    listed = list(faults.items())[:MAX_FAULTS]
+    more = len(faults) - len(listed)
+    lines = [f"{label}: {where}{message}".replace("\n", f"\n{label}: {where}: ") for where, message in listed]
+    return "\n".join(lines + ([f"and {more} more"] if more > 0 else []))
 
 
 def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
@@ -169,6 +172,8 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
         owner = next((model for model in models if part in model.model_fields), None)
         if isinstance(part, int):
             dotted += f"[{part}]"
+        elif len(models) > 1 and (tagged := [model for model in models if part in _tags(model)]):
+            here = tagged[0]  # of a union discriminated by `kind`: its name comes before the key, which may be the same
         elif owner is not None:
             field = owner.model_fields[part]
             dotted += f".{part}" if dotted else part
@@ -177,31 +182,49 @@ def _fault(fault: dict[str, Any], root: type[BaseModel]) -> tuple[str, str]:
             here = field.annotation
             if last and fault["type"] == "missing":
                 return dotted, f" is missing: {field.description}{_unit(unit)}"
-        elif len(models) > 1 and (tagged := [model for model in models if part in _tags(model)]):
-            here = tagged[0]  # of a union discriminated by `kind`
         elif last and fault["type"] == "extra_forbidden" and models:
-            prefix = f"{dotted}." if dotted else ""
-            return f"{prefix}{part}", f": unknown key{nearest(part, models[0].model_fields)}"
+            prefix, allowed = f"{dotted}." if dotted else "", models[0].model_fields
+            places = [place for place in dict.fromkeys(_places_of(str(part), root)) if place != dotted]
+            if 0 < len(places) <= MAX_PLACES:
+                return f"{prefix}{part}", f": unknown key; it belongs {_in(places)} (allowed: {', '.join(allowed)})"
+            return f"{prefix}{part}", f": unknown key{nearest(part, allowed)}"
         elif (value := _dict_value(here)) is not None and part != "[key]":
             dotted, here = f"{dotted}.{part}", value
     return _message(fault, dotted, unit, sections_in(here))
 
 
+def _places_of(name: str, section: type[BaseModel], here: str = "") -> Iterator[str]:
+    """The tables, by dotted name, that have a key `name`, in a section and those in it; "" for the top."""
+    if name in section.model_fields:
+        yield here
+    for inner, field in section.model_fields.items():
+        for model in sections_in(field.annotation):
+            yield from _places_of(name, model, f"{here}.{inner}" if here else inner)
+
+
+def _in(places: list[str]) -> str:
+    return " or ".join(f"in [{place}]" if place else "at the top of the file" for place in places)
+
+
 def _message(fault: dict[str, Any], dotted: str, unit: str, models: list[type[BaseModel]]) -> tuple[str, str]:
     kind, value, context = fault["type"], fault["input"], fault.get("ctx", {})
+    kinds = [tag for model in models for tag in _tags(model)]
     if kind == "union_tag_invalid":
-        return f"{dotted}.kind", f" = {shown(context.get('tag'))}: must be one of {context.get('expected_tags')}"
+        meant = guess(str(context.get("tag")), kinds)
+        return f"{dotted}.kind", f" = {shown(context.get('tag'))}: must be one of {', '.join(map(repr, kinds))}{meant}"
     if kind == "union_tag_not_found":
-        kinds = ", ".join(repr(tag) for model in models for tag in _tags(model))
-        return f"{dotted}.kind", f" is missing: must be one of {kinds}"
-    dotted = dotted or "the file"
+        return f"{dotted}.kind", f" is missing: must be one of {', '.join(map(repr, kinds))}"
     if kind in _LENGTHS:
         name = dotted.rpartition(".")[2].removesuffix(f"_{unit}")
         noun = name if name.endswith("s") else "entries"
         return dotted, f": {_LENGTHS[kind].format(**context)} {noun}, {context['actual_length']} given"
     other = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")  # a validator's own message
-    given = "" if value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
-    return dotted, f"{given}: {_MESSAGES[kind].format(**context) if kind in _MESSAGES else other}"
+    begun = isinstance(value, str) and other.startswith(f"{value}: ")  # a message about the file at this path
+    given = "" if begun or value is None or isinstance(value, (dict, BaseModel)) else f" = {shown(value)}{_unit(unit)}"
+    limits = {name: plain(limit) if isinstance(limit, (int, float)) else limit for name, limit in context.items()}
+    allowed = _MESSAGES[kind].format(**limits) if kind in _MESSAGES else other
+    said = f"{given}: {allowed}"
+    return dotted, said if dotted else said.removeprefix(" = ").removeprefix(": ")  # of the whole, the label says what it is
 
 
 _LENGTHS = {"too_long": "at most {max_length}", "too_short": "at least {min_length}"}
@@ -215,10 +238,10 @@ _TYPES = {
     "must be a table of keys": ("dict_type", "model_type", "model_attributes_type"),
 }
 _MESSAGES = {kind: message for message, kinds in _TYPES.items() for kind in kinds} | {
-    "greater_than": "must be greater than {gt:.16g}",
-    "greater_than_equal": "must be greater than or equal to {ge:.16g}",
-    "less_than": "must be less than {lt:.16g}",
-    "less_than_equal": "must be less than or equal to {le:.16g}",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be greater than or equal to {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be less than or equal to {le}",
     "literal_error": "must be {expected}",
     "string_too_short": "must have {min_length} or more characters",
     "string_too_long": "must have {max_length} or fewer characters",
@@ -233,6 +256,11 @@ def shown(value: object) -> str:
     except ValueError:  # Python does not print whole numbers of thousands of digits
         return "(a number of thousands of digits)"
     return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def plain(number: float) -> str:
+    """A number with the digits that tell it from its neighbours, whole numbers without a point."""
+    return repr(number).removesuffix(".0")
 
 
 def _unit(unit: str) -> str:

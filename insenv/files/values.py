@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
-from insenv.files.toml import Number, Vector3
+from insenv.files.toml import Number, Vector3, plain
 
 
 def _check_axes(value: object) -> object:
@@ -35,7 +35,7 @@ PerAxis = Annotated[
 
 def within(lower: float, upper: float, above: bool = False) -> AfterValidator:
     """Validator: each number is from `lower` (`above`: excluded) to `upper`."""
-    limits = f"{'above' if above else 'from'} {lower:.16g} to {upper:.16g}"
+    limits = f"{'above' if above else 'from'} {plain(lower)} to {plain(upper)}"
 
     def check(value: tuple[float, ...]) -> tuple[float, ...]:
         if any(not lower <= number <= upper or (above and number == lower) for number in value):

@@ -83,9 +83,19 @@ class Scenario(Section):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
+        found = self.vehicle.notes
         if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
-            return ()
-        return ("the inertial unit is perfect, because [imu] is missing or states no errors",)
+            return found
+        return (*found, "the inertial unit is perfect, because [imu] is missing or states no errors")
+
+    def stated(self) -> dict[str, Any]:
+        """The values as in a TOML file, less the start and the duration of a vehicle whose motion has its own."""
+        values, own = self.model_dump(mode="json", warnings=False), self.vehicle.start_values()
+        if own is not None:
+            values["start"] = {name: value for name, value in values["start"].items() if name not in own}
+        if own is not None and self.duration_s == self.vehicle.lasts_s:
+            del values["duration_s"]
+        return values
 
     @property
     def sensors(self) -> dict[str, SensorSection]:
@@ -137,16 +147,19 @@ def _with_its_place(data: Mapping[str, Any]) -> Mapping[str, Any]:
     """The values with [start] and the duration of a vehicle whose motion has its own, where they are not stated."""
     values = data.get("vehicle")
     if isinstance(values, VehicleSection):
-        section = values
+        section: VehicleSection | None = values
+    elif not isinstance(values, Mapping):
+        return data
     else:
-        kind = values.get("kind") if isinstance(values, Mapping) else None
-        known = vehicle_registry.registered().get(str(kind))
-        if known is None or known.start_values is VehicleSection.start_values:
+        known = vehicle_registry.registered().get(str(values.get("kind")))
+        if known is not None and known.start_values is VehicleSection.start_values:
             return data
         try:
-            section = known.model_validate(values)
-        except ValidationError:  # which the check of [vehicle] reports; nothing else is known then
-            return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
+            section = None if known is None else known.model_validate(values)
+        except ValidationError:
+            section = None
+    if section is None:  # the check of [vehicle] says why: whether it has a place of its own is not known
+        return {"duration_s": 1.0, "start": {"latitude_deg": 0.0, "longitude_deg": 0.0}, **data}
     own = section.start_values()
     if own is None:
         return data

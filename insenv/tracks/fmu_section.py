@@ -1,7 +1,7 @@
 """`kind = "fmu"`: an outside vehicle model as truth, through its FMU (FMI 2 or 3).
 
-The FMU is run once, by FMPy, over the duration; position and attitude at its outputs become the points of a track.  Its binary
-code runs with the rights of the user: use FMUs that you trust.
+The FMU is run once, by FMPy, over the duration; position, velocity and attitude at its outputs become the points of a track.
+Its binary code runs with the rights of the user: use FMUs that you trust.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from insenv.errors import InputError, nearest
 from insenv.files.toml import Number, Positive, Section, key
 from insenv.tracks.points import Points, checked
 from insenv.tracks.section import RecordedFile, knot_interval, spacing
-from insenv.tracks.shape import Shape, shaped
+from insenv.tracks.shape import Shape, check_velocity, shaped
 
 
 class Outputs(Section):
@@ -27,6 +27,7 @@ class Outputs(Section):
     latitude: str = key(..., "geodetic latitude")
     longitude: str = key(..., "longitude")
     height: str = key(..., "height above the ellipsoid, m")
+    velocity: tuple[str, str, str] | None = key(None, "velocity over ground: north, east, down, m/s")
     roll: str | None = key(None, "roll; with pitch and heading, or none of them")
     pitch: str | None = key(None, "pitch")
     heading: str | None = key(None, "heading, clockwise from north")
@@ -51,6 +52,9 @@ class FmuSection(RecordedFile):
     parameters: dict[str, Number | bool | str] = key({}, "start values of the FMU's variables by name")
     run_s: Positive = key(..., "time over which the FMU is run", "s", le=86400)
     step_s: Positive = key(0.1, "time between outputs", "s", le=60)
+    max_contradiction_mps: Positive = key(
+        0.05, "a larger difference between the velocities and the derivative of the positions is an error", "m/s", le=100
+    )
 
     @property
     def shape(self) -> Shape:
@@ -62,24 +66,30 @@ class FmuSection(RecordedFile):
 def _shape(text: str) -> Shape:
     section = FmuSection.model_validate_json(text)
     points = checked(_run(section), 10.0 * section.step_s, 1e4)
-    return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
+    shape = shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
+    if points.velocity is not None:
+        check_velocity(points, shape, section.max_contradiction_mps)
+    return shape
 
 
 def _run(section: FmuSection) -> Points:
     import fmpy
 
+    from insenv.logs.units import ANGLE_UNITS
+
     path, names = Path(section.file), section.outputs
-    place = [names.latitude, names.longitude, names.height]
+    place, velocity = [names.latitude, names.longitude, names.height], list(names.velocity or ())
     angles = [each for each in (names.roll, names.pitch, names.heading) if each is not None]
     attitude = angles or list(names.quaternion or ())
     try:
         known = [variable.name for variable in fmpy.read_model_description(str(path), validate=False).modelVariables]
     except Exception as error:  # of whatever kind: the file is anybody's
         raise InputError(f"{path}: no FMU: {error}") from None
-    for name in (*place, *attitude, *section.parameters):
+    outputs = (*place, *velocity, *attitude)
+    for name in (*outputs, *section.parameters):
         if name not in known and name.partition("[")[0] not in known:
             raise InputError(f"{path}: no variable {name!r}{nearest(name, known, 'fmpy info')}")
-    whole = list(dict.fromkeys(name if name in known else name.partition("[")[0] for name in (*place, *attitude)))
+    whole = list(dict.fromkeys(name if name in known else name.partition("[")[0] for name in outputs))
     try:
         found = fmpy.simulate_fmu(
             str(path),
@@ -96,10 +106,15 @@ def _run(section: FmuSection) -> Points:
         if name in found.dtype.names:
             return np.asarray(found[name], dtype=np.float64)
         inner, _, number = name.partition("[")
-        return np.asarray(found[inner], dtype=np.float64).reshape(len(found), -1)[:, int(number.rstrip("]")) - 1]
+        elements = np.asarray(found[inner], dtype=np.float64).reshape(len(found), -1)
+        place = number.removesuffix("]")
+        if not place.isdecimal() or not 1 <= int(place) <= elements.shape[1]:
+            raise InputError(
+                f"{path}: no variable {name!r}: {inner} has the elements {inner}[1] to {inner}[{elements.shape[1]}]"
+            )
+        return elements[:, int(place) - 1]
 
-    degrees = np.pi / 180.0 if names.position_unit == "deg" else 1.0
-    turned = np.pi / 180.0 if names.angle_unit == "deg" else 1.0
+    degrees, turned = ANGLE_UNITS[names.position_unit], ANGLE_UNITS[names.angle_unit]
     euler = None
     if angles:
         euler = np.column_stack([column(name) for name in angles]) * turned
@@ -107,4 +122,5 @@ def _run(section: FmuSection) -> Points:
         q_nb = np.column_stack([column(name) for name in attitude])
         euler = np.column_stack(to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
     north, east, up = (column(name) for name in place)
-    return Points(str(path), np.asarray(found["time"], dtype=np.float64), north * degrees, east * degrees, up, euler)
+    moving = np.column_stack([column(name) for name in velocity]) if velocity else None
+    return Points(str(path), np.asarray(found["time"], dtype=np.float64), north * degrees, east * degrees, up, euler, moving)

@@ -19,7 +19,8 @@ LEAST = 8
 @dataclass(frozen=True)
 class Points:
     """label: the file's name in messages; time (n,) s; latitude, longitude (n,) rad; height (n,) m above the ellipsoid;
-    attitude (n, 3): roll, pitch, heading, rad, or None."""
+    attitude (n, 3): roll, pitch, heading, rad, or None; velocity (n, 3): north, east, down, m/s, or None; notes: on what was
+    chosen in the file."""
 
     label: str
     time: Array
@@ -27,6 +28,8 @@ class Points:
     longitude: Array
     height: Array
     attitude: Array | None = None
+    velocity: Array | None = None
+    notes: tuple[str, ...] = ()
 
     def ned(self) -> Array:
         """Offsets (n, 3) north, east, down from the first point, m."""
@@ -39,7 +42,8 @@ def checked(points: Points, max_gap_s: float, max_acceleration: float) -> Points
     label, time = points.label, points.time
     if len(time) < LEAST:
         raise InputError(f"{label}: {len(time)} points: allowed is {LEAST} or more")
-    columns = [points.latitude, points.longitude, points.height, *([] if points.attitude is None else points.attitude.T)]
+    more = [each for each in (points.attitude, points.velocity) if each is not None]
+    columns = [points.latitude, points.longitude, points.height, *more]
     bad = np.flatnonzero(~np.all(np.isfinite(np.column_stack([time, *columns])), axis=1))
     if bad.size:
         raise InputError(f"{label}: point {bad[0] + 1} has a value that is not finite")
@@ -60,11 +64,15 @@ def checked(points: Points, max_gap_s: float, max_acceleration: float) -> Points
         at = int(np.argmax(step))
         raise InputError(
             f"{label}: no points between {time[at]:.6g} s and {time[at + 1]:.6g} s: a gap of {step[at]:.6g} s, allowed "
-            f"max_gap_s = {max_gap_s:g} s ({np.count_nonzero(step > max_gap_s)} such gaps)"
+            f"max_gap_s = {max_gap_s:g} s{_of_several(int(np.count_nonzero(step > max_gap_s)))}"
         )
     found = replace(points, time=time, longitude=np.unwrap(points.longitude))
     _check_jumps(found, max_acceleration)
     return found
+
+
+def _of_several(gaps: int) -> str:
+    return f" (the longest of {gaps} such gaps)" if gaps > 1 else ""
 
 
 def _check_jumps(points: Points, largest: float) -> None:

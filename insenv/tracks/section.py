@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -13,8 +12,9 @@ from pydantic import model_validator
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Positive, key
+from insenv.tracks.fingerprint import fingerprint
 from insenv.tracks.points import Points, checked
-from insenv.tracks.readers import Columns, formats, points_of
+from insenv.tracks.readers import Column, Columns, formats, points_of
 from insenv.tracks.shape import Shape, shaped, start_of
 from insenv.vehicles.section import StartSection, VehicleSection
 from insenv.vehicles.splines import DEGREE
@@ -22,6 +22,8 @@ from insenv.vehicles.track import SIZES, track
 from insenv.vehicles.truth import Vehicle
 
 SHORTEST_KNOT_S = 0.05
+LONGEST_GAP = 200
+"""Knots between two points: with more, rounding decides what the smoothest spline between them is."""
 TURN = 0.25
 """Largest rotation in a sample, rad, that the truth of a vehicle allows."""
 _MOST = SIZES[-1] - DEGREE - 1
@@ -50,6 +52,11 @@ class TrackSection(VehicleSection):
     def lasts_s(self) -> float | None:
         """Duration of the track, s."""
         return self.shape.duration_s
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was chosen in the file of the track."""
+        return self.shape.notes
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""
@@ -108,7 +115,11 @@ def _size(count: int) -> int:
 class RecordedFile(TrackSection):
     """The fingerprint of the file that a track comes from."""
 
-    sha256: str = key("", "SHA-256 of the file, which must not change; filled in when the scenario is loaded", max_length=64)
+    sha256: str = key(
+        "",
+        "SHA-256 of the file, with the files that a .toml names: they must not change; filled in when the scenario is loaded",
+        max_length=64,
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -116,10 +127,7 @@ class RecordedFile(TrackSection):
         if not isinstance(data, Mapping) or not isinstance(data.get("file"), str):
             return data
         path = Path(data["file"])
-        try:
-            now = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            raise ValueError(f"{path}: {'file not found' if not path.exists() else error.strerror or error}") from None
+        now = fingerprint(path)
         if data.get("sha256") not in ("", None, now):
             raise ValueError(f"{path}: the file has changed since this scenario was loaded")
         return {**data, "sha256": now}
@@ -131,6 +139,9 @@ class RecordedSection(RecordedFile):
     kind: Literal["recorded"] = key(..., "kind of vehicle")
     file: str = key(..., f"the file, relative to this TOML file: {formats()}", min_length=1)
     columns: Columns = key(Columns(), "columns of a CSV file")
+    track: Column | None = key(
+        None, "the track of a GPX or KML file with several, by name or by number, counted from 0; absent: the first"
+    )
     height_offset_m: Number = key(0.0, "added to the heights, as that of the geoid above the ellipsoid", "m", ge=-1e4, le=1e4)
     max_gap_s: Positive = key(10.0, "a longer gap between points is an error", "s", le=3600)
     max_acceleration_mps2: Positive = key(20.0, "a larger acceleration over one second is a jump, an error", "m/s2", le=1e4)
@@ -138,13 +149,13 @@ class RecordedSection(RecordedFile):
     @property
     def shape(self) -> Shape:
         """The splines.  Raises `InputError` for a file that is no track."""
-        return _shape(self)
+        return _shape(self.model_dump_json())
 
 
 @lru_cache(maxsize=16)
-def _shape_of(text: str) -> Shape:
+def _shape(text: str) -> Shape:
     section = RecordedSection.model_validate_json(text)
-    found = points_of(Path(section.file), section.columns, section.height_offset_m)
+    found = points_of(Path(section.file), section.columns, section.height_offset_m, section.track)
     points = checked(found, section.max_gap_s, section.max_acceleration_mps2)
     return shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
 
@@ -155,13 +166,20 @@ def spacing(points: Points) -> float:
 
 
 def knot_interval(stated: float | None, usual: float, points: Points) -> float:
-    """Time between knots, s: as stated, or the usual one, longer for a long track.  Raises `InputError` for too many knots."""
+    """Time between knots, s: as stated, or the usual one, longer for a long track.
+
+    Raises `InputError` for too many knots, in all or in a gap, and for too few.
+    """
     lasts = float(points.time[-1])
     interval = stated or max(usual, lasts / (_MOST - 1))
+    if interval > lasts:
+        raise InputError(f"knot_s = {interval:g} s: allowed is at most the duration of the track, {lasts:.6g} s")
     if lasts / interval > _MOST:
         raise InputError(f"knot_s = {interval:g} s: {lasts / interval:.0f} knots: allowed is at most {_MOST}")
+    gap = float(np.diff(points.time).max())
+    if gap > LONGEST_GAP * interval:
+        raise InputError(
+            f"{points.label}: a gap of {gap:.6g} s with knots every {interval:g} s: allowed are {LONGEST_GAP} knots in a gap, "
+            f"with a knot_s of {gap / LONGEST_GAP:.6g} s or more"
+        )
     return float(interval)
-
-
-def _shape(section: RecordedSection) -> Shape:
-    return _shape_of(section.model_dump_json())

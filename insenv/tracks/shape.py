@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.geodesy.numeric import radii
 from insenv.tracks.points import Points
@@ -26,14 +27,13 @@ LEVEL = "level"
 @dataclass(frozen=True)
 class Shape:
     """The splines of a track: points (n, 6) of the channels of `insenv.vehicles.track`, latitude, longitude (rad), height (m)
-    less those of the origin; interval s; origin: latitude, longitude rad, height m; duration_s; left_m: rms of what the spline
-    leaves of the positions, m."""
+    less those of the origin; interval s; origin: latitude, longitude rad, height m; duration_s; notes: those of the points."""
 
     points: Array
     interval: float
     origin: tuple[float, float, float]
     duration_s: float
-    left_m: float
+    notes: tuple[str, ...] = ()
 
     @property
     def spline(self) -> Spline:
@@ -47,14 +47,36 @@ def shaped(points: Points, interval: float, noise_m: float | None, bank: str) ->
     R_M, R_N = radii(np.sin(origin[0]))
     scale = np.array([R_M + origin[2], (R_N + origin[2]) * np.cos(origin[0]), 1.0])  # m per unit of each channel
     place = np.column_stack([points.latitude - origin[0], points.longitude - origin[1], points.height - origin[2]])
-    position, left = smoothed(points.time, place * scale, interval, sigma=noise_m)
+    rates = None if points.velocity is None else scale * points.velocity / _per_rate(points.latitude, points.height)
+    position = smoothed(points.time, place * scale, interval, sigma=noise_m, rates=rates)
     if points.attitude is None:
         attitude = _along_course(position, points.time, interval, bank)
     else:
         angles = np.unwrap(points.attitude, axis=0)
-        attitude = smoothed(points.time, angles, interval)[0].points
+        attitude = smoothed(points.time, angles, interval).points
     together = np.hstack([position.points / scale, attitude])
-    return Shape(together, interval, origin, float(points.time[-1] - points.time[0]), left)
+    return Shape(together, interval, origin, float(points.time[-1] - points.time[0]), points.notes)
+
+
+def _per_rate(latitude: Array, height: Array) -> Array:
+    """Velocity (n, 3) north, east, down, m/s, per rate of latitude, longitude, height (Groves 2013, eq. 2.111)."""
+    R_M, R_N = radii(np.sin(latitude))
+    return np.column_stack([R_M + height, (R_N + height) * np.cos(latitude), -np.ones_like(height)])
+
+
+def check_velocity(points: Points, shape: Shape, largest: float) -> None:
+    """Raise `InputError` where the velocities of the points are not those of the track; largest: difference allowed, m/s."""
+    assert points.velocity is not None
+    own = shape.spline.at(points.time, 1)[:, :3] * _per_rate(points.latitude, points.height)
+    apart = np.abs(own - points.velocity)
+    at, axis = np.unravel_index(int(np.argmax(apart)), apart.shape)
+    if apart[at, axis] > largest:
+        raise InputError(
+            f"{points.label}: velocity {('north', 'east', 'down')[axis]} is {points.velocity[at, axis]:.6g} m/s at "
+            f"{points.time[at]:.6g} s, and {own[at, axis]:.6g} m/s by the positions: allowed is a difference of "
+            f"max_contradiction_mps = {largest:g} m/s; check the order north, east, down, the unit and the Earth model; a "
+            "step_s too long for the motion does this too"
+        )
 
 
 def _along_course(position: Spline, time: Array, interval: float, bank: str) -> Array:
@@ -69,11 +91,11 @@ def _along_course(position: Spline, time: Array, interval: float, bank: str) -> 
         known = np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0]))
         course = np.interp(fine, fine[moving], known)  # held through stops
     weight = np.maximum(trust**2, 1e-3)
-    heading = smoothed(fine, course[:, None], interval, weight)[0]
+    heading = smoothed(fine, course[:, None], interval, weight)
     rate = heading.at(fine, 1)[:, 0]
     climb = trust * np.arctan2(velocity[:, 2], np.maximum(speed, SLOW))
     roll = np.zeros(len(fine)) if bank == LEVEL else np.arctan(speed * rate / STANDARD_GRAVITY)
-    others = smoothed(fine, np.column_stack([roll, climb]), interval)[0]
+    others = smoothed(fine, np.column_stack([roll, climb]), interval)
     return np.hstack([others.points, heading.points])
 
 

@@ -18,12 +18,17 @@ MAX_WAVES = 16
 MAX_LEGS = 64
 
 
-class StartSection(Section):
-    """Position of the inertial unit and attitude of the vehicle at time 0."""
+class PlaceSection(Section):
+    """A place."""
 
     latitude_deg: Number = key(..., "geodetic latitude", "deg", ge=-89.999, le=89.999)
     longitude_deg: Number = key(..., "longitude, east positive", "deg", ge=-360, le=360)
     height_m: Number = key(0.0, "height above the WGS-84 ellipsoid", "m", ge=-1e4, le=1e5)
+
+
+class StartSection(PlaceSection):
+    """Position of the inertial unit and attitude of the vehicle at time 0."""
+
     heading_deg: Number = key(0.0, "heading, clockwise from north; the mean for a swaying ship", "deg", ge=-360, le=360)
     roll_deg: Number = key(0.0, "mean roll, right side down positive", "deg", ge=-28, le=28)
     pitch_deg: Number = key(0.0, "mean pitch, nose up positive", "deg", ge=-28, le=28)
@@ -59,6 +64,11 @@ class VehicleSection(Section):
     def lasts_s(self) -> float | None:
         """Duration of the motion, s; None: without an end."""
         return None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what the keys leave open, for a reader of the results."""
+        return ()
 
     def check_interval(self, sample_interval: float) -> None:
         """Raise `InputError` where the motion needs more samples; sample_interval: s."""

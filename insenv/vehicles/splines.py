@@ -6,7 +6,9 @@ u = t / h - k, `BASIS`.  De Boor, A Practical Guide to Splines, 2001, ch. IX.
 `smoothed` finds the control points for measured points: least squares plus a weight times the mean square of the third
 derivative, the jerk of a position (Eilers and Marx, "Flexible smoothing with B-splines and penalties", Statistical Science 11
 (1996), eq. 12).  Unless the standard deviation of the points is known, the weight is that of generalized cross-validation
-(Craven and Wahba, Numer. Math. 31 (1979)): points without noise are met, points with noise are not followed into it.
+(Craven and Wahba, Numer. Math. 31 (1979)): points without noise are met, points with noise are not followed into it.  Where the
+derivatives at the points are known too, values and derivatives are fitted together, with the largest weight that does not
+fit them worse.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from insenv.errors import InputError
+
 Array = NDArray[np.float64]
 
 DEGREE = 5
@@ -25,6 +29,10 @@ POINTS = DEGREE + 1
 CAUTION = 1.4
 """Factor of the degrees of freedom in the cross-validation, against fits that meet every point (Kim and Gu, J. R. Stat. Soc. B
 66 (2004), section 2.3)."""
+WEIGHTS = tuple(10.0 ** np.arange(-12.0, 8.1, 0.5))
+"""Weights of the jerk that are tried."""
+MARGIN = 1.002
+"""With derivatives, what the spline leaves of the points at most, over what it leaves without a penalty."""
 
 
 def _basis() -> Array:
@@ -72,42 +80,53 @@ def point_count(duration: float, interval: float) -> int:
 
 
 def smoothed(
-    time: Array, values: Array, interval: float, weight: Array | None = None, sigma: float | None = None
-) -> tuple[Spline, float]:
-    """The spline of measured values (m, columns), and the rms of what it leaves of them, in their unit.
+    time: Array,
+    values: Array,
+    interval: float,
+    weight: Array | None = None,
+    sigma: float | None = None,
+    rates: Array | None = None,
+) -> Spline:
+    """The spline of measured values (m, columns).
 
     weight (m,): of each time, 1 if None; sigma: standard deviation of the values; 0 meets them; None: found by
-    cross-validation.
+    cross-validation.  rates (m, columns): measured derivatives; those times the interval count as the values do.
     """
     count = point_count(float(time[-1] - time[0]), interval)
     place, rows = weights_at(time - time[0], interval, count)
     root = np.ones(len(time)) if weight is None else np.sqrt(weight / np.mean(weight))
-    system = _System(place, rows * root[:, None], count)
-    right = system.transposed(values * root[:, None])
+    rows, values = rows * root[:, None], values * root[:, None]
+    if rates is not None:
+        places, slopes = weights_at(time - time[0], interval, count, 1)
+        place = np.concatenate([place, places])
+        rows = np.vstack([rows, interval * root[:, None] * slopes])
+        values = np.vstack([values, interval * root[:, None] * rates])
+    system = _System(place, rows, count)
+    right = system.transposed(values)
 
-    def left(logarithm: float) -> tuple[Array, Array, float]:
-        factor = system.factor(10.0**logarithm)
+    def left(factor: Array) -> tuple[Array, float]:
         points = cho_solve_banded((factor, True), right)
-        residual = values * root[:, None] - system.product(points)
-        return points, residual, float(np.sqrt(np.mean(residual**2)))
+        return points, float(np.sqrt(np.mean((values - system.product(points)) ** 2)))
 
-    grid = np.arange(-12.0, 8.1, 0.5)
+    factors = [found for weight in WEIGHTS if (found := system.factor(weight)) is not None]
+    if not factors:
+        raise InputError(f"a gap of {np.diff(time).max():.6g} s with knots every {interval:g} s: allowed is a shorter gap")
+    if sigma is None and rates is not None:
+        sigma = MARGIN * left(factors[0])[1]
     if sigma is None:
         probes = np.where(np.random.default_rng(0).random((len(time), 8)) < 0.5, -1.0, 1.0)
         probed = system.transposed(probes)
 
-        def score(logarithm: float) -> float:
-            factor = system.factor(10.0**logarithm)
+        def score(factor: Array) -> float:
             trace = float(np.mean(np.sum(probed * cho_solve_banded((factor, True), probed), axis=0))) / len(time)
             free = 1.0 - CAUTION * trace
-            return left(logarithm)[2] ** 2 / free**2 if free > 0.0 else np.inf
+            return left(factor)[1] ** 2 / free**2 if free > 0.0 else np.inf
 
-        best = float(grid[int(np.argmin([score(each) for each in grid]))])
+        best = int(np.argmin([score(each) for each in factors]))
     else:
-        fits = [left(each)[2] for each in grid]
-        best = float(grid[max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)])
-    points, _, size = left(best)
-    return Spline(points, interval, float(time[0])), size
+        fits = [left(each)[1] for each in factors]
+        best = max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)
+    return Spline(left(factors[best])[0], interval, float(time[0]))
 
 
 class _System:
@@ -138,6 +157,12 @@ class _System:
         """Rows times control points."""
         return np.einsum("mj,mjc->mc", self.rows, points[self.columns])
 
-    def factor(self, weight: float) -> Array:
-        """Cholesky factor of the normal equations with this weight of the jerk."""
-        return np.asarray(cholesky_banded(self.normal + weight * self.penalty, lower=True))
+    def factor(self, weight: float) -> Array | None:
+        """Cholesky factor of the normal equations with this weight of the jerk.
+
+        None where points and penalty do not determine the spline: in a long gap rounding loses a small weight.
+        """
+        try:
+            return np.asarray(cholesky_banded(self.normal + weight * self.penalty, lower=True))
+        except np.linalg.LinAlgError:
+            return None

@@ -16,6 +16,7 @@ class Leg(Section):
 
 class Car(Section):
     kind: Literal["car"] = key(..., "kind")
+    car: Number = key(1.0, "a key with the name of a kind", "m", gt=0)
 
 
 class Ship(Section):
@@ -25,6 +26,7 @@ class Ship(Section):
 class File(Section):
     height_m: Number = key(1.0, "height", "m", gt=0, lt=4)
     duration_s: Number = key(1.0, "duration", "s", ge=0.5, le=86400)
+    arm_deg: Number = key(0.0, "a limit that binary numbers do not have", "deg", le=89.9)
     count: Annotated[int, Strict()] = key(1, "count", ge=0, le=2**53)
     title: str = key("a", "title", min_length=1, max_length=3)
     repeat: bool = key(True, "repeat", strict=True)
@@ -43,6 +45,7 @@ class File(Section):
     ("wrong", "message"),
     [
         ({"height_m": 0}, "height_m = 0 [m]: must be greater than 0"),
+        ({"arm_deg": 95.0}, "arm_deg = 95.0 [deg]: must be less than or equal to 89.9"),
         ({"height_m": 9}, "height_m = 9 [m]: must be less than 4"),
         ({"duration_s": 0.1}, "duration_s = 0.1 [s]: must be greater than or equal to 0.5"),
         ({"duration_s": 1e9}, "duration_s = 1000000000.0 [s]: must be less than or equal to 86400"),
@@ -73,7 +76,15 @@ class File(Section):
         ({"vehicle": 3}, "vehicle = 3: must be a table of keys"),
         ({"vehicle": {}}, "vehicle.kind is missing: must be one of 'car', 'ship'"),
         ({"vehicle": {"kind": "boat"}}, "vehicle.kind = 'boat': must be one of 'car', 'ship'"),
-        (3, "the file = 3: must be a table of keys"),
+        ({"vehicle": {"kind": "shp"}}, "vehicle.kind = 'shp': must be one of 'car', 'ship'; did you mean 'ship'?"),
+        ({"vehicle": {"kind": "car", "car": 0}}, "vehicle.car = 0 [m]: must be greater than 0"),
+        (
+            {"legs": [{"drive_s": 1, "count": 1}]},
+            "legs[0].count: unknown key; it belongs at the top of the file (allowed: drive_s)",
+        ),
+        ({"car": 3}, f"car: unknown key; it belongs in [vehicle] (allowed: {', '.join(File.model_fields)})"),
+        ({"drive_s": 3}, f"drive_s: unknown key; did you mean 'duration_s'? (allowed: {', '.join(File.model_fields)})"),
+        (3, "3: must be a table of keys"),
     ],
 )
 def test_a_wrong_value_is_named_with_what_is_allowed(wrong, message):

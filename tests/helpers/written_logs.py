@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from insenv.core.runner import make_runner
-from insenv.scenario import build, load, parse
+from insenv import record
+from insenv.export import log_tables
+from insenv.export.toml_text import toml_text
+from insenv.scenario import load, parse
 
 LEVER_ARM_M = (-1.2, 0.3, -1.0)
 AGE_S = 0.05
@@ -39,71 +40,34 @@ def written_log(
     values["gnss"] = {"grade": receiver, "interval_s": 1.0, "latency_s": AGE_S, "lever_arm_m": list(LEVER_ARM_M)}
     values.pop("estimator")
     values |= {id: {} for id, wrong in (("odometer", odometer), ("barometer", barometer)) if wrong is not None}
-    plant = build(parse(values), seed=seed, duration_s=duration_s)
-    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    time, fix = shown["time"], shown["gnss_valid"] != 0
-    degrees = np.degrees(np.stack([shown["gnss_latitude"], shown["gnss_longitude"]], axis=1))
-    _write(folder / "imu.csv", "t,gx,gy,gz,ax,ay,az", time, shown["delta_angle"], shown["delta_velocity"])
-    sigmas = (scale_of_sigma * shown[f"gnss_{kind}_sigma"][fix] for kind in ("position", "velocity"))
-    fixes = (
-        time[fix] - shown["gnss_age"][fix],
-        degrees[fix],
-        shown["gnss_height"][fix],
-        shown["gnss_velocity_n"][fix],
-        *sigmas,
+    log = record(parse(values), seed=seed, duration_s=duration_s)
+    assert log.gnss is not None and log.gnss.velocity_sigma is not None
+    fixes = replace(  # stamped with their time of validity
+        log.gnss,
+        arrival=None,
+        age=None,
+        position_sigma=scale_of_sigma * log.gnss.position_sigma,
+        velocity_sigma=scale_of_sigma * log.gnss.velocity_sigma,
     )
-    _write(folder / "gnss.csv", "t,lat,lon,h,vn,ve,vd,sn,se,sd,svn,sve,svd", *fixes)
+    columns = {"imu": log_tables.imu_columns(log), "gnss": log_tables.gnss_columns(fixes)}
+    sections: dict[str, dict[str, Any]] = {
+        "imu": {**log_tables.IMU, "grade": grade},
+        "gnss": {**log_tables.gnss_keys(fixes), "lever_arm_m": list(lever_arm_m), "time_offset_s": time_offset_s},
+    }
+    for each in log.instruments:
+        wrong = {"odometer": (odometer, 0.0), "barometer": (1.0, barometer)}[each.id]
+        shown = replace(each, arrival=None, age=None, values=each.values * wrong[0] + wrong[1])
+        columns[each.id], sections[each.id] = log_tables.instrument_columns(shown), log_tables.instrument_keys(shown)
+    if odometer is not None:
+        sections["odometer"] = {**sections["odometer"], "lever_arm_m": [0.0, 0.0, 0.0]}
+    for id, table in columns.items():
+        (folder / f"{id}.csv").write_text(log_tables.csv_text(table), encoding="utf-8")
+    description = {
+        "title": "a simulated drive",
+        **{id: {"file": f"{id}.csv", **keys} for id, keys in sections.items()},
+        "initial": {"static_until_s": 28.0},
+        "estimator": {"loosely-coupled": {"rotation_error": 1.1e-3, "thrust_error": 1.05e-3}},
+    }
     path = folder / "log.toml"
-    path.write_text(f"""title = "a simulated drive"
-[imu]
-file = "imu.csv"
-time = "t"
-gyro = ["gx", "gy", "gz"]
-accel = ["ax", "ay", "az"]
-kind = "increment"
-stamp = "interval_end"
-gyro_unit = "rad"
-accel_unit = "m/s"
-axes = "FRD"
-grade = "{grade}"
-[gnss]
-file = "gnss.csv"
-time = "t"
-latitude = "lat"
-longitude = "lon"
-height = "h"
-position_unit = "deg"
-velocity = ["vn", "ve", "vd"]
-position_sigma = ["sn", "se", "sd"]
-velocity_sigma = ["svn", "sve", "svd"]
-lever_arm_m = {list(lever_arm_m)}
-time_offset_s = {time_offset_s}
-[initial]
-static_until_s = 28.0
-{_instruments(folder, shown, odometer, barometer)}
-[estimator."loosely-coupled"]
-rotation_error = 1.1e-3
-thrust_error = 1.05e-3
-""")
+    path.write_text(toml_text(description), encoding="utf-8")
     return path
-
-
-def _instruments(folder: Path, shown: Mapping[str, np.ndarray], odometer: float | None, barometer: float | None) -> str:
-    """Write the files of the instruments; return their sections."""
-    found = ""
-    for id, value, factor, offset in (("odometer", "speed", odometer, 0.0), ("barometer", "height", 1.0, barometer)):
-        if factor is None or offset is None:
-            continue
-        at = shown[f"{id}_new"] != 0
-        _write(
-            folder / f"{id}.csv",
-            "t,v",
-            shown["time"][at] - shown[f"{id}_age"][at],
-            shown[f"{id}_{value}"][at] * factor + offset,
-        )
-        found += f'[{id}]\nfile = "{id}.csv"\ntime = "t"\n{value} = "v"\n' + "lever_arm_m = [0, 0, 0]\n" * (id == "odometer")
-    return found
-
-
-def _write(path: Path, names: str, *columns: np.ndarray) -> None:
-    np.savetxt(path, np.column_stack(columns), fmt="%.17g", delimiter=",", header=names, comments="")

@@ -255,6 +255,13 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         ),
         (CAR, "[gnss]", "[gnss]\nposition_noise_m = [1.0, -1.0, 1.0]", "[m]: each must be from 0 to 100000"),
         (CAR, "seed = 1", "sed = 1", "sed: unknown key; did you mean 'seed'?"),
+        (
+            CAR,
+            "[gnss]",
+            "[gnss]\nduration_s = 60",
+            "gnss.duration_s: unknown key; it belongs at the top of the file",
+        ),
+        (CAR, "seed = 1", "latitude_deg = 45", "latitude_deg: unknown key; it belongs in [start]"),
         (CAR, "seed = 1", "seed = 1.5", "seed = 1.5: must be a whole number"),
         (CAR, "seed = 1", "seed = -1", "seed = -1: must be greater than or equal to 0"),
         (CAR, "rate_hz = 200.0", "rate_hz = '200'", "rate_hz = '200' [Hz]: must be a number"),

@@ -1,12 +1,17 @@
 """kind = "fmu": an outside model as truth; here the outside model is an exported car, whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import insenv
+from insenv import geodesy
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.scenario import build
+from insenv.tracks.points import Points
+from insenv.tracks.shape import check_velocity, shaped
 
 QUATERNION = [f"q_nb[{k}]" for k in (1, 2, 3, 4)]
 OUTPUTS = {"latitude": "latitude", "longitude": "longitude", "height": "height", "quaternion": QUATERNION}
@@ -17,22 +22,104 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("fmu")
 
 
+VELOCITY = [f"velocity_n[{k}]" for k in (1, 2, 3)]
+
+
 def car():
     table = insenv.load("car-city-drive").model_dump(mode="json")
     return insenv.load(
-        {**table, "duration_s": 40.0, "rate_hz": 100.0, "imu": {}, "vehicle": {**table["vehicle"], "engine": []}}
+        {**table, "duration_s": 100.0, "rate_hz": 100.0, "imu": {}, "vehicle": {**table["vehicle"], "engine": []}}
     )
 
 
 def scenario(path, **vehicle):
-    values = {"kind": "fmu", "file": str(path), "outputs": OUTPUTS, "run_s": 40.0, "step_s": 0.1, **vehicle}
+    values = {"kind": "fmu", "file": str(path), "outputs": OUTPUTS, "run_s": 100.0, "step_s": 0.1, **vehicle}
     return insenv.load({"title": "t", "rate_hz": 100.0, "vehicle": values})
 
 
 def truth_of(loaded):
-    plant = build(loaded, seed=car().seed, duration_s=39.0)
+    plant = build(loaded, seed=car().seed, duration_s=99.0)
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     return {name: np.array(values) for name, values in shown.items()}
+
+
+def closed_form(step_s, seconds=60.0):
+    """Points of a motion in sines with their velocities, and its latitude, longitude, height and velocity at any time."""
+    begin = np.radians([47.0, 11.0])
+
+    def at(time):
+        w = 2.0 * np.pi
+        angles = begin + np.column_stack([300.0 * np.sin(w * time / 60.0), 2.0 * np.sin(w * time / 5.0)]) / 6.4e6
+        rates = np.column_stack([5.0 * w * np.cos(w * time / 60.0), 0.4 * w * np.cos(w * time / 5.0)]) / 6.4e6
+        height, climb = 500.0 + 0.1 * np.sin(w * time / 1.5), 0.1 * w / 1.5 * np.cos(w * time / 1.5)
+        R_M, R_N = geodesy.numeric.radii(np.sin(angles[:, 0]))
+        velocity = [(R_M + height) * rates[:, 0], (R_N + height) * np.cos(angles[:, 0]) * rates[:, 1], -climb]
+        return np.column_stack([angles, height]), np.column_stack(velocity)
+
+    time = np.arange(0.0, seconds + 0.5 * step_s, step_s)
+    place, velocity = at(time)
+    return Points("vehicle.fmu", time, *place.T, velocity=velocity), at
+
+
+def apart(points, at):
+    """Largest error of position (m) and velocity (m/s) of the track of some points, between them too."""
+    shape = shaped(points, 0.1, None, "level")
+    time = np.arange(0.0, points.time[-1], 0.005)
+    place, velocity = at(time)
+    latitude, longitude, height = (shape.spline.at(time)[:, :3] + shape.origin).T
+    metres = np.array([6.4e6, 6.4e6, 1.0]) * (np.column_stack([latitude, longitude, height]) - place)
+    R_M, R_N = geodesy.numeric.radii(np.sin(latitude))
+    rates = shape.spline.at(time, 1)
+    own = [(R_M + height) * rates[:, 0], (R_N + height) * np.cos(latitude) * rates[:, 1], -rates[:, 2]]
+    return np.abs(metres).max(), np.abs(np.column_stack(own) - velocity).max()
+
+
+def test_a_closed_form_with_its_velocities():
+    """From its first point on: without the velocities nothing tells of the motion before it."""
+    points, at = closed_form(0.1)
+    position, velocity = apart(points, at)
+    assert position < 1e-7 and velocity < 2e-6
+    position, velocity = apart(replace(points, velocity=None), at)
+    assert 1e-5 < position < 1e-3 and 1e-3 < velocity < 0.05
+
+
+def test_small_contradictions_are_spread():
+    """An Euler step of 10 ms leaves the velocity half a step ahead of the position: the truth stays near both."""
+    points, at = closed_form(0.1)
+    ahead = replace(points, velocity=at(points.time + 0.005)[1])
+    position, velocity = apart(ahead, at)
+    assert position < 1e-3 and velocity < 0.01
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda v: 3.6 * v, "velocity north is .* m/s at .* s, and .* m/s by the positions"),
+        (lambda v: v[:, [1, 0, 2]], "check the order north, east, down, the unit"),
+        (lambda v: v * [1.0, 1.0, -1.0], "velocity down is .* allowed is a difference of max_contradiction_mps = 0.05 m/s"),
+        (lambda v: v * 1.003, "velocity north .* the Earth model"),
+    ],
+)
+def test_velocities_that_contradict_the_positions_are_refused(wrong, message):
+    points, _ = closed_form(0.1, 30.0)
+    points = replace(points, velocity=wrong(points.velocity))
+    with pytest.raises(InputError, match=message):
+        check_velocity(points, shaped(points, 0.1, None, "level"), 0.05)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_velocities_of_the_fmu_are_those_of_the_track(fmi, folder):
+    path = folder / f"moving{fmi}.fmu"
+    insenv.export_fmu(car(), path, fmi=fmi)
+    ours, theirs = truth_of(scenario(path, outputs={**OUTPUTS, "velocity": VELOCITY})), truth_of(car())
+    for name, scale in (("latitude", 6.37e6), ("longitude", 6.37e6), ("height", 1.0)):
+        assert scale * np.abs(ours[name] - theirs[name]).max() < 1e-4, name
+    assert np.abs(ours["velocity_n"] - theirs["velocity_n"]).max() < 2.5e-3
+    east_first = [VELOCITY[1], VELOCITY[0], VELOCITY[2]]
+    with pytest.raises(InputError, match=r"velocity (north|east) is"):
+        scenario(path, outputs={**OUTPUTS, "velocity": east_first})
+    with pytest.raises(InputError, match=r"no variable 'velocity_n.4.'"):
+        scenario(path, outputs={**OUTPUTS, "velocity": [*VELOCITY[:2], "velocity_n[4]"]})
 
 
 @pytest.mark.slow
@@ -42,10 +129,10 @@ def test_the_track_is_that_of_the_fmu(fmi, folder):
     insenv.export_fmu(car(), path, fmi=fmi)
     ours, theirs = truth_of(scenario(path)), truth_of(car())
     for name, scale in (("latitude", 6.37e6), ("longitude", 6.37e6), ("height", 1.0)):
-        assert scale * np.abs(ours[name] - theirs[name]).max() < 0.01, name
-    assert np.abs(ours["velocity_n"] - theirs["velocity_n"]).max() < 0.2
+        assert scale * np.abs(ours[name] - theirs[name]).max() < 1e-3, name
+    assert np.abs(ours["velocity_n"] - theirs["velocity_n"]).max() < 0.01
     between = 2.0 * np.arccos(np.clip(np.abs(np.sum(ours["q_nb"] * theirs["q_nb"], axis=1)), 0.0, 1.0))
-    assert np.degrees(between).max() < 0.2
+    assert np.degrees(between).max() < 0.02
 
 
 def test_wrong_fmus_are_refused(folder):

@@ -1,6 +1,7 @@
 """kind = "recorded": tracks through CSV, GPX, logs and results, against closed forms and simulated drives."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -126,12 +127,50 @@ def test_a_closed_form_through_gpx(tmp_path):
     assert np.abs(np.angle(np.exp(1j * (heading - course))))[fast].max() < np.radians(0.5)
 
 
+def test_heights_that_are_missing_are_noted_or_refused(tmp_path):
+    time = np.arange(0.0, 100.0)
+    write_gpx(tmp_path / "t.gpx", time, closed_form(time))
+    text = (tmp_path / "t.gpx").read_text(encoding="utf-8")
+    (tmp_path / "t.gpx").write_text(re.sub("<ele>.*?</ele>", "", text, count=1), encoding="utf-8")
+    with pytest.raises(InputError, match="point 1 has no height, others have one"):
+        scenario(tmp_path / "t.gpx")
+    (tmp_path / "t.gpx").write_text(re.sub("<ele>.*?</ele>", "", text), encoding="utf-8")
+    loaded = scenario(tmp_path / "t.gpx", vehicle={"height_offset_m": 50.0})
+    assert loaded.vehicle.notes == ("t.gpx has no heights: the track is at height_offset_m above the ellipsoid",)
+    assert loaded.start.height_m == pytest.approx(50.0)
+
+
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     """The truth of a simulated drive through a city, with stops and turns: time (s) and rows, at 10 Hz."""
     loaded = insenv.load({**insenv.load("car-city-drive").model_dump(mode="json"), "rate_hz": 100.0})
     time, shown = truth_of(loaded, 300.0)
     return time[9::10], {name: values[9::10] for name, values in shown.items()}
+
+
+def test_one_of_several_tracks_is_named(tmp_path):
+    """What `insenv run --gpx --kml` writes: the truth and an estimate."""
+    pytest.importorskip("gpxpy")
+    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=30.0)
+    insenv.write(report, tmp_path, ["gpx", "kml"], name="two")
+    for path in (tmp_path / "two.gpx", tmp_path / "two.kml"):
+        first = scenario(path)
+        note = f"{path.name} has the tracks 'truth', 'loosely-coupled': the first is taken; vehicle.track chooses another"
+        assert note in first.notes
+        truth, other = (
+            scenario(path, rate_hz=400.0, vehicle={"track": "truth"}),
+            scenario(path, rate_hz=400.0, vehicle={"track": "loosely-coupled"}),
+        )
+        assert not truth.vehicle.notes and np.array_equal(first.vehicle.shape.points, truth.vehicle.shape.points)
+        assert not np.array_equal(other.vehicle.shape.points, truth.vehicle.shape.points)
+        by_number = scenario(path, rate_hz=400.0, vehicle={"track": 1})
+        assert np.array_equal(by_number.vehicle.shape.points, other.vehicle.shape.points)
+        with pytest.raises(InputError, match=r"vehicle.track = 'trth': no such track in .*did you mean 'truth'\?"):
+            scenario(path, rate_hz=400.0, vehicle={"track": "trth"})
+        with pytest.raises(
+            InputError, match=r"vehicle.track = 2: .* has the tracks 'truth', 'loosely-coupled', numbered from 0"
+        ):
+            scenario(path, rate_hz=400.0, vehicle={"track": 2})
 
 
 def test_a_track_of_one_hertz_does_not_ring(drive, tmp_path):
@@ -188,7 +227,14 @@ def refused(tmp_path, message, time, values, **vehicle):
 def test_a_gap_is_named(tmp_path):
     time, values = rows()
     keep = (time < 30) | (time > 45)
-    refused(tmp_path, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10", time[keep], values[keep])
+    refused(tmp_path, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10 s$", time[keep], values[keep])
+
+
+def test_a_gap_of_many_knots_is_named(tmp_path):
+    time, values = rows(1000)
+    keep = (time < 100) | (time > 400)
+    message = r"a gap of 302 s with knots every 1 s: allowed are 200 knots in a gap, with a knot_s of 1.51 s or more"
+    refused(tmp_path, message, time[keep], values[keep], max_gap_s=400.0)
 
 
 def test_a_jump_is_named(tmp_path):
@@ -208,7 +254,9 @@ def test_few_points_are_refused(tmp_path):
 
 
 def test_two_of_three_angles_are_refused(tmp_path):
-    refused(tmp_path, "columns of 2 angles", *rows(), columns={"roll": "roll", "pitch": "pitch"})
+    message = r"vehicle\.columns: no heading: allowed are columns of roll, pitch and heading"
+    refused(tmp_path, message, *rows(), columns={"roll": "roll", "pitch": "pitch"})
+    refused(tmp_path, "no track|vehicle.track = 'a': allowed with .gpx and .kml", *rows(), track="a")
 
 
 def test_radians_as_degrees_are_refused(tmp_path):
@@ -222,7 +270,7 @@ def test_a_missing_column_is_named(tmp_path):
 def test_a_run_longer_than_the_track_is_refused(tmp_path):
     time, values = rows()
     write_csv(tmp_path / "t.csv", time, values)
-    with pytest.raises(InputError, match="the track lasts 99 s"):
+    with pytest.raises(InputError, match=r"^scenario: duration_s = 120 s: the track lasts 99 s$"):
         scenario(tmp_path / "t.csv", duration_s=120.0)
     with pytest.raises(InputError, match="allowed is up to 99 s, the duration of the track"):
         build(scenario(tmp_path / "t.csv"), duration_s=100.0)
@@ -256,6 +304,24 @@ def test_a_file_that_has_changed_is_refused(tmp_path):
         insenv.load(dumped)
 
 
+def test_the_data_of_a_log_are_part_of_its_fingerprint(tmp_path):
+    """The description alone is the same for two drives."""
+    for file in (ROOT / "examples" / "logs").glob("plain*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    first = scenario(tmp_path / "plain.toml")
+    data = tmp_path / "plain-reference.csv"
+    lines = data.read_text(encoding="utf-8").splitlines(keepends=True)
+    data.write_text("".join(lines[:-20]), encoding="utf-8")
+    second = scenario(tmp_path / "plain.toml")
+    assert first.vehicle.sha256 != second.vehicle.sha256
+    assert second.duration_s < first.duration_s
+    with pytest.raises(InputError, match="the file has changed"):
+        insenv.load(first.model_dump(mode="json"))
+    data.unlink()
+    with pytest.raises(InputError, match=r"plain-reference.csv: file not found"):
+        scenario(tmp_path / "plain.toml")
+
+
 def test_a_file_beside_a_scenario(tmp_path):
     time, values = rows()
     write_csv(tmp_path / "t.csv", time, values)
@@ -264,6 +330,15 @@ def test_a_file_beside_a_scenario(tmp_path):
     (tmp_path / "s.toml").write_text('title = "t"\n[vehicle]\nkind = "recorded"\nfile = "none.csv"\n', encoding="utf-8")
     with pytest.raises(InputError, match=r"none.csv: file not found"):
         insenv.load(tmp_path / "s.toml")
+
+
+def test_a_misspelt_kind_is_named_first(tmp_path):
+    """Whether [start] and duration_s are missing depends on it."""
+    with pytest.raises(InputError) as caught:
+        scenario("drive.gpx", vehicle={"kind": "record"})
+    message = str(caught.value)
+    assert message.startswith("scenario: vehicle.kind = 'record': must be one of 'ship', 'car', 'aircraft'")
+    assert message.endswith("; did you mean 'recorded'?") and len(message.splitlines()) == 1
 
 
 @pytest.mark.parametrize(("name", "text"), [("t.gpx", "no xml"), ("t.xyz", "a"), ("t.csv", "")])

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import insenv
+from insenv.campaigns.plan import make_plan
+from insenv.campaigns.variation import variation_of, varied
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.scenario import build
@@ -54,12 +56,25 @@ def test_a_coordinated_turn_banks():
     assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
 
 
+def test_a_wrong_key_beside_the_places_is_named():
+    """The list of places has the name of the kind."""
+    with pytest.raises(InputError, match=r"vehicle\.lateral_mps2 = 0.0 \[m/s2\]: must be greater than 0"):
+        scenario(vehicle={"lateral_mps2": 0.0})
+
+
 @pytest.mark.parametrize(
     ("places", "message"),
     [
         (PLACES[:1], "vehicle.waypoints.*: must have two places or more"),
         ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
         ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
+        (
+            [PLACES[0], {**PLACES[1], "latitude_deg": 95.0}],
+            r"latitude_deg = 95.0 .deg.: must be less than or equal to 89\.999$",
+        ),
+        ([PLACES[0], PLACES[1], PLACES[0]], r"waypoints\[1\]: a turn of 180 deg: allowed is up to 171.9 deg, or a stop_s"),
+        ([{**PLACES[0], "stop_s": 86400.0}, PLACES[1]], "the plan lasts 86474.* s or more: allowed is up to 86400 s"),
+        ([{**PLACES[0], "latitude_deg": 89.9}, {**PLACES[1], "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
         ([PLACES[0], {**PLACES[1], "latitude_deg": 60.0}], "more than 300 km from the first"),
     ],
 )
@@ -81,6 +96,31 @@ def test_environments_and_campaigns_take_a_track():
     assert len(summary.seeds) == 3
 
 
+def test_a_plan_across_the_date_line():
+    loaded = scenario([
+        {"latitude_deg": 45.0, "longitude_deg": 179.995, "speed_mps": 15.0},
+        {"latitude_deg": 45.0, "longitude_deg": -179.995, "speed_mps": 15.0},
+    ])  # fmt: skip
+    shape = loaded.vehicle.shape
+    times = np.linspace(0.0, shape.duration_s, 500)
+    assert np.abs(4.5e6 * shape.spline.at(times, 1)[:, 1]).max() < 16.0
+    assert 4.5e6 * (shape.spline.at(times)[-1, 1] - shape.spline.at(times)[0, 1]) == pytest.approx(788.0, abs=5.0)
+
+
+def test_a_place_that_is_passed_at_a_distance_is_noted():
+    """A turn by 170 deg at 15 m/s: an arc of the radius v^2 / a would begin beyond half of the line."""
+    sharp = [PLACES[0], PLACES[1], {**PLACES[0], "longitude_deg": 7.0025}]
+    (note,) = scenario(sharp, imu={"grade": "tactical"}).notes
+    assert note.startswith("the arc at vehicle.waypoints[1] passes ") and "keeps it closer" in note
+    stopped = [sharp[0], {**sharp[1], "stop_s": 5.0}, sharp[2]]
+    assert scenario(stopped, imu={"grade": "tactical"}).notes == ()
+
+
+def test_knots_longer_than_the_plan_are_refused():
+    with pytest.raises(InputError, match=r"knot_s = 3600 s: allowed is at most the duration of the track, 93 s"):
+        scenario(PLACES[:2], vehicle={"knot_s": 3600.0})
+
+
 def test_a_plan_of_hours_has_longer_knots(tmp_path):
     """278 km at 15 m/s: five hours, more knots of half a second than a track can have."""
     path = tmp_path / "far.toml"
@@ -92,3 +132,26 @@ def test_a_plan_of_hours_has_longer_knots(tmp_path):
     )
     shape = insenv.load(path).vehicle.shape
     assert shape.duration_s > 18_000 and 1.0 < shape.interval < 1.3
+
+
+@pytest.mark.parametrize("key", ["vehicle.waypoints.1.speed_mps", "vehicle.acceleration_mps2"])
+def test_runs_with_varied_plans_last_as_long_as_the_shortest(key):
+    limits = {"vehicle.waypoints.1.speed_mps": (8.0, 12.0), "vehicle.acceleration_mps2": (0.8, 1.2)}[key]
+    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
+    plan = make_plan(loaded, "loosely-coupled", 3, variations=[variation_of(key, limits)])
+    lasting = [plant.scenario.vehicle.lasts_s for plant in plan.plants(range(3))]
+    assert len(set(lasting)) > 1
+    fastest = varied(loaded.stated(), {key: limits[1]})
+    assert plan.duration_s == insenv.load(fastest).duration_s < min(lasting) < max(lasting)
+    with pytest.raises(InputError, match=r"duration_s = .* s: allowed is up to .* s, the duration of the track"):
+        make_plan(loaded, "loosely-coupled", 3, duration_s=loaded.duration_s, variations=[variation_of(key, limits)])
+
+
+def test_a_varied_first_place_is_the_start():
+    loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
+    vary = variation_of("vehicle.waypoints.0.latitude_deg", (44.999, 45.001))
+    plan = make_plan(loaded, "loosely-coupled", 2, variations=[vary])
+    for run in range(2):
+        plant = plan.plant_of(run)
+        drawn = vary.value(plan.seed_of(run))
+        assert plant.scenario.start.latitude_deg == pytest.approx(drawn, abs=1e-7)

@@ -338,8 +338,15 @@ def test_a_wrong_grade_file_is_refused(text, message, tmp_path):
 
 def test_a_missing_grade_file_is_refused(tmp_path):
     (tmp_path / "s.toml").write_text(SCENARIO, encoding="utf-8")
-    with pytest.raises(InputError, match=r"imu.grade = .*unit.toml: file not found"):
+    with pytest.raises(InputError) as caught:
         insenv.load(tmp_path / "s.toml")
+    assert str(caught.value) == f"{tmp_path / 's.toml'}: imu.grade: {tmp_path / 'unit.toml'}: file not found"
+    (tmp_path / "unit.toml").write_text('title = "x"\nfoo = 1\nbar = 2', encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        insenv.load(tmp_path / "s.toml")
+    begun = [line.partition(" (allowed")[0] for line in str(caught.value).splitlines()]
+    where = f"{tmp_path / 's.toml'}: imu.grade: {tmp_path / 'unit.toml'}"
+    assert begun == [f"{where}: foo: unknown key", f"{where}: bar: unknown key"]
 
 
 LOG = (

@@ -34,9 +34,9 @@ from insenv.logs.readings import Readings
 from insenv.logs.units import Array
 
 FLU = np.array([1.0, -1.0, -1.0])
-"""Signs from forward, left, up to forward, right, down."""
+"""Signs from forward, left, up to forward, right, down, and back."""
 ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""From east, north, up to north, east, down."""
+"""From east, north, up to north, east, down, and back."""
 MAPS = frozenset(("map", "enu", "world", "earth"))
 """Frames whose axes point east, north, up."""
 IMU, FIX, ODOMETRY = "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix", "nav_msgs/msg/Odometry"
