@@ -21,7 +21,7 @@ import insenv
 from insenv.estimators.contract import Estimator
 from insenv.scenario import load
 
-FIRST_SEED, RUNS = 30000, 32
+FIRST_SEED, RUNS = 30000, 16
 """No filter was tuned on these seeds."""
 SETTLED = 300.0
 """s, from which the heading counts."""

@@ -82,7 +82,7 @@ _HEADING = ("gnss", "magnetometer", "heading", "in_place")
 """Aids that show the heading: GNSS by motion, a fixed place by the rotation of the Earth."""
 NO_HEADING = (
     "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
-    "position come out too small, by a factor of 2 to 7 after some minutes of a car's drive"
+    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive"
 )
 
 
