@@ -79,12 +79,12 @@ def normal_gravity_about_axis(axis: ca.SX, height: Scalar) -> ca.SX:
     return ca.vertcat(-per_cosine * axis[0], -per_cosine * axis[1], normal_gravity(sin_latitude, height))
 
 
-_CHANGE = 2.0 * SOMIGLIANA + E2
-"""Twice the relative change of normal gravity with sin^2(latitude), at the equator."""
+GRAVITY_CHANGE = 2.0 * SOMIGLIANA + E2
+"""Twice the relative change of normal gravity with sin^2 L, at the equator: dg/dL is GRAVITY_CHANGE g sin L cos L to 1 %."""
 _NORTH = (
-    GAMMA_EQUATOR * _CHANGE / (1.0 - E2),
+    GAMMA_EQUATOR * GRAVITY_CHANGE / (1.0 - E2),
     -GAMMA_EQUATOR * SOMIGLIANA * E2 / (1.0 - E2),
-    GAMMA_EQUATOR * (4.0 * F - (2.0 + F + M) * _CHANGE),
+    GAMMA_EQUATOR * (4.0 * F - (2.0 + F + M) * GRAVITY_CHANGE),
 )
 """n_0, n_1, n_2 of `normal_gravity_about_axis`, m/s^2."""
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from insenv.geodesy import MEAN_RADIUS
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load, parse
 
@@ -18,14 +19,11 @@ def day(chosen):
     return parse(values, "day", "day")
 
 
-OF_UNIT = pytest.mark.xfail(
-    reason="with scale factors and misalignments of a ship's unit as states, as the preset has them, the height drifts by 100 m"
-)
 WITHOUT = {"states": ["gnss_wander", "barometer_bias", "barometer_drift", "barometer_scale"]}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("chosen", [WITHOUT, pytest.param({}, marks=OF_UNIT)], ids=["without", "preset"])
+@pytest.mark.parametrize("chosen", [WITHOUT, {}], ids=["without", "preset"])
 def test_the_height_of_a_day_without_gnss_is_that_of_the_barometer(chosen):
     """Without it the height error grows by a factor of e every 9.5 minutes."""
     found = ensemble(day(chosen), ["fusion"], range(20000, 20000 + RUNS), records=288)
@@ -37,3 +35,7 @@ def test_the_height_of_a_day_without_gnss_is_that_of_the_barometer(chosen):
     rms = np.sqrt(np.mean(error**2))
     assert rms < 1.5 * np.sqrt(np.mean(sigma**2)) and np.mean(np.abs(error) > 3 * sigma) < 0.02
     assert np.abs(error).max() < 4.5 * sigma.max()
+    if not chosen:  # the preset estimates what drifts; 3.3 is the 99.9 % point of the mean square of its 4 x 2 drifts
+        place = np.stack([outputs["latitude"] - found.truth["latitude"], outputs["longitude"] - found.truth["longitude"]], -1)
+        place *= MEAN_RADIUS * np.stack([np.ones_like(found.truth["latitude"]), np.cos(found.truth["latitude"])], -1)
+        assert np.mean((place / outputs["position_sigma"][:, :, :2])[:, late] ** 2) < 3.3
