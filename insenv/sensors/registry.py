@@ -11,7 +11,7 @@ from insenv.sensors.contract import Sensor, SensorSection
 
 TAKEN = frozenset(dir(SensorSection)) | {
     "title", "description", "duration_s", "rate_hz", "seed", "estimators", "start", "vehicle", "imu", "gnss", "knowledge",
-    "estimator", "name", "sensors", "tunings", "drive", "gravity", "notes", "choices_of", "commands",
+    "estimator", "name", "sensors", "tunings", "drive", "gravity", "notes", "choices_of", "commands", "stated",
 }  # fmt: skip
 """Names of the keys and attributes of a scenario, which no section of a sensor can have."""
 

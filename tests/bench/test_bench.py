@@ -36,7 +36,15 @@ def test_figures_of_composed_filters(name, unit, monkeypatch):
     assert found.name == name and found.unit == unit and found.floor > 0 and found.value > 0
 
 
-@pytest.mark.parametrize("name", ["vector.small", "vector.reset.ship", "vector.reset.tuning", "vector.reset.manoeuvre"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "vector.small",
+        "vector.reset.ship",
+        "vector.reset.tuning",
+        pytest.param("vector.reset.manoeuvre", marks=pytest.mark.slow),
+    ],
+)
 def test_figures_of_small_batches_and_of_starts(name, monkeypatch):
     monkeypatch.setattr("insenv.bench.envs.REPETITIONS", 1)
     monkeypatch.setattr("insenv.bench.envs.LONG", 60.0)

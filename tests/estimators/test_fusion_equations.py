@@ -119,7 +119,7 @@ def test_sensitivities_equal_differences_through_the_feedback(id, age):
     assert np.abs(H).max() > 0
 
 
-@pytest.mark.parametrize("id", [id for id in AIDS if id not in ("gnss", "zero_velocity", "non_holonomic")])
+@pytest.mark.parametrize("id", [id for id in AIDS if id not in ("gnss", "zero_velocity", "non_holonomic", "in_place")])
 def test_every_told_error_of_an_instrument_has_a_state(id):
     names = {state.name for state in OF_AID[id]}
     assert names and all(STATES[name].rows.names for name in names)

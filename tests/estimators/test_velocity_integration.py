@@ -169,7 +169,12 @@ def test_what_white_noise_does_is_what_is_stated(kind):
 
 
 @pytest.mark.parametrize(
-    ("name", "seconds"), [("car-unknown-heading", None), ("aircraft-inflight-alignment", 120.0), ("ship-at-sea", 240.0)]
+    ("name", "seconds"),
+    [
+        ("car-unknown-heading", None),
+        ("aircraft-inflight-alignment", 120.0),
+        pytest.param("ship-at-sea", 240.0, marks=pytest.mark.slow),
+    ],
 )
 def test_stated_sigmas_cover_the_errors(name, seconds):
     plan = make_plan(name, ID, 16, first_seed=40000, duration_s=seconds)

@@ -114,6 +114,7 @@ def test_strict_names_the_aid(tmp_path):
     assert said == "insenv: --strict: diverged: fusion from its fixes and odometer\n"
 
 
+@pytest.mark.slow
 def test_the_table_has_a_line_for_each_aid_and_a_campaign_the_shares():
     report = insenv.run("car-odometer", "fusion", duration_s=30)
     console = Console(record=True, width=200)

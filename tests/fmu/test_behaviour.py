@@ -27,8 +27,8 @@ pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler f
 
 IDS = ("qakf-improved", "loosely-coupled", "ship-swaying")
 
-LONG = ("aqe-sukf-printed", "fusion-smoother")
-"""Long to compile; each has the equations of an estimator that runs here."""
+LONG = ("aqe-sukf-printed", "fusion", "fusion-smoother")
+"""Long to compile; each has the equations of an estimator that runs here, or in test_fusion_fmu.py."""
 
 
 class Slave:

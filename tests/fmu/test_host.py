@@ -137,7 +137,9 @@ def check_misuse(id: str, fmi: int) -> None:
     assert "runtime error" not in done.stderr
 
 
-@pytest.mark.parametrize(("id", "fmi"), [("loosely-coupled", 2), ("qakf-improved", 3), ("ship-swaying", 2)])
+@pytest.mark.parametrize(
+    ("id", "fmi"), [pytest.param("loosely-coupled", 2, marks=pytest.mark.slow), ("qakf-improved", 3), ("ship-swaying", 2)]
+)
 def test_wrong_calls_are_refused_under_the_sanitizers(id, fmi):
     check_misuse(id, fmi)
 

@@ -107,6 +107,7 @@ def test_an_attitude_of_no_length_is_no_estimate():
         insenv.run(SHIP, insenv.Estimator(zero, kind="alignment"), duration_s=1.0)
 
 
+@pytest.mark.slow
 def test_a_misspelt_argument_is_caught_by_a_type_checker(tmp_path):
     script = tmp_path / "script.py"
     script.write_text('import insenv\n\ninsenv.run("ship-swaying", "q-method", sed=3)\n', "utf-8")

@@ -65,7 +65,7 @@ def test_set_at_the_command_line():
         ("loosely-coupled.arw_deg_sqrt_h=", "allowed is ESTIMATOR.KEY=VALUE"),
         ("aqe-ekf.arw_deg_sqrt_h=1", "not an estimator of this run (allowed: loosely-coupled)"),
         ("loosely-coupled.arw=1", "unknown key"),
-        ("loosely-coupled.arw=1", "(allowed: arw_deg_sqrt_h, vrw_ug_sqrt_hz, "),
+        ("loosely-coupled.arw=1", "(allowed: arw_deg_sqrt_h, "),
         ("loosely-coupled.arw_deg_sqrt_h=-1", "allowed is a finite number from 0"),
         ("loosely-coupled.arw_deg_sqrt_h=much", "allowed is a finite number"),
         ("loosely-coupled.start_heading=1", "unknown key"),
