@@ -57,15 +57,19 @@ _PREFIX = "as_"
 
 def check_asked(out: Path | None, chosen: Sequence[str]) -> tuple[str, ...]:
     """The formats asked for.  Raises `InputError` if there is no folder for them, or a package is missing."""
+    if not chosen:  # without the import of all formats
+        return ()
     from insenv.export import check_formats
 
-    if chosen and out is None:
+    if out is None:
         raise InputError(f"--{chosen[0]} writes files: --out DIR names their folder")
     return check_formats(chosen)
 
 
 def exported(report: Report, formats: tuple[str, ...], log: Callable[[], RecordedLog]) -> Files:
     """The files of the formats by name.  log: the log of the same drive, made only if a format needs it."""
+    if not formats:
+        return {}
     from insenv.export.formats import Given, contents_of, needs_log
     from insenv.report.files import file_name
 

@@ -28,6 +28,7 @@ from insenv.errors import InputError
 
 if TYPE_CHECKING:
     from insenv.export.formats import Files
+    from insenv.logs import RecordedLog
     from insenv.report import OutputFolder, Report
 
 
@@ -59,7 +60,6 @@ def run(
     """Simulate a scenario and run estimators on it; print every error beside its theoretical limit."""
     from insenv.cli.output import working
     from insenv.estimators import get_all
-    from insenv.export import record
     from insenv.report import OutputFolder
     from insenv.runs.simulated import run as simulate
     from insenv.scenario import load
@@ -73,6 +73,12 @@ def run(
         raise InputError("--live is about the page that --out DIR writes: allowed with --out and without --no-figure")
     if "nmea" in asked and loaded.gnss is None:
         raise InputError(f"--nmea: scenario {loaded.name!r} has no [gnss]")
+
+    def sensors() -> RecordedLog:
+        from insenv.export import record
+
+        return record(loaded, seed=seed, duration_s=duration, progress=progress)
+
     with working(loaded.name) as progress:
         documents = {}
         if live:
@@ -81,7 +87,7 @@ def run(
 
             documents["live"] = live_document(made(loaded, chosen, seed=seed, duration_s=duration, settings=given))
         report = simulate(loaded, chosen, seed=seed, duration_s=duration, settings=given, progress=progress)
-        more = exported(report, asked, lambda: record(loaded, seed=seed, duration_s=duration, progress=progress))
+        more = exported(report, asked, sensors)
         finish = _written(report, folder, not no_figure, as_json, more, documents)
     finish()
     return _status(report, strict)

@@ -18,7 +18,6 @@ from math import comb, factorial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from insenv.errors import InputError
 
@@ -92,6 +91,8 @@ def smoothed(
     weight (m,): of each time, 1 if None; sigma: standard deviation of the values; 0 meets them; None: found by
     cross-validation.  rates (m, columns): measured derivatives; those times the interval count as the values do.
     """
+    from scipy.linalg import cho_solve_banded  # 0.1 s, which a run without a track need not wait
+
     count = point_count(float(time[-1] - time[0]), interval)
     place, rows = weights_at(time - time[0], interval, count)
     root = np.ones(len(time)) if weight is None else np.sqrt(weight / np.mean(weight))
@@ -162,6 +163,8 @@ class _System:
 
         None where points and penalty do not determine the spline: in a long gap rounding loses a small weight.
         """
+        from scipy.linalg import cholesky_banded
+
         try:
             return np.asarray(cholesky_banded(self.normal + weight * self.penalty, lower=True))
         except np.linalg.LinAlgError:
