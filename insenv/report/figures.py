@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import style
-from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.health import APART, course
 from insenv.report import attitudes, tracks
-from insenv.report.outages import outages
+from insenv.report.outages import has_fixes, without_fixes
 from insenv.report.run_data import RunData
 from insenv.report.scales import set_scale
 from insenv.report.tables import label
@@ -114,7 +114,7 @@ def _navigation_page(figure: Figure, report: RunData, shown: list[str]) -> dict[
             axes[panel].set_xlim(begin, end)
     for name, axis in axes.items():
         if name not in ("track", "."):
-            handles |= style.shade(axis, _without_fixes(report))
+            handles |= style.shade(axis, without_fixes(report.results))
     return handles
 
 
@@ -127,7 +127,7 @@ def _track_page(figure: Figure, report: RunData, shown: list[str]) -> dict[str, 
     for axis, panel in zip(figure.subplots(len(side), 1, height_ratios=heights, squeeze=False)[:, 0], side, strict=True):
         handles |= PANELS[panel](axis, report)
         if panel != "track":
-            handles |= style.shade(axis, _without_fixes(report))
+            handles |= style.shade(axis, without_fixes(report.results))
     return handles
 
 
@@ -136,17 +136,7 @@ def _side_panels(report: RunData, placed: bool) -> list[str]:
     panels = ["track"] if placed else []
     if placed and (steep := tracks.steepness(report)) > tracks.STEEP:
         panels = ["track", "height"] if steep < 1.0 / tracks.STEEP else ["height"]
-    return panels + ["health"] * any(_has_fixes(r) for r in report.results)
-
-
-def _has_fixes(result: Result) -> bool:
-    return result.health is not None and result.health.fixes > 0
-
-
-def _without_fixes(report: RunData) -> tuple[tuple[float, float], ...]:
-    """Times without fixes, by the estimator that has used the most."""
-    counts = [(r.time, r.outputs["fix_count"]) for r in report.results if _has_fixes(r)]
-    return outages(*max(counts, key=lambda one: float(one[1][-1]))) if counts else ()
+    return panels + ["health"] * any(has_fixes(r) for r in report.results)
 
 
 # --- panels ------------------------------------------------------------------------------------------
@@ -198,7 +188,7 @@ def _health(axis: Axes, report: RunData) -> dict[str, Any]:
     handles: dict[str, Any] = {}
     largest, smallest = APART, 0.5
     for index, result in enumerate(report.results):
-        if not _has_fixes(result):
+        if not has_fixes(result):
             continue
         colour = COLOURS[index % len(COLOURS)]
         ratio, refused = course(result.outputs)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
+
+from insenv.evaluation.errors import Result
 
 Array = NDArray[np.float64]
 
@@ -22,3 +26,14 @@ def outages(time: Array, count: Array) -> tuple[tuple[float, float], ...]:
     longest = LONGER * float(np.median(np.diff(fixes)))
     ends = np.append(fixes[1:], time[-1])
     return tuple((float(a), float(b)) for a, b in zip(fixes, ends, strict=True) if b - a > longest)
+
+
+def has_fixes(result: Result) -> bool:
+    """Whether an estimator reports the health of fixes of GNSS, and had some: there are filters that have other aids alone."""
+    return result.health is not None and result.health.fixes > 0
+
+
+def without_fixes(results: Iterable[Result]) -> tuple[tuple[float, float], ...]:
+    """Times without fixes (s), by the estimator that has used the most."""
+    counts = [(r.time, r.outputs["fix_count"]) for r in results if has_fixes(r)]
+    return outages(*max(counts, key=lambda one: float(one[1][-1]))) if counts else ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.evaluation.contradiction import contradiction_notes
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
+from insenv.evaluation.sideways import sideways_notes
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
@@ -302,7 +303,7 @@ def _result(
             f"nothing to compare: the replay covers {times[0]:.3f} to {times[-1]:.3f} s, [evaluation] asks for {from_s:g} to "
             f"{to_s:g} s, and the reference must cover some of that"
         )
-    return Result(
+    result = Result(
         estimator=follower.estimator.id,
         time=times[inside],
         outputs={name: value[inside] for name, value in outputs.items()},
@@ -311,7 +312,13 @@ def _result(
         limit={},
         from_s=from_s,
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
-        notes=(*of_start, *follower.notes(duration_s, health, outputs), *contradiction_notes(times, outputs)),
+        notes=(
+            *of_start,
+            *follower.notes(duration_s, health, outputs),
+            *contradiction_notes(times, outputs),
+            *sideways_notes(times, outputs),
+        ),
         health=health,
         settled=not follower.too_short(duration_s),
     )
+    return replace(result, notes=(*result.notes, *result.too_sure()))

@@ -10,7 +10,9 @@ import pytest
 from browser import LAPTOP, PHONE, browser_needed, chromium
 
 import insenv
+from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.errors import Track
+from insenv.report.figures import draw
 from insenv.report.page.arrays import BYTES, Pool, kept_records
 from insenv.report.page.html import LIMIT
 from insenv.report.page.of_run import run_document, run_page
@@ -69,6 +71,16 @@ def test_figures_are_those_of_the_table(driven):
     for table, result in zip(run_document(driven)["tables"], driven.results, strict=True):
         assert [row[1:] for row in table["rows"]] == [[number(v) for v in values.values()] for _, values in error_rows(result)]
         assert table["caption"] == result.estimator and all(note in table["below"] for note in result.notes)
+
+
+def test_a_filter_with_other_aids_than_gnss_has_a_page_and_a_figure(driven):
+    """It reports the health of these aids, and no count of fixes."""
+    result = driven.results[0]
+    outputs = {name: values for name, values in result.outputs.items() if name not in {row.name for row in FIX_HEALTH}}
+    other = replace(result, outputs=outputs, health=replace(result.health, fixes=0, refused=0))
+    report = replace(driven, results=(other,))
+    assert "Innovations over their stated sigmas, rms" not in panels_of(run_document(report))
+    assert len(draw(report).axes) < len(draw(driven).axes)
 
 
 def test_an_alignment_without_reference_shows_its_sigma(aligned):

@@ -12,7 +12,7 @@ from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Res
 from insenv.evaluation.health import course
 from insenv.report import tracks
 from insenv.report.document import to_json
-from insenv.report.outages import outages
+from insenv.report.outages import has_fixes, without_fixes
 from insenv.report.page.arrays import BYTES, Array, Pool, kept_records
 from insenv.report.page.html import assembled
 from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table, track_panel
@@ -114,8 +114,7 @@ class _Drawn:
         records = max((len(r.time) for r in report.results), default=0)
         self.keep = kept_records(records, sum(_arrays(r) for r in report.results) + 21, budget)
         self.times = report.results[0].time[self.keep] if records else np.zeros(0)
-        counts = [(r.time, r.outputs["fix_count"]) for r in report.results if r.health is not None]
-        self.shade = outages(*max(counts, key=lambda one: float(one[1][-1]))) if counts else ()
+        self.shade = without_fixes(report.results)
 
     def panel(self, title: str, unit: str, **more: Any) -> TimePanel:
         return TimePanel(self.pool, title, unit, self.times, shade=self.shade, **more)
@@ -185,7 +184,7 @@ class _Drawn:
         shown = [(i, *tracks.ground(_only(track, self.keep), origin)) for i, track in [*lines, *placed]]
         marks = []
         for i, r in enumerate(self.report.results):
-            if r.health is not None:
+            if has_fixes(r):
                 refused = course({name: values[self.keep] for name, values in r.outputs.items()})[1]
                 marks.append((i, np.flatnonzero(refused > 0)))
         panels = [track_panel(self.pool, self.times, shown, marks)]
@@ -215,7 +214,7 @@ class _Drawn:
     def _test_ratios(self) -> list[dict[str, Any]]:
         panel = self.panel("Innovations over their stated sigmas, rms", "1", log=True)
         for place, r in enumerate(self.report.results):
-            if r.health is None:
+            if not has_fixes(r):
                 continue
             ratio, refused = course(
                 {name: values[self.keep] for name, values in r.outputs.items() if len(values) == len(r.time)}
