@@ -14,7 +14,7 @@ from insenv.estimators.fusion import fusion, odometer
 from insenv.estimators.fusion.available import AIDS, STATES
 from insenv.estimators.fusion.prepared import prepared
 from insenv.plant.feeding import input_rows
-from insenv.scenario import build, load
+from insenv.scenario import build, load, parse
 
 UNIT = ["gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment"]
 
@@ -239,6 +239,20 @@ def test_no_source_of_heading_is_named():
     assert any("none of the aids shows the heading" in note for note in report.results[0].notes)
     with pytest.raises(InputError, match=r"'fusion' needs an instrument: scenario 'ship-swaying' has none of \[gnss\]"):
         insenv.run("ship-swaying", "fusion", duration_s=2)
+
+
+def test_a_level_that_nothing_holds_and_that_is_uncertain_is_named():
+    """The vertical channel takes g tilt^2 / 2 for a Coriolis acceleration."""
+    values = load("ship-dvl").model_dump(mode="json", warnings=False)
+    values |= {"gnss": None, "dvl": None, "barometer": {"grade": "ms5611", "interval_s": 1.0}, "duration_s": 5.0}
+
+    def named(level_deg):
+        values["knowledge"] = {"tilt_sigma_deg": level_deg, "heading_sigma_deg": 0.5}
+        return any(
+            "holds the horizontal velocity" in note for note in insenv.run(parse(values, "ship"), "fusion").results[0].notes
+        )
+
+    assert named(0.5) and named(0.2) and not named(0.1)
 
 
 def test_an_aid_that_a_log_has_not_is_refused():

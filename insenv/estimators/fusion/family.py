@@ -59,6 +59,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
         return (
             *applicability.linear_start(parameters, duration_s),
             *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
+            *(() if _holds(filter, _HORIZONTAL) else applicability.free_start(parameters, duration_s)),
             *(() if _holds(filter, _HEADING) else (NO_HEADING,)),
             *uncounted,
             *_without_sigma(filter, parameters),
@@ -78,6 +79,8 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
 
 _VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic", "in_place")
 """Aids that hold the height or the vertical velocity."""
+_HORIZONTAL = ("gnss", "dvl", "odometer", "zero_velocity", "in_place")
+"""Aids that hold the horizontal velocity or position."""
 _HEADING = ("gnss", "magnetometer", "heading", "in_place")
 """Aids that show the heading: GNSS by motion, a fixed place by the rotation of the Earth."""
 NO_HEADING = (
