@@ -22,6 +22,8 @@ ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 POSITION = ("north_m", "east_m", "down_m")
 VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
 CHANNELS = ATTITUDE + POSITION + VELOCITY
+STEEP = 80.0
+"""Pitch (deg) from which roll and heading do not show an error of the attitude."""
 TOO_SURE = 3.0
 """Ratio of an rms error to its stated standard deviation beyond which a run says so."""
 
@@ -105,11 +107,30 @@ class Result:
         """Root mean square of the standard deviations that the estimator states, by channel, over the same times as `rms`."""
         return rms({name: self.sigma[name] for name in self.errors if name in self.sigma}, self._late)
 
+    def judged(self) -> Result:
+        """The result with the notes that follow from its errors."""
+        return replace(self, notes=(*self.notes, *self.steep(), *self.too_sure()))
+
+    def steep(self) -> tuple[str, ...]:
+        """A sentence if the pitch comes near 90 deg, where a small turn changes roll and heading by any angle."""
+        if "pitch_deg" not in self.errors or "q_nb" not in self.outputs:
+            return ()
+        true_deg = np.degrees(attitude.numeric.to_euler(self.outputs["q_nb"])[1]) - self.errors["pitch_deg"]
+        pitch = np.abs(true_deg[self._late])
+        if not np.any(pitch > STEEP):
+            return ()
+        return (
+            f"the pitch comes to {pitch.max():.3g} deg: errors of roll and heading are differences of Euler angles, which "
+            f"near 90 deg are large without an error of the attitude, and are not judged here",
+        )
+
     def too_sure(self) -> tuple[str, ...]:
         """A sentence if an rms error is more than `TOO_SURE` times its stated sigma; none for a run that is too short."""
         if not self.settled:
             return ()
         found, stated = self.statistics()["rms"], self.stated()
+        if self.steep():
+            stated = {name: own for name, own in stated.items() if name not in ("roll_deg", "heading_deg")}
         worst = {name: found[name] / own for name, own in stated.items() if 0.0 < own * TOO_SURE < found[name]}
         if not worst:
             return ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -321,4 +321,4 @@ def _result(
         health=health,
         settled=not follower.too_short(duration_s),
     )
-    return replace(result, notes=(*result.notes, *result.too_sure()))
+    return result.judged()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -161,4 +160,4 @@ def result_of(
         health=health,
         settled=settled,
     )
-    return replace(result, notes=(*result.notes, *result.too_sure()))
+    return result.judged()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from insenv import run
+from insenv import attitude, run
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, Result, Track
 from insenv.evaluation.health import course, health
@@ -118,6 +118,18 @@ def test_an_estimator_that_is_too_sure_is_named():
     assert replace(sure, settled=False).too_sure() == () == result().too_sure()
     (found,) = run("large-misalignment-extreme", "aqe-ekf", duration_s=100.0).results
     assert found.notes[-1].startswith("the errors are larger than this estimator states")
+
+
+def test_roll_and_heading_near_90_deg_of_pitch_are_not_judged():
+    """There Euler angles differ by any amount where the attitude hardly does."""
+    upright = np.array([attitude.numeric.from_euler(0.3, np.radians(89.99), 1.0)] * 200)
+    made = result(channels=ATTITUDE, size=1e-6, outputs={"q_nb": upright})
+    turned = replace(made, errors={**made.errors, "roll_deg": np.full(200, 90.0), "heading_deg": np.full(200, 90.0)})
+    (note,) = turned.judged().notes
+    assert "pitch comes to 90 deg" in note and "not judged" in note
+    wrong = replace(made, errors={**made.errors, "pitch_deg": np.full(200, 0.1)}).judged().notes
+    assert any("larger than this estimator states" in note and "pitch" in note for note in wrong)
+    assert result().judged().notes == ()
 
 
 def test_table_without_limits_or_errors():
