@@ -7,6 +7,7 @@ import gzip
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from insenv.scenario.choice import named_estimators
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
+from insenv.tracks.section import RecordedFile
 from insenv.web.controls import Control
 from insenv.web.judging import health_rows, health_rule, judged, limit_along, limit_document
 from insenv.web.model import PageModel, page_model
@@ -198,7 +200,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             for member in live.page.members
         ],
         "commands": _commands(plant, model),
-        "values": live.values,
+        "values": _downloaded(live),
         "outages": [
             _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
         ],
@@ -209,6 +211,14 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "explained": EXPLAINED | {"within": f"{within(1)}."},
         "notes": _notes(plant),
     }
+
+
+def _downloaded(live: Live) -> dict[str, Any]:
+    """The values of the scenario's file as the page downloads it: the file of a track stands beside it, wherever that is."""
+    values = dict(live.values)
+    if isinstance(live.plant.scenario.vehicle, RecordedFile):
+        values["vehicle"] = {**values["vehicle"], "file": Path(values["vehicle"]["file"]).name}
+    return values
 
 
 def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
@@ -259,7 +269,10 @@ def _notes_of(estimator: Estimator, parameters: Mapping[str, Any], duration_s: f
 
 def _notes(plant: Plant) -> list[str]:
     """What a reader of the page must know of it."""
+    vehicle = plant.scenario.vehicle
     notes = [*plant.scenario.notes, no_limit(plant)]
+    if isinstance(vehicle, RecordedFile):
+        notes.append(f"the downloaded scenario reads its track from {Path(vehicle.file).name}: keep that file beside it")
     if plant.parameters["imu_drop_probability"] > 0.0:
         notes.append(
             "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
