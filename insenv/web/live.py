@@ -29,8 +29,9 @@ from insenv.scenario.choice import named_estimators
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
-from insenv.tracks.section import RecordedFile
-from insenv.web.controls import Control
+from insenv.tracks.fmu_section import FmuSection
+from insenv.tracks.section import RecordedSection
+from insenv.web.controls import Control, with_values
 from insenv.web.judging import health_rows, health_rule, judged, limit_along, limit_document
 from insenv.web.model import PageModel, page_model
 from insenv.web.probing import Prober
@@ -215,10 +216,14 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
 
 def _downloaded(live: Live) -> dict[str, Any]:
     """The values of the scenario's file as the page downloads it: the file of a track stands beside it, wherever that is."""
-    values = dict(live.values)
-    if isinstance(live.plant.scenario.vehicle, RecordedFile):
-        values["vehicle"] = {**values["vehicle"], "file": Path(values["vehicle"]["file"]).name}
-    return values
+    file = _track_file(live.plant)
+    return dict(live.values) if file is None else with_values(live.values, {"vehicle.file": file})
+
+
+def _track_file(plant: Plant) -> str | None:
+    """The name of the file that the vehicle's motion comes from."""
+    vehicle = plant.scenario.vehicle
+    return Path(vehicle.file).name if isinstance(vehicle, (RecordedSection, FmuSection)) else None
 
 
 def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
@@ -269,10 +274,9 @@ def _notes_of(estimator: Estimator, parameters: Mapping[str, Any], duration_s: f
 
 def _notes(plant: Plant) -> list[str]:
     """What a reader of the page must know of it."""
-    vehicle = plant.scenario.vehicle
     notes = [*plant.scenario.notes, no_limit(plant)]
-    if isinstance(vehicle, RecordedFile):
-        notes.append(f"the downloaded scenario reads its track from {Path(vehicle.file).name}: keep that file beside it")
+    if file := _track_file(plant):
+        notes.append(f"the downloaded scenario reads its track from {file}: keep that file beside it")
     if plant.parameters["imu_drop_probability"] > 0.0:
         notes.append(
             "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"
