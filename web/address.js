@@ -32,6 +32,7 @@ export function stateOf(fragment, live) {
   const state = { seed: live.seed, values: {}, commands: undefined };
   const parts = new URLSearchParams(fragment.replace(/^#/, ""));
   for (const [key, text] of parts) {
+    if (parts.getAll(key).length > 1) throw new Error(`${key} stands in the link more than once: allowed is one value`);
     if (key === "seed") {
       if (!/^\d+$/.test(text)) throw new Error(`${given("seed", text)}: allowed is a whole number`);
       state.seed = Number(text);

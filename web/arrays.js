@@ -28,16 +28,9 @@ export function arraysOf(texts) {
   };
 }
 
-/** Values for a plot: null where there is none, and, for angles in degrees, where they wrap.
+/** Values for a plot: null where there is none.
  * @param {ArrayLike<number>} values
- * @param {boolean} [wraps]
  * @returns {(number | null)[]} */
-export function drawn(values, wraps = false) {
-  const found = new Array(values.length);
-  for (let place = 0; place < values.length; place++) {
-    const value = values[place];
-    const jump = wraps && place > 0 && Math.abs(value - values[place - 1]) > 180;
-    found[place] = Number.isFinite(value) && !jump ? value : null;
-  }
-  return found;
+export function drawn(values) {
+  return Array.from(values, (value) => (Number.isFinite(value) ? value : null));
 }

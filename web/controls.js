@@ -3,7 +3,7 @@
 import { checked } from "./address.js";
 import { button, h } from "./dom.js";
 import { roundDown } from "./numbers.js";
-import { given, rangesOf } from "./words.js";
+import { given, rangesOf, stillUsed } from "./words.js";
 
 const GROUPS = {
   imu: "Inertial unit",
@@ -88,13 +88,19 @@ function seedRow(live, take) {
     "aria-describedby": "seed-wrong",
   });
   const wrong = h("p", { class: "wrong", role: "alert", id: "seed-wrong" });
+  let used = live.seed;
   const give = () => {
     const value = Number(input.value);
+    const whole = Number.isInteger(value);
     const offered =
       input.value.trim() !== "" &&
-      ranges.some((/** @type {number[]} */ [first, last]) => Number.isInteger(value) && value >= first && value <= last);
-    wrong.textContent = offered ? "" : `${given("seed", input.value)}: allowed is ${rangesOf(ranges)}`;
-    if (offered) take(value);
+      whole &&
+      ranges.some((/** @type {number[]} */ [first, last]) => value >= first && value <= last);
+    const allowed = `${whole ? "" : "a whole number, "}${rangesOf(ranges)}`;
+    wrong.textContent = offered ? "" : `${given("seed", input.value)}: allowed is ${allowed}. ${stillUsed(String(used))}`;
+    if (!offered) return;
+    used = value;
+    take(value);
   };
   input.addEventListener("change", give);
   const next = button(
@@ -115,6 +121,7 @@ function seedRow(live, take) {
   return {
     element,
     show: (/** @type {number} */ value) => {
+      used = value;
       input.value = String(value);
       wrong.textContent = "";
     },
@@ -157,13 +164,16 @@ function amount(control, take) {
     title: bounds,
   });
   const wrong = h("p", { class: "wrong", role: "alert" });
+  let used = /** @type {number | null} */ (control.value);
   const give = (/** @type {string} */ text) => {
     try {
       const value = checked(control, text);
       wrong.textContent = "";
+      used = value;
       take(value);
     } catch (error) {
-      wrong.textContent = error instanceof Error ? error.message : String(error);
+      const now = used === null ? `the value ${input.placeholder}` : `${used}${unit ? ` ${unit}` : ""}`;
+      wrong.textContent = `${error instanceof Error ? error.message : error}. ${stillUsed(now)}`;
     }
   };
   input.addEventListener("change", () => give(input.value));
@@ -183,7 +193,8 @@ function amount(control, take) {
   return {
     element,
     show: (/** @type {any} */ value) => {
-      input.value = value === null || value === undefined ? "" : String(value);
+      used = value ?? null;
+      input.value = used === null ? "" : String(used);
       input.placeholder = control.value === null ? "drawn" : "of the set";
       slider.value = String(value ?? (low + high) / 2);
       wrong.textContent = "";

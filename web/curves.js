@@ -14,8 +14,9 @@ import { colour, faint, groupColour } from "./theme.js";
 
 /** The series and bands of uPlot, and the curve that owns each series.
  * @param {Curve[]} curves
- * @param {Set<number>} hidden */
-export function layout(curves, hidden) {
+ * @param {Set<number>} hidden
+ * @param {boolean} [wraps]  angles in degrees: lines have a gap where they wrap */
+export function layout(curves, hidden, wraps = false) {
   /** @type {any[]} */
   const series = [];
   /** @type {any[]} */
@@ -43,7 +44,7 @@ export function layout(curves, hidden) {
       series.push({ ...line }, { ...line });
       owners.push(curve, curve);
     } else if (curve.kind === "line") {
-      series.push({ stroke: paint, width: curve.group < 0 ? 4 : 1.3, points: { show: false } });
+      series.push({ stroke: paint, width: curve.group < 0 ? 4 : 1.3, points: { show: false }, ...(wraps ? { paths: wrapped } : {}) });
       owners.push(curve);
     } else if (curve.kind === "thin") {
       series.push({ stroke: () => faint(paint(), 0.4), width: 0.8, points: { show: false } });
@@ -94,6 +95,27 @@ export function ranged(curves, hidden) {
     else if (y) found.push({ y, kind });
   }
   return found;
+}
+
+/** The path of a line of angles in degrees. Those of uPlot join the values of one pixel, also across a wrap.
+ * @param {any} u
+ * @param {number} place
+ * @param {number} first
+ * @param {number} last */
+function wrapped(u, place, first, last) {
+  const path = new Path2D();
+  /** @type {number | null} */
+  let before = null;
+  for (let at = first; at <= last; at++) {
+    const value = u.data[place][at] ?? null;
+    if (value !== null) {
+      const [x, y] = [u.valToPos(u.data[0][at], "x", true), u.valToPos(value, "y", true)];
+      if (before === null || Math.abs(value - before) > 180) path.moveTo(x, y);
+      else path.lineTo(x, y);
+    }
+    before = value;
+  }
+  return { stroke: path, fill: null, flags: 1 };
 }
 
 /** The paths of crosses at the points of a series.

@@ -266,7 +266,7 @@ export function livePage(live) {
       {},
       "The equations of insenv as WebAssembly: the numbers are those of ",
       h("code", {}, "insenv run"),
-      ", to the bit. The space key runs and pauses. This page makes no request.",
+      ", to the bit. The space key runs and pauses, unless a button, a list or a field has the focus of the keyboard. This page makes no request.",
     ),
   );
 }

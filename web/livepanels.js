@@ -142,9 +142,8 @@ export function livePanels(live, span) {
  * @param {() => boolean} limited */
 function errorPanel(add, live, at, channel, limited) {
   const [title, unit] = channelName(channel);
-  const made = add(title, unit, { threshold: thresholdOf(live, channel) });
+  const made = add(title, unit, { threshold: thresholdOf(live, channel), wraps: channel.endsWith("_deg") });
   const { curves } = made.panel;
-  const wraps = channel.endsWith("_deg");
   live.estimators.forEach((/** @type {any} */ { prefix, channels, stated }, /** @type {number} */ group) => {
     const [error, sigma] = [channels.indexOf(channel), stated.indexOf(channel)];
     if (sigma >= 0) {
@@ -161,11 +160,7 @@ function errorPanel(add, live, at, channel, limited) {
       const place = at(`${prefix}error`).at + error;
       const line = { kind: "line", group, y: /** @type {(number | null)[]} */ ([]) };
       curves.push(line);
-      made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => {
-        const value = history.value(place, record);
-        const before = record ? history.value(place, record - 1) : value;
-        line.y.push(wraps && Math.abs(value - before) > 180 ? null : value);
-      });
+      made.feeds.push((/** @type {any} */ history, /** @type {number} */ record) => line.y.push(history.value(place, record)));
     }
   });
   const limit = live.limit?.sigma[channel];

@@ -40,6 +40,12 @@ function decimal(value, decimals) {
   return /^50*$/.test(exact.slice(-further)) && /[02468]$/.test(cut) ? cut : value.toFixed(decimals);
 }
 
+/** A figure as it is printed, with a typographic minus.
+ * @param {string} text */
+export function minus(text) {
+  return text.replace(/^-(?=\d)/, MINUS);
+}
+
 /** A number for an axis: as short as it can be, with a typographic minus.
  * @param {number} value */
 export function tick(value) {

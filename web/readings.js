@@ -3,7 +3,7 @@
 import { LABELS, channelName } from "./channels.js";
 import { fill, h } from "./dom.js";
 import { healthNow } from "./judge.js";
-import { fixed, number } from "./numbers.js";
+import { fixed, minus, number } from "./numbers.js";
 import { groupColour, onTheme } from "./theme.js";
 
 /** The table of numbers now.
@@ -41,7 +41,7 @@ export function readings(live, at) {
     const figures = live.estimators.map((/** @type {any} */ { prefix, channels: own, stated }) => {
       const [error, sigma] = [own.indexOf(channel), stated.indexOf(channel)];
       const value = (/** @type {string} */ row, /** @type {number} */ k) =>
-        k < 0 ? h("td", {}) : cell((y) => number(y[at(prefix + row).at + k]).replace("-", "\u2212"));
+        k < 0 ? h("td", {}) : cell((y) => minus(number(y[at(prefix + row).at + k])));
       return [value("error", error), stated.length > 0 && value("sigma", sigma)];
     });
     return h(

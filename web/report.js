@@ -108,7 +108,7 @@ function decoded(panel, array) {
   const curves = panel.curves.map((/** @type {any} */ curve) => {
     const { kind, group, strength } = curve;
     if (kind === "between") return { kind, group, strength, low: drawn(array(curve.low)), high: drawn(array(curve.high)) };
-    if (kind !== "band") return { kind, group, y: drawn(array(curve.y), panel.wraps && kind === "line") };
+    if (kind !== "band") return { kind, group, y: drawn(array(curve.y)) };
     const half = array(curve.half);
     const centre = curve.centre === null ? new Float32Array(half.length) : array(curve.centre);
     return {

@@ -1,6 +1,7 @@
 /** Tables of figures: names and units at the left, aligned figures, the health of a filter as a word. */
 
 import { h } from "./dom.js";
+import { minus } from "./numbers.js";
 import { groupColour, onTheme } from "./theme.js";
 
 /** A text that may hold a unit in brackets, as "heading [deg]": the unit is shown beside it.
@@ -8,12 +9,6 @@ import { groupColour, onTheme } from "./theme.js";
 export function withUnit(text) {
   const found = /^(.*) \[(.*)\]$/.exec(text);
   return found ? [found[1], h("span", { class: "unit" }, ` ${found[2]}`)] : [text];
-}
-
-/** Figures as they are printed, with a typographic minus.
- * @param {string} text */
-function figure(text) {
-  return text.replace(/^-(?=\d)/, "\u2212");
 }
 
 /** The table of an estimator.
@@ -37,7 +32,7 @@ export function summaryTable(table) {
       "tr",
       {},
       h("th", { scope: "row" }, withUnit(name)),
-      cells.map((cell, at) => h("td", { class: marked.has(`${place},${at + 1}`) ? "warning" : null }, figure(cell))),
+      cells.map((cell, at) => h("td", { class: marked.has(`${place},${at + 1}`) ? "warning" : null }, minus(cell))),
     ),
   );
   return h(

@@ -2,7 +2,7 @@
 
 import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
-import { number, tick, ticks } from "./numbers.js";
+import { minus, number, tick, ticks } from "./numbers.js";
 import { marks, rangeOf } from "./scale.js";
 import { TIME } from "./span.js";
 import { colour, groupColour, onTheme } from "./theme.js";
@@ -17,6 +17,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {boolean} log
  * @property {number | null} from_s
  * @property {boolean} [positive]  the vertical scale begins at 0
+ * @property {boolean} [wraps]  angles in degrees: lines have a gap where they wrap
  * @property {[number, number][]} shade
  * @property {number[]} x
  * @property {Curve[]} curves
@@ -48,7 +49,7 @@ export function timePlot(panel, span, names, axis = TIME) {
   const element = h("div", { class: "panel" }, h("div", { class: "head" }, title, readout), area);
   /** @type {Set<number>} */
   const hidden = new Set();
-  const { series, bands, owners } = layout(curves, hidden);
+  const { series, bands, owners } = layout(curves, hidden, panel.wraps);
   const counted = () => ranged(curves, hidden);
   const range = (/** @type {any} */ u) => {
     const [from, to] = span.shown();
@@ -125,7 +126,7 @@ function scaleOf(size, splits) {
     filter: (/** @type {any} */ _, /** @type {number[]} */ values) => values, // uPlot leaves marks of logarithmic scales out
     values: (/** @type {any} */ _, /** @type {number[]} */ values) => values.map(tick),
     stroke: () => colour("muted"),
-    font: "11.5px system-ui, sans-serif",
+    font: "12px system-ui, sans-serif", // a whole number: uPlot scales the digits before "px" by the ratio of pixels
     gap: 3,
     grid: { stroke: () => colour("grid"), width: 1 },
     ticks: { show: false },
@@ -187,11 +188,11 @@ function read(u, readout, owners, names, axis) {
     readout.replaceChildren();
     return;
   }
-  const parts = [h("span", { class: "at" }, `${number(u.data[0][place])} ${axis.unit}`)];
+  const parts = [h("span", { class: "at" }, `${minus(number(u.data[0][place]))} ${axis.unit}`)];
   owners.forEach((owner, index) => {
     const value = u.data[index + 1][place];
     if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;
-    const part = h("span", { title: names[owner.group] ?? "truth" }, number(value));
+    const part = h("span", { title: names[owner.group] ?? "truth" }, minus(number(value)));
     part.style.color = owner.group < 0 ? colour("muted") : groupColour(owner.group);
     parts.push(part);
   });

@@ -2,7 +2,7 @@
 
 import { sharpCanvas } from "./canvas.js";
 import { h, onceAFrame } from "./dom.js";
-import { number, roundDown, tick } from "./numbers.js";
+import { minus, number, roundDown, tick } from "./numbers.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
 /**
@@ -61,7 +61,7 @@ export function trackPlot(title, scene, label) {
   pointers(canvas, zoom, move, (x, y) => {
     const now = view ?? fitted(scene, size, hidden);
     const [east, north] = [now.east + (x - size[0] / 2) / now.scale, now.north - (y - size[1] / 2) / now.scale];
-    readout.textContent = Number.isFinite(x) ? `east ${number(east)}  north ${number(north)}` : "";
+    readout.textContent = Number.isFinite(x) ? `east ${minus(number(east))}  north ${minus(number(north))}` : "";
   });
   canvas.addEventListener("dblclick", reset);
   canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {

@@ -4,6 +4,8 @@ import { button, h } from "./dom.js";
 import { clock } from "./numbers.js";
 
 const SPEEDS = [1, 2, 5, 10, 30, 100];
+/** What the space key acts on itself while it has the focus. */
+const OWN_SPACE = "button, input:not([type='range']), select, summary";
 const HALF_A_MINUTE = 35; // s: how long a run lasts at the speed that a page begins with
 
 /** The speed that a page begins with.
@@ -31,12 +33,15 @@ export function transport(live, acts) {
   const time = h("output", { class: "clock", id: "clock" });
   const done = h("progress", { max: live.duration_s, value: 0, "aria-label": "Share of the run" });
   addEventListener("keydown", (event) => {
-    const inside =
-      event.target instanceof HTMLElement && event.target.closest("button, input, select, summary, [role='application']");
-    if (event.key === " " && !inside) {
-      event.preventDefault();
-      play.click();
-    }
+    const own = event.target instanceof Element && event.target.closest(OWN_SPACE);
+    if (event.key !== " " || own || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    if (!event.repeat) play.click();
+  });
+  addEventListener("click", (event) => {
+    // a click with the pointer leaves no focus on a button: the space key would press it again
+    const pressed = event.detail > 0 && event.target instanceof Element && event.target.closest("button, summary");
+    if (pressed instanceof HTMLElement) pressed.blur();
   });
   return {
     element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),

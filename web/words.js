@@ -23,6 +23,12 @@ export function beyond({ key, unit, minimum, maximum }, value) {
   return `${given(key, value, of)}: allowed is ${minimum} to ${maximum}${of}`;
 }
 
+/** What a field that shows a wrong value does not say: which value the run has.
+ * @param {string} value */
+export function stillUsed(value) {
+  return `The run still uses ${value}.`;
+}
+
 /** What was given: "seed = 1.5", or "seed is empty".
  * @param {string} key
  * @param {unknown} value

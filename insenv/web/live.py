@@ -7,6 +7,7 @@ import gzip
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,9 @@ from insenv.scenario.choice import named_estimators
 from insenv.scenario.commands import PREFIX, VALID
 from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
-from insenv.web.controls import Control
+from insenv.tracks.fmu_section import FmuSection
+from insenv.tracks.section import RecordedSection
+from insenv.web.controls import Control, with_values
 from insenv.web.judging import health_rows, health_rule, judged, limit_along, limit_document
 from insenv.web.model import PageModel, page_model
 from insenv.web.probing import Prober
@@ -198,7 +201,7 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
             for member in live.page.members
         ],
         "commands": _commands(plant, model),
-        "values": live.values,
+        "values": _downloaded(live),
         "outages": [
             _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
         ],
@@ -209,6 +212,18 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "explained": EXPLAINED | {"within": f"{within(1)}."},
         "notes": _notes(plant),
     }
+
+
+def _downloaded(live: Live) -> dict[str, Any]:
+    """The values of the scenario's file as the page downloads it: the file of a track stands beside it, wherever that is."""
+    file = _track_file(live.plant)
+    return dict(live.values) if file is None else with_values(live.values, {"vehicle.file": file})
+
+
+def _track_file(plant: Plant) -> str | None:
+    """The name of the file that the vehicle's motion comes from."""
+    vehicle = plant.scenario.vehicle
+    return Path(vehicle.file).name if isinstance(vehicle, (RecordedSection, FmuSection)) else None
 
 
 def _commands(plant: Plant, model: Model) -> dict[str, Any] | None:
@@ -260,6 +275,8 @@ def _notes_of(estimator: Estimator, parameters: Mapping[str, Any], duration_s: f
 def _notes(plant: Plant) -> list[str]:
     """What a reader of the page must know of it."""
     notes = [*plant.scenario.notes, no_limit(plant)]
+    if file := _track_file(plant):
+        notes.append(f"the downloaded scenario reads its track from {file}: keep that file beside it")
     if plant.parameters["imu_drop_probability"] > 0.0:
         notes.append(
             "lost inertial samples: the page repeats the last sample; `insenv run` interpolates, so its numbers differ"

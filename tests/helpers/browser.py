@@ -41,12 +41,12 @@ class Browser:
     def __init__(self, driver):
         self.driver = driver
 
-    def open(self, path, size=LAPTOP, dark=False, fragment=""):
-        """Open a page from disk in a window of this size."""
+    def open(self, path, size=LAPTOP, dark=False, fragment="", ratio=1):
+        """Open a page from disk in a window of this size; ratio: pixels of the device per pixel of CSS."""
         width, height = size
         theme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": theme})
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE}
+        metrics = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": size == PHONE}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         self.driver.get("about:blank")  # a changed fragment alone would not load the page again
         self.driver.get(Path(path).resolve().as_uri() + fragment)

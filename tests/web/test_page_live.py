@@ -129,6 +129,7 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
     [
         ("#imu.mass_kg=3", "imu.mass_kg: this page has no control of that name"),
         ("#seed=1.5", "seed = 1.5: allowed is a whole number"),
+        ("#seed=2&seed=3", "seed stands in the link more than once: allowed is one value"),
         ("#seed=999999", "seed = 999999: allowed is 0 to 1023"),
         ("#start.latitude_deg=95", "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"),
         ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
@@ -155,12 +156,71 @@ def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
     field.clear()
     field.send_keys("95", Keys.TAB)
     told = browser.until("[...document.querySelectorAll('.controls [role=alert]')].map((one) => one.textContent).join('')")
-    assert told == "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"
+    assert told == "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg. The run still uses 30 deg."
     seed = browser.driver.find_element(By.ID, "seed")
-    seed.clear()
-    seed.send_keys(Keys.TAB)
-    told = browser.until("document.getElementById('seed-wrong').textContent")
-    assert told == "seed is empty: allowed is 0 to 1023"
+    for given, sentence in (
+        ("", "seed is empty: allowed is 0 to 1023. The run still uses 1."),
+        ("2.5", "seed = 2.5: allowed is a whole number, 0 to 1023. The run still uses 1."),
+        ("5000", "seed = 5000: allowed is 0 to 1023. The run still uses 1."),
+    ):
+        seed.clear()
+        seed.send_keys(given, Keys.TAB)
+        assert browser.value("document.getElementById('seed-wrong').textContent") == sentence
+
+
+def test_the_space_key_runs_and_pauses_after_clicks_with_the_pointer(browser, ship):
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.by import By
+
+    browser.open(ship)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    label = "document.getElementById('run').textContent"
+    for button, after in (("step", "Pause"), ("reset", "Pause"), ("run", "Run")):
+        browser.driver.find_element(By.ID, button).click()
+        ActionChains(browser.driver).send_keys(" ").perform()
+        browser.until(f"{label} === {after!r}")
+        browser.driver.execute_script("document.getElementById('reset').click()")
+        browser.until("document.getElementById('clock').textContent === '0:00.0'")
+    # a button that the keyboard has reached keeps its own action
+    browser.driver.execute_script("document.getElementById('step').focus()")
+    ActionChains(browser.driver).send_keys(" ").perform()
+    browser.until("document.querySelector('progress').value > 0")
+    assert browser.value(label) == "Run"
+
+
+def test_focus_that_goes_back_stays_clear_of_the_bar(browser, ship):
+    from selenium.webdriver import ActionChains, Keys
+
+    browser.open(ship, (1280, 500))
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script(
+        "document.querySelectorAll('details').forEach((one) => (one.open = true)); document.getElementById('restore').focus();"
+    )
+    for _ in range(12):
+        ActionChains(browser.driver).key_down(Keys.SHIFT).send_keys(Keys.TAB).key_up(Keys.SHIFT).perform()
+        top = browser.value("document.activeElement.getBoundingClientRect().top")
+        assert top >= browser.value("document.querySelector('.transport').getBoundingClientRect().bottom")
+
+
+def test_labels_of_plots_have_their_size_on_a_screen_with_a_ratio_of_two(browser, ship):
+    browser.open(ship, ratio=2)
+    browser.driver.execute_script(
+        "window.fonts = []; const draw = CanvasRenderingContext2D.prototype.fillText;"
+        "CanvasRenderingContext2D.prototype.fillText = function (...given) {"
+        "  if (this.canvas.closest('.uplot')) window.fonts.push(parseFloat(this.font)); draw.apply(this, given); };"
+        "document.querySelector('.tools button:last-child').click();"
+    )
+    assert set(browser.until("window.fonts.length && window.fonts")) == {24}
+
+
+def test_a_page_of_a_track_says_that_its_file_is_needed(tmp_path):
+    rows = [f"{t},45.0,{7.0 + 1e-5 * t},300" for t in range(61)]
+    (tmp_path / "track.csv").write_text("\n".join(["time,latitude,longitude,height", *rows]), encoding="utf-8")
+    text = 'title = "Own"\n[vehicle]\nkind = "recorded"\nfile = "track.csv"\n[imu]\ngrade = "tactical"\n[gnss]\ngrade = "spp"\n'
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    document = web.live_document(web.live(tmp_path / "own.toml", ["loosely-coupled"]))
+    assert document["values"]["vehicle"]["file"] == "track.csv"
+    assert any("track.csv: keep that file beside it" in note for note in document["notes"])
 
 
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])

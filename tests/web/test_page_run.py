@@ -15,7 +15,7 @@ from insenv.evaluation.errors import Track
 from insenv.report.figures import draw
 from insenv.report.page.arrays import BYTES, Pool, kept_records
 from insenv.report.page.html import LIMIT
-from insenv.report.page.of_run import run_document, run_page
+from insenv.report.page.of_run import in_a_turn, run_document, run_page
 from insenv.report.tables import error_rows, number
 
 
@@ -51,6 +51,14 @@ def test_the_document_holds_errors_sigma_and_limit(driven):
     assert np.array_equal(band, (3 * result.sigma["east_m"][places]).astype("<f4"))
     assert np.array_equal(limit, result.limit_sigma["east_m"][places].astype("<f4"))
     assert east["shade"] and places[-1] == len(result.time) - 1
+
+
+def test_angles_about_180_deg_are_drawn_from_0_to_360():
+    near = {-1: np.array([179.0, -179.5, 179.9]), 0: np.array([-178.0, np.nan, 178.0])}
+    shown = in_a_turn(near)
+    assert np.array_equal(shown[-1], [179.0, 180.5, 179.9]) and np.array_equal(shown[0], [182.0, np.nan, 178.0], equal_nan=True)
+    for kept in ({0: np.array([-5.0, 5.0])}, {0: np.array([-179.0, -1.0, 1.0, 179.0])}, {0: np.full(3, np.nan)}, {}):
+        assert all(values is kept[group] for group, values in in_a_turn(kept).items())
 
 
 def test_all_parts_of_a_navigation_run(driven):

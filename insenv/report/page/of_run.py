@@ -162,14 +162,16 @@ class _Drawn:
     def _motion(self, channel: str, axis: int, true: Array | None, estimates: Sequence[Any], wraps: bool) -> dict[str, Any]:
         """True and estimated motion; where there is no truth, with three stated standard deviations."""
         panel = self.panel(NAMES[channel], unit_of(channel), wraps=wraps)
-        for place, result, values in estimates:
+        lines = {} if true is None else {TRUTH_GROUP: true[:, axis]}
+        lines |= {place: values[self.keep, axis] for place, _, values in estimates}
+        if wraps:
+            lines = in_a_turn(lines)
+        for place, result, _ in estimates:
             sigma = (result.sigma or stated_sigma(result.outputs)).get(channel)
             if true is None and sigma is not None:
-                panel.around(place, 3.0 * sigma[self.keep], values[self.keep, axis])
-        if true is not None:
-            panel.curve(TRUTH_GROUP, true[:, axis])
-        for place, _, values in estimates:
-            panel.curve(place, values[self.keep, axis])
+                panel.around(place, 3.0 * sigma[self.keep], lines[place])
+        for place, values in lines.items():
+            panel.curve(place, values)
         return panel.as_json()
 
     def _track(self) -> list[dict[str, Any]]:
@@ -230,6 +232,19 @@ class _Drawn:
 
     def _kept(self, values: Array | None) -> Array | None:
         return None if values is None or len(values) == 0 else values[self.keep]
+
+
+def in_a_turn(lines: Mapping[int, Array]) -> dict[int, Array]:
+    """Angles in degrees from -180 to 180, or from 0 to 360 where all of them together cover less there, as about 180."""
+    full = {group: np.where(values < 0.0, values + 360.0, values) for group, values in lines.items()}
+    return min((dict(lines), full), key=_cover)
+
+
+def _cover(lines: Mapping[int, Array]) -> float:
+    """From the smallest to the largest of all values."""
+    found = np.concatenate([np.ravel(values) for values in lines.values()] or [np.zeros(0)])
+    found = found[np.isfinite(found)]
+    return float(np.ptp(found)) if len(found) else 0.0
 
 
 def _arrays(result: Result) -> int:
