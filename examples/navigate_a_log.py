@@ -10,10 +10,14 @@ own solution from the same GNSS: the errors measure the agreement of two filters
 from pathlib import Path
 
 import insenv
+from insenv.errors import InputError
 
 LOG = Path(__file__).resolve().parent / "n380-car-position-only.toml"
 
-report = insenv.replay(LOG, "loosely-coupled", start="reference")
+try:
+    report = insenv.replay(LOG, "loosely-coupled", start="reference")
+except InputError as error:  # such as a missing package
+    raise SystemExit(f"error: {error}") from None
 result = report.results[0]
 rms = result.statistics()["rms"]
 source, published = report.published[0]
