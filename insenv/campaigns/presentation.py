@@ -94,7 +94,7 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
         if not shown:
             continue
         columns = [text for name in shown for text in (name.rpartition("_")[0], "index")]
-        table = table_of("rank correlation", *columns, least=5)
+        table = table_of("rank correlation", *columns, least=5, gap=1)
         for variation in found.plan.variations:
             own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
             cells = []

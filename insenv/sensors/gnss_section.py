@@ -79,8 +79,8 @@ class GnssSection(TimedSection):
         if not least - ROUNDING_S <= self.delay_error_s <= most + ROUNDING_S:
             raise InputError(
                 f"gnss.delay_error_s = {self.delay_error_s:g} s: allowed is from {least:g} to {most:g} s where latency_s + "
-                f"epoch_offset_s = {self.latency_s + self.epoch_offset_s:g} s and interval_s = {self.interval_s:g} s, because no "
-                "fix is from the future and only one at a time is pending"
+                f"epoch_offset_s = {self.latency_s + self.epoch_offset_s:g} s and interval_s = {self.interval_s:g} s, because "
+                "no fix is from the future and only one at a time is pending"
             )
         rows = gnss_grade(self.grade).parameters()
         for row, value in (
