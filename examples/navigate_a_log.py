@@ -7,13 +7,18 @@ Like KF-GINS it starts from the state of the reference solution and uses only GN
 own solution from the same GNSS: the errors measure the agreement of two filters, not the accuracy of either.
 """
 
+import sys
 from pathlib import Path
 
 import insenv
+from insenv.errors import InputError
 
 LOG = Path(__file__).resolve().parent / "n380-car-position-only.toml"
 
-report = insenv.replay(LOG, "loosely-coupled", start="reference")
+try:
+    report = insenv.replay(LOG, "loosely-coupled", start="reference")
+except InputError as error:  # such as a missing package
+    sys.exit(f"navigate_a_log.py: {error}")
 result = report.results[0]
 rms = result.statistics()["rms"]
 source, published = report.published[0]

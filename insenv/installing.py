@@ -36,6 +36,13 @@ def install_package(name: str) -> str:
     return f"pip install {shlex.quote(next(required, name))}"
 
 
+def advice(package: str, extra: str) -> str:
+    """Commands that install one missing package, and the extra of insenv that it belongs to."""
+    root = Path(__file__).parents[1]
+    whole = install_extra(extra) if _is_checkout(root) else f"pip install -e '.[{extra}]' in a checkout of insenv"
+    return f"{install_package(package)} (or all of the extra {extra!r}: {whole})"
+
+
 def is_installed(module: str) -> bool:
     """Whether a module can be imported."""
     try:
@@ -51,8 +58,9 @@ def need(what: str, module: str, *, package: str = "", extra: str = "") -> None:
     if one does.
     """
     if not is_installed(module):
-        advice = install_extra(extra) if extra else install_package(package or module)
-        raise InputError(f"{what} needs {package or module}, which is not installed: {advice}")
+        name = package or module
+        how = advice(name, extra) if extra else install_package(name)
+        raise InputError(f"{what} needs {name}, which is not installed: {how}")
 
 
 def _is_checkout(root: Path) -> bool:

@@ -63,7 +63,7 @@ def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 # --- keys of TOML files ------------------------------------------------------------------------------
 
 SCENARIO_SECTIONS: Sections = (
-    ("top level", description.Scenario),
+    ("top level", description.scenario_class()),
     ("[start]", legs.StartSection),
     ('[vehicle], kind = "ship"', ship.ShipSection),
     ("[vehicle.sway]", ship.SwaySection),
@@ -105,24 +105,9 @@ LOG_SECTIONS: Sections = (
 )
 FLIGHT_SECTIONS: Sections = (("top level", FlightDescription),)
 
-_PER_AXIS = "number or 3"
-_VECTORS = (
-    name
-    for id, section in registered().items()
-    if id in INSTRUMENTS
-    for name, figure in section.figures.items()  # type: ignore[attr-defined]
-    if figure.vector
-)
-SCENARIO_TYPES = {
-    **dict.fromkeys(_VECTORS, _PER_AXIS),
-    "lever_arm_sigma_m": _PER_AXIS,
-    "outages_s": "list of pairs",
-    **dict.fromkeys(("gyro_bias_deg_h", "accel_bias_ug", "gust_velocity_sigma_mps", "wander_sigma_m"), _PER_AXIS),
-    **dict.fromkeys(("position_noise_m", "velocity_noise_mps", "position_sigma_m", "velocity_sigma_mps"), _PER_AXIS),
-}
+SCENARIO_TYPES = {"outages_s": "list of pairs"}
 """Types by key, for keys whose annotation does not show the type that a user writes."""
 LOG_TYPES = {
-    **{name: kind for name, kind in SCENARIO_TYPES.items() if kind == _PER_AXIS},
     "axes": "text or 3x3",
     "accel_axes": "text or 3x3",
     "file": "text or list",
@@ -165,7 +150,7 @@ def _key_cells(name: str, field: Any, types: dict[str, str]) -> list[str]:
         text = "-"
     else:
         text = f"`{default}`"
-    value = types.get(name) or _type(field.annotation)
+    value = types.get(name) or _takes(field.metadata) or _type(field.annotation)
     allowed = _limits(field.metadata, field.annotation)
     return [f"`{name}`", value, str(extra.get("unit", "")) or "-", allowed or "-", text, str(field.description)]
 
@@ -183,6 +168,11 @@ def _limits(metadata: Any, annotation: Any = None) -> str:
     return " ".join(parts) or next((text for text in inner if text), "")
 
 
+def _takes(metadata: Any) -> str:
+    """The values that a validator takes instead of those of the type, if its function has the attribute `takes`; else empty."""
+    return next((item.func.takes for item in metadata if hasattr(getattr(item, "func", None), "takes")), "")
+
+
 def _type(annotation: Any) -> str:
     """A reader's name for the type of a key."""
     origin = get_origin(annotation)
@@ -194,9 +184,11 @@ def _type(annotation: Any) -> str:
     if origin is dict:
         return "table"
     if origin is tuple and Ellipsis not in inner:
-        return "3 columns" if "str | int" in str(inner[0]) else f"{len(inner)} numbers"
+        return "3 columns" if "str | int" in str(inner[0]) else f"{len(inner)} {'names' if set(inner) == {str} else 'numbers'}"
     if origin is tuple:
         return "sections" if sections_in(inner[0]) else f"list of {_type(inner[0])}"
+    if takes := _takes(getattr(annotation, "__metadata__", ())):
+        return takes
     if inner and hasattr(annotation, "__metadata__"):
         return _type(inner[0])
     if set(inner) == {str, int}:

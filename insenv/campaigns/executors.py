@@ -65,7 +65,7 @@ def cluster(address: str) -> Workers:
     """
     if not _ADDRESS.fullmatch(address):
         raise InputError(f"scheduler {address!r}: allowed is tcp://HOST:PORT (or tls:// and the other protocols of Dask)")
-    need("a scheduler", "distributed", package="Dask", extra="cluster")
+    need("a scheduler", "distributed", extra="cluster")
     from distributed import Client
 
     @contextmanager

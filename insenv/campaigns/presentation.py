@@ -94,7 +94,7 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
         if not shown:
             continue
         columns = [text for name in shown for text in (name.rpartition("_")[0], "index")]
-        table = table_of("rank correlation", *columns, least=5)
+        table = table_of("rank correlation", *columns, least=5, gap=1)
         for variation in found.plan.variations:
             own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
             cells = []
@@ -102,16 +102,14 @@ def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
                 one = own[name]
                 index = one.total if total else one.first
                 cells += ["-" if one.correlation is None else f"{one.correlation:+.2f}"]
-                cells += ["-" if index is None else f"{index.value:.2f}"]
+                cells += ["-" if index is None else f"{index.value:.2f} ±{index.reach:.2f}"]
             table.add_row(variation.key, *cells)
         yield table
-    least = max((one.first.reach for one in found.sensitivity if one.first is not None), default=0.0)
     yield Text(
-        f"rank correlation with the rms of a run; index: share of its variance by the key ({'total' if total else 'alone'})",
+        f"rank correlation with the rms of a run; index: share of its variance by the key ({'total' if total else 'alone'}), "
+        "±: half the width of its 95 % interval",
         "dim",
     )
-    if least:
-        yield Text(f"first-order indices are known to {least:.2f} or better (95 %)", "dim")
     yield Text()
 
 

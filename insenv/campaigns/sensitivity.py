@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
-from insenv.installing import install_extra, is_installed
+from insenv.installing import advice, is_installed
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def sensitivity_note(plan: Plan) -> str:
     """What must be said of the sensitivities of a plan; empty if nothing."""
     if not plan.variations or is_installed("SALib"):
         return ""
-    return f"no Sobol indices: SALib is not installed: {install_extra('workbench')}"
+    return f"no Sobol indices: SALib is not installed: {advice('SALib', 'workbench')}"
 
 
 def _rank(plan: Plan, values: Array, rms: Array) -> tuple[float, float | None]:

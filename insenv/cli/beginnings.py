@@ -35,7 +35,7 @@ def examples(
         for path in sorted(source.rglob("*"))
         if path.is_file() and "__pycache__" not in path.parts
     }
-    count, new_ones = len(texts), _write(folder, texts)
+    count, new_ones = len(texts), len(_write(folder, texts))
     shown = folder.as_posix()
     told = f"{count} files written to {shown}" if new_ones == count else f"{count} files in {shown}, {new_ones} of them new"
     _tell(
@@ -74,8 +74,11 @@ def new(
         texts = {file.name: _renamed(source / "logs" / "plain.toml", {"examples/logs/plain.toml": file.as_posix(), **samples})}
         texts |= {name: (source / "logs" / of).read_bytes() for of, name in samples.items()}
         command = f"insenv replay {file.as_posix()} -e loosely-coupled"
-    _write(file.parent, texts)
-    _tell(file.parent, list(texts), as_json, f"written: {', '.join(texts)}; to try it:", f"  {command}")
+    new_ones = _write(file.parent, texts)
+    told = f"written: {', '.join(new_ones)}"
+    if not new_ones:
+        told = f"nothing written: {', '.join(texts)} {'exists' if len(texts) == 1 else 'exist'} already"
+    _tell(file.parent, list(texts), as_json, f"{told}; to try it:", f"  {command}")
 
 
 def _renamed(path: Path, names: dict[str, str]) -> bytes:
@@ -86,8 +89,8 @@ def _renamed(path: Path, names: dict[str, str]) -> bytes:
     return text.encode()
 
 
-def _write(folder: Path, texts: dict[str, bytes]) -> int:
-    """Write files below a folder, all or none, and return their number; one that is there with this content stays.
+def _write(folder: Path, texts: dict[str, bytes]) -> list[str]:
+    """Write files below a folder, all or none, and return their names; one that is there with this content stays.
 
     Raises `InputError` if one exists with another content or the folder cannot be written to.
     """
@@ -114,7 +117,7 @@ def _write(folder: Path, texts: dict[str, bytes]) -> int:
                         part(Path(name).name).write_bytes(text)
     except OSError as error:
         raise InputError(f"cannot write {str(error.filename or folder)!r}: {error.strerror or error}") from None
-    return len(texts)
+    return list(texts)
 
 
 def _tell(folder: Path, names: list[str], as_json: bool, *lines: str) -> None:

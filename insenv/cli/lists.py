@@ -56,6 +56,7 @@ def list_all(
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
     from insenv import estimators
+    from insenv.cli.output import print_line
     from insenv.estimators.fusion.available import AIDS, STATES
     from insenv.files.toml import summary
     from insenv.registration import titles
@@ -84,7 +85,9 @@ def _known(what: What) -> dict[str, Rows]:
     if what is What.sensors:
         return {"sensors": [{"id": id, "title": summary(section)} for id, section in sensors.registered().items()]}
     if what is What.grades:
-        own = in_folder(Path.cwd())
+        own, faults = in_folder(Path.cwd())
+        for fault in faults:
+            print_line(f"insenv: not a grade: {fault}", stderr=True)
         grades: dict[str, Any] = {"imu_grades": IMU_GRADES | own, "gnss_grades": GNSS_GRADES}
         found: dict[str, Rows] = {
             key: [{"name": name, "title": known[name].title} for name in real_first(known)] for key, known in grades.items()

@@ -32,15 +32,17 @@ class Given:
 class Format:
     """A format: its title, the function that gives its files, and whether that needs the report and the log.
 
-    package, extra: the package that writes it, and the extra of insenv that installs this; empty: none.
+    module, package, extra: what is imported to write it, its package, if that is another, and the extra of insenv that
+    installs this; empty: none.
     """
 
     title: str
     files: Callable[[Given], Files]
     report: bool = True
     log: bool = False
-    package: str = ""
+    module: str = ""
     extra: str = ""
+    package: str = ""
 
 
 def _csv(given: Given) -> Files:
@@ -84,12 +86,18 @@ def _log(given: Given) -> Files:
 
 FORMATS: Mapping[str, Format] = {
     "csv": Format("truth, estimate, errors, sigma and limit as a CSV file for each estimator", _csv),
-    "gpx": Format("truth and estimates as tracks of a GPX file", _gpx, package="gpxpy", extra="workbench"),
+    "gpx": Format("truth and estimates as tracks of a GPX file", _gpx, module="gpxpy", extra="workbench"),
     "kml": Format("truth and estimates as tracks of a KML file, with their attitude", _kml),
     "bag": Format("sensors, truth and estimates as a ROS 2 bag", _bag, False, True, "rosbags", "view"),
     "mcap": Format("the same messages as an MCAP recording", _mcap, False, True, "rosbags", "view"),
     "rerun": Format(
-        "the same as a recording for the Rerun viewer, with errors, sigma and limit", _rerun, False, True, "rerun", "view"
+        "the same as a recording for the Rerun viewer, with errors, sigma and limit",
+        _rerun,
+        False,
+        True,
+        module="rerun",
+        package="rerun-sdk",
+        extra="view",
     ),
     "nmea": Format("the fixes of the receiver as NMEA 0183", _nmea, False, True),
     "log": Format("the sensors as a log that `insenv replay` reads: CSV files and their description", _log, False, True),
@@ -105,8 +113,8 @@ def check_formats(formats: Iterable[str]) -> tuple[str, ...]:
     for name in found:
         if name not in FORMATS:
             raise InputError(f"formats: unknown name {name!r}{nearest(str(name), FORMATS)}")
-        if FORMATS[name].package:
-            need(f"format {name!r}", FORMATS[name].package, extra=FORMATS[name].extra)
+        if FORMATS[name].module:
+            need(f"format {name!r}", FORMATS[name].module, package=FORMATS[name].package, extra=FORMATS[name].extra)
     return found
 
 

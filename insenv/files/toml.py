@@ -158,7 +158,10 @@ def _faults(error: ValidationError, model: type[BaseModel], label: str) -> str:
         faults.setdefault(where, message)
     listed = list(faults.items())[:MAX_FAULTS]
     more = len(faults) - len(listed)
-    lines = [f"{label}: {where}{message}".replace("\n", f"\n{label}: {where}: ") for where, message in listed]
+    lines = []
+    for where, message in listed:
+        begin = f"{label}: {where}"
+        lines.append(f"{begin}{message}".replace("\n", f"\n{begin}: " if where else f"\n{begin}"))
     return "\n".join(lines + ([f"and {more} more"] if more > 0 else []))
 
 

@@ -13,8 +13,11 @@ from insenv.files.toml import Number, Vector3, plain
 def _check_axes(value: object) -> object:
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not number and not (isinstance(value, (list, tuple)) and len(value) == 3):
-        raise ValueError("must be a number, or a list of three (forward, right, down)")
+        raise ValueError("must be a number, or a list of three, one for each axis")
     return (value,) * 3 if number else tuple(value)  # type: ignore[arg-type]
+
+
+_check_axes.takes = "number or 3"  # type: ignore[attr-defined]  # for the table of keys
 
 
 def _check_pair(value: object) -> object:

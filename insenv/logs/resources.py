@@ -69,7 +69,7 @@ def _from_package(file: str) -> bytes:
     try:
         root = importlib.resources.files(name)
     except ModuleNotFoundError:
-        raise InputError(f"{file}: the Python package {name!r} is not installed: {install_package(name)}") from None
+        raise InputError(f"{PACKAGE}{name}: the Python package {name!r} is not installed: {install_package(name)}") from None
     except Exception as error:  # a package whose own import fails: any exception can come out of it
         raise InputError(f"{file}: the Python package {name!r} cannot be imported: {error}") from None
     node = root.joinpath(*parts)

@@ -20,7 +20,7 @@ from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Result
 from insenv.files.output import as_path, staged
-from insenv.installing import install_extra, is_installed
+from insenv.installing import advice, is_installed
 from insenv.report.document import document, to_json
 from insenv.report.figures import draw, drawable
 from insenv.report.page import run_page
@@ -36,7 +36,7 @@ _UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 
 def no_matplotlib() -> str:
     """The note of results without a figure because matplotlib is not installed; empty if it is."""
-    return "" if is_installed("matplotlib") else f"no figure: matplotlib is not installed: {install_extra('plot')}"
+    return "" if is_installed("matplotlib") else f"no figure: matplotlib is not installed: {advice('matplotlib', 'plot')}"
 
 
 @dataclass(frozen=True)

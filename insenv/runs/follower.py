@@ -22,6 +22,12 @@ SHORT = 1e-12
 """Squared norm below which a quaternion is no attitude."""
 
 
+def diverged(what: str, columns: Mapping[str, Array], sample: int) -> InsenvError:
+    """Outputs are not finite after `sample` of the samples in `columns`, with its ``time`` (s) if that known."""
+    at = f" at {float(columns['time'][sample]):.9g} s" if "time" in columns else ""
+    return InsenvError(f"{what} diverged: its outputs are no longer finite numbers{at}")
+
+
 @dataclass
 class Follower:
     """One estimator in a run: its runner, its outputs so far, and the processor time it has used (s)."""
@@ -50,8 +56,9 @@ class Follower:
         begin = time.process_time()
         outputs = self.runner.run(count, rows, self.every)
         self.seconds += time.process_time() - begin
-        if not np.isfinite(outputs).all():
-            raise InsenvError(f"estimator {self.estimator.id!r} diverged: its outputs are no longer finite numbers")
+        finite = np.isfinite(outputs).all(axis=1)
+        if not finite.all():
+            raise diverged(f"estimator {self.estimator.id!r}", columns, (int(np.argmin(finite)) + 1) * self.every - 1)
         if np.any(np.sum(outputs[:, self.estimator.model.outputs.slice("q_nb")] ** 2, axis=1) < SHORT):
             raise InsenvError(f"estimator {self.estimator.id!r} diverged: its output q_nb has length 0")
         self.outputs.append(outputs)

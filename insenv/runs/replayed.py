@@ -69,6 +69,7 @@ def replay(
     followers = [
         follower_of(e, e.parameters(s.knowledge, rows=given[e.id]), every) for e, s in zip(chosen, starts, strict=True)
     ]
+    columns = {**columns, "time": log.imu_time[first:]}  # for messages
     for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
         for follower in followers:

@@ -16,13 +16,12 @@ from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.core.tables import Table, Vector
-from insenv.errors import InsenvError
 from insenv.estimators import Estimator, smoother
 from insenv.estimators.parts import rows, strapdown
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.plant.feeding import input_rows
-from insenv.runs.follower import Follower
+from insenv.runs.follower import Follower, diverged
 from insenv.runs.smoother_record import Record
 
 Array = NDArray[np.float64]
@@ -61,7 +60,8 @@ class Smoother:
             part = slice(begin, begin + BLOCK)
             outputs = self.forward.run(len(inputs[part]), inputs[part])
             if not np.isfinite(outputs[-1]).all():
-                raise InsenvError("the filter under the smoother diverged: its outputs are no longer finite numbers")
+                first = int(np.argmin(np.isfinite(outputs).all(axis=1)))
+                raise diverged("the filter under the smoother", columns, begin + first)
             self.record.add(outputs, wanted[part])
             self._health.append(outputs[wanted[part]][:, self._health_columns])
 

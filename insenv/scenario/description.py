@@ -84,6 +84,8 @@ class Scenario(Section):
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the scenario leaves open, for a reader of its results."""
         found = self.vehicle.notes
+        for section in self.sensors.values():
+            found += section.notes(self.rate_hz)
         if self.imu.grade != "perfect" or any(getattr(self.imu, name) is not None for name in FIGURES):
             return found
         return (*found, "the inertial unit is perfect, because [imu] is missing or states no errors")

@@ -85,6 +85,10 @@ class SensorSection(Section):
 
     sensor: ClassVar[Sensor]
 
+    def notes(self, rate_hz: float) -> tuple[str, ...]:
+        """Sentences on what the simulation does not do as the keys state it, for a reader of the results."""
+        return ()
+
     def rows(self, rate_hz: float) -> dict[str, Any]:
         """Parameter rows (SI) for samples at `rate_hz`.  Raises `InputError` for values that conflict."""
         raise NotImplementedError

@@ -101,17 +101,23 @@ def beside(values: dict[str, Any], folder: Path, *section: str, key: str = "grad
     return {**values, **changed}
 
 
-def in_folder(folder: Path) -> dict[str, ImuGrade]:
-    """The grades in the grade files of a folder, by file name; other TOML files are passed over."""
-    found = {}
+def in_folder(folder: Path) -> tuple[dict[str, ImuGrade], tuple[str, ...]]:
+    """The grades in the grade files of a folder, by file name, and what is wrong in others; other TOML files are passed over.
+
+    A file that has a figure at its top is a grade file.
+    """
+    found, faults = {}, []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         try:
-            data = read_toml(path)
-            if not set(data) - set(GradeTable.model_fields) and set(data) & set(FIGURES):
-                found[path.name] = read_grade(path).grade()
-        except (InputError, OSError):
+            if not set(read_toml(path)) & set(FIGURES):
+                continue
+        except InputError:
             continue
-    return found
+        try:
+            found[path.name] = read_grade(path).grade()
+        except InputError as error:
+            faults.append(str(error))
+    return found, tuple(faults)
 
 
 def toml_text(grade: ImuGrade, remarks: Mapping[str, str] | None = None) -> str:

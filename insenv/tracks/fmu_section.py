@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import BeforeValidator, model_validator
 
 from insenv.attitude.numeric import to_euler
 from insenv.errors import InputError, nearest
@@ -21,17 +21,32 @@ from insenv.tracks.section import RecordedFile, knot_interval, spacing
 from insenv.tracks.shape import Shape, check_velocity, shaped
 
 
+def _names(count: str, number: int) -> BeforeValidator:
+    """Validator: a list of so many values, of any type."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, (list, tuple)) or len(value) != number:
+            raise ValueError(f"must be a list of {count} names of variables")
+        return tuple(value)
+
+    return BeforeValidator(check)
+
+
+_Three = Annotated[tuple[str, str, str], _names("three", 3)]
+_Four = Annotated[tuple[str, str, str, str], _names("four", 4)]
+
+
 class Outputs(Section):
     """Names of the variables of an FMU; an element of an array is NAME[1]."""
 
     latitude: str = key(..., "geodetic latitude")
     longitude: str = key(..., "longitude")
     height: str = key(..., "height above the ellipsoid, m")
-    velocity: tuple[str, str, str] | None = key(None, "velocity over ground: north, east, down, m/s")
+    velocity: _Three | None = key(None, "velocity over ground: north, east, down, m/s")
     roll: str | None = key(None, "roll; with pitch and heading, or none of them")
     pitch: str | None = key(None, "pitch")
     heading: str | None = key(None, "heading, clockwise from north")
-    quaternion: tuple[str, str, str, str] | None = key(None, "quaternion from body to north-east-down, scalar first, instead")
+    quaternion: _Four | None = key(None, "quaternion from body to north-east-down, scalar first, instead")
     position_unit: Literal["deg", "rad"] = key("rad", "unit of latitude and longitude")
     angle_unit: Literal["deg", "rad"] = key("rad", "unit of roll, pitch and heading")
 

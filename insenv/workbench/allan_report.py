@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from insenv.workbench.allan import SensorNoise, UnitNoise
+    from insenv.workbench.rest import Part
 
 GRADE_FILE = "unit.toml"
 """Name of the grade file in a folder of results."""
@@ -97,7 +98,7 @@ def tables(found: UnitNoise) -> Iterator[RenderableType]:
     part = found.part
     lasts = part.end_s - part.begin_s
     yield Text(found.log, "bold")
-    yield Text(f"{lasts:.6g} s without motion from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
+    yield Text(f"{lasts:.6g} s {_of(part)} from {part.begin_s:.6g} s on, {1.0 / part.interval:.6g} Hz")
     rows = (*found.axes, *found.triads)
     columns = 4 if any(noise.floor() for noise in rows) else 3
     for kind, head in _HEADS.items():
@@ -113,6 +114,11 @@ def tables(found: UnitNoise) -> Iterator[RenderableType]:
         yield Text(told, "dim")
     for warning in found.warnings:
         yield Text(f"warning: {warning}", "yellow")
+
+
+def _of(part: Part) -> str:
+    """What the part is, after its duration."""
+    return "in motion" if part.moves else "without motion"
 
 
 def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
@@ -176,7 +182,7 @@ def draw(found: UnitNoise) -> Picture:
         panels = figure.subplots(1, 2)
         for axes, triad in zip(panels, found.triads, strict=True):
             _panel(axes, triad, [axis for axis in found.axes if axis.kind == triad.kind])
-        style.title(figure, f"Allan deviation: {found.log}, {found.part.end_s - found.part.begin_s:.6g} s at rest")
+        style.title(figure, f"Allan deviation: {found.log}, {found.part.end_s - found.part.begin_s:.6g} s {_of(found.part)}")
         style.legend(figure, panels, columns=8)
         return figure
 
@@ -238,7 +244,7 @@ def grade_text(found: UnitNoise) -> str:
     """The text of the grade file: bounds of what is measured stand beside it, of what was not seen at the top."""
     part = found.part
     lines = [
-        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s at rest of {found.log}, three axes together.",
+        f"Written by insenv allan: {part.end_s - part.begin_s:.6g} s {_of(part)} of {found.log}, three axes together.",
         "An Allan deviation shows noise. All the rest should be replaced by the figures of the data sheet; it is",
         f"{found.assumption}.",
     ]

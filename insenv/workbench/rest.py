@@ -22,13 +22,15 @@ class Part:
     """Consecutive samples of a log.
 
     begin_s, end_s: s, on the log's clock; interval: mean time between samples, s; rates (n, 6): gyros, rad/s, and
-    accelerometers, m/s^2, in body axes; warnings: what in the samples spoils their Allan deviation.
+    accelerometers, m/s^2, in body axes; moves: whether the vehicle moves in it; warnings: what in the samples spoils their
+    Allan deviation.
     """
 
     begin_s: float
     end_s: float
     interval: float
     rates: Array
+    moves: bool
     warnings: tuple[str, ...]
 
 
@@ -60,15 +62,16 @@ def part_of(log: RecordedLog, from_s: float | None = None, to_s: float | None = 
     length = log.dt[samples, None] if log.description.imu.kind == "rate" else interval
     rates = np.hstack([log.delta_angle[samples] / length, log.delta_velocity[samples] / length])
     warnings = _faults(log, samples, rates, interval)
+    end_s, moves = float(end[last - 1]), False
     if from_s is None and to_s is None:
         whole = float(end[-1] - end[0] + log.dt[0])
         if whole - lasts > REST_WINDOW_S:
             warnings.insert(
-                0, f"only {start:.6g} to {end[last - 1]:.6g} s is used, the longest of {whole:.6g} s without motion"
+                0, f"only {start:.6g} to {end_s:.6g} s is used: the longest time without motion in a log of {whole:.6g} s"
             )
-    elif not _is_rest(log, start, float(end[last - 1])):
+    elif moves := not _is_rest(log, start, end_s):
         warnings.insert(0, "the vehicle moves in this part: below its motion the noise of the unit cannot be seen")
-    return Part(start, float(end[last - 1]), interval, rates, tuple(warnings))
+    return Part(start, end_s, interval, rates, moves, tuple(warnings))
 
 
 def _label(log: RecordedLog) -> str:

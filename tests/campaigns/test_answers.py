@@ -1,6 +1,7 @@
 """Campaigns that answer: distributions, designs, intervals, sensitivities, paired differences, tables, interrupted blocks."""
 
 import csv
+import io
 import json
 import signal
 import threading
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from campaigns import same, slow_ship, small_plan
 from command_line import call, strict
+from rich.console import Console
 from scipy import stats
 
 import insenv
@@ -21,7 +23,7 @@ from insenv.campaigns import block as block_module
 from insenv.campaigns.block import StoppedError, run_block
 from insenv.campaigns.comparison import compare, paired
 from insenv.campaigns.intervals import horizontal, percentile, root_mean_square
-from insenv.campaigns.presentation import campaign_facts
+from insenv.campaigns.presentation import campaign_facts, campaign_tables
 from insenv.campaigns.sensitivity import sensitivities
 from insenv.errors import InputError
 from insenv.estimators import get
@@ -242,6 +244,11 @@ def test_a_campaign_says_which_key_matters(monkeypatch):
     own = {one.key: one for one in found.sensitivity if one.channel == "heading_deg"}
     assert own["imu.gyro_bias_deg_h.1"].correlation > 0.95 and own["imu.gyro_bias_deg_h.1"].first.value > 0.8
     assert abs(own["start.height_m"].correlation) < 0.4 and own["start.height_m"].first.value < 0.2
+    console = Console(record=True, width=200, file=io.StringIO())
+    console.print(*campaign_tables(found))
+    first = own["start.height_m"].first
+    told = console.export_text()
+    assert f"{first.value:.2f} ±{first.reach:.2f}" in told and "(alone), ±: half" in told
     document = found.as_json()
     assert document["design"] == "random" and len(document["sensitivity"]) == 6
 

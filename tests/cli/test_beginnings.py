@@ -54,6 +54,11 @@ def test_examples_that_are_there_already_are_no_conflict(folder):
     refused(call("examples"), "env_loop.py' exists with another content", "no file is overwritten")
 
 
+def test_a_new_scenario_that_is_there_already_is_said_to_be(folder):
+    assert "written: boat.toml; to try it" in call("new", "scenario", "boat.toml")[1]
+    assert "nothing written: boat.toml exists already; to try it" in call("new", "scenario", "boat.toml")[1]
+
+
 def test_a_new_scenario_is_commented_and_names_itself(folder):
     assert call("new", "scenario", "boat.toml")[0] == 0
     text = (folder / "boat.toml").read_text("utf-8")

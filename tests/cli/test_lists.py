@@ -34,6 +34,17 @@ def test_grades_of_real_units_come_first():
     assert all(row["title"] for rows in listed.values() for row in rows)
 
 
+def test_a_wrong_grade_file_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    figures = "gyro_arw_deg_sqrt_h = 0.1\n"
+    (tmp_path / "mine.toml").write_text('title = "Mine"\n' + figures)
+    (tmp_path / "wrong.toml").write_text('title = "Wrong"\naccel_vrw_ug_sqrt_hzz = 50.0\n' + figures)
+    (tmp_path / "other.toml").write_text('title = "A scenario"\n')
+    status, out, err = call("list", "grades")
+    assert status == 0 and "mine.toml" in out and "wrong.toml" not in out
+    assert len(err.splitlines()) == 1 and "wrong.toml: accel_vrw_ug_sqrt_hzz: unknown key" in err
+
+
 @pytest.mark.parametrize("what", list(What))
 def test_each_kind_with_its_titles(what):
     status, out, err = call("list", what.value)

@@ -4,7 +4,7 @@ import datetime
 from typing import Annotated, Literal
 
 import pytest
-from pydantic import Field, Strict
+from pydantic import Field, Strict, model_validator
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Parameter, Section, Vector3, key, validated
@@ -102,6 +102,18 @@ def test_each_wrong_key_has_its_line_up_to_twenty():
         validated(File, wrong | {f"unknown_{number}": 0 for number in range(15)}, "mine.toml")
     lines = str(caught.value).splitlines()
     assert len(lines) == 21 and lines[-1] == "and 2 more"
+
+
+class _OfAFile(Section):
+    @model_validator(mode="after")
+    def _two_faults(self):
+        raise ValueError("hdr.csv: no column 'lat'\nhdr.csv: no column 'lon'")
+
+
+def test_faults_of_the_whole_have_no_empty_key():
+    with pytest.raises(InputError) as caught:
+        validated(_OfAFile, {}, "mine.toml")
+    assert str(caught.value) == "mine.toml: hdr.csv: no column 'lat'\nmine.toml: hdr.csv: no column 'lon'"
 
 
 def test_keys_are_read_only():

@@ -9,6 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from text_logs import RATE, Folder, G, as_text, imu_rows, si
 
+from insenv.errors import InputError
+
 HEADER = "t,gx,gy,gz,ax,ay,az,temp"
 BIAS, SCALE = np.array([30.0, -20.0, 10.0]), np.array([100.0, 200.0, -50.0])
 KEYS = """[imu]
@@ -92,3 +94,12 @@ def test_mounting_angles_turn_the_named_axes_into_those_of_the_body(folder: Fold
     gyro, accel = (values @ C_bs.T / RATE for values in si(imu_rows()))
     np.testing.assert_allclose(log.delta_angle, gyro, atol=1e-12)
     np.testing.assert_allclose(log.delta_velocity, accel, atol=1e-12)
+
+
+def test_a_slope_of_two_numbers_is_refused_without_naming_other_axes(folder: Folder) -> None:
+    """The slopes are those of x, y, z of the sensor, which need not be forward, right, down."""
+    folder.write("imu.csv", as_text(heated(), HEADER))
+    folder.change("[imu]\n", KEYS)
+    folder.change("[30.0, -20.0, 10.0]", "[1, 2]")
+    with pytest.raises(InputError, match=r"gyro_temperature_slope.*: must be a number, or a list of three, one for each axis"):
+        folder.load()

@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -57,6 +58,12 @@ def test_the_tuners_that_need_no_training_are_as_on_their_page():
 
 def test_each_script_is_named_here():
     assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
+
+
+def test_a_missing_package_is_told_in_one_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "onavdata", None)
+    with pytest.raises(SystemExit, match=r"^navigate_a_log\.py: .*pip install onavdata==[\d.]+$"):
+        runpy.run_path(str(EXAMPLES / "navigate_a_log.py"))
 
 
 SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}

@@ -9,7 +9,8 @@ from command_line import call, refused
 from places import ROOT
 
 from insenv import installing
-from insenv.installing import install_extra, install_package
+from insenv.export.formats import FORMATS
+from insenv.installing import advice, install_extra, install_package
 
 REQUIREMENTS = [
     "numpy>=2.0",
@@ -47,13 +48,33 @@ def test_a_package_in_the_version_asked_for(wheel):
     assert install_package("no_such_package") == "pip install no_such_package"
 
 
+def test_one_missing_package_is_named_with_its_extra(wheel, monkeypatch):
+    monkeypatch.setattr(installing, "_is_checkout", lambda root: False)
+    assert advice("pywavelets", "ml") == (
+        "pip install PyWavelets (or all of the extra 'ml': pip install -e '.[ml]' in a checkout of insenv)"
+    )
+
+
 def test_every_extra_that_is_advised_is_declared():
     root = Path(installing.__file__).parents[1]
     declared = (root / "pyproject.toml").read_text("utf-8")
     code = "".join(path.read_text("utf-8") for path in (root / "insenv").rglob("*.py"))
-    advised = set(re.findall(r"(?:install_extra\(|\bneed\([^)]*\bextra=)['\"](\w+)", code))
+    advised = set(re.findall(r"(?:install_extra\(|\badvice\(.\w+., |\bneed\([^)]*\bextra=)['\"](\w+)", code))
     assert {"plot", "native", "workbench", "web"} <= advised
     assert all(re.search(rf"^{extra} = \[", declared, re.MULTILINE) for extra in advised)
+
+
+def test_the_package_that_is_advised_is_one_of_its_extra():
+    """What is imported and what is installed can have other names: rerun comes with rerun-sdk."""
+    declared = (ROOT / "pyproject.toml").read_text("utf-8")
+    code = "".join(path.read_text("utf-8") for path in (ROOT / "insenv").rglob("*.py"))
+    calls = re.findall(r'\bneed\([^\n]*?, "(\w+)",(?: package="([^"]+)",)? extra="(\w+)"', code)
+    calls += [(each.module, each.package, each.extra) for each in FORMATS.values() if each.module]
+    assert len(calls) > 12
+    for module, package, extra in calls:
+        packages = re.search(rf"^{extra} = \[(.*?)\]", declared, re.MULTILINE | re.DOTALL)[1]
+        names = [name.lower() for name in re.findall(r'"([\w-]+)', packages)]
+        assert (package or module).lower() in names, (module, package, extra)
 
 
 LOG = ROOT / "examples" / "logs" / "plain.toml"

@@ -158,3 +158,16 @@ def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
 def test_the_error_names_what_a_log_lacks_to_start_an_estimator(tmp_path, changes, ids, start, message):
     with pytest.raises(InsenvError, match=message):
         replay(synthetic_log(tmp_path, **changes), ids, start=start)
+
+
+def test_a_diverging_estimator_is_told_with_its_time(tmp_path):
+    for path in (ROOT / "examples" / "logs").glob("plain*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    lines = (tmp_path / "plain-imu.csv").read_text().splitlines()
+    time, _, *others = lines[5000].split(",")
+    lines[5000] = ",".join([time, "9e9", *others])
+    (tmp_path / "plain-imu.csv").write_text("\n".join(lines))
+    for id in ("loosely-coupled", "smoother"):
+        with pytest.raises(InsenvError, match=r"diverged: its outputs are no longer finite numbers at (\S+) s") as caught:
+            replay(tmp_path / "plain.toml", id)
+        assert float(str(caught.value).split()[-2]) == pytest.approx(float(time), abs=2.0)

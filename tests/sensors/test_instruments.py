@@ -478,11 +478,22 @@ def test_drawn_lever_arm_and_delay() -> None:
     told = made.knowledge.rows
     np.testing.assert_allclose(told["antenna_lever_arm_sigma"], [0.1, 0.2, 0.3])
     assert told["gnss_delay_sigma"] == 0.05
-    # no fix of the future, and one fix pending
-    extreme = outputs(scenario(gnss={"grade": "rtk", "delay_error_s": -3.0}))
-    assert extreme["gnss_delay_true"][0] == 0.0 and not extreme["gnss_age"].any()
-    extreme = outputs(scenario(gnss={"grade": "rtk", "delay_error_s": 30.0}))
-    np.testing.assert_allclose(extreme["gnss_delay_true"][0], 0.99)
+    assert "cut" not in "".join(given.notes)
+
+
+def test_no_fix_is_from_the_future_and_one_is_pending() -> None:
+    """A stated delay beyond that is refused; a drawn one is cut, and a note says so."""
+    receiver = {"grade": "rtk", "latency_s": 0.1, "interval_s": 0.2}
+    for wrong in (-0.11, 0.1, 0.2, 100.0):
+        with pytest.raises(InputError, match=rf"delay_error_s = {wrong:g} s: allowed is from -0\.1 to 0\.09 s where latency_s"):
+            build(scenario(gnss={**receiver, "delay_error_s": wrong}))
+    for delay in (-0.1, 0.09):
+        found = outputs(scenario(gnss={**receiver, "delay_error_s": delay}))
+        np.testing.assert_allclose(found["gnss_delay_true"][0], delay, atol=1e-12)
+    drawn = scenario(gnss={**receiver, "delay_sigma_s": 10.0})
+    assert any("gnss.delay_sigma_s = 10 s: drawn delays are cut to -0.1 to 0.09 s" in note for note in drawn.notes)
+    delays = [outputs(drawn, seed=seed)["gnss_delay_true"][0] for seed in range(6)]
+    np.testing.assert_allclose(sorted({round(float(delay), 9) for delay in delays}), [-0.1, 0.09])
 
 
 def test_knowledge_has_what_is_told() -> None:

@@ -144,6 +144,9 @@ def test_wrong_fmus_are_refused(folder):
         scenario(path, outputs={**OUTPUTS, "roll": "latitude"})
     with pytest.raises(InputError, match=r"none.fmu: file not found"):
         scenario(folder / "none.fmu")
+    for key, count in (("velocity", "three"), ("quaternion", "four")):
+        with pytest.raises(InputError, match=rf"{key} = .*: must be a list of {count} names of variables"):
+            scenario(path, outputs={**OUTPUTS, key: ["a", "b"]})
     (folder / "no.fmu").write_text("no", encoding="utf-8")
     with pytest.raises(InputError, match=r"no.fmu: no FMU"):
         scenario(folder / "no.fmu")

@@ -22,7 +22,7 @@ from insenv.sensors import IMU_GRADES
 from insenv.sensors.grade_file import grade_of, toml_text
 from insenv.workbench.allan import AXES, SCALES, sensor_noise
 from insenv.workbench.allan_deviation import curve
-from insenv.workbench.allan_report import tables
+from insenv.workbench.allan_report import grade_text, tables
 from insenv.workbench.noise_terms import FLICKER, MARKOV, QUANTIZATION, TIME, WALK, WHITE, fit, markov_variance
 
 RATE = 20.0
@@ -267,7 +267,7 @@ def test_the_longest_rest_is_used():
     rates = moving(unit_rates(np.random.default_rng(2), 40000), 0, 10000)
     found = insenv.allan(log_of(rates))
     assert found.part.begin_s == pytest.approx(500.0, abs=3.0) and found.part.end_s == pytest.approx(2000.0, abs=2.0)
-    assert "without motion" in found.warnings[0]
+    assert "without motion in a log of 2000 s" in found.warnings[0]
     assert found.axes[2].terms.figures[WHITE].value == pytest.approx(1e-4, rel=0.05)
 
 
@@ -275,7 +275,11 @@ def test_no_rest_is_refused_and_a_named_part_is_warned_of():
     log = log_of(moving(unit_rates(np.random.default_rng(2), 8000), 0, 8000))
     with pytest.raises(InputError, match="no 10 s without motion"):
         insenv.allan(log)
-    assert "the vehicle moves" in insenv.allan(log, from_s=100.0, to_s=400.0).warnings[0]
+    found = insenv.allan(log, from_s=100.0, to_s=400.0)
+    assert "the vehicle moves" in found.warnings[0]
+    told = " ".join(str(line) for line in tables(found))
+    assert "300 s in motion from 100 s on" in told and "without motion" not in told
+    assert "300 s in motion of" in grade_text(found)
 
 
 def test_a_short_part_is_refused():
