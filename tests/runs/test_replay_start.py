@@ -141,7 +141,8 @@ def test_a_vehicle_that_moves_sideways_keeps_its_heading():
     log = replace(log, delta_angle=log.delta_angle @ turn.T, delta_velocity=log.delta_velocity @ turn.T)
     log = replace(log, lever_arm_b=turn @ log.lever_arm_b)
     found = replay(started(log, heading_deg=HEADING + 90.0), ["loosely-coupled"]).results[0]
-    assert not any("heading" in note for note in found.notes)
+    assert not any("navigation starts with" in note for note in found.notes)
+    assert any("from the direction of travel: if this vehicle moves forward" in note for note in found.notes)
     assert found.errors["heading_deg"][-1] == pytest.approx(90.0, abs=1.0)  # the reference has that of the car
     assert found.sigma["heading_deg"][0] < 6.0
 
