@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+
 import casadi as ca
 import pytest
 from hypothesis import settings
@@ -9,6 +12,10 @@ from hypothesis import settings
 from insenv.core.elementary import normal_pair, sin_cos
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table
+
+# without it each of some hundred processes, and each worker of pytest-xdist, would compile all modules anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # the same examples on every machine: a run that passes here passes there
 settings.register_profile("same", derandomize=True)
