@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -20,6 +21,12 @@ sys.dont_write_bytecode = False
 # the same examples on every machine: a run that passes here passes there
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+
+
+def pytest_collection_finish() -> None:
+    """What is there when the first test begins stays to the end: no garbage collection need look at it."""
+    gc.collect()
+    gc.freeze()
 
 
 def _sample(p, x, u, r):
