@@ -91,6 +91,9 @@ def runnable(command: str, python: str = PYTHON) -> str | None:
     return command if python in command else None
 
 
+SCRIPTS_RUN_ELSEWHERE = {f"python examples/{name}.py" for name in ("compare_estimators", "env_loop", "own_estimator")}
+"""Commands that `test_examples.py` runs too, with warnings as errors, and looks at what they print."""
+
 NOT_INSTALLED = (
     "dask distributed hypothesis onavdata pandas pyins pythonfmu pywt serial sklearn stable_baselines3 torch ziglang"
 )
@@ -173,6 +176,8 @@ def test_block(block, folder, request):
         return
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     for command, shown in shown_below(block.text):
+        if command in SCRIPTS_RUN_ELSEWHERE and not shown:
+            continue
         if command.startswith("make "):
             named = {word for word in shlex.split(command, comments=True)[1:] if "=" not in word}
             assert named <= targets, f"{block.place}: no such target in the Makefile: {named - targets}"
@@ -180,6 +185,16 @@ def test_block(block, folder, request):
             printed = run(ready, folder, path)
             gone = missing(shown, printed)
             assert not gone, f"{block.place}: {command} does not print, or not in this order: {gone[0]}\n{printed}"
+
+
+def test_scripts_run_elsewhere_are_run_there_and_named_on_a_page():
+    text = Path(__file__).with_name("test_examples.py").read_text("utf-8")
+    commands = {command for b in ALL if b.reason is None for command in commands_of(b.text)}
+    assert commands >= SCRIPTS_RUN_ELSEWHERE
+    said = re.search(r"^SAID = \{.*?^\}", text, re.MULTILINE | re.DOTALL)[0]
+    slow = re.search(r"^COMPILES_LONG = .*$", text, re.MULTILINE)[0]
+    for script in (Path(command.split()[1]) for command in SCRIPTS_RUN_ELSEWHERE):
+        assert f'"{script.name}": (' in said and script.name not in slow
 
 
 def test_the_blocks_are_found():
