@@ -34,7 +34,7 @@ else:
 
 ROOT = Path(__file__).parents[1]
 LIST = Path(__file__).with_suffix(".toml")
-TRAVELS = ("insenv", "scenarios", "fmu", "tests", "tools", "examples", "pyproject.toml", "README.md")
+TRAVELS = ("insenv", "scenarios", "fmu", "web", "tests", "tools", "examples", "pyproject.toml", "README.md")
 REQUIRED = 0.95
 LIMIT_S = 300.0
 """Time limit of the tests of one fault, s."""
