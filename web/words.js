@@ -1,4 +1,12 @@
-/** Sentences about what is not allowed: the thing, its value, and what is allowed. */
+/** Sentences about what is not allowed: the thing, its value, and what is allowed; and sentences of the document, filled in. */
+
+/** A sentence with values for the names in braces.
+ * @param {string} sentence
+ * @param {Record<string, string | number>} values
+ * @returns {string} */
+export function filled(sentence, values) {
+  return sentence.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
+}
 
 /** Texts one after the other, "or" before the last.
  * @param {string[]} texts

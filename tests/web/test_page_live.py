@@ -97,6 +97,27 @@ def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browse
     assert browser.console() == []
 
 
+@long
+def test_what_is_said_below_a_table_is_what_insenv_run_says(browser, tmp_path):
+    """Findings, the notes of health, errors larger than stated: of a filter that trusts its odometer far too much."""
+    settings = {"fusion": {"odometer_scale_factor_sigma": 1e-6, "odometer_noise_mps": 1e-3}}
+    given = {"estimators": ["fusion"], "duration_s": 120.0, "settings": settings}
+    browser.open(web.page("car-odometer", tmp_path / "car.html", **given))
+    below = "[...document.querySelectorAll('.end .below')].map((line) => line.textContent)"
+    for seed in (1, 3):
+        browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+        browser.driver.execute_script(
+            f"const field = document.getElementById('seed'); field.value = '{seed}'; field.dispatchEvent(new Event('change'));"
+        )
+        browser.until("document.querySelector('.end').hidden && document.getElementById('clock').textContent === '0:00.0'")
+        fast(browser)
+        (result,) = insenv.run("car-odometer", seed=seed, **given).results
+        for begin in ("the estimate of", "the filter has diverged", "odometer does not fit", "the errors are larger"):
+            assert any(note.startswith(begin) for note in result.notes)
+        assert browser.value(below) == [*f"Health: {result.health.summary}".split("\n"), *result.notes]
+        browser.driver.execute_script("document.getElementById('reset').click();")
+
+
 def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_repeats_them(browser, ship):
     from selenium.webdriver import Keys
     from selenium.webdriver.common.by import By
