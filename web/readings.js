@@ -93,7 +93,7 @@ export function readings(live, at) {
         const [first, ...others] = found?.lines ?? ["nothing measured yet"];
         const text = [first.replace(/^[a-z]+(: |, | (?=within))/, ""), ...others].join("; ");
         const state = found && h("span", { class: `state ${found.verdict}` }, found.verdict);
-        fill(health[place], `${one.id} `, state, ` ${text}`);
+        fill(health[place], found ? `${one.id} ` : `${one.id}:`, state, ` ${text}`);
       });
     },
   };

@@ -251,7 +251,16 @@ def test_the_page_is_accessible_and_fits(browser, ship, size, dark):
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true))")
     assert browser.violations() == []
     assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+    browser.driver.execute_script("document.querySelector('.dial').style.display = 'none'")
+    browser.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(() => arguments[0]()))")
     assert browser.console() == []
+
+
+def test_sensors_to_cut_off_fit_on_a_phone(browser, tmp_path):
+    browser.open(web.page("multirotor-hover", tmp_path / "hover.html", ["wander-sins"], duration_s=10.0), PHONE)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    assert browser.value("document.querySelectorAll('.cut').length") == 3
+    assert browser.value("document.documentElement.scrollWidth") == PHONE[0]
 
 
 @long
