@@ -27,7 +27,7 @@ export function rangesOf(ranges) {
  * @param {unknown} value  a number, or the text that was typed
  * @returns {string} */
 export function beyond({ key, unit, minimum, maximum }, value) {
-  const of = unit ? ` ${unit}` : "";
+  const of = unit && unit !== "1" ? ` ${unit}` : "";
   return `${given(key, value, of)}: allowed is ${minimum} to ${maximum}${of}`;
 }
 

@@ -6,6 +6,7 @@
 import json
 import os
 from dataclasses import replace
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -156,6 +157,10 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
         ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
         ("#commands=[[1,{%22sail%22:1}]]", "command"),
         ("#commands=[1", "commands = [1: allowed is a list of values"),
+        ("#commands=[[0,[]]]", "commands: allowed are pairs of a sample and the values of commands"),
+        ("#commands=[[0,{%22sea%22:null}]]", "command sea = null: allowed is 0 to 3"),
+        ("#commands=[[0,{%22sea%22:[2]}]]", "command sea = [2]: allowed is 0 to 3"),
+        ("#=3", '"": this page has no control of that name'),
     ],
 )
 def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, message):
@@ -164,6 +169,15 @@ def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, messag
     assert told.startswith("This link cannot be followed: ") and message in told
     assert browser.until("document.getElementById('seed').value === '1' && location.hash === ''")
     assert browser.console() == []
+
+
+@pytest.mark.parametrize("text", ["5", "{}", "null", "[5]", "[[5,1]]", "[[-5,1]]", "[[null,1]]", '[["1",2]]', "[[1,2,3]]"])
+def test_outages_of_a_link_that_are_none_are_a_sentence_in_the_page(browser, car, text):
+    browser.open(car, fragment=f"#gnss.outages_s={quote(text)}")
+    told = browser.until("document.getElementById('wrong')?.textContent")
+    sentence = f"gnss.outages_s = {text} s: allowed are pairs of a begin of 0 s or later and an end after it"
+    assert told == f"This link cannot be followed: {sentence}. The scenario is shown as it is."
+    assert browser.until("location.hash === ''") and browser.console() == []
 
 
 def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
