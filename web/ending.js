@@ -1,12 +1,9 @@
 /** The end of a live run: the tables that `insenv run` prints. */
 
-import { LABELS } from "./channels.js";
 import { fill, h } from "./dom.js";
 import { healthNow, notesAtEnd, statisticsOf } from "./judge.js";
 import { number, significant } from "./numbers.js";
 import { summaryTable } from "./tables.js";
-
-const MARKED = 3; // ratio beyond which a cell is marked, as on the page of a run
 
 /** Fill the section at the end of a run.
  * @param {HTMLElement} section
@@ -61,10 +58,10 @@ function endTable(live, estimator, group, at, history, changes) {
   return {
     caption: estimator.id,
     columns,
-    rows: rows.map(({ channel, cells }) => [LABELS[/** @type {keyof typeof LABELS} */ (channel)], ...cells.map(number)]),
+    rows: rows.map(({ channel, cells }) => [live.channels[channel].label, ...cells.map(number)]),
     group,
     below,
-    warnings: rows.flatMap(({ cells }, place) => (yardstick && (cells[cells.length - 1] ?? 0) > MARKED ? [[place, cells.length]] : [])),
+    warnings: rows.flatMap(({ cells }, place) => (yardstick && (cells[cells.length - 1] ?? 0) > live.marked ? [[place, cells.length]] : [])),
     state: health?.verdict ?? "",
   };
 }

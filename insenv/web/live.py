@@ -18,10 +18,11 @@ from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
+from insenv.evaluation.errors import CHANNELS
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
-from insenv.report.page.of_run import EXPLAINED
-from insenv.report.tables import within
+from insenv.report.page.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
+from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
@@ -208,6 +209,9 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "controls": [_control(control) for control in live.controls],
         "limit": limit_document(limit, plant.duration_s),
         "rule": rule(),
+        "channels": {name: {"label": label(name), "title": NAMES[name], "unit": unit_of(name)} for name in CHANNELS},
+        "biases": {"rows": BIASES, "axes": AXES},
+        "marked": MARKED,
         "explained": EXPLAINED | {"within": f"{within(1)}."},
         "notes": _notes(plant),
     }
