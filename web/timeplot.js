@@ -68,7 +68,7 @@ export function timePlot(panel, span, names, axis = TIME) {
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
       axes: [
-        scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
+        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)), gap: 6 },
         { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
       ],
       series: [{}, ...series],

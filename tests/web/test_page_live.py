@@ -41,6 +41,12 @@ def car(tmp_path_factory):
     return web.page("car-city-drive", path, ["loosely-coupled", "wander-sins"], duration_s=120.0)
 
 
+@pytest.fixture(scope="module")
+def hover(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "hover.html"
+    return web.page("multirotor-hover", path, ["wander-sins"], duration_s=10.0)
+
+
 def fast(browser):
     """Run to the end as fast as it goes."""
     browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
@@ -270,11 +276,28 @@ def test_the_page_is_accessible_and_fits(browser, ship, size, dark):
     assert browser.console() == []
 
 
-def test_sensors_to_cut_off_fit_on_a_phone(browser, tmp_path):
-    browser.open(web.page("multirotor-hover", tmp_path / "hover.html", ["wander-sins"], duration_s=10.0), PHONE)
+def test_sensors_to_cut_off_fit_on_a_phone(browser, hover):
+    browser.open(hover, PHONE)
     browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
     assert browser.value("document.querySelectorAll('.cut').length") == 3
     assert browser.value("document.documentElement.scrollWidth") == PHONE[0]
+
+
+def test_a_multirotor_climbs_and_sinks_by_dragging(browser, hover):
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.by import By
+
+    browser.open(hover)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
+    knob = "document.querySelector('.pad i').style.top"
+    assert browser.until(knob) == "50%"
+    half = pad.size["height"] / 2
+    for share, rate in ((-0.5, 1.5), (0.5, -1.5)):
+        ActionChains(browser.driver).move_to_element_with_offset(pad, 0, round(share * half)).click().perform()
+        assert browser.value("document.querySelector('.drive output').textContent").startswith("climb rate")
+        given = "JSON.parse(new URLSearchParams(location.hash.slice(1)).get('commands') ?? '[]')"
+        browser.until(f"Math.abs({given}.at(-1)?.[1].climb_rate - {rate}) < 0.1")
 
 
 @long
