@@ -381,9 +381,10 @@ class Estimator:
     def found(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
         """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
         told: dict[str, str] = {}
-        for finding in self.to_find(parameters):
-            if not told.get(finding.row):
-                told[finding.row] = finding.said(outputs)
+        findings = self.to_find(parameters)
+        with naming(f"estimator {self.id!r}, findings"):
+            for finding in findings:
+                told[finding.row] = told.get(finding.row) or finding.said(outputs)
         return tuple(filter(None, told.values()))
 
     def to_find(self, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
