@@ -30,6 +30,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
 
 const SYNC = "time";
 const KEYS = "Drag or press plus and minus to zoom, arrow keys to move, 0 for the whole run.";
+const LABEL = 13; // px from one label of the vertical axis to the next
 const HEIGHT = 184;
 /** Part of the threshold up to which the scale is about linear: the settled errors then fill a third of a panel. */
 const BEND = 0.5;
@@ -67,8 +68,8 @@ export function timePlot(panel, span, names, axis = TIME) {
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
       axes: [
-        scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
-        scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
+        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)), gap: 6 },
+        { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
       ],
       series: [{}, ...series],
       bands,
@@ -131,6 +132,21 @@ function scaleOf(size, splits) {
     grid: { stroke: () => colour("grid"), width: 1 },
     ticks: { show: false },
   };
+}
+
+/** The labels of marks of the vertical axis; one that would touch another, which is zero or larger, is left out.
+ * @param {any} u
+ * @param {number[]} values
+ * @returns {string[]} */
+function apart(u, values) {
+  const importance = (/** @type {number} */ value) => Math.abs(value) || Infinity;
+  /** @type {Map<number, number>} */
+  const kept = new Map();
+  for (const value of [...values].sort((a, b) => importance(b) - importance(a))) {
+    const height = u.valToPos(value, "y");
+    if ([...kept.values()].every((other) => Math.abs(height - other) >= LABEL)) kept.set(value, height);
+  }
+  return values.map((value) => (kept.has(value) ? tick(value) : ""));
 }
 
 /** Shade times without fixes and before the statistics; draw the line of zero (or one on a logarithmic scale).

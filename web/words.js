@@ -1,4 +1,12 @@
-/** Sentences about what is not allowed: the thing, its value, and what is allowed. */
+/** Sentences about what is not allowed: the thing, its value, and what is allowed; and sentences of the document, filled in. */
+
+/** A sentence with values for the names in braces.
+ * @param {string} sentence
+ * @param {Record<string, string | number>} values
+ * @returns {string} */
+export function filled(sentence, values) {
+  return sentence.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
+}
 
 /** Texts one after the other, "or" before the last.
  * @param {string[]} texts
@@ -19,7 +27,7 @@ export function rangesOf(ranges) {
  * @param {unknown} value  a number, or the text that was typed
  * @returns {string} */
 export function beyond({ key, unit, minimum, maximum }, value) {
-  const of = unit ? ` ${unit}` : "";
+  const of = unit && unit !== "1" ? ` ${unit}` : "";
   return `${given(key, value, of)}: allowed is ${minimum} to ${maximum}${of}`;
 }
 
