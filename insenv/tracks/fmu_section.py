@@ -6,6 +6,7 @@ Its binary code runs with the rights of the user: use FMUs that you trust.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,12 +14,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from insenv.attitude.numeric import to_euler
+from insenv import attitude
 from insenv.errors import InputError, nearest
 from insenv.files.toml import Number, Positive, Section, key
 from insenv.tracks.points import Points, checked
+from insenv.tracks.quaternion_order import ORDERS, contradictions, other_order
 from insenv.tracks.section import RecordedFile, knot_interval, spacing
-from insenv.tracks.shape import Shape, check_velocity, shaped
+from insenv.tracks.shape import Shape, check_velocity, motion, shaped
 
 
 def _names(count: str, number: int) -> BeforeValidator:
@@ -46,7 +48,10 @@ class Outputs(Section):
     roll: str | None = key(None, "roll; with pitch and heading, or none of them")
     pitch: str | None = key(None, "pitch")
     heading: str | None = key(None, "heading, clockwise from north")
-    quaternion: _Four | None = key(None, "quaternion from body to north-east-down, scalar first, instead")
+    quaternion: _Four | None = key(None, "quaternion from body to north-east-down, instead")
+    quaternion_order: Literal["wxyz", "xyzw"] | None = key(
+        None, "whether its scalar w comes first or last; absent: first, and refused where the motion contradicts that"
+    )
     position_unit: Literal["deg", "rad"] = key("rad", "unit of latitude and longitude")
     angle_unit: Literal["deg", "rad"] = key("rad", "unit of roll, pitch and heading")
 
@@ -84,7 +89,28 @@ def _shape(text: str) -> Shape:
     shape = shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
     if points.velocity is not None:
         check_velocity(points, shape, section.max_contradiction_mps)
-    return shape
+    return shape if section.outputs.quaternion is None else _in_order(section, points, shape)
+
+
+def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
+    """The shape, with a note if the motion contradicts a stated order.  Raises `InputError` if it contradicts the usual one."""
+    stated = section.outputs.quaternion_order
+    order = stated or "wxyz"
+    assert points.attitude is not None
+    q_nb = attitude.numeric.from_euler(*points.attitude.T)
+    found = contradictions(q_nb, order, motion(points, shape, 1), motion(points, shape, 2))
+    other = other_order(found, order)
+    if other is None:
+        return shape
+    said = (
+        f"the attitude contradicts the motion by {np.degrees(found[order]):.0f} deg on average with the scalar of the "
+        f"quaternion {ORDERS[order]}, by {np.degrees(found[other]):.0f} deg with it {ORDERS[other]}"
+    )
+    if stated is None:
+        raise InputError(
+            f"{points.label}: {said}: state vehicle.outputs.quaternion_order = {other!r}, or {order!r} if the vehicle moves so"
+        )
+    return replace(shape, notes=(*shape.notes, f"{said}: is vehicle.outputs.quaternion_order = {order!r} right?"))
 
 
 def _run(section: FmuSection) -> Points:
@@ -95,12 +121,14 @@ def _run(section: FmuSection) -> Points:
     path, names = Path(section.file), section.outputs
     place, velocity = [names.latitude, names.longitude, names.height], list(names.velocity or ())
     angles = [each for each in (names.roll, names.pitch, names.heading) if each is not None]
-    attitude = angles or list(names.quaternion or ())
+    elements = list(names.quaternion or ())
+    if names.quaternion_order == "xyzw":
+        elements = [*elements[3:], *elements[:3]]
     try:
         known = [variable.name for variable in fmpy.read_model_description(str(path), validate=False).modelVariables]
     except Exception as error:  # of whatever kind: the file is anybody's
         raise InputError(f"{path}: no FMU: {error}") from None
-    outputs = (*place, *velocity, *attitude)
+    outputs = (*place, *velocity, *angles, *elements)
     for name in (*outputs, *section.parameters):
         if name not in known and name.partition("[")[0] not in known:
             raise InputError(f"{path}: no variable {name!r}{nearest(name, known, 'fmpy info')}")
@@ -133,9 +161,9 @@ def _run(section: FmuSection) -> Points:
     euler = None
     if angles:
         euler = np.column_stack([column(name) for name in angles]) * turned
-    elif attitude:
-        q_nb = np.column_stack([column(name) for name in attitude])
-        euler = np.column_stack(to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
+    elif elements:
+        q_nb = np.column_stack([column(name) for name in elements])
+        euler = np.column_stack(attitude.numeric.to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
     north, east, up = (column(name) for name in place)
     moving = np.column_stack([column(name) for name in velocity]) if velocity else None
     return Points(str(path), np.asarray(found["time"], dtype=np.float64), north * degrees, east * degrees, up, euler, moving)
