@@ -1,7 +1,7 @@
 /** The WebAssembly of a live page, and what its document says of parameters: seeds, controls, outages. */
 
 import { bytesOf } from "./arrays.js";
-import { beyond, orOf, rangesOf } from "./words.js";
+import { beyond, oneOf, rangesOf } from "./words.js";
 
 /** @type {Record<string, (value: number, scale: number) => number>} */
 const FORMS = {
@@ -100,8 +100,8 @@ export class Machine {
     if (control.options) {
       const option = control.options.find((/** @type {any} */ one) => one.value === value);
       if (!option) {
-        const allowed = orOf(control.options.map((/** @type {any} */ one) => one.value));
-        throw new Error(`${key} = ${JSON.stringify(value)}: allowed is ${allowed}`);
+        const names = control.options.map((/** @type {any} */ one) => one.value);
+        throw new Error(oneOf(key, String(value), names));
       }
       for (const [at, number] of option.p) p[at] = number;
       return;
