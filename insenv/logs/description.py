@@ -23,6 +23,7 @@ from insenv.logs.instrument_sections import (
 )
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
+from insenv.sensors.bounds import largest
 from insenv.sensors.grade_file import grade_of
 
 
@@ -33,8 +34,15 @@ def _check_grade(value: str) -> str:
 
 
 Grade = Annotated[str, AfterValidator(_check_grade)]
-Slope = Annotated[Signed, within(-1e6, 1e6)]
-ScaleSlope = Annotated[Signed, within(-1000.0, 1000.0)]
+
+
+def _up_to(unit: str) -> AfterValidator:
+    return within(-largest(unit), largest(unit))
+
+
+GyroSlope = Annotated[Signed, _up_to("deg/h/K")]
+AccelSlope = Annotated[Signed, _up_to("ug/K")]
+ScaleSlope = Annotated[Signed, _up_to("ppm/K")]
 SLOPES = (
     "gyro_temperature_slope_deg_h_k", "gyro_scale_factor_slope_ppm_k",
     "accel_temperature_slope_ug_k", "accel_scale_factor_slope_ppm_k",
@@ -94,13 +102,13 @@ class ImuSection(FileSection):
     interval: Column | None = key(
         None, "column of the length of the interval that each sample covers [s]; absent: from the time stamps"
     )
-    gyro_temperature_slope_deg_h_k: Slope = key(
+    gyro_temperature_slope_deg_h_k: GyroSlope = key(
         (0.0, 0.0, 0.0), "calibrated bias of the gyros per kelvin, x, y, z of the sensor: taken off the samples", "deg/h/K"
     )
     gyro_scale_factor_slope_ppm_k: ScaleSlope = key(
         (0.0, 0.0, 0.0), "calibrated scale factor of the gyros per kelvin: taken off the samples", "ppm/K"
     )
-    accel_temperature_slope_ug_k: Slope = key(
+    accel_temperature_slope_ug_k: AccelSlope = key(
         (0.0, 0.0, 0.0), "calibrated bias of the accelerometers per kelvin: taken off the samples", "ug/K"
     )
     accel_scale_factor_slope_ppm_k: ScaleSlope = key(
