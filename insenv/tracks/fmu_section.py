@@ -113,6 +113,15 @@ def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
     return replace(shape, notes=(*shape.notes, f"{said}: is vehicle.outputs.quaternion_order = {order!r} right?"))
 
 
+def _failed(description: Any, step_s: float, said: str) -> str:
+    """What to say of an FMU that failed: its step where step_s is no multiple of it, or else what the FMU said itself."""
+    experiment = description.defaultExperiment
+    own = float((experiment.stepSize if experiment is not None else None) or 0.0)
+    if own > 0.0 and abs(step_s / own - max(round(step_s / own), 1)) > 1e-6:
+        return f"the FMU failed with vehicle.step_s = {step_s:g} s: allowed is a whole multiple of its own step, {own:g} s"
+    return f"the FMU failed: {said}"
+
+
 def _run(section: FmuSection) -> Points:
     import fmpy
 
@@ -125,9 +134,11 @@ def _run(section: FmuSection) -> Points:
     if names.quaternion_order == "xyzw":
         elements = [*elements[3:], *elements[:3]]
     try:
-        known = [variable.name for variable in fmpy.read_model_description(str(path), validate=False).modelVariables]
+        description = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:  # of whatever kind: the file is anybody's
         raise InputError(f"{path}: no FMU: {error}") from None
+    known = [variable.name for variable in description.modelVariables]
+    said: list[str] = []
     outputs = (*place, *velocity, *angles, *elements)
     for name in (*outputs, *section.parameters):
         if name not in known and name.partition("[")[0] not in known:
@@ -141,9 +152,10 @@ def _run(section: FmuSection) -> Points:
             start_values=dict(section.parameters),
             output=whole,
             validate=False,
+            logger=lambda *given: said.append(given[-1].decode("utf-8", "replace").strip()),
         )
     except Exception as error:
-        raise InputError(f"{path}: the FMU failed: {error}") from None
+        raise InputError(f"{path}: {_failed(description, section.step_s, said[-1] if said else str(error))}") from None
 
     def column(name: str) -> Any:
         if name in found.dtype.names:

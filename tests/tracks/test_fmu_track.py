@@ -192,7 +192,7 @@ def test_a_drone_that_flies_sideways_has_the_right_order(course):
         assert other_order(contradictions(q_nb, "wxyz", moved, acceleration), "wxyz") is None
 
 
-def test_wrong_fmus_are_refused(folder):
+def test_wrong_fmus_are_refused(folder, capfd):
     path = folder / "car2.fmu"
     insenv.export_fmu(car(), path, fmi=2)
     with pytest.raises(InputError, match="no variable 'altitude'"):
@@ -204,6 +204,10 @@ def test_wrong_fmus_are_refused(folder):
     for key, count in (("velocity", "three"), ("quaternion", "four")):
         with pytest.raises(InputError, match=rf"{key} = .*: must be a list of {count} names of variables"):
             scenario(path, outputs={**OUTPUTS, key: ["a", "b"]})
+    for step_s in (0.013, 0.005):
+        with pytest.raises(InputError, match=rf"step_s = {step_s} s: allowed is a whole multiple of its own step, 0.01 s$"):
+            scenario(path, step_s=step_s)
+    assert capfd.readouterr().out == ""  # the FMU's own words are no part of the output
     (folder / "no.fmu").write_text("no", encoding="utf-8")
     with pytest.raises(InputError, match=r"no.fmu: no FMU"):
         scenario(folder / "no.fmu")
