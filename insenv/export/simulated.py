@@ -73,6 +73,7 @@ def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
         delta_velocity=columns["delta_velocity"],
         dt=np.full(len(time), plant.sample_interval),
         bridged=lost,
+        temperature=columns["imu_temperature"],
         gaps=_gaps(time, lost, plant.sample_interval),
         gnss=gnss if gnss is not None and len(gnss.time) else None,
         lever_arm_b=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),

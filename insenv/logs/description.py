@@ -116,7 +116,7 @@ class ImuSection(FileSection):
     )
     temperature_reference_degc: Number = key(20.0, "temperature at which these errors are 0", "deg C", ge=-100, le=200)
     temperature: Column | None = key(
-        None, "column of the temperature of the unit [deg C], for the calibrated slopes", validate_default=True
+        None, "column of the temperature of the unit [deg C]; the calibrated slopes need it", validate_default=True
     )
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
@@ -159,8 +159,6 @@ class ImuSection(FileSection):
         given = [name for name in SLOPES if np.any(info.data.get(name, 0.0))]
         if given and value is None:
             raise ValueError(f"must be given with {' and '.join(given)}: the column of the temperature [deg C]")
-        if value is not None and not given and all(name in info.data for name in SLOPES):
-            raise ValueError(f"has no effect without a calibrated slope: give {', '.join(SLOPES[:-1])} or {SLOPES[-1]}")
         return value
 
     @field_validator("interval")
