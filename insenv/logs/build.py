@@ -31,7 +31,7 @@ from insenv.sensors import units
 from insenv.sensors.contract import Place
 from insenv.sensors.thermal import without_thermal_errors
 
-_COLDEST, _HOTTEST = -100.0, 200.0
+COLDEST, HOTTEST = -100.0, 200.0
 """Temperatures of a unit, deg C: beyond them the column has another unit."""
 _LONGEST = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
@@ -132,11 +132,11 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
 def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -> Array:
     """Temperature (n,) deg C of the unit at times (n,), s.  Raises `InputError` for one that no unit has."""
     celsius = table.column(column)
-    bad = np.flatnonzero((celsius < _COLDEST) | (celsius > _HOTTEST))
+    bad = np.flatnonzero((celsius < COLDEST) | (celsius > HOTTEST))
     if bad.size:
         raise InputError(
             f"{table.where(bad[0])}, column {column!r}: temperature is {celsius[bad[0]]:g} deg C, allowed"
-            f" {_COLDEST:g} to {_HOTTEST:g}"
+            f" {COLDEST:g} to {HOTTEST:g}"
         )
     return np.interp(time, stamps, celsius)
 

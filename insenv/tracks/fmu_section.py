@@ -60,6 +60,8 @@ class Outputs(Section):
         given = [each for each in (self.roll, self.pitch, self.heading) if each is not None]
         if len(given) not in (0, 3) or (given and self.quaternion is not None):
             raise ValueError("allowed are roll, pitch and heading, or quaternion, or none of them")
+        if self.quaternion_order is not None and self.quaternion is None:
+            raise ValueError(f"quaternion_order = {self.quaternion_order!r} has no effect without quaternion")
         return self
 
 

@@ -199,6 +199,10 @@ def test_wrong_fmus_are_refused(folder, capfd):
         scenario(path, outputs={**OUTPUTS, "height": "altitude"})
     with pytest.raises(InputError, match="roll, pitch and heading, or quaternion"):
         scenario(path, outputs={**OUTPUTS, "roll": "latitude"})
+    with pytest.raises(InputError, match="quaternion_order = 'xyzw' has no effect without quaternion"):
+        scenario(
+            path, outputs={name: OUTPUTS[name] for name in ("latitude", "longitude", "height")} | {"quaternion_order": "xyzw"}
+        )
     with pytest.raises(InputError, match=r"none.fmu: file not found"):
         scenario(folder / "none.fmu")
     for key, count in (("velocity", "three"), ("quaternion", "four")):
