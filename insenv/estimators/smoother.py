@@ -126,8 +126,8 @@ def _transition(p: Any, u: Any) -> Any:
 
 
 GROUPS = (
-    adjoint.Group(EVENTS["fix_used"], FIX, tuple(range(N))),
-    adjoint.Group(EVENTS["standing_now"], REST, tuple(range(VELOCITY.start, VELOCITY.stop))),
+    adjoint.Group(EVENTS["fix_used"], FIX, lambda: tuple(range(N))),
+    adjoint.Group(EVENTS["standing_now"], REST, lambda: tuple(range(VELOCITY.start, VELOCITY.stop))),
 )
 BACKWARD = adjoint.backward_model(
     "smoother-backward",
