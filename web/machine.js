@@ -2,7 +2,7 @@
 
 import { bytesOf } from "./arrays.js";
 import { checkWindows } from "./checks.js";
-import { beyond, orOf, rangesOf } from "./words.js";
+import { beyond, oneOf, rangesOf } from "./words.js";
 
 /** @type {Record<string, (value: number, scale: number) => number>} */
 const FORMS = {
@@ -101,8 +101,8 @@ export class Machine {
     if (control.options) {
       const option = control.options.find((/** @type {any} */ one) => one.value === value);
       if (!option) {
-        const allowed = orOf(control.options.map((/** @type {any} */ one) => one.value));
-        throw new Error(`${key} = ${JSON.stringify(value)}: allowed is ${allowed}`);
+        const names = control.options.map((/** @type {any} */ one) => one.value);
+        throw new Error(oneOf(key, String(value), names));
       }
       for (const [at, number] of option.p) p[at] = number;
       return;
