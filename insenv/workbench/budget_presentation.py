@@ -25,7 +25,7 @@ SMALL = 1e-3
 """Share of the variance, in every channel of a table, below which a source is not listed."""
 NAMED = 10
 """Largest number of seeds that are printed."""
-SHOWN = 8
+SHOWN = 10
 """Largest number of sources that have a colour of their own; the others are one band."""
 
 
@@ -60,7 +60,7 @@ def sentences(found: Budget) -> tuple[str, ...]:
     count = found.runs - len(found.diverged)
     low, high = ratio_bounds(count)
     return (
-        f"rms {start}: of the change by a source alone; w/o: of the error without",
+        f"rms {start}: change by a source alone; w/o: error without it",
         "method: no source at all; interaction: the rest of all sources, run by run",
         f"rms of {count} runs over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )
