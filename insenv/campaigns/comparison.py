@@ -24,7 +24,7 @@ from insenv.campaigns.presentation import campaign_document, campaign_tables, wr
 from insenv.campaigns.summary import Summary
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.document import finite, to_json
-from insenv.report.tables import label, number, table_of
+from insenv.report.tables import label, number, since, table_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -103,6 +103,17 @@ class Comparison:
         """The estimator that the others are compared with."""
         return next(iter(self.summaries))
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the pairs: the errors of an alignment count from later on than those of a navigation."""
+        first, *others = self.summaries.values()
+        return tuple(
+            f"rms {since(one.from_s)} of {one.plan.estimator}, {since(first.from_s)} of {self.first}: "
+            "their ratio compares different times"
+            for one in others
+            if one.from_s != first.from_s
+        )
+
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
         return {
@@ -112,6 +123,7 @@ class Comparison:
                 {"estimator": id, "errors": {name: pair.as_json() for name, pair in pairs.items()}}
                 for id, pairs in self.pairs.items()
             ],
+            "notes": list(self.notes),
         }
 
     def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
@@ -161,6 +173,8 @@ def comparison_tables(found: Comparison) -> Iterator[RenderableType]:
         yield Text()
     yield Text(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
     yield Text(PAIR_MEANINGS[1], "dim")
+    for note in found.notes:
+        yield Text(f"note: {note}")
 
 
 def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:

@@ -56,7 +56,7 @@ def comparison_page_document(found: Comparison) -> dict[str, Any]:
         "explained": list(
             dict.fromkeys([*(f"{one}." for one in PAIR_MEANINGS), *(t for one in campaigns for t in explained(one))])
         ),
-        "notes": [f"{id}: {note}" for id, one in found.summaries.items() for note in campaign_page_notes(one)],
+        "notes": [*found.notes, *(f"{id}: {note}" for id, one in found.summaries.items() for note in campaign_page_notes(one))],
         "sections": [section("The difference", ratios, columns=2), *course_sections(campaigns, pool, keep)],
         "arrays": pool.as_json(),
     }

@@ -19,7 +19,7 @@ from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
-from insenv.report.tables import label, number, table_of, within
+from insenv.report.tables import label, number, since, table_of, within
 from insenv.style import save
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     yield Text()
     for columns, rows in sensitivity_tables(found):
         table = table_of(*columns, least=5, gap=1)
-        for row in rows:
-            table.add_row(*row)
+        for cells in rows:
+            table.add_row(*cells)
         yield table
     if found.sensitivity:
         yield Text(sensitivity_meaning(found), "dim")
@@ -124,8 +124,7 @@ def sensitivity_meaning(found: Statistics) -> str:
 
 def meanings(found: Statistics) -> Iterator[str]:
     """What the columns mean, and how far rms/limit varies by chance."""
-    start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
-    yield f"mean, percentiles: errors at the end; rms, limit, stated: {start}"
+    yield f"mean, percentiles: errors at the end; rms, limit, stated: {since(found.from_s)}"
     count = found.plan.runs - len(found.diverged)
     if count and any(row["limit"] for row in found.figures().values()):
         yield within(count)

@@ -375,6 +375,14 @@ def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
     assert pair.runs == 11 and pair.ratio.value == 1.0 and not pair.is_real
 
 
+def test_a_comparison_over_different_times_says_so():
+    """The rms of an alignment is that of the last quarter."""
+    found = insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=8.0)
+    note = "rms from 6 s on of analytic, over the whole runs of wander-sins: their ratio compares different times"
+    assert found.notes == (note,) and found.as_json()["notes"] == [note]
+    assert note in comparison_page_document(found)["notes"] and f"note: {note}" in printed(comparison_tables(found))
+
+
 def test_the_command_compares(tmp_path):
     given = ("campaign", "ship-swaying", "-e", "q-method", "-e", "analytic", "-n", "4", "--duration", "1")
     status, out, err = call(*given, "--out", tmp_path / "out", "--table", "csv")
