@@ -27,13 +27,12 @@ from insenv.campaigns.plan import Plan, make_plan
 from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
-from insenv.estimators import Estimator, get
+from insenv.estimators import Estimator
 from insenv.evaluation.errors import statistics_from
 from insenv.installing import need
 from insenv.plant.loop import PREFIX
-from insenv.scenario import ScenarioLike, limit_of, load, no_limit
-from insenv.scenario.files import parse
-from insenv.scenario.tuning import Settings, setting_rows
+from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
+from insenv.scenario.tuning import Settings
 from insenv.workbench.tune_log import is_log, tune_log
 from insenv.workbench.tune_parameters import Parameter, tuned_parameters
 from insenv.workbench.tune_result import Channel, Tuning
@@ -147,12 +146,7 @@ def tune(
             if asked is not None:
                 raise InputError(f"{option} = {asked!r}: allowed with a scenario; a log is used as a whole")
         return tune_log(source, estimator, keys, evaluations, settings, progress)
-    scenario = load(source)
-    setting_rows(settings, [get(estimator)])
-    values = scenario.model_dump(mode="json", warnings=False)
-    for id, own in (settings or {}).items():
-        values["estimator"][id] = {**values["estimator"].get(id, {}), **own}
-    begun = parse(values, scenario.name or "scenario", scenario.name)
+    begun = with_settings(source, settings, [estimator])
     plan = make_plan(begun, estimator, runs, first_seed=seed, duration_s=duration_s)
     other = make_plan(begun, estimator, held_out, first_seed=plan.first_seed + plan.runs, duration_s=duration_s)
     table = plan.chosen.model.parameters

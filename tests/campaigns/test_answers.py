@@ -397,6 +397,23 @@ def test_the_command_compares(tmp_path):
     assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
 
 
+def test_settings_are_those_of_a_run_and_of_the_scenario(tmp_path):
+    settings = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "innovation_gate": 4.0}}
+    given = {"seed": 5, "duration_s": 2.0}
+    other = car(estimator={"loosely-coupled": {"arw_deg_sqrt_h": 2.0}})
+    found = insenv.campaign(other, "loosely-coupled", 3, settings=settings, **given)
+    assert same(found, insenv.campaign(car(estimator=settings), "loosely-coupled", 3, **given))
+    assert not same(found, insenv.campaign(other, "loosely-coupled", 3, **given))
+    alone = insenv.run(other, "loosely-coupled", seed=6, duration_s=2.0, settings=settings).results[0]
+    assert found.final[1].tolist() == [alone.errors[name][-1] for name in found.channels]
+    with pytest.raises(InputError, match="'q-metod' is not an estimator of this run"):
+        insenv.campaign(car(), "loosely-coupled", 3, settings={"q-metod": {}})
+    command = ("campaign", "car-city-drive", "-e", "loosely-coupled", "-n", "1", "--duration", "1", "--out", tmp_path / "out")
+    assert call(*command, "--set", "loosely-coupled.innovation_gate=4", "--no-figure")[::2] == (0, "")
+    status, _, err = call(*command, "--resume")
+    assert status == 2 and "holds another campaign: it differs in" in err and "scenario" in err
+
+
 def test_an_estimator_that_is_named_twice_runs_once_in_every_command(tmp_path):
     twice = ("ship-swaying", "-e", "q-method", "-e", "q-method", "--duration", "10")
     status, out, err = call("campaign", *twice, "-n", "4", "--out", tmp_path / "out")
