@@ -178,7 +178,7 @@ def test_the_page_shows_the_change_and_the_search(found):
     assert np.array_equal(best, found.history[:, 0].astype("<f4"))
 
 
-@pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}])
+@pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}, {"runs": 4}, {"held_out": 16}])
 def test_what_a_log_has_not_is_refused_instead_of_ignored(more):
     log = simulated_log(car(), seed=3, duration_s=30.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
     with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
