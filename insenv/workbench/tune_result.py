@@ -206,6 +206,8 @@ def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> Fi
 
 def draw_tuning(found: Tuning) -> Figure:
     """The objective over the generations, the factors, and the ratio of the errors after to those before."""
+    from matplotlib.ticker import MaxNLocator
+
     with page(10.5, 4.2) as figure:
         panels = figure.subplots(1, 3 if found.channels else 2)
         axes = panels[0]
@@ -215,6 +217,7 @@ def draw_tuning(found: Tuning) -> Figure:
             axes.plot(generations, found.history[:, column], color=colour, label=text)
         axes.set_title(f"Objective on {found.trained_on}")
         axes.set_xlabel("generation")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         axes = panels[1]
         places = np.arange(len(found.parameters))[::-1]
