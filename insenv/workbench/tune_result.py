@@ -178,8 +178,8 @@ def sentences(found: Tuning) -> tuple[str, ...]:
     if consistent is not None:
         before, after = (number(consistent[name]) for name in ("before", "after"))
         told.append(f"consistency, 1 if the stated sigmas are right: {before} before, {after} after")
-    ends = f"{change.value:+.3f}, 95 %: {change.low:+.3f} to {change.high:+.3f}"
-    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {ends}")
+    ends = f", 95 %: {change.low:+.3f} to {change.high:+.3f}" if np.isfinite([change.low, change.high]).all() else ""
+    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {change.value:+.3f}{ends}")
 
 
 def _shown(value: float | list[float]) -> str:

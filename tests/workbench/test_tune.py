@@ -13,6 +13,7 @@ from simulated_log import simulated_log
 import insenv
 from insenv.campaigns import make_plan
 from insenv.campaigns.block import run_block
+from insenv.campaigns.intervals import Estimate
 from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.scenario import load
@@ -20,6 +21,7 @@ from insenv.workbench import tune as tune_module
 from insenv.workbench import tune_log, tune_search
 from insenv.workbench.tune_page import tuning_page_document
 from insenv.workbench.tune_parameters import tuned_parameters
+from insenv.workbench.tune_result import sentences
 
 KEYS = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
 MISTUNED = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "vrw_ug_sqrt_hz": 5.0}}
@@ -196,13 +198,15 @@ def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
     assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
 
 
-def test_runs_that_diverge_are_said():
+def test_runs_that_diverge_are_said(found):
     one = tune_module.Measures(np.array([[1.0], [np.nan], [2.0]]), None)
     assert list(tune_module._diverged(one, one)) == [
         "the estimator diverges in 1 of 3 held-out runs before and in 1 after: no interval"
     ]
     whole = tune_module.Measures(np.ones((3, 1)), None)
     assert not list(tune_module._diverged(whole, whole))
+    unknown = replace(found, change=Estimate(1.0, float("nan"), float("nan")))
+    assert sentences(unknown)[-1].endswith(", changed by +1.000") and not unknown.is_better
 
 
 def test_a_missing_package_is_said(monkeypatch):
