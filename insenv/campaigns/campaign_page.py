@@ -78,7 +78,7 @@ def campaign_page_tables(found: Statistics, name: str = "", group: int | None = 
     of = f": {name}" if name else ""
     meaning = [sensitivity_meaning(found)]
     sensitivities = [
-        table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group=group, below=meaning)
+        table(f"Sensitivity of {', '.join(columns[1::2])}{of}", columns, cells, group=group, below=meaning, wide=True)
         for columns, cells in sensitivity_tables(found)
     ]
     return [
