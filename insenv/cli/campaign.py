@@ -79,7 +79,7 @@ def campaign(
                 if compared is None
                 else write_comparison(compared, folder, not no_figure, kind)
             )
-    unwritten = "--out DIR keeps the figure, every run, and the blocks from which --resume continues"
+    unwritten = "--out DIR keeps the page, every run, and the blocks from which --resume continues"
     if compared is None:
         found = summaries[0]
         document, tables = partial(campaign_document, found), partial(campaign_tables, found)
