@@ -4,7 +4,7 @@ import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
 import { minus, number, tick, ticks } from "./numbers.js";
 import { marks, rangeOf } from "./scale.js";
-import { TIME } from "./span.js";
+import { TIME, along } from "./span.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
 /**
@@ -68,7 +68,7 @@ export function timePlot(panel, span, names, axis = TIME) {
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
       axes: [
-        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)), gap: 6 },
+        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
         { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
       ],
       series: [{}, ...series],
@@ -204,7 +204,7 @@ function read(u, readout, owners, names, axis) {
     readout.replaceChildren();
     return;
   }
-  const parts = [h("span", { class: "at" }, `${minus(number(u.data[0][place]))} ${axis.unit}`)];
+  const parts = [h("span", { class: "at" }, `${minus(along(u.data[0][place], axis))} ${axis.unit}`)];
   owners.forEach((owner, index) => {
     const value = u.data[index + 1][place];
     if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;
