@@ -351,4 +351,6 @@ def findings(parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.flo
     return ()
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", sensors=("gnss",), motion="moving", prepare=prepare, findings=findings)
+ESTIMATOR = Estimator(
+    MODEL, kind="alignment", sensors=("gnss",), motion="moving", fix_velocity=True, prepare=prepare, findings=findings
+)
