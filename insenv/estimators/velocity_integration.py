@@ -63,6 +63,7 @@ arm (m), delay of fixes (s).
 COVARIANCE_S = 1.0  # s: longest step of the covariance
 UNKNOWN = LARGEST_HEADING_SIGMA  # rad
 LARGEST_LINEAR = 0.35  # rad: a larger standard deviation is that of no linear problem
+SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
 LEAST = 1e-13  # information about the heading over that about the level, below which there is none
 
 FIX_NOISE = 0.05  # m/s, once a second: typical of receivers that measure velocity by Doppler shift
@@ -344,11 +345,18 @@ def findings(parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.flo
     sigma = outputs["attitude_sigma"][-1]
     if sigma[0] >= LARGEST_LINEAR:
         return ("no attitude was found: this alignment needs fixes with a velocity, at least three of them",)
-    if sigma[2] >= LARGEST_LINEAR:
-        return (
-            "the heading is unknown at the end: turns or changes of speed show it, a straight line at constant speed does not",
-        )
-    return ()
+    if sigma[2] < LARGEST_LINEAR:
+        return ()
+    bias = float(parameters["gyro_bias_sigma"])
+    kept = LARGEST_LINEAR / max(bias, 1e-30)
+    lost = (
+        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h (gyro_bias_sigma) lose it again in {kept:.2g} s: if the "
+        "unit is better, state its grade"
+    )
+    return (
+        "the heading is unknown at the end: turns or changes of speed show it, a straight line at constant speed does not"
+        + (lost if kept < SHORT else ""),
+    )
 
 
 ESTIMATOR = Estimator(

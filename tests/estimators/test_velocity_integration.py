@@ -191,6 +191,15 @@ def test_a_straight_line_shows_no_heading_and_the_run_says_so():
     assert any("heading is unknown at the end" in note for note in result.notes)
 
 
+def test_gyros_that_lose_the_heading_are_named():
+    """0.35 rad at 3600 deg/h, 1 deg/s, take 20 s; a tactical unit keeps the heading for hours and is not named."""
+    unknown = {"attitude_sigma": np.array([[0.1, 0.1, np.pi / np.sqrt(3)]])}
+    (note,) = velocity_integration.findings({"gyro_bias_sigma": np.radians(1.0)}, unknown)
+    assert "a bias of 3600 deg/h (gyro_bias_sigma) lose it again in 20 s" in note
+    (note,) = velocity_integration.findings({"gyro_bias_sigma": np.radians(1.0) / 3600}, unknown)
+    assert "gyro_bias_sigma" not in note
+
+
 def test_a_run_without_fixes_gives_no_attitude():
     scenario = load("car-unknown-heading")
     lost = scenario.gnss.model_copy(update={"outages_s": ((0.0, 30.0),)})
