@@ -2,7 +2,7 @@
 
 /** A sentence with values for the names in braces.
  * @param {string} sentence
- * @param {Record<string, string | number>} values
+ * @param {Record<string, unknown>} values  strings and numbers; others that no name in braces asks for may be among them
  * @returns {string} */
 export function filled(sentence, values) {
   return sentence.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));

@@ -324,9 +324,10 @@ def interval_start(q_wb: Any) -> dict[str, Any]:
 
 def placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
     """State rows of a velocity and of a position moved by `move_w` (m, w)."""
-    theta = geodesy.transport_rate_w(move_w, x.q_ew, x.height)
+    height = x.height - move_w[2]
+    theta = geodesy.transport_rate_w(move_w, x.q_ew, height)  # as `strapdown.corrected`
     q_ew = attitude.multiply(x.q_ew, attitude.from_rotation_vector(theta))
-    return {"velocity_w": velocity_w, "q_ew": attitude.normalize(q_ew), "height": x.height - move_w[2]}
+    return {"velocity_w": velocity_w, "q_ew": attitude.normalize(q_ew), "height": height}
 
 
 def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:

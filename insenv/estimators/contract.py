@@ -131,6 +131,7 @@ class Drive:
     the vehicle stays where it is; None: unknown.  whole: whether the run can be gone through again from its end.
     vehicle: its kind ("car", "ship", ...); empty: unknown.
     motion: where it does not stay, what shows that, for messages.
+    fix_velocity: whether the fixes of its GNSS, if it has one, have a velocity.
     """
 
     where: str
@@ -139,6 +140,7 @@ class Drive:
     whole: bool = True
     vehicle: str = ""
     motion: str = ""
+    fix_velocity: bool = True
 
 
 Choices = Mapping[str, tuple[str, ...]]
@@ -162,6 +164,7 @@ class Estimator:
     sensors: ids of the sensors that it cannot do without, beside the inertial unit (``("gnss",)``).
     motion: of the vehicle: "in place" (None and an alignment), "moving" or "any" (None and a navigation).
     moving_row: parameter row that, set to 1, lets an alignment in place work on a moving vehicle with GNSS, or empty.
+    fix_velocity: whether, on a vehicle that moves, it needs fixes of GNSS with a velocity.
     prepare: its parameters by row name from what is known.  None: every parameter row that is named like a field of
         `Knowledge` or `SensorNotes`, or ``start_`` and such a name, has its value.
     needs: ``(parameters by row name) -> s`` of data before which its errors have not settled and are not compared with a
@@ -189,6 +192,7 @@ class Estimator:
     sensors: tuple[str, ...] = ()
     motion: Motion | None = None
     moving_row: str = ""
+    fix_velocity: bool = False
     prepare: Callable[[Knowledge], Mapping[str, Any]] | None = None
     needs: Callable[[Mapping[str, Any]], float] | None = None
     applicability: Notes | None = None
@@ -283,6 +287,8 @@ class Estimator:
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
                 return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
+        if self.fix_velocity and (follows or self.motion != "in place") and not drive.fix_velocity:
+            return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
         if self.motion == "in place" and drive.in_place is False and not follows:
             return f"{this} aligns a vehicle in place: that of {drive.where} moves{drive.motion and f' ({drive.motion})'}"
         if self.motion == "moving" and drive.in_place:

@@ -452,5 +452,11 @@ def needs(parameters: Mapping[str, Any]) -> float:
 
 
 ESTIMATOR = Estimator(
-    MODEL, kind="alignment", moving_row="moving", prepare=prepare, needs=needs, applicability=applicability.notes
+    MODEL,
+    kind="alignment",
+    moving_row="moving",
+    fix_velocity=True,
+    prepare=prepare,
+    needs=needs,
+    applicability=applicability.notes,
 )

@@ -63,6 +63,7 @@ arm (m), delay of fixes (s).
 COVARIANCE_S = 1.0  # s: longest step of the covariance
 UNKNOWN = LARGEST_HEADING_SIGMA  # rad
 LARGEST_LINEAR = 0.35  # rad: a larger standard deviation is that of no linear problem
+SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
 LEAST = 1e-13  # information about the heading over that about the level, below which there is none
 
 FIX_NOISE = 0.05  # m/s, once a second: typical of receivers that measure velocity by Doppler shift
@@ -338,6 +339,12 @@ def prepare(known: Knowledge) -> dict[str, Any]:
 
 def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
     """A sentence where a run has not found the attitude, or its heading, at its end."""
+    bias = float(parameters["gyro_bias_sigma"])
+    kept = LARGEST_LINEAR / max(bias, 1e-30)
+    lost = (
+        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h (gyro_bias_sigma) lose it again in {kept:.2g} s: if the "
+        "unit is better, state its grade"
+    )
     return (
         Finding(
             "attitude_sigma",
@@ -346,10 +353,13 @@ def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
         ),
         Finding(
             "attitude_sigma",
-            "the heading is unknown at the end: turns or changes of speed show it, a straight line at constant speed does not",
+            "the heading is unknown at the end: turns or changes of speed show it, a straight line at constant speed does not"
+            + (lost if kept < SHORT else ""),
             scale=(np.inf, np.inf, LARGEST_LINEAR),
         ),
     )
 
 
-ESTIMATOR = Estimator(MODEL, kind="alignment", sensors=("gnss",), motion="moving", prepare=prepare, findings=findings)
+ESTIMATOR = Estimator(
+    MODEL, kind="alignment", sensors=("gnss",), motion="moving", fix_velocity=True, prepare=prepare, findings=findings
+)

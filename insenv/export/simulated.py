@@ -15,8 +15,6 @@ from insenv import attitude
 from insenv.core.progress import Progress, check_progress
 from insenv.core.runner import make_runner, prepare
 from insenv.errors import InputError
-from insenv.estimators import get
-from insenv.evaluation.errors import statistics_from
 from insenv.export import log_tables
 from insenv.export.angles import degrees_of
 from insenv.export.text_log import file_of
@@ -151,8 +149,6 @@ def _description(plant: Plant, gnss: GnssFixes | None, readings: tuple[Readings,
         },
         "reference": {"file": file_of("reference"), **log_tables.reference_keys(reference)},
     }
-    if scenario.estimators and not any(get(id).navigates for id in scenario.estimators):
-        data["evaluation"] = {"from_s": statistics_from(False, plant.duration_s)}  # as a run judges alignments
     if gnss is not None and len(gnss.time) and scenario.gnss is not None:
         rows, told = plant.parameters, plant.knowledge.instruments
         data["gnss"] = {

@@ -354,7 +354,9 @@ class PublishedSection(Section):
 class EvaluationSection(Section):
     """The part of the log over which errors against the reference are evaluated."""
 
-    from_s: Number | None = key(None, "start of the evaluation", "s")
+    from_s: Number | None = key(
+        None, "start of the evaluation; absent: an alignment is judged over its last quarter, a navigation from its start", "s"
+    )
     to_s: Number | None = key(None, "end of the evaluation", "s")
     published: tuple[PublishedSection, ...] = key((), "published results for the same log")
 

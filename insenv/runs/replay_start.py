@@ -81,7 +81,7 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
         return Start(_as_stated(log))
     if start == "reference":
         return Start(_from_reference(log, first))
-    return _from_log(log, first) if estimator.navigates else Start(_place(log))
+    return _from_log(log, first) if estimator.navigates else Start(_place(log, estimator.motion != "moving"))
 
 
 def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
@@ -96,24 +96,30 @@ def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
     return {name: np.array(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 
-def _place(log: RecordedLog) -> Knowledge:
-    """The place, which is all that an alignment needs, and the heading if the log's [initial] gives one."""
+def _place(log: RecordedLog, in_place: bool) -> Knowledge:
+    """The place, which is all that an alignment needs of the start, and the heading if the log's [initial] gives one."""
     initial, gnss = log.description.initial, log.gnss
     if initial.latitude_deg is not None and initial.longitude_deg is not None:
         height = initial.height_m if initial.height_m is not None else 0.0
-        place = (float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height)
+        place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height
     elif gnss is not None:
-        place = (float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0]))
+        place = float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0])
     else:
         raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
+    latitude, longitude, height = place
     heading = initial.heading_deg
     return Knowledge(
-        *place,
+        latitude=latitude,
+        longitude=longitude,
+        height=height,
         sample_interval=float(np.median(log.dt)),
         heading=0.0 if heading is None else float(np.radians(heading)),
         **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
-        sensors=log.sensors(in_place=True),
+        **log.motion_errors(),
+        **log.fix_wander(),
+        antenna_lever_arm=log.lever_arm_b,
         instruments=log.told,
+        sensors=log.sensors(in_place=in_place),
     )
 
 

@@ -15,10 +15,11 @@ from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
 from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.evaluation.contradiction import contradiction_notes
-from insenv.evaluation.errors import Result, Track, errors, stated_sigma, track_of
+from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
 from insenv.evaluation.sideways import sideways_notes
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
+from insenv.logs.description import EvaluationSection
 from insenv.logs.motion import REST_WINDOW_S, rest_until, shows_travel, travel
 from insenv.logs.readings import delivered
 from insenv.plant.feeding import RECORDS, chunks, recording_interval
@@ -80,15 +81,13 @@ def replay(
     times = log.imu_time[first : first + total][every - 1 :: every]
     evaluation = description.evaluation
     reference = _reference_track(log.reference, times)
-    from_s = evaluation.from_s if evaluation.from_s is not None else float(times[0])
-    to_s = evaluation.to_s if evaluation.to_s is not None else float(times[-1])
     duration = float(log.dt[first : first + total].sum())
     results = tuple(
         _result(
             f,
             reference,
             times,
-            (from_s, to_s),
+            _evaluated(f.estimator, evaluation, ready.begin_s, times),
             (*begun.notes, *_unseen(log, f.estimator, ready.begin_s)),
             duration,
         )
@@ -178,7 +177,9 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
         motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
     sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
     in_place = log.description.in_place if found is None else False
-    return Drive("the log", frozenset(sensors), in_place, vehicle=log.description.vehicle_kind, motion=motion)
+    measured = log.gnss is None or log.gnss.velocity_n is not None
+    kind = log.description.vehicle_kind
+    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured)
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
@@ -281,6 +282,14 @@ def _reference_track(reference: Reference | None, times: Array) -> Track:
         None if reference.longitude is None else at(np.unwrap(reference.longitude)),
         None if reference.height is None else at(reference.height),
     )
+
+
+def _evaluated(estimator: Estimator, evaluation: EvaluationSection, begin_s: float, times: Array) -> tuple[float, float]:
+    """From and to when (s) an estimator that starts at `begin_s` is judged: as the log says, otherwise as a run is."""
+    first, last = float(times[0]), float(times[-1])
+    to_s = last if evaluation.to_s is None else evaluation.to_s
+    from_s = max(first, begin_s + statistics_from(estimator.navigates, min(to_s, last) - begin_s))
+    return from_s if evaluation.from_s is None else evaluation.from_s, to_s
 
 
 def _result(

@@ -119,7 +119,9 @@ class Scenario(Section):
     def drive(self, whole: bool = True) -> Drive:
         """The conditions that estimators check.  whole: whether a smoother can run backward over the whole run."""
         where = f"scenario {self.name!r}" if self.name else "the scenario"
-        return Drive(where, frozenset(self.sensors), self.vehicle.in_place, whole, self.vehicle.kind)
+        measured = self.gnss is None or self.gnss.velocity
+        sensors = frozenset(self.sensors)
+        return Drive(where, sensors, self.vehicle.in_place, whole, self.vehicle.kind, fix_velocity=measured)
 
     @model_validator(mode="before")
     @classmethod

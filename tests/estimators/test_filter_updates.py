@@ -105,6 +105,26 @@ def test_feedback_of_the_12_states_returns_to_the_truth(seed):
     assert np.allclose(found[2], error[ACCEL]) and np.allclose(found[3], error[GYRO])
 
 
+@pytest.mark.parametrize("height_m", [0.0, 1e5])
+@pytest.mark.parametrize("id", ["loosely-coupled", "fusion", "aqe-sukf"])
+def test_a_fix_after_a_long_outage_returns_the_position(id, height_m):
+    """100 km off, and a height of 100 km too, as stated: less than 10 m of that are left, and 3 m of the height."""
+    model = get(id).model
+    sigma = {"position_sigma": (1e6, 1e6, 1e6), "velocity_sigma": 10.0, "tilt_sigma": 0.01, "heading_sigma": 0.01}
+    start = {"start_latitude": 0.9, "start_longitude": 0.3, "start_height": height_m, "start_velocity_n": np.zeros(3)}
+    runner = make_runner(model, start | sigma)
+    latitude, longitude, _ = geodesy.numeric.geodetic_from_ned_offset(np.array([7e4, 7e4, 0.0]), 0.9, 0.3, 0.0)
+    fix = {"gnss_valid": 1.0, "gnss_latitude": latitude, "gnss_longitude": longitude, "gnss_height": 0.0}
+    fix |= {"gnss_position_sigma": np.full(3, 0.01), "gnss_velocity_sigma": np.full(3, 0.1)}
+    sample = {"delta_angle": np.zeros(3), "delta_velocity": np.array([0.0, 0.0, -0.0982]), "dt": 0.01}
+    inputs = {name: value for name, value in (sample | fix).items() if name in model.inputs}
+    runner.advance(inputs)
+    found = runner.outputs()
+    place = found["latitude"], found["longitude"], found["height"]
+    error = geodesy.numeric.position_error(*place, latitude, longitude, 0.0)
+    assert np.hypot(*error[:2]) < 10.0 and abs(error[2]) < 3.0
+
+
 def test_scalar_measurements_one_after_another_are_the_joint_update():
     """Both forms of the update against Kalman's equations for three correlated measurements; a refused one is left out."""
     rng = np.random.default_rng(8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from insenv import attitude, geodesy, run
+from insenv import attitude, geodesy, record, replay, run, write
 from insenv.campaigns.block import run_block
 from insenv.campaigns.plan import make_plan
 from insenv.core.batch import make_batch
@@ -191,9 +191,42 @@ def test_a_straight_line_shows_no_heading_and_the_run_says_so():
     assert any("heading is unknown at the end" in note for note in result.notes)
 
 
-def test_fixes_without_a_velocity_give_no_attitude():
-    result = run("car-survey", ID, duration_s=20.0).results[0]
+def test_gyros_that_lose_the_heading_are_named():
+    """0.35 rad at 3600 deg/h, 1 deg/s, take 20 s; a tactical unit keeps the heading for hours and is not named."""
+    unknown = {"attitude_sigma": np.array([[0.1, 0.1, np.pi / np.sqrt(3)]])}
+
+    def note(bias):
+        attitude_found, heading = velocity_integration.findings({"gyro_bias_sigma": bias})
+        assert not attitude_found.said(unknown)
+        return heading.said(unknown)
+
+    assert "a bias of 3600 deg/h (gyro_bias_sigma) lose it again in 20 s" in note(np.radians(1.0))
+    assert note(np.radians(1.0) / 3600) and "gyro_bias_sigma" not in note(np.radians(1.0) / 3600)
+
+
+def test_a_run_without_fixes_gives_no_attitude():
+    scenario = load("car-unknown-heading")
+    lost = scenario.gnss.model_copy(update={"outages_s": ((0.0, 30.0),)})
+    result = run(scenario.model_copy(update={"gnss": lost}), ID, duration_s=20.0).results[0]
     assert result.sigma["roll_deg"][-1] > 90.0 and any("no attitude was found" in note for note in result.notes)
+
+
+def test_fixes_without_a_velocity_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"needs the velocity of GNSS: the fixes of scenario 'car-survey' have none"):
+        run("car-survey", ID, duration_s=20.0)
+    (log, *_) = write(record("car-survey", duration_s=20.0), tmp_path, ["log"])
+    with pytest.raises(InputError, match="needs the velocity of GNSS: the fixes of the log have none"):
+        replay(log, ID)
+
+
+def test_a_replay_is_told_and_judged_as_the_run(tmp_path):
+    """The lever arm of the antenna and the scale factors of the unit too, though the attitude at the start is not used."""
+    ran = run("car-unknown-heading", ID).results[0]
+    (log, *_) = write(record("car-unknown-heading"), tmp_path, ["log"])
+    replayed = replay(log, ID).results[0]
+    assert replayed.from_s == ran.from_s == 90.0
+    assert replayed.statistics()["rms"] == pytest.approx(ran.statistics()["rms"], rel=0.01)  # of other records
+    assert replayed.sigma["heading_deg"][-1] == pytest.approx(ran.sigma["heading_deg"][-1], rel=1e-6)
 
 
 def test_a_vehicle_in_place_is_refused():

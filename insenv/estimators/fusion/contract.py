@@ -211,6 +211,11 @@ def noise_variance(sigma: Any, least: float) -> Any:
     return maximum(sigma, least) ** 2
 
 
+def waited(since: Any, u: Any, interval: Any) -> Any:
+    """Whether a constraint last used `since` seconds before this sample is due again: to half a sample, at its end."""
+    return since + u.dt * 1.5 > interval
+
+
 def gate_row(id: str) -> Row:
     """The parameter row of an aid's innovation gate."""
     meaning = "Innovations beyond this many standard deviations are rejected; 0: none is"

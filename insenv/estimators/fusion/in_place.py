@@ -10,7 +10,7 @@ import casadi as ca
 
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, sigma_row
+from insenv.estimators.fusion.contract import Aid, sigma_row, waited
 
 AID = Aid(
     id="in_place",
@@ -21,7 +21,7 @@ AID = Aid(
     unit="m/s",
     residual=lambda p, seen, u: seen.velocity_w,
     variance=lambda p, x, u, spread: ca.repmat(p.in_place_sigma**2, 3, 1),
-    due=lambda p, x, u: select(x.in_place_since + u.dt * 1.5 > p.in_place_interval, 1.0, 0.0),
+    due=lambda p, x, u: select(waited(x.in_place_since, u, p.in_place_interval), 1.0, 0.0),
     parameters=Table((
         sigma_row("in_place_sigma", "Velocity of a unit that stays where it is", "m/s", start=0.001),
         Row("in_place_interval", "Time between uses of it", "s", start=0.2, lower=0.0, upper=3600.0),

@@ -20,7 +20,16 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, Spread, constant, correlated_again, gate_row, noise_variance, sigma_row
+from insenv.estimators.fusion.contract import (
+    Aid,
+    Spread,
+    constant,
+    correlated_again,
+    gate_row,
+    noise_variance,
+    sigma_row,
+    waited,
+)
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import ODOMETER
 
@@ -72,8 +81,8 @@ STANDSTILL = 1.0
 
 
 def _due(p: Any, x: Any, u: Any) -> Any:
-    waited = x.non_holonomic_since + u.dt * 1.5 > p.non_holonomic_interval
-    return select(ca.logic_and(waited, ca.sumsqr(x.velocity_w) > STANDSTILL**2), 1.0, 0.0)
+    again = waited(x.non_holonomic_since, u, p.non_holonomic_interval)
+    return select(ca.logic_and(again, ca.sumsqr(x.velocity_w) > STANDSTILL**2), 1.0, 0.0)
 
 
 def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:

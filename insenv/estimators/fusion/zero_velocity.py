@@ -7,7 +7,7 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid
+from insenv.estimators.fusion.contract import Aid, waited
 from insenv.estimators.parts import rows, standing
 
 AID = Aid(
@@ -19,7 +19,7 @@ AID = Aid(
     unit="m/s",
     residual=lambda p, seen, u: seen.velocity_w,
     variance=lambda p, x, u, spread: ca.repmat(p.standing_sigma**2, 3, 1),
-    due=lambda p, x, u: select(u.standing * (x.zero_velocity_since + u.dt * 1.5 > p.standing_interval), 1.0, 0.0),
+    due=lambda p, x, u: select(u.standing * waited(x.zero_velocity_since, u, p.standing_interval), 1.0, 0.0),
     inputs=rows.STANDING_INPUT,
     parameters=standing.PARAMETERS
     + Table((

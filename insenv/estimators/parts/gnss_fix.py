@@ -63,10 +63,13 @@ def antenna(p: Any, x: Any, age: Any) -> Antenna:
 
 
 def innovation(x: Any, u: Any, predicted: Antenna) -> Any:
-    """Predicted minus measured position (m) and velocity (m/s) of the antenna (6, n). u: rows of `rows.FIX_INPUTS`."""
+    """Predicted minus measured position (m) and velocity (m/s) of the antenna (6, n). u: rows of `rows.FIX_INPUTS`.
+
+    Down is a difference of heights, as `strapdown.corrected` changes it: 100 km away the tangent plane is 800 m off.
+    """
     C_nw = strapdown.C_nw(x.q_ew)
     latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
-    measured = geodesy.ned_offset(u.gnss_latitude, u.gnss_longitude, u.gnss_height, latitude, longitude, x.height)
+    measured = geodesy.position_error(u.gnss_latitude, u.gnss_longitude, u.gnss_height, latitude, longitude, x.height)
     return ca.vertcat(C_nw @ predicted.offset_w - measured, C_nw @ predicted.velocity_w - u.gnss_velocity_n)
 
 
