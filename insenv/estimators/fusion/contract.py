@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from insenv.core.elementary import exp, maximum
+from insenv.core.elementary import maximum
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 
@@ -170,16 +170,6 @@ class Aid:
             ))
             + self.state
         )  # fmt: skip
-
-
-def correlated_again(variance: Any, since: Any, time: Any) -> Any:
-    """Variance to add to a measurement whose error is a first-order Gauss-Markov process, `since` seconds after the last one.
-
-    Of a constant, such an error of variance s^2 leaves the information 1 / s^2 at the first measurement and
-    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
-    """
-    r = exp(-since / time)
-    return variance * (2 * r / (1 - r + 1e-12))
 
 
 def sigma_row(name: str, meaning: str, unit: str, size: int = 0, frame: str = "", start: float = 0.0) -> Row:
