@@ -164,7 +164,7 @@ class Composition:
             for s in self.states
         )
         found = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
-        return _united(found, *(aid.outputs for aid in self.aids))
+        return _united(found, *(aid.reported for aid in self.aids))
 
     # --- equations ----------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ derivatives come from differentiation (`insenv.estimators.fusion.retraction`), a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -87,7 +87,7 @@ class Aid:
     wakes: name of a row that `watch` gives: where it is 1 the covariance is propagated at this sample.
     flag: state row by which its step runs, if a step of its own sets it; empty: one is made.
     groups: the components that are counted apart; empty: all together.
-    renamed: names of rows of `reported` as outputs, if they are not ID_NAME, by NAME.
+    renamed: names of rows of `reported`, if they are not ID_NAME, by NAME.
     causes: what to look at where its measurements do not fit the filter, for messages.
     """
 
@@ -128,11 +128,11 @@ class Aid:
 
     def row(self, name: str) -> str:
         """The name of one of the rows that every aid has, such as ``"since"``."""
-        return f"{self.id}_{name}"
+        return self.renamed.get(name, f"{self.id}_{name}")
 
     @property
     def reported(self) -> Table:
-        """Output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
+        """State and output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
         parts = (len(self.parts),)
         return Table((
             Row(self.row("innovation"), f"Last innovation of {self.title}: {self.what}", self.unit, (self.size,)),
@@ -145,17 +145,9 @@ class Aid:
             Row(self.row("nis_refused_count"), "Number of these components", "1", parts),
         ))  # fmt: skip
 
-    @property
-    def outputs(self) -> Table:
-        """Those of `reported` as outputs of the filter."""
-        return Table(tuple(replace(row, name=self._shown_name(row)) for row in self.reported))
-
     def shown(self, x: Any) -> dict[str, Any]:
         """The output rows, from the state."""
-        return {self._shown_name(row): getattr(x, row.name) for row in self.reported}
-
-    def _shown_name(self, row: Row) -> str:
-        return self.renamed.get(row.name.removeprefix(f"{self.id}_"), row.name)
+        return {row.name: getattr(x, row.name) for row in self.reported}
 
     @property
     def kept(self) -> Table:
