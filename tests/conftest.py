@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import os
+import sys
+
 import casadi as ca
 import pytest
 from hypothesis import settings
@@ -10,9 +14,19 @@ from insenv.core.elementary import normal_pair, sin_cos
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table
 
+# without it each of some hundred processes, and each worker of pytest-xdist, would compile all modules anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # the same examples on every machine: a run that passes here passes there
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+
+
+def pytest_collection_finish() -> None:
+    """What is there when the first test begins stays to the end: no garbage collection need look at it."""
+    gc.collect()
+    gc.freeze()
 
 
 def _sample(p, x, u, r):

@@ -1,19 +1,22 @@
-"""Draw the figures of docs/figures again: those of runs, of the papers, and of the example that needs no training.
+"""Draw the figures of docs/figures again: those of runs, of the papers, of the example that needs no training, and of pages.
 
     python tools/figures.py                 all, some minutes
     python tools/figures.py analytic        those whose names begin so
 
-The figures of trained policies (tuner, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.
+The figures of trained policies (tuner, aligner, manoeuvre-curve) come from ``examples/train_*.py --out DIR``.  Those of pages
+need the extra ``web``, Chromium and its driver.
 """
 
 from __future__ import annotations
 
+import importlib
 import runpy
 import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import insenv
 from insenv import style
@@ -65,12 +68,45 @@ def of_tuning() -> None:
     style.save(found.plot(), {"png": FOLDER / "tune.png"})
 
 
+def of_run_page() -> None:
+    """The page of a run."""
+    with browser() as shown, tempfile.TemporaryDirectory() as folder:
+        insenv.run("car-city-drive", "loosely-coupled").save(folder)
+        shown.open(Path(folder) / "car-city-drive.html", (1200, 1000))
+        shown.until("document.querySelector('.uplot canvas')")
+        shown.screenshot(FOLDER / "page-run.png")
+
+
+def of_live_page() -> None:
+    """A live page: the car is in its second outage."""
+    with browser() as shown, tempfile.TemporaryDirectory() as folder:
+        path = insenv.page("car-city-drive", Path(folder) / "car.html", ["loosely-coupled", "wander-sins"])
+        shown.open(path, (1240, 1130))
+        shown.until("document.getElementById('clock')?.textContent === '0:00.0'")
+        shown.driver.execute_script("document.getElementById('run').click()")
+        shown.until("document.getElementById('clock').textContent >= '6:50.0'", timeout_s=120.0)
+        shown.driver.execute_script(
+            "document.getElementById('run').click();"
+            "[...document.querySelectorAll('.legend button')].find((one) => one.textContent.includes('wander-sins')).click();"
+        )
+        shown.until("document.getElementById('run').textContent === 'Run'")
+        shown.screenshot(FOLDER / "page-live.png")
+
+
+def browser() -> Any:
+    """Headless Chromium, as the tests of pages have it."""
+    sys.path.insert(0, str(ROOT / "tests" / "helpers"))
+    return importlib.import_module("browser").chromium()
+
+
 FIGURES: dict[str, Callable[[], None]] = {
     **{name: partial(of_run, name) for name in RUNS},
     **{f"reproduce-{paper}": partial(of_paper, paper) for paper in PAPERS},
     "budget": of_budget,
     "tune": of_tuning,
     "active-alignment": partial(of_example, "active_alignment"),
+    "page-run": of_run_page,
+    "page-live": of_live_page,
 }
 
 

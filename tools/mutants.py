@@ -34,7 +34,7 @@ else:
 
 ROOT = Path(__file__).parents[1]
 LIST = Path(__file__).with_suffix(".toml")
-TRAVELS = ("insenv", "scenarios", "fmu", "tests", "tools", "examples", "pyproject.toml", "README.md")
+TRAVELS = ("insenv", "scenarios", "fmu", "web", "tests", "tools", "examples", "pyproject.toml", "README.md")
 REQUIRED = 0.95
 LIMIT_S = 300.0
 """Time limit of the tests of one fault, s."""
@@ -101,7 +101,7 @@ def copied(folder: Path) -> Path:
 
 
 def tested(tree: Path, tests: tuple[str, ...], limit_s: float) -> tuple[str, str]:
-    """Run tests in a copy of the tree until the first fails: (outcome, test that failed or the end of the output)."""
+    """Run tests in a copy of the tree until the first fails: (outcome, test that failed and why, or the end of the output)."""
     arguments = [
         "-x",
         "-q",
@@ -118,6 +118,7 @@ def tested(tree: Path, tests: tuple[str, ...], limit_s: float) -> tuple[str, str
     ]
     environment = {
         **os.environ,
+        "COLUMNS": "1000",
         "PYTHONPATH": str(tree),
         "INSENV_BACKEND": "interpreter",  # most faults would have to be compiled
         "OMP_NUM_THREADS": "1",
@@ -127,7 +128,7 @@ def tested(tree: Path, tests: tuple[str, ...], limit_s: float) -> tuple[str, str
         done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, timeout=limit_s, check=False)
     except subprocess.TimeoutExpired:
         return "timeout", ""
-    failed = [line.split()[1] for line in done.stdout.splitlines() if line.startswith("FAILED ")]
+    failed = [line.removeprefix("FAILED ") for line in done.stdout.splitlines() if line.startswith("FAILED ")]
     if done.returncode == 0:
         return "survived", ""
     if done.returncode == 1 and failed:
@@ -148,7 +149,7 @@ def tried(mutant: Mutant, tree: Path, limit_s: float) -> Outcome:
     finally:
         path.write_text(source, encoding="utf-8")
         os.utime(path, (times.st_atime, times.st_mtime))
-    return Outcome(mutant, said, found_by, time.monotonic() - begun)
+    return Outcome(mutant, said, found_by.split(" - ")[0] if said == "killed" else found_by, time.monotonic() - begun)
 
 
 def sound(mutants: list[Mutant], tree: Path) -> None:

@@ -1,12 +1,13 @@
 /** The state of a live page in its address: a link repeats the run. */
 
+import { checkCommands, checkWindows } from "./checks.js";
 import { beyond, given } from "./words.js";
 
 /**
  * @typedef {object} State
  * @property {number} seed
  * @property {Record<string, any>} values  of controls by key
- * @property {{sample: number, values: Record<string, number>}[] | undefined} commands
+ * @property {import("./checks.js").Command[] | undefined} commands
  */
 
 /** The part of an address after "#" for a state.
@@ -37,7 +38,7 @@ export function stateOf(fragment, live) {
       if (!/^\d+$/.test(text)) throw new Error(`${given("seed", text)}: allowed is a whole number`);
       state.seed = Number(text);
     } else if (key === "commands") {
-      state.commands = commandsOf(text);
+      state.commands = commandsOf(text, live);
     } else {
       state.values[key] = valueOf(key, text, live);
     }
@@ -46,26 +47,34 @@ export function stateOf(fragment, live) {
 }
 
 /** @param {string} text
- * @returns {{sample: number, values: Record<string, number>}[]} */
-function commandsOf(text) {
+ * @param {any} live
+ * @returns {import("./checks.js").Command[]} */
+function commandsOf(text, live) {
   const found = parsed("commands", text);
   const good =
     Array.isArray(found) &&
     found.every(
       (one) =>
-        Array.isArray(one) && one.length === 2 && Number.isInteger(one[0]) && one[1] !== null && typeof one[1] === "object",
+        Array.isArray(one) && one.length === 2 && typeof one[1] === "object" && one[1] !== null && !Array.isArray(one[1]),
     );
   if (!good) throw new Error("commands: allowed are pairs of a sample and the values of commands");
-  return found.map(([sample, values]) => ({ sample, values }));
+  const commands = found.map(([sample, values]) => ({ sample, values }));
+  checkCommands(live, commands);
+  return commands;
 }
 
 /** @param {string} key
  * @param {string} text
  * @param {any} live */
 function valueOf(key, text, live) {
-  if (live.outages.some((/** @type {any} */ outage) => outage.key === key)) return parsed(key, text);
+  const outage = live.outages.find((/** @type {any} */ one) => one.key === key);
+  if (outage) {
+    const windows = parsed(key, text);
+    checkWindows(outage, windows);
+    return windows;
+  }
   const control = live.controls.find((/** @type {any} */ one) => one.key === key);
-  if (!control) throw new Error(`${key}: this page has no control of that name`);
+  if (!control) throw new Error(`${key || '""'}: this page has no control of that name`);
   if (control.options) return text;
   return checked(control, text);
 }

@@ -11,6 +11,7 @@ export function sharpCanvas(attributes, resized = () => {}) {
   const element = h("canvas", attributes);
   const size = [300, 240];
   new ResizeObserver(() => {
+    if (!element.clientWidth || !element.clientHeight) return; // it is not shown
     [size[0], size[1]] = [element.clientWidth, element.clientHeight];
     element.width = Math.round(size[0] * devicePixelRatio);
     element.height = Math.round(size[1] * devicePixelRatio);

@@ -1,6 +1,5 @@
 /** A cloud of units: the errors of many seeds against the limit. */
 
-import { channelName } from "./channels.js";
 import { button, fill, h } from "./dom.js";
 import { between } from "./history.js";
 import { thresholdOf } from "./livepanels.js";
@@ -37,7 +36,7 @@ export function cloudPanel(live, start) {
     fill(
       channel,
       ...live.estimators[chosen.estimator].channels.map((/** @type {string} */ name) =>
-        h("option", { value: name, selected: name === chosen.channel }, channelName(name).join(", ")),
+        h("option", { value: name, selected: name === chosen.channel }, `${live.channels[name].title} error, ${live.channels[name].unit}`),
       ),
     );
   };
@@ -80,7 +79,7 @@ export function cloudPanel(live, start) {
       return;
     }
     const { channel: name } = chosen;
-    const [title, unit] = channelName(name);
+    const { title, unit } = live.channels[name];
     /** @type {any[]} */
     const curves = units.map((one) => ({ kind: "thin", group: chosen.estimator, y: column(one, name) }));
     const x = curves[0].y.map((/** @type {number} */ _, /** @type {number} */ k) => (k + 1) * interval);
@@ -92,7 +91,7 @@ export function cloudPanel(live, start) {
         y: x.map((/** @type {number} */ time) => between(live.limit.time_s, limit, time)),
       });
     const panel = {
-      title: `${title} of ${units.length} units`,
+      title: `${title} error of ${units.length} units`,
       unit,
       threshold: thresholdOf(live, name),
       log: false,
@@ -153,9 +152,8 @@ function figures(live, units, group, column, limited) {
     const rms = Math.sqrt(ends.reduce((sum, value) => sum + value * value, 0) / ends.length);
     const largest = Math.max(...ends.map(Math.abs));
     const limit = limits[name]?.at(-1);
-    const [title, unit] = channelName(name);
     return [
-      `${title.replace(" error", "").toLowerCase()} [${unit}]`,
+      live.channels[name].label,
       number(rms),
       number(largest),
       ...(limit === undefined ? [] : [number(limit), limit < live.limit.floor[name] ? "-" : number(rms / limit)]),

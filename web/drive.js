@@ -26,6 +26,7 @@ export function driver(live, command, cut) {
   const sticks = live.commands?.sticks ?? [];
   const across = sticks.find((stick) => stick.axes.some((/** @type {string} */ axis) => axis === "y" || axis === "r"));
   const along = sticks.find((stick) => stick.axes.includes("z")) ?? sticks.find((stick) => stick !== across);
+  const least = along?.one_sided ? 0 : -1; // deflection at the lower edge of the field
   const state = { across: 0, along: /** @type {number | null} */ (null), speed: 0 };
   /** @type {Set<string>} */
   const held = new Set();
@@ -55,7 +56,7 @@ export function driver(live, command, cut) {
   };
   const place = () => {
     knob.style.left = `${50 + 50 * state.across}%`;
-    knob.style.top = `${100 - 100 * Math.max(0, state.along ?? inForce())}%`;
+    knob.style.top = `${(100 * (1 - Math.max(least, state.along ?? inForce()))) / (1 - least)}%`;
     const told = [along && state.along !== null && said(along, state.along), across && said(across, state.across)];
     telling.textContent = told.filter(Boolean).join(", ");
   };
@@ -73,7 +74,6 @@ export function driver(live, command, cut) {
     state.across = Math.sign(turn);
     if (push) {
       begin();
-      const least = along?.one_sided ? 0 : -1;
       state.along = Math.min(1, Math.max(least, (state.along ?? 0) + Math.sign(push) * RATE * passed));
     }
     if (before[0] !== state.across || before[1] !== state.along) give();
@@ -105,7 +105,7 @@ export function driver(live, command, cut) {
   const drag = (/** @type {PointerEvent} */ event) => {
     const box = pad.getBoundingClientRect();
     state.across = Math.max(-1, Math.min(1, (2 * (event.clientX - box.left)) / box.width - 1));
-    state.along = Math.max(0, Math.min(1, 1 - (event.clientY - box.top) / box.height));
+    state.along = Math.max(least, Math.min(1, 1 - ((1 - least) * (event.clientY - box.top)) / box.height));
     give();
   };
   pad.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {

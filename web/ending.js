@@ -1,22 +1,19 @@
 /** The end of a live run: the tables that `insenv run` prints. */
 
-import { LABELS } from "./channels.js";
 import { fill, h } from "./dom.js";
-import { healthNow, statisticsOf } from "./judge.js";
+import { healthNow, notesAtEnd, statisticsOf } from "./judge.js";
 import { number, significant } from "./numbers.js";
 import { summaryTable } from "./tables.js";
-
-const MARKED = 3; // ratio beyond which a cell is marked, as on the page of a run
 
 /** Fill the section at the end of a run.
  * @param {HTMLElement} section
  * @param {any} live
  * @param {(name: string) => any} at
  * @param {import("./history.js").Recorded} history
- * @param {boolean} prepared  whether the run was that of the scenario as it stands, whose limit is known */
-export function showEnd(section, live, at, history, prepared) {
+ * @param {{settings: boolean, commands: boolean}} changes  of the scenario as it stands: its limit is known, and all its notes */
+export function showEnd(section, live, at, history, changes) {
   const tables = live.estimators.map((/** @type {any} */ one, /** @type {number} */ group) =>
-    endTable(live, one, group, at, history, prepared),
+    endTable(live, one, group, at, history, changes),
   );
   const columns = new Set(tables.flatMap((/** @type {any} */ one) => one.columns));
   const told = ["rms", "limit", "stated"].filter((name) => columns.has(name)).map((name) => live.explained[name]);
@@ -36,11 +33,11 @@ export function showEnd(section, live, at, history, prepared) {
  * @param {number} group
  * @param {(name: string) => any} at
  * @param {import("./history.js").Recorded} history
- * @param {boolean} prepared */
-function endTable(live, estimator, group, at, history, prepared) {
+ * @param {{settings: boolean, commands: boolean}} changes */
+function endTable(live, estimator, group, at, history, changes) {
   const { settled } = estimator;
   const statistics = statisticsOf(estimator, at, history);
-  const limit = prepared ? estimator.limit : {};
+  const limit = changes.settings || changes.commands ? {} : estimator.limit;
   const yardsticks = [
     ...(estimator.stated.length ? ["stated"] : []),
     ...(Object.keys(limit).length ? ["limit"] : []),
@@ -57,19 +54,14 @@ function endTable(live, estimator, group, at, history, prepared) {
   const health = healthNow(live, estimator, at, history);
   const below = estimator.from_s > 0 ? [`Statistics from ${significant(estimator.from_s, 6)} s on`] : [];
   if (health) below.push(`Health: ${health.lines[0]}`, ...health.lines.slice(1));
-  else if (estimator.health?.fixes) below.push("no fix came: the estimate is that of the inertial unit alone");
-  const sure = statistics.filter((one) => settled && one.stated && one.rms > live.too_sure * one.stated);
-  if (sure.length) {
-    const ratios = sure.map((one) => `${one.channel.replace(/_.*/, "")} ${significant(one.rms / (one.stated ?? NaN), 3)}`);
-    below.push(`the errors are larger than this estimator states, rms over stated sigma: ${ratios.join(", ")}`);
-  }
+  below.push(...notesAtEnd(live, estimator, at, history, !changes.settings));
   return {
     caption: estimator.id,
     columns,
-    rows: rows.map(({ channel, cells }) => [LABELS[/** @type {keyof typeof LABELS} */ (channel)], ...cells.map(number)]),
+    rows: rows.map(({ channel, cells }) => [live.channels[channel].label, ...cells.map(number)]),
     group,
     below,
-    warnings: rows.flatMap(({ cells }, place) => (yardstick && (cells[cells.length - 1] ?? 0) > MARKED ? [[place, cells.length]] : [])),
+    warnings: rows.flatMap(({ cells }, place) => (yardstick && (cells[cells.length - 1] ?? 0) > live.marked ? [[place, cells.length]] : [])),
     state: health?.verdict ?? "",
   };
 }

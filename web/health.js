@@ -1,12 +1,12 @@
-/** Health of a filter from its records: the rule of insenv/evaluation/nis.py and health.py, with the figures of the document.
- * tests/web/test_page_health.py compares both. */
+/** Health of a filter from its records: the rule of insenv/evaluation/nis.py and health.py, with the figures and sentences of the
+ * document. tests/web/test_page_health.py compares both. */
 
-import { chiSquareQuantile } from "./chisquare.js";
 import { significant } from "./numbers.js";
+import { filled } from "./words.js";
 
 /**
  * @typedef {object} Rule  the figures of insenv/evaluation/nis.py
- * @property {[number, number]} probabilities
+ * @property {number[][]} bounds  the lower and the upper: see `bound`
  * @property {number} blocks
  * @property {number} notable
  * @property {number} many
@@ -15,6 +15,7 @@ import { significant } from "./numbers.js";
  * @property {number} last
  * @property {number} fewest
  * @property {string[]} verdicts  from good to bad
+ * @property {Record<string, string>} sentences
  *
  * @typedef {(record: number) => number} Column
  * @typedef {object} Counts  what a filter reports of one instrument: sums over all measurements so far, at each record
@@ -23,7 +24,19 @@ import { significant } from "./numbers.js";
  * @property {Column} refused
  * @property {{used: Column, usedNumber: Column, left: Column, leftNumber: Column}[]} groups
  *
- * @typedef {{verdict: string, lines: string[]}} Health
+ * @typedef {object} Judged  of one instrument
+ * @property {string} id  of an aid; empty for the fixes of GNSS
+ * @property {string} verdict
+ * @property {number} factor
+ * @property {number} refused
+ * @property {number} count
+ * @property {string} summary
+ * @property {Nis[]} groups
+ * @typedef {object} Health
+ * @property {string} verdict
+ * @property {string[]} lines
+ * @property {Judged | null} own  by the fixes of GNSS; null if there was none
+ * @property {Judged[]} others  by the aids that measured
  */
 
 /** The health by the fixes of GNSS (null: it takes none) and by other aids; null if nothing was measured.
@@ -32,44 +45,77 @@ import { significant } from "./numbers.js";
  * @param {Record<string, Counts>} aids  by id
  * @returns {Health | null} */
 export function healthOf(rule, fixes, aids) {
-  const own = fixes && judged(rule, fixes, "fixes");
-  const others = Object.entries(aids)
-    .map(([id, counts]) => ({ id, ...judged(rule, counts, "measurements") }))
-    .filter((one) => one.measured);
-  const all = [...(own?.measured ? [own] : []), ...others];
+  const own = fixes && judged(rule, "", fixes, "fixes");
+  const others = Object.entries(aids).flatMap(([id, counts]) => judged(rule, id, counts, "measurements") ?? []);
+  const all = own ? [own, ...others] : others;
   if (!all.length) return null;
-  const worst = Math.max(...all.map((one) => rule.verdicts.indexOf(one.verdict)));
-  const verdict = rule.verdicts[worst];
+  const verdict = rule.verdicts[Math.max(...all.map((one) => rule.verdicts.indexOf(one.verdict)))];
   const whole = called(rule, verdict, Math.max(1, ...all.map((one) => one.factor)));
-  const named = others.map((one) => `${one.id}: ${one.summary}`);
-  if (!own?.measured) return { verdict, lines: [whole, ...named] };
-  return { verdict, lines: [verdict === own.verdict ? own.summary : `${whole}; gnss: ${own.summary}`, ...named] };
+  const parted = own && verdict !== own.verdict;
+  const first = parted ? filled(rule.sentences.whole_and_gnss, { called: whole, own: own.summary }) : (own?.summary ?? whole);
+  return { verdict, lines: [first, ...others.map((one) => `${one.id}: ${one.summary}`)], own, others };
 }
 
-/** @param {Rule} rule
+/** Sentences for the reader; none for a filter whose innovations are as stated.
+ * @param {Rule} rule
+ * @param {Health} health
+ * @param {boolean} slow  whether the filter models slow errors of the fixes, which then cause no sentence
+ * @param {Record<string, string>} causes  by id of an aid, what to look at where its measurements do not fit
+ * @returns {string[]} */
+export function healthNotes({ sentences, verdicts, notable }, { own, others }, slow, causes) {
+  const [consistent, , diverged] = verdicts;
+  const wrong = others.filter((one) => one.verdict !== consistent);
+  wrong.sort((one, other) => other.factor - one.factor || (one.id < other.id ? 1 : -1));
+  const ofAids = wrong.map((one) => {
+    const look = one.id in causes ? filled(sentences.causes, { causes: causes[one.id] }) : "";
+    return filled(sentences.aid, { ...one, factor: figure(one.factor) }) + look;
+  });
+  if (!own) return ofAids;
+  if (own.verdict !== consistent) {
+    const aids = others.map((one) => one.id).join(", ");
+    const told = own.verdict === diverged ? sentences.fixes_diverged : sentences.fixes_overconfident;
+    const values = { ...own, factor: figure(own.factor), or_aids: aids && filled(sentences.or_aids, { aids }) };
+    return [filled(told, values), ...ofAids];
+  }
+  const { mean, low } = own.groups[0];
+  const small = mean < Math.min(low, notable ** -2);
+  return small && !slow ? [filled(sentences.slow, { mean: significant(mean, 2) }), ...ofAids] : ofAids;
+}
+
+/** Null if nothing was measured.
+ * @param {Rule} rule
+ * @param {string} id
  * @param {Counts} counts
- * @param {string} what */
-function judged(rule, counts, what) {
+ * @param {string} what
+ * @returns {Judged | null} */
+function judged(rule, id, counts, what) {
   const end = counts.records - 1;
-  const measured = counts.records ? counts.count(end) : 0;
-  if (!measured) return { measured, verdict: rule.verdicts[0], factor: 1, summary: "" };
+  const count = counts.records ? counts.count(end) : 0;
+  if (!count) return null;
   const whole = nisOf(rule, counts, counts.groups);
-  const verdict = verdictOf(rule, counts, whole);
+  const groups = counts.groups.map((group) => nisOf(rule, counts, [group]));
+  const verdict = verdictOf(rule, counts, [whole, ...groups]);
   const ratios = counts.groups.map(
     ({ used, usedNumber, left, leftNumber }) =>
       (used(end) + left(end)) / Math.max(1, usedNumber(end) + leftNumber(end)),
   );
-  const factor = verdict === rule.verdicts[0] ? 1 : Math.sqrt(Math.max(...ratios));
-  const refused = percent(counts.refused(end), measured);
-  const more = verdict === rule.verdicts[0] ? qualified(rule, whole) : "";
-  const summary = `${called(rule, verdict, factor)}${more}: ${refused} % of ${measured} ${what} refused, ${nisText(whole)}`;
-  return { measured, verdict, factor, summary };
+  const fine = verdict === rule.verdicts[0];
+  const factor = fine ? 1 : Math.sqrt(Math.max(...ratios));
+  const refused = counts.refused(end);
+  const summary = filled(rule.sentences.summary, {
+    called: called(rule, verdict, factor) + (fine ? qualified(rule, whole) : ""),
+    share: percent(refused, count),
+    count,
+    what,
+    nis: nisText(rule, whole),
+  });
+  return { id, verdict, factor, refused, count, summary, groups };
 }
 
 /** @param {Rule} rule
  * @param {Counts} counts
- * @param {Nis} whole */
-function verdictOf(rule, counts, whole) {
+ * @param {Nis[]} each  of all components, and of each group */
+function verdictOf(rule, counts, each) {
   const [consistent, overconfident, diverged] = rule.verdicts;
   const end = counts.records - 1;
   const [all, refused] = [counts.count(end), counts.refused(end)];
@@ -78,7 +124,6 @@ function verdictOf(rule, counts, whole) {
   if (refused > rule.most * all) return diverged;
   const apart = counts.groups.some(({ used, usedNumber }) => since(used) > rule.apart ** 2 * since(usedNumber));
   if (since(counts.count) >= rule.fewest && (since(counts.refused) > rule.most * since(counts.count) || apart)) return diverged;
-  const each = [whole, ...counts.groups.map((group) => nisOf(rule, counts, [group]))];
   return refused > rule.many * all || each.some((nis) => above(rule, nis)) ? overconfident : consistent;
 }
 
@@ -107,8 +152,16 @@ function nisOf(rule, counts, groups) {
     dependence = Math.max(1, apart.reduce((sum, one) => sum + one.off, 0) / (edges.length - 1) / white);
   }
   const degrees = total / dependence;
-  const [low, high] = rule.probabilities.map((probability) => chiSquareQuantile(probability, degrees) / degrees);
+  const [low, high] = rule.bounds.map((coefficients) => bound(coefficients, degrees));
   return { mean, low, high };
+}
+
+/** A quantile of chi-square over its degrees of freedom (`bound_polynomial` of insenv/evaluation/chi_square.py).
+ * @param {number[]} coefficients  of powers of 1 / sqrt(degrees)
+ * @param {number} degrees
+ * @returns {number} */
+export function bound(coefficients, degrees) {
+  return coefficients.reduceRight((sum, one) => sum / Math.sqrt(degrees) + one, 0) ** 3;
 }
 
 /** Records that end the blocks; one block for few measurements.
@@ -140,24 +193,26 @@ function above(rule, { mean, high }) {
   return mean > Math.max(high, rule.notable ** 2);
 }
 
-/** @param {Nis} nis */
-function nisText({ mean, low, high }) {
-  return mean >= 0 ? `NIS ${figure(mean)} (${significant(low, 3)} to ${significant(high, 3)})` : "none used";
+/** @param {Rule} rule
+ * @param {Nis} nis */
+function nisText({ sentences }, { mean, low, high }) {
+  if (!(mean >= 0)) return sentences.none_used;
+  return filled(sentences.nis, { mean: figure(mean), low: significant(low, 3), high: significant(high, 3) });
 }
 
 /** What the verdict "consistent" means where the mean is outside the bounds; empty inside.
  * @param {Rule} rule
  * @param {Nis} nis */
-function qualified({ notable }, { mean, low, high }) {
-  if (mean < low) return ", innovations smaller than stated";
-  return mean > high ? ` within ${(100 * (notable - 1)).toFixed(0)} % of sigma` : "";
+function qualified({ notable, sentences }, { mean, low, high }) {
+  if (mean < low) return sentences.smaller;
+  return mean > high ? filled(sentences.within, { percent: (100 * (notable - 1)).toFixed(0) }) : "";
 }
 
 /** @param {Rule} rule
  * @param {string} verdict
  * @param {number} factor */
-function called(rule, verdict, factor) {
-  return verdict === rule.verdicts[0] ? verdict : `${verdict}, factor ${figure(factor)}`;
+function called({ sentences, verdicts }, verdict, factor) {
+  return verdict === verdicts[0] ? verdict : filled(sentences.called, { verdict, factor: figure(factor) });
 }
 
 /** Three digits, and no exponent of a large value.

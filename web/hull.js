@@ -86,7 +86,7 @@ export function hullView(kind) {
  * @returns {(point: Vector) => Vector}  x, y on the canvas, and the distance */
 function camera(azimuth, elevation, [width, height]) {
   const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];
-  const focal = 1.7 * Math.min(width * 0.8, height);
+  const focal = Math.min(1.22 * width, 1.47 * height); // with which the letters of the rose stay inside
   return ([n, e, d]) => {
     const depth = DISTANCE + n * ca * ce + e * sa * ce + d * se;
     const scale = focal / depth;

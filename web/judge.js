@@ -1,6 +1,8 @@
 /** What the records of a live page say of its estimators: statistics of the errors, health; as `insenv run` judges them. */
 
-import { healthOf } from "./health.js";
+import { healthNotes, healthOf } from "./health.js";
+import { significant } from "./numbers.js";
+import { filled } from "./words.js";
 
 /**
  * The health of an estimator over the records; null if it tells none, or if nothing was measured.
@@ -22,7 +24,64 @@ export function healthNow(live, estimator, at, history) {
     return { records: history.count(), count: column(count), refused: column(refused), groups };
   };
   const aids = Object.fromEntries(Object.entries(health.aids).map(([id, names]) => [id, counts(names)]));
-  return healthOf(live.health, health.fixes && counts(health.fixes), aids);
+  return healthOf(live.rule, health.fixes && counts(health.fixes), aids);
+}
+
+/**
+ * What must be said of a run at its end, as `insenv run` says it.
+ * @param {any} live
+ * @param {any} estimator  of `live.estimators`
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @param {boolean} known  whether the settings are those of the document, on which some of it depends
+ * @returns {string[]} */
+export function notesAtEnd(live, estimator, at, history, known) {
+  const { sentences } = live.rule;
+  const notes = known ? foundOf(estimator, at, history) : [];
+  const health = healthNow(live, estimator, at, history);
+  if (estimator.health?.fixes && !health?.own) notes.push(health ? sentences.no_fix_but_aids : sentences.no_fix);
+  if (health) notes.push(...healthNotes(live.rule, health, !known || estimator.health.slow, estimator.health.causes));
+  const pitch = largest(at("attitude").at + 1, at, history, estimator.from_s);
+  const steep = estimator.channels.includes("pitch_deg") && pitch > live.rule.steep;
+  if (steep) notes.push(filled(sentences.steep, { pitch: significant(pitch, 3) }));
+  if (!estimator.settled) return notes;
+  const ratios = statisticsOf(estimator, at, history)
+    .filter(({ channel }) => !steep || !["roll_deg", "heading_deg"].includes(channel))
+    .filter(({ rms, stated }) => stated && rms > live.rule.too_sure * stated)
+    .map(({ channel, rms, stated }) => `${channel.replace(/_.*/, "")} ${significant(rms / (stated ?? NaN), 3)}`);
+  if (ratios.length) notes.push(filled(sentences.too_sure, { ratios: ratios.join(", ") }));
+  return notes;
+}
+
+/** The findings of an estimator that hold: of those about one row, the first (insenv/estimators/contract.py).
+ * @param {any} estimator
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @returns {string[]} */
+function foundOf({ prefix, findings }, at, history) {
+  const last = history.count() - 1;
+  const told = new Map();
+  for (const { row, elements, limit, sentence } of findings) {
+    const ratios = elements.map(
+      (/** @type {number[]} */ [k, about, scale]) => Math.abs(history.value(at(prefix + row).at + k, last) - about) / scale,
+    );
+    const ratio = Math.max(0, ...ratios);
+    if (ratio >= limit && !told.has(row)) told.set(row, filled(sentence, { ratio: significant(ratio, 3) }));
+  }
+  return [...told.values()];
+}
+
+/** The largest magnitude of an output from a time on.
+ * @param {number} place
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @param {number} from  s */
+function largest(place, at, history, from) {
+  let found = 0;
+  for (let record = 0; record < history.count(); record++) {
+    if (history.value(at("time").at, record) >= from - 1e-9) found = Math.max(found, Math.abs(history.value(place, record)));
+  }
+  return found;
 }
 
 /**

@@ -134,7 +134,7 @@ export function livePage(live) {
     const now = conditions(live, state);
     if (now !== clouded) cloud.clear(); // it was of other settings or commands
     clouded = now;
-    return prepared;
+    return changes;
   };
   const refuse = (/** @type {unknown} */ error) => {
     wrong.textContent = `This link cannot be followed: ${error instanceof Error ? error.message : error}. The scenario is shown as it is.`;

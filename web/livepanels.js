@@ -1,16 +1,10 @@
 /** The plots of a live page: errors with sigma and limit, biases, test ratios; they grow with the records. */
 
-import { channelName } from "./channels.js";
 import { h } from "./dom.js";
 import { between } from "./history.js";
 import { roundDown } from "./numbers.js";
 import { timePlot } from "./timeplot.js";
 
-const BIASES = [
-  ["gyro_bias", "Gyro bias", "deg/h", (180 / Math.PI) * 3600],
-  ["accel_bias", "Accelerometer bias", "ug", 1e6 / 9.80665],
-];
-const AXES = ["forward", "right", "down"];
 const AT_ONCE = 2;
 
 /** Up to which error the scale of a channel is about linear: some limits of its settled part; null without a limit.
@@ -65,9 +59,14 @@ export function livePanels(live, span) {
       columns: 3,
       panels: group.map((channel) => errorPanel(add, live, at, channel, () => limited)),
     }));
-  const biases = BIASES.flatMap(([row, title, unit, factor]) =>
-    AXES.map((axis, k) => biasPanel(add, live, at, row, `${title}, ${axis}`, unit, Number(factor), k)),
-  ).filter(Boolean);
+  const { rows, axes } = live.biases;
+  const biases = rows
+    .flatMap((/** @type {any[]} */ [title, row, unit, factor]) =>
+      axes.map((/** @type {string} */ axis, /** @type {number} */ k) =>
+        biasPanel(add, live, at, row, `${title}, ${axis}`, unit, factor, k),
+      ),
+    )
+    .filter(Boolean);
   if (biases.length) sections.push({ title: "Estimated biases", columns: 3, panels: /** @type {any[]} */ (biases) });
   const ratios = ratioPanel(add, live, at);
   if (ratios) sections.push({ title: "Test ratios of fixes", columns: 1, panels: [ratios] });
@@ -141,8 +140,8 @@ export function livePanels(live, span) {
  * @param {string} channel
  * @param {() => boolean} limited */
 function errorPanel(add, live, at, channel, limited) {
-  const [title, unit] = channelName(channel);
-  const made = add(title, unit, { threshold: thresholdOf(live, channel), wraps: channel.endsWith("_deg") });
+  const { title, unit } = live.channels[channel];
+  const made = add(`${title} error`, unit, { threshold: thresholdOf(live, channel), wraps: channel.endsWith("_deg") });
   const { curves } = made.panel;
   live.estimators.forEach((/** @type {any} */ { prefix, channels, stated }, /** @type {number} */ group) => {
     const [error, sigma] = [channels.indexOf(channel), stated.indexOf(channel)];

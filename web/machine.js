@@ -1,7 +1,8 @@
 /** The WebAssembly of a live page, and what its document says of parameters: seeds, controls, outages. */
 
 import { bytesOf } from "./arrays.js";
-import { beyond, orOf, rangesOf } from "./words.js";
+import { checkWindows } from "./checks.js";
+import { beyond, oneOf, rangesOf } from "./words.js";
 
 /** @type {Record<string, (value: number, scale: number) => number>} */
 const FORMS = {
@@ -100,8 +101,8 @@ export class Machine {
     if (control.options) {
       const option = control.options.find((/** @type {any} */ one) => one.value === value);
       if (!option) {
-        const allowed = orOf(control.options.map((/** @type {any} */ one) => one.value));
-        throw new Error(`${key} = ${JSON.stringify(value)}: allowed is ${allowed}`);
+        const names = control.options.map((/** @type {any} */ one) => one.value);
+        throw new Error(oneOf(key, String(value), names));
       }
       for (const [at, number] of option.p) p[at] = number;
       return;
@@ -121,13 +122,7 @@ export class Machine {
    * @param {number[][]} windows  s
    * @param {Float64Array} p */
   setOutages(outage, windows, p) {
-    const good =
-      Array.isArray(windows) &&
-      windows.every((one) => Array.isArray(one) && one.length === 2 && one[0] >= 0 && one[0] < one[1]);
-    if (!good) throw new Error(`${outage.key}: allowed are pairs of a begin of 0 s or later and an end after it`);
-    if (windows.length > outage.most) {
-      throw new Error(`${outage.key}: at most ${outage.most} outages, ${windows.length} given`);
-    }
+    checkWindows(outage, windows);
     for (let k = 0; k < outage.most; ++k) {
       [p[outage.start + k], p[outage.end + k]] = windows[k] ?? [0, 0];
     }

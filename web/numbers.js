@@ -83,10 +83,11 @@ export function roundDown(value) {
 /** Round values from `low` to `high`, about `count` of them.
  * @param {number} low
  * @param {number} high
- * @param {number} count */
-export function ticks(low, high, count) {
+ * @param {number} count
+ * @param {boolean} [whole]  only whole numbers */
+export function ticks(low, high, count, whole = false) {
   if (!(high > low)) return [low];
-  const rough = (high - low) / Math.max(1, count);
+  const rough = (high - low) / Math.max(1, whole ? Math.min(count, high - low) : count);
   const least = roundDown(rough);
   const step =
     [least, 2 * least, 2.5 * least, 5 * least, 10 * least].find((one) => {
@@ -97,5 +98,5 @@ export function ticks(low, high, count) {
   for (let place = Math.ceil(low / step - 1e-9); place * step <= high * (1 + 1e-9) + step * 1e-9; place++) {
     found.push(Number((place * step).toPrecision(12)));
   }
-  return found;
+  return whole ? found.filter(Number.isInteger) : found;
 }

@@ -1,6 +1,5 @@
 /** The numbers of a live page now: of the truth and of each estimator, and the health of each filter. */
 
-import { LABELS, channelName } from "./channels.js";
 import { fill, h } from "./dom.js";
 import { healthNow } from "./judge.js";
 import { fixed, minus, number } from "./numbers.js";
@@ -13,7 +12,7 @@ export function readings(live, at) {
   const channels = [...new Set(/** @type {string[]} */ (live.estimators.flatMap((/** @type {any} */ one) => one.channels)))];
   const truths = [
     ...["attitude", "offset_n", "velocity_n"].flatMap((name, block) =>
-      [0, 1, 2].map((k) => ({ channel: Object.keys(LABELS)[3 * block + k], place: at(name).at + k })),
+      [0, 1, 2].map((k) => ({ channel: Object.keys(live.channels)[3 * block + k], place: at(name).at + k })),
     ),
   ];
   /** @type {{cell: HTMLElement, text: (y: Float64Array) => string}[]} */
@@ -36,7 +35,7 @@ export function readings(live, at) {
   });
   const rows = channels.map((channel) => {
     const truth = truths.find((one) => one.channel === channel);
-    const [title, unit] = channelName(channel);
+    const { title, unit } = live.channels[channel];
     const decimals = unit === "m" ? 2 : 3;
     const figures = live.estimators.map((/** @type {any} */ { prefix, channels: own, stated }) => {
       const [error, sigma] = [own.indexOf(channel), stated.indexOf(channel)];
@@ -47,7 +46,7 @@ export function readings(live, at) {
     return h(
       "tr",
       {},
-      h("th", { scope: "row" }, title.replace(" error", ""), h("span", { class: "unit" }, ` ${unit}`)),
+      h("th", { scope: "row" }, title, h("span", { class: "unit" }, ` ${unit}`)),
       truth
         ? cell((y) => fixed(channel === "heading_deg" ? (y[truth.place] + 360) % 360 : y[truth.place], decimals))
         : h("td", {}),
@@ -93,7 +92,7 @@ export function readings(live, at) {
         const [first, ...others] = found?.lines ?? ["nothing measured yet"];
         const text = [first.replace(/^[a-z]+(: |, | (?=within))/, ""), ...others].join("; ");
         const state = found && h("span", { class: `state ${found.verdict}` }, found.verdict);
-        fill(health[place], `${one.id} `, state, ` ${text}`);
+        fill(health[place], found ? `${one.id} ` : `${one.id}:`, state, ` ${text}`);
       });
     },
   };

@@ -3,7 +3,7 @@
 import { button, h } from "./dom.js";
 import { number } from "./numbers.js";
 
-/** @typedef {{name: string, unit: string}} Axis  what plots are over */
+/** @typedef {{name: string, unit: string, whole?: boolean}} Axis  what plots are over; whole: in whole numbers */
 
 /** @type {Axis} */
 export const TIME = { name: "Time", unit: "s" };
@@ -57,6 +57,13 @@ export function makeSpan(begin, end) {
   };
 }
 
+/** A place on the axis as text.
+ * @param {number} value
+ * @param {Axis} axis */
+export function along(value, axis) {
+  return axis.whole && Number.isInteger(value) ? String(value) : number(value);
+}
+
 /** The fields that show and set the span, and the button that shows everything.
  * @param {Span} span
  * @param {Axis} axis
@@ -73,8 +80,8 @@ export function spanControls(span, axis = TIME, from = null) {
   const wrong = h("span", { class: "wrong", role: "alert", id: "span-wrong" });
   const show = () => {
     const [from, to] = span.shown();
-    begin.value = number(from);
-    end.value = number(to);
+    begin.value = along(from, axis);
+    end.value = along(to, axis);
     wrong.textContent = "";
     reset.disabled = !span.zoomed();
   };

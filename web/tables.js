@@ -37,7 +37,7 @@ export function summaryTable(table) {
   );
   return h(
     "section",
-    { class: "summary" },
+    { class: `summary${table.wide ? " wide" : ""}` },
     h("h2", {}, swatch, table.caption, state),
     h(
       "div",

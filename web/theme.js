@@ -24,7 +24,7 @@ export function colour(name) {
 /** The colour of a group of curves: of an estimator by its place, of the truth for -1.
  * @param {number} group */
 export function groupColour(group) {
-  return colour(group < 0 ? "truth" : `c${group % 11}`);
+  return colour(group < 0 ? "truth" : `c${group % 13}`);
 }
 
 /** A colour with this opacity (0 to 1).

@@ -4,7 +4,7 @@ import { columns, layout, ranged } from "./curves.js";
 import { h, onceAFrame } from "./dom.js";
 import { minus, number, tick, ticks } from "./numbers.js";
 import { marks, rangeOf } from "./scale.js";
-import { TIME } from "./span.js";
+import { TIME, along } from "./span.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
 /**
@@ -30,6 +30,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
 
 const SYNC = "time";
 const KEYS = "Drag or press plus and minus to zoom, arrow keys to move, 0 for the whole run.";
+const LABEL = 13; // px from one label of the vertical axis to the next
 const HEIGHT = 184;
 /** Part of the threshold up to which the scale is about linear: the settled errors then fill a third of a panel. */
 const BEND = 0.5;
@@ -67,8 +68,8 @@ export function timePlot(panel, span, names, axis = TIME) {
       cursor: { drag: { x: true, y: false, setScale: false }, sync: { key: SYNC }, points: { size: 5 }, y: false },
       scales: { x: { time: false, range: () => span.shown() }, y: { auto: true, range, ...scale } },
       axes: [
-        scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90)),
-        scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)),
+        { ...scaleOf(30, (u, _, low, high) => ticks(low, high, u.width / 90, axis.whole)), gap: 6 },
+        { ...scaleOf(54, (u, _, low, high) => marks(low, high, threshold, panel.log, 5)), values: apart },
       ],
       series: [{}, ...series],
       bands,
@@ -133,6 +134,21 @@ function scaleOf(size, splits) {
   };
 }
 
+/** The labels of marks of the vertical axis; one that would touch another, which is zero or larger, is left out.
+ * @param {any} u
+ * @param {number[]} values
+ * @returns {string[]} */
+function apart(u, values) {
+  const importance = (/** @type {number} */ value) => Math.abs(value) || Infinity;
+  /** @type {Map<number, number>} */
+  const kept = new Map();
+  for (const value of [...values].sort((a, b) => importance(b) - importance(a))) {
+    const height = u.valToPos(value, "y");
+    if ([...kept.values()].every((other) => Math.abs(height - other) >= LABEL)) kept.set(value, height);
+  }
+  return values.map((value) => (kept.has(value) ? tick(value) : ""));
+}
+
 /** Shade times without fixes and before the statistics; draw the line of zero (or one on a logarithmic scale).
  * @param {any} u
  * @param {Panel} panel */
@@ -188,7 +204,7 @@ function read(u, readout, owners, names, axis) {
     readout.replaceChildren();
     return;
   }
-  const parts = [h("span", { class: "at" }, `${minus(number(u.data[0][place]))} ${axis.unit}`)];
+  const parts = [h("span", { class: "at" }, `${minus(along(u.data[0][place], axis))} ${axis.unit}`)];
   owners.forEach((owner, index) => {
     const value = u.data[index + 1][place];
     if (owner.kind !== "line" || value === null || value === undefined || !u.series[index + 1].show) return;

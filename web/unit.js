@@ -1,8 +1,10 @@
 /** One unit on its run: parameters, state, inputs and outputs in the memory of a `Machine`, and the commands that it follows. */
 
+import { checkCommands } from "./checks.js";
+
 /**
  * @typedef {import("./machine.js").Machine} Machine
- * @typedef {{sample: number, values: Record<string, number>}} Command  by name, SI, from a sample on
+ * @typedef {import("./checks.js").Command} Command
  */
 
 const SHORT = 1e-12; // squared norm below which a quaternion is no attitude
@@ -160,27 +162,6 @@ export function joined(rows) {
     at += row.length;
   }
   return all;
-}
-
-/** @param {any} live
- * @param {Command[]} commands */
-function checkCommands(live, commands) {
-  let before = 0;
-  for (const { sample, values } of commands) {
-    if (!live.commands) throw new Error("the vehicle of this scenario takes no commands");
-    if (!(Number.isInteger(sample) && sample >= before)) {
-      throw new Error(`commands at sample ${sample}: allowed are whole numbers in order`);
-    }
-    before = sample;
-    for (const [name, value] of Object.entries(values)) {
-      const row = live.tables.inputs.find((/** @type {any} */ one) => one.name === `command_${name}`);
-      if (!row) throw new Error(`commands: unknown command ${JSON.stringify(name)}`);
-      const [least, most] = [row.minimum ?? -Infinity, row.maximum ?? Infinity];
-      if (!(value >= least && value <= most)) {
-        throw new Error(`command ${name} = ${value} ${row.unit}: allowed is ${least} to ${most} ${row.unit}`);
-      }
-    }
-  }
 }
 
 /** As `insenv run` does, stop at outputs that are no numbers and at an attitude without length.

@@ -24,12 +24,17 @@ from insenv.campaigns.presentation import campaign_document, campaign_tables, wr
 from insenv.campaigns.summary import Summary
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.document import finite, to_json
-from insenv.report.tables import label, number, table_of
+from insenv.report.tables import label, number, since, table_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 NAME = "comparison"
+PAIR_COLUMNS = ("rms", "ratio", "from", "to", "difference", "smaller in")
+PAIR_MEANINGS = (
+    "ratio: of the rms to that of the first, with its 95 % interval",
+    "smaller in: share of the runs in which this estimator has the smaller rms",
+)
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,17 @@ class Comparison:
         """The estimator that the others are compared with."""
         return next(iter(self.summaries))
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What must be said of the pairs: the errors of an alignment count from later on than those of a navigation."""
+        first, *others = self.summaries.values()
+        return tuple(
+            f"rms {since(one.from_s)} of {one.plan.estimator}, {since(first.from_s)} of {self.first}: "
+            "their ratio compares different times"
+            for one in others
+            if one.from_s != first.from_s
+        )
+
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
         return {
@@ -107,10 +123,11 @@ class Comparison:
                 {"estimator": id, "errors": {name: pair.as_json() for name, pair in pairs.items()}}
                 for id, pairs in self.pairs.items()
             ],
+            "notes": list(self.notes),
         }
 
     def save(self, folder: str | Path, figure: bool = True, table: str = "") -> FilesWritten:
-        """Write the files of each campaign to a folder of its estimator, and comparison.json.
+        """Write the files of each campaign to a folder of its estimator, comparison.json and, if `figure`, the page.
 
         table: as of `Summary.save`.  Raises `InputError` if the folder cannot be written to, `InsenvError` if writing fails.
         """
@@ -149,21 +166,39 @@ def comparison_tables(found: Comparison) -> Iterator[RenderableType]:
         yield Text()
     for id, pairs in found.pairs.items():
         yield Text(f"{id} compared with {found.first}, run by run", "bold")
-        table = table_of("rms", "ratio", "from", "to", "difference", "smaller in")
-        for name, pair in pairs.items():
-            share = f"{100 * pair.smaller / pair.runs:.0f} %" if pair.runs else "-"
-            ends = [number(v) for v in (pair.ratio.low, pair.ratio.high, pair.difference.value)]
-            style = "bold" if pair.is_real else ""
-            table.add_row(label(name), Text(number(pair.ratio.value), style), *ends, share)
+        table = table_of(*PAIR_COLUMNS)
+        for pair, (name, ratio, *others) in zip(pairs.values(), pair_rows(pairs), strict=True):
+            table.add_row(name, Text(ratio, "bold" if pair.is_real else ""), *others)
         yield table
         yield Text()
-    yield Text("ratio: of the rms to that of the first, with its 95 % interval; bold: it excludes 1", "dim")
-    yield Text("smaller in: share of the runs in which this estimator has the smaller rms", "dim")
+    yield Text(f"{PAIR_MEANINGS[0]}; bold: not 1", "dim")
+    yield Text(PAIR_MEANINGS[1], "dim")
+    for note in found.notes:
+        yield Text(f"note: {note}")
+
+
+def pair_rows(pairs: Mapping[str, Paired]) -> list[tuple[str, ...]]:
+    """By channel: the texts of `PAIR_COLUMNS`."""
+    return [
+        (
+            label(name),
+            *map(number, (pair.ratio.value, pair.ratio.low, pair.ratio.high, pair.difference.value)),
+            f"{100 * pair.smaller / pair.runs:.0f} %" if pair.runs else "-",
+        )
+        for name, pair in pairs.items()
+    ]
 
 
 def write_comparison(found: Comparison, folder: OutputFolder, figure: bool = True, table: str = "") -> FilesWritten:
-    """Write the files of each campaign to DIR/ID and comparison.json to DIR."""
+    """Write the files of each campaign to DIR/ID and comparison.json to DIR; if `figure`, the page comparison.html too."""
+    from insenv.campaigns.comparison_page import comparison_page
+
     parts = [write_campaign(one, OutputFolder(folder.path / id), figure, table) for id, one in found.summaries.items()]
     with folder.staged() as part:
         part(f"{NAME}.json").write_text(to_json(comparison_document(found)) + "\n", encoding="ascii")
-    return FilesWritten((folder.path / f"{NAME}.json", *(path for part in parts for path in part.paths)), parts[0].note)
+        if figure:
+            part(f"{NAME}.html").write_text(comparison_page(found), encoding="utf-8", newline="\n")
+    names = [f"{NAME}.json", *([f"{NAME}.html"] if figure else [])]
+    return FilesWritten(
+        (*(folder.path / name for name in names), *(path for part in parts for path in part.paths)), parts[0].note
+    )

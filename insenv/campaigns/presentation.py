@@ -1,4 +1,4 @@
-"""Output of a campaign: tables for 80 columns, the figure over time, the result files."""
+"""Output of a campaign: tables for 80 columns, the document, the result files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.campaign_figure import draw_campaign
+from insenv.campaigns.sensitivity import Sensitivity
 from insenv.campaigns.statistics import Statistics
 from insenv.campaigns.tables import check_format, write_runs
 from insenv.campaigns.variation import Variation
@@ -17,13 +19,10 @@ from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
-from insenv.report.scales import set_scale
-from insenv.report.tables import label, number, table_of, within
-from insenv.style import COLOURS, DASHED, LIMIT, PALE, legend, page, save, title, unwrapped
+from insenv.report.tables import label, number, since, table_of, within
+from insenv.style import save
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from pandas import DataFrame
     from rich.console import RenderableType
 
@@ -42,7 +41,7 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     """The printed lines and tables, top to bottom."""
     from rich.text import Text
 
-    plan, document = found.plan, found.as_json()
+    plan = found.plan
     yield Text(f"{plan.name}: {plan.estimator}", "bold")
     yield Text(campaign_facts(found))
     for variation in plan.variations:
@@ -61,56 +60,82 @@ def campaign_tables(found: Statistics) -> Iterator[RenderableType]:
     for name, row in figures.items():
         table.add_row(label(name), *(number(value) for value in row["percentiles"].values()))
     yield table
-    if (horizontal := found.horizontal()) is not None:
+    for told in horizontal_lines(found):
         yield Text()
-        said = [f"{name.upper()} {number(e.value)} m ({number(e.low)} to {number(e.high)})" for name, e in horizontal.items()]
-        yield Text(f"horizontal at the end, 95 %: {', '.join(said)}")
+        yield Text(told)
     yield Text()
-    yield from _sensitivity(found)
-    start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
-    yield Text(f"mean, percentiles: of the errors at the end; rms, limit, stated: {start}, all runs", "dim")
-    if document["limit_ratio_95"] and any(row["limit"] for row in figures.values()):
-        yield Text(within(plan.runs - len(found.diverged)), "dim")
+    for columns, rows in sensitivity_tables(found):
+        table = table_of(*columns, least=5, gap=1)
+        for cells in rows:
+            table.add_row(*cells)
+        yield table
+    if found.sensitivity:
+        yield Text(sensitivity_meaning(found), "dim")
+        yield Text()
+    for meaning in meanings(found):
+        yield Text(meaning, "dim")
     for told in consistency_lines(found):
         yield Text(told)
-    for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
-        if seeds_of:
-            named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
-            yield Text(f"{len(seeds_of)} of {plan.runs} runs {what}: seed {named}", "yellow")
-    for note in document["notes"]:
+    for told in failed_lines(found):
+        yield Text(told, "yellow")
+    for note in found.notes:
         yield Text(f"note: {note}")
 
 
-def _sensitivity(found: Statistics) -> Iterator[RenderableType]:
-    """The keys by channel: rank correlation, first-order and total index."""
-    from rich.text import Text
+def horizontal_lines(found: Statistics) -> Iterator[str]:
+    """CEP, R95 and 2DRMS with their intervals, of a navigation."""
+    if (horizontal := found.horizontal()) is not None:
+        said = [f"{name.upper()} {number(e.value)} m ({number(e.low)} to {number(e.high)})" for name, e in horizontal.items()]
+        yield f"horizontal at the end, 95 %: {', '.join(said)}"
 
-    if not found.sensitivity:
-        return
+
+def sensitivity_tables(found: Statistics) -> Iterator[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+    """Columns and rows, for attitude, position and velocity: the keys by channel, with rank correlation and Sobol index."""
     names = dict.fromkeys(one.channel for one in found.sensitivity)
-    total = any(one.total is not None for one in found.sensitivity)
     for group in (ATTITUDE, POSITION, VELOCITY):
         shown = [name for name in group if name in names]
         if not shown:
             continue
-        columns = [text for name in shown for text in (name.rpartition("_")[0], "index")]
-        table = table_of("rank correlation", *columns, least=5, gap=1)
+        columns = ("rank correlation", *(text for name in shown for text in (name.rpartition("_")[0], "index")))
+        rows = []
         for variation in found.plan.variations:
             own = {one.channel: one for one in found.sensitivity if one.key == variation.key}
-            cells = []
-            for name in shown:
-                one = own[name]
-                index = one.total if total else one.first
-                cells += ["-" if one.correlation is None else f"{one.correlation:+.2f}"]
-                cells += ["-" if index is None else f"{index.value:.2f} ±{index.reach:.2f}"]
-            table.add_row(variation.key, *cells)
-        yield table
-    yield Text(
-        f"rank correlation with the rms of a run; index: share of its variance by the key ({'total' if total else 'alone'}), "
-        "±: half the width of its 95 % interval",
-        "dim",
+            rows.append((variation.key, *(cell for name in shown for cell in _sensitivity(own[name]))))
+        yield columns, rows
+
+
+def _sensitivity(one: Sensitivity) -> tuple[str, str]:
+    """Rank correlation, and total Sobol index or else that of the key alone."""
+    index = one.first if one.total is None else one.total
+    return (
+        "-" if one.correlation is None else f"{one.correlation:+.2f}",
+        "-" if index is None else f"{index.value:.2f} ±{index.reach:.2f}",
     )
-    yield Text()
+
+
+def sensitivity_meaning(found: Statistics) -> str:
+    """What the columns of `sensitivity_tables` mean."""
+    kind = "total" if any(one.total is not None for one in found.sensitivity) else "alone"
+    return (
+        f"rank correlation with the rms of a run; index: share of its variance by the key ({kind}), "
+        "±: half the width of its 95 % interval"
+    )
+
+
+def meanings(found: Statistics) -> Iterator[str]:
+    """What the columns mean, and how far rms/limit varies by chance."""
+    yield f"mean, percentiles: errors at the end; rms, limit, stated: {since(found.from_s)}"
+    count = found.plan.runs - len(found.diverged)
+    if count and any(row["limit"] for row in found.figures().values()):
+        yield within(count)
+
+
+def failed_lines(found: Statistics) -> Iterator[str]:
+    """The runs that diverged, and those that ended far off, by their seeds."""
+    for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
+        if seeds_of:
+            named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
+            yield f"{len(seeds_of)} of {found.plan.runs} runs {what}: seed {named}"
 
 
 def consistency_lines(found: Statistics) -> Iterator[str]:
@@ -238,81 +263,3 @@ def _health_of(shares: Mapping[str, Any], what: str) -> str:
     if shares["nis"] is None:
         return verdicts
     return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"
-
-
-def draw_campaign(found: Statistics) -> Figure:
-    """Percentiles of the errors over time with plus and minus the limit; the mean NEES with its bounds if there is one."""
-    with page() as figure:
-        groups = [[name for name in group if name in found.courses] for group in (ATTITUDE, POSITION, VELOCITY)]
-        groups = [group for group in groups if group]
-        rows = len(groups) + (found.nees is not None)
-        handles: dict[str, Any] = {}
-        if len(groups) == 1:  # attitude only: one row of panels per angle; on the right, the end of the run
-            count = 3 + (found.nees is not None)
-            figure.set_size_inches(9.0, 1.2 + 2.1 * count)
-            axes = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(1.25, 1))
-            for (left, right), name in zip(axes, groups[0], strict=False):
-                for axis, from_s in ((left, 0.0), (right, found.from_s)):
-                    handles |= _course(axis, found, name, from_s)
-                left.set_ylabel(label(name).replace(" [", " error ["))
-            axes[0, 0].set_title("Error over the whole run", loc="left")
-            axes[0, 1].set_title(f"From {found.from_s:g} s on, where the statistics are taken", loc="left")
-            if found.nees is not None:
-                for axis, from_s in zip(axes[-1], (0.0, found.from_s), strict=True):
-                    _nees(axis, found, from_s)
-                axes[-1, 0].set_ylabel("mean NEES")
-            bottom = list(axes[-1])
-        else:
-            figure.set_size_inches(11.0, 1.4 + 2.2 * rows)
-            axes = figure.subplots(rows, 3, squeeze=False, sharex=True)
-            for row, group in zip(axes, groups, strict=False):
-                for axis, name in zip(row, group, strict=True):
-                    handles |= _course(axis, found, name, 0.0)
-                    axis.set_title(label(name).replace(" [", " error ["), loc="left")
-            if found.nees is not None:
-                _nees(axes[-1, 0], found, 0.0)
-                axes[-1, 0].set_title("Mean NEES over the runs", loc="left")
-                for above, axis in zip(axes[-2, 1:], axes[-1, 1:], strict=True):
-                    axis.set_axis_off()
-                    above.tick_params(labelbottom=True)
-            bottom = list(axes[-1]) if found.nees is None else [axes[-1, 0], *axes[-2, 1:]]
-        for axis in bottom:
-            axis.set_xlabel("time [s]")
-        plan = found.plan
-        title(figure, f"{plan.name}: {plan.estimator}\n{plan.runs} runs of {plan.duration_s:g} s")
-        legend(figure, handles, columns=3)
-        return figure
-
-
-def _course(axis: Axes, found: Statistics, name: str, from_s: float) -> dict[str, Any]:
-    """Draw one channel from `from_s` on; return the legend's handles by their text."""
-    course, late = found.courses[name], found.time >= from_s - 1e-9
-    time = found.time[late]
-    low, lower, median, upper, high = course.percentiles[:, late]
-    handles: dict[str, Any] = {}
-    axis.axhline(0.0, color=PALE, linewidth=0.6, zorder=1)
-    for below, above, alpha, share in ((low, high, 0.16, "95 %"), (lower, upper, 0.32, "68 %")):
-        text = f"{share} of the runs"
-        handles[text] = axis.fill_between(time, below, above, color=COLOURS[0], alpha=alpha, linewidth=0, zorder=2, label=text)
-    shown = unwrapped(median) if name in ATTITUDE else median
-    (handles["median"],) = axis.plot(time, shown, color=COLOURS[0], zorder=3, label="median")
-    reach = 0.0
-    if course.limit is not None:
-        for sign in (-1, 1):
-            (line,) = axis.plot(time, sign * course.limit[late], color=LIMIT, linestyle=DASHED, linewidth=1.0, zorder=4)
-        line.set_label("theoretical limit, ±1 sigma")
-        handles[str(line.get_label())] = line
-        reach = float(np.nanmax(course.limit[late][-max(1, len(time) // 4) :]))
-    axis.set_xlim(from_s, float(found.time[-1]))
-    return handles | set_scale(axis, [np.concatenate([low, high]) if from_s > 0 else np.stack([low, high], 1).ravel()], [reach])
-
-
-def _nees(axis: Axes, found: Statistics, from_s: float) -> None:
-    """Draw the mean NEES with the bounds of a consistent estimator."""
-    assert found.nees is not None
-    late = found.time >= from_s - 1e-9
-    axis.axhspan(found.nees.low, found.nees.high, color=COLOURS[2], alpha=0.2, linewidth=0, zorder=1)
-    axis.axhline(found.nees.degrees, color=LIMIT, linestyle=DASHED, linewidth=1.0, zorder=2)
-    axis.plot(found.time[late], found.nees.mean[late], color=COLOURS[2], zorder=3)
-    axis.set_xlim(from_s, float(found.time[-1]))
-    axis.set_ylim(0.0, None)

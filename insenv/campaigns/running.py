@@ -25,7 +25,8 @@ from insenv.core.runner import resolve_backend
 from insenv.errors import InputError, InsenvError
 from insenv.estimators import Estimator, get_all
 from insenv.files.output import as_path
-from insenv.scenario import ScenarioLike
+from insenv.scenario import ScenarioLike, with_settings
+from insenv.scenario.tuning import Settings
 
 STOPPING_S = 3.0
 """Time that blocks have to leave what is done of them, s: they look about twice a second."""
@@ -42,6 +43,7 @@ def campaign(
     duration_s: float | None = None,
     vary: Mapping[str, Any] | None = None,
     design: str = "random",
+    settings: Settings | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
     workers: int | None = None,
@@ -59,6 +61,7 @@ def campaign(
     vary: by key of the scenario (``"imu.gyro_bias_deg_h"``), from what each run draws its value: a range (low, high) or a text
         such as ``"normal(0, 0.01)"`` or ``"choice(tactical, mems)"`` (docs/campaigns.md).
     design: how the values are spread over the runs: "random", "latin", "sobol" or "saltelli".
+    settings: parameters by estimator id, as of `insenv.run`.
     folder: where finished blocks are kept, of several estimators each in a folder of its id.
     resume: whether an interrupted campaign in the folder continues.
     workers: number of processes, which a script may start only below ``if __name__ == "__main__":``; None: threads.
@@ -71,7 +74,9 @@ def campaign(
     several = isinstance(estimator, Sequence) and not isinstance(estimator, str)
     chosen: list[str | Estimator] = list(estimator) if several else [estimator]  # type: ignore[arg-type, list-item]
     variations = [variation_of(key, given) for key, given in (vary or {}).items()]
-    plans = make_plans(scenario, chosen, runs, first_seed=seed, duration_s=duration_s, variations=variations, design=design)
+    plans = make_plans(
+        scenario, chosen, runs, first_seed=seed, duration_s=duration_s, variations=variations, design=design, settings=settings
+    )
     if resume and folder is None:
         raise InputError("resume = True: name the folder that holds the campaign")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int)):
@@ -90,8 +95,10 @@ def make_plans(
     duration_s: float | None = None,
     variations: Sequence[Variation] = (),
     design: str = "random",
+    settings: Settings | None = None,
 ) -> list[Plan]:
     """The plans of estimators on the same runs; one that is named twice runs once.  Raises `InputError` as `make_plan`."""
+    scenario = with_settings(scenario, settings, estimators)
     return [
         make_plan(scenario, each, runs, first_seed=first_seed, duration_s=duration_s, variations=variations, design=design)
         for each in get_all(estimators)

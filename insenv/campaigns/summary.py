@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.campaigns.campaign_figure import draw_campaign
 from insenv.campaigns.limits import CampaignLimit
 from insenv.campaigns.model import Measured
 from insenv.campaigns.plan import Plan
-from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, draw_campaign, write_campaign
+from insenv.campaigns.presentation import campaign_facts, campaign_frame, campaign_html, write_campaign
 from insenv.campaigns.sensitivity import sensitivities
 from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCourse, Statistics
 from insenv.campaigns.tables import run_columns

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from insenv.cli.options import Duration, FirstSeed, Json, NoFigure, Out, Scenario, deferred
+from insenv.cli.options import Duration, FirstSeed, Json, NoFigure, Out, Scenario, Settings, deferred
 from insenv.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def campaign(
     design: Annotated[
         str, typer.Option(metavar="NAME", help="Spread varied keys over the runs: random, latin, sobol or saltelli.")
     ] = "random",
+    settings: Settings = None,
     workers: Annotated[Optional[int], typer.Option(metavar="N", help="Use N processes instead of threads.")] = None,  # noqa: UP045
     scheduler: Annotated[Optional[str], typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:PORT.")] = None,  # noqa: UP045
     out: Out = None,
@@ -51,7 +52,7 @@ def campaign(
     from insenv.campaigns.tables import check_format
     from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
-    from insenv.scenario import load
+    from insenv.scenario.tuning import parsed_settings
 
     if resume and out is None:
         raise InputError("--resume continues from a folder: name it with --out DIR")
@@ -62,8 +63,9 @@ def campaign(
     pool = _workers(workers, scheduler)
     variations = [parse_variation(text) for text in vary or []]
     plans = make_plans(
-        load(scenario), estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design
-    )
+        scenario, estimator, runs, first_seed=seed, duration_s=duration, variations=variations, design=design,
+        settings=parsed_settings(settings or []),
+    )  # fmt: skip
     folder = None if out is None else OutputFolder(out)
     stores = stores_of(None if folder is None else folder.path, plans, resume)
     with working(f"{plans[0].name}, {runs} runs") as progress:
@@ -77,7 +79,7 @@ def campaign(
                 if compared is None
                 else write_comparison(compared, folder, not no_figure, kind)
             )
-    unwritten = "--out DIR keeps the figure, every run, and the blocks from which --resume continues"
+    unwritten = "--out DIR keeps the page, every run, and the blocks from which --resume continues"
     if compared is None:
         found = summaries[0]
         document, tables = partial(campaign_document, found), partial(campaign_tables, found)

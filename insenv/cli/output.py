@@ -60,7 +60,18 @@ def print_parts(parts: Iterable[RenderableType]) -> None:
         # a table is not cut in a narrow terminal, which breaks the lines itself
         needed = console.measure(part, options=console.options.update(width=MOST))
         console.width = max(width, needed.maximum if isinstance(part, Table) else needed.minimum)
+        _show(console, part)
+
+
+def _show(console: Console, part: RenderableType) -> None:
+    """Print on stdout; in a file or a pipe without the blanks that fill the lines of a table."""
+    if console.is_terminal:
         console.print(part)
+        return
+    with console.capture() as captured:
+        console.print(part)
+    for line in captured.get().splitlines():
+        print_line(line.rstrip())
 
 
 def print_result(
@@ -113,7 +124,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Se
     fixed = sum(max(map(cell_len, column)) + gap for column in list(zip(columns, *rows, strict=True))[:-1])
     console = _console()
     console.width = max(console.width, fixed + NARROWEST)
-    console.print(table)
+    _show(console, table)
 
 
 class Bar:

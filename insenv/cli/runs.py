@@ -157,5 +157,5 @@ def _written(
     from insenv.report.tables import comparison
 
     written = None if folder is None else write_files(report, folder, figure, more, documents)
-    unwritten = "--out DIR writes the figure and every array of the run"
+    unwritten = "--out DIR writes the page, the figure and every array of the run"
     return partial(print_result, written, as_json, partial(document, report), partial(comparison, report), unwritten)

@@ -18,8 +18,14 @@ def tune(
         Optional[list[str]],  # noqa: UP045
         typer.Option("--key", "-k", metavar="KEY", help="Parameter to tune, by its key; may be given more than once."),
     ] = None,
-    runs: Annotated[int, typer.Option("--runs", "-n", metavar="N", help="Seeds on which to search.")] = 8,
-    held_out: Annotated[int, typer.Option(metavar="N", help="Further seeds on which to judge.")] = 32,
+    runs: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option("--runs", "-n", metavar="N", help="Of a scenario: seeds on which to search; 8 by default."),
+    ] = None,
+    held_out: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Of a scenario: further seeds on which to judge; 32 by default."),
+    ] = None,
     evaluations: Annotated[int, typer.Option(metavar="N", help="About how many sets of factors to try.")] = 200,
     seed: FirstSeed = None,
     duration: Duration = None,

@@ -10,8 +10,8 @@ changes no result.  It makes a plant and the estimators 10 to 30 % faster, batch
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Mapping, Sequence
+from heapq import heappop, heappush
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -73,31 +73,36 @@ def ordering(steps: Sequence[Instruction], after: Mapping[int, Sequence[int]]) -
     after: by instruction, further instructions that must come before it.
     """
     needs = [(*step.sources, *after.get(k, ())) for k, step in enumerate(steps)]
+    leaf = [step.is_leaf for step in steps]
+    latency = [_LATENCY.get(step.name, _USUAL_LATENCY) for step in steps]
     users: list[list[int]] = [[] for _ in steps]
     missing, soonest = [0] * len(steps), [0.0] * len(steps)
     for k, needed in enumerate(needs):
         for source in set(needed):
-            if not steps[source].is_leaf:
+            if not leaf[source]:
                 users[source].append(k)
                 missing[k] += 1
-    ready = [k for k, step in enumerate(steps) if not step.is_leaf and not missing[k]]
+    ready = [k for k in range(len(steps)) if not leaf[k] and not missing[k]]
     waiting: list[tuple[float, int]] = []
-    rank = list(accumulate(not step.is_leaf for step in steps))
+    rank = list(accumulate(not is_leaf for is_leaf in leaf))
     written: dict[int, None] = {}  # in order
     time, done = 0.0, 0
     while ready or waiting:
         while waiting and waiting[0][0] <= time:
-            heapq.heappush(ready, heapq.heappop(waiting)[1])
+            heappush(ready, heappop(waiting)[1])
         if not ready or rank[ready[0]] > done + WINDOW:
             time = waiting[0][0]
             continue
-        k = heapq.heappop(ready)
-        written |= dict.fromkeys((*needs[k], k))
-        known = time + _LATENCY.get(steps[k].name, _USUAL_LATENCY)
+        k = heappop(ready)
+        for source in needs[k]:
+            written[source] = None  # one that is there keeps its place
+        written[k] = None
+        known = time + latency[k]
         time, done = time + 1.0 / RATE, done + 1
         for user in users[k]:
             missing[user] -= 1
-            soonest[user] = max(soonest[user], known)
+            if known > soonest[user]:
+                soonest[user] = known
             if not missing[user]:
-                heapq.heappush(waiting, (soonest[user], user))
+                heappush(waiting, (soonest[user], user))
     return list(written)

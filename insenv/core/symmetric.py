@@ -24,13 +24,13 @@ def place(i: int, j: int) -> int:
 
 def full(triangle: Any, n: int) -> Any:
     """The n x n symmetric matrix of a stored triangle."""
-    return ca.vertcat(*[ca.horzcat(*[triangle[place(i, j)] for j in range(n)]) for i in range(n)])
+    return ca.reshape(triangle[[place(i, j) for i in range(n) for j in range(n)]], n, n)
 
 
 def triangle(matrix: Any) -> Any:
     """The stored triangle of a symmetric matrix; elements below the diagonal are not read."""
     n = matrix.shape[0]
-    return ca.densify(ca.vertcat(*[matrix[i, j] for j in range(n) for i in range(j + 1)]))
+    return ca.densify(ca.vec(matrix)[[i + n * j for j in range(n) for i in range(j + 1)]])
 
 
 def diagonal_places(n: int) -> list[int]:

@@ -20,6 +20,7 @@ from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators.parts.adjoint import Smoothing
+from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.instruments import TOLD
 from insenv.plugins import check_id
@@ -178,7 +179,8 @@ class Estimator:
     settable: the parameter rows that its section may set.  None: those of the model.
     adapt: ``(known, drive, names by those keys) -> Estimator`` of the same id: the one that runs there (`adapted`).  None: it
         is the same everywhere.
-    findings: ``(parameters by row name, outputs by row name, time along the first axis) -> sentences`` about what a run shows.
+    findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
+        about one row, the first that holds counts.
     causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
     """
 
@@ -199,7 +201,7 @@ class Estimator:
     settable: Table | None = None
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
-    findings: Callable[[Mapping[str, Any], Mapping[str, NDArray[np.float64]]], tuple[str, ...]] | None = None
+    findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):
@@ -378,10 +380,19 @@ class Estimator:
 
     def found(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
         """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
+        told: dict[str, str] = {}
+        findings = self.to_find(parameters)
+        with naming(f"estimator {self.id!r}, findings"):
+            for finding in findings:
+                told[finding.row] = told.get(finding.row) or finding.said(outputs)
+        return tuple(filter(None, told.values()))
+
+    def to_find(self, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+        """Its findings with these parameters (by row name)."""
         if self.findings is None:
             return ()
         with naming(f"estimator {self.id!r}, findings"):
-            return self.findings(parameters, outputs)
+            return self.findings(parameters)
 
     def _said(self, kind: str, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         of_kind: Notes | None = getattr(self, kind)

@@ -39,7 +39,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.attitude import skew
@@ -50,6 +49,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
 from insenv.estimators.parts import frozen_frame, lever_arm, motion_errors, rows
 from insenv.estimators.parts.eigen import largest_eigenvector
+from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.increments import MEMORY
 from insenv.estimators.parts.inertial_vectors import LARGEST_HEADING_SIGMA, davenport
 from insenv.estimators.parts.kalman import propagate
@@ -336,19 +336,20 @@ def prepare(known: Knowledge) -> dict[str, Any]:
     return {**known.rows_of(PARAMETERS), "memory_time": memory_time(sheet.gyro_bias_sigma, sheet.angle_random_walk)}
 
 
-def findings(parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
-    """A sentence where a run has not found the attitude, or its heading, at its end.
-
-    outputs: rows by name, (records, ...).
-    """
-    sigma = outputs["attitude_sigma"][-1]
-    if sigma[0] >= LARGEST_LINEAR:
-        return ("no attitude was found: this alignment needs fixes with a velocity, at least three of them",)
-    if sigma[2] >= LARGEST_LINEAR:
-        return (
+def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """A sentence where a run has not found the attitude, or its heading, at its end."""
+    return (
+        Finding(
+            "attitude_sigma",
+            "no attitude was found: this alignment needs fixes with a velocity, at least three of them",
+            scale=(LARGEST_LINEAR, np.inf, np.inf),
+        ),
+        Finding(
+            "attitude_sigma",
             "the heading is unknown at the end: turns or changes of speed show it, a straight line at constant speed does not",
-        )
-    return ()
+            scale=(np.inf, np.inf, LARGEST_LINEAR),
+        ),
+    )
 
 
 ESTIMATOR = Estimator(MODEL, kind="alignment", sensors=("gnss",), motion="moving", prepare=prepare, findings=findings)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
+from insenv.evaluation import sentences
 from insenv.evaluation.health import Health
 
 Array = NDArray[np.float64]
@@ -119,10 +120,7 @@ class Result:
         pitch = np.abs(true_deg[self._late])
         if not np.any(pitch > STEEP):
             return ()
-        return (
-            f"the pitch comes to {pitch.max():.3g} deg: errors of roll and heading are differences of Euler angles, which "
-            f"near 90 deg are large without an error of the attitude, and are not judged here",
-        )
+        return (sentences.STEEP.format(pitch=f"{pitch.max():.3g}"),)
 
     def too_sure(self) -> tuple[str, ...]:
         """A sentence if an rms error is more than `TOO_SURE` times its stated sigma; none for a run that is too short."""
@@ -135,7 +133,7 @@ class Result:
         if not worst:
             return ()
         listed = ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())
-        return (f"the errors are larger than this estimator states, rms over stated sigma: {listed}",)
+        return (sentences.TOO_SURE.format(ratios=listed),)
 
     @property
     def _late(self) -> Any:

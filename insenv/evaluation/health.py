@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
+from insenv.evaluation import sentences
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
 from insenv.evaluation.nis import VERDICTS as VERDICTS
@@ -106,7 +107,9 @@ class Health:
         if not self.fixes:
             return (_called(self.verdict, self.factor), *named)
         own = _summary(self.fix_verdict, self.fix_factor, self.refused, self.fixes, "fixes", self.nis)
-        return (own if self.verdict == self.fix_verdict else f"{_called(self.verdict, self.factor)}; gnss: {own}", *named)
+        if self.verdict != self.fix_verdict:
+            own = sentences.WHOLE_AND_GNSS.format(called=_called(self.verdict, self.factor), own=own)
+        return (own, *named)
 
     @property
     def apart(self) -> tuple[str, ...]:
@@ -116,7 +119,7 @@ class Health:
 
     @property
     def _or_aids(self) -> str:
-        return f", and at the other aids, which may be stated too surely: {', '.join(self.aids)}" if self.aids else ""
+        return sentences.OR_AIDS.format(aids=", ".join(self.aids)) if self.aids else ""
 
     def notes(self, models_slow_errors: bool = False, causes: Mapping[str, str] | None = None) -> tuple[str, ...]:
         """Sentences for the reader; none for a filter whose innovations are as stated.
@@ -127,31 +130,25 @@ class Health:
         wrong = sorted((aid.factor, id) for id, aid in self.aids.items() if aid.verdict != "consistent")
         of_aids = tuple(_aid_note(id, self.aids[id], (causes or {}).get(id, "")) for _, id in reversed(wrong))
         if self.fix_verdict != "consistent":
-            apart = self.fix_verdict == "diverged"
-            return (
-                f"the filter {'has diverged from its fixes' if apart else 'is overconfident'}: its innovations are "
-                f"{figure(self.fix_factor)} times as large as stated, and it refused {self.refused} of {self.fixes} fixes. The "
-                "errors may exceed the stated sigmas by more than that. Look at the grade of the inertial unit, the lever arm "
-                f"of the antenna, the time offset of the fixes, their stated sigmas and the start{self._or_aids}",
-                *of_aids,
-            )
+            told = sentences.FIXES_DIVERGED if self.fix_verdict == "diverged" else sentences.FIXES_OVERCONFIDENT
+            factor = figure(self.fix_factor)
+            return (told.format(factor=factor, refused=self.refused, count=self.fixes, or_aids=self._or_aids), *of_aids)
         position = self.groups["position"]
         if position.below and not models_slow_errors:
-            return (
-                f"positions scatter less than their sigmas say (mean NIS {position.mean:.2g}): their sigmas are too large, or "
-                "part of their error is slow. A slow error does not average out: the position may then be wrong by the whole "
-                "sigma of a fix, whatever the filter states",
-                *of_aids,
-            )
+            return (sentences.SLOW.format(mean=f"{position.mean:.2g}"), *of_aids)
         return of_aids
 
 
 def _aid_note(id: str, aid: AidHealth, causes: str) -> str:
-    look = f". Look at {causes}" if causes else ""
-    return (
-        f"{id} does not fit the filter ({aid.verdict}): its innovations are {figure(aid.factor)} times as large as stated, and "
-        f"{aid.refused} of its {aid.measurements} measurements were refused. The errors may exceed the stated sigmas{look}"
+    told = sentences.AID.format(
+        id=id, verdict=aid.verdict, factor=figure(aid.factor), refused=aid.refused, count=aid.measurements
     )
+    return told + (sentences.CAUSES.format(causes=causes) if causes else "")
+
+
+def models_slow_errors(parameters: Mapping[str, Any]) -> bool:
+    """Whether a filter with these parameters (by row name) models slow errors of the fixes."""
+    return bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
 
 
 def health(outputs: Mapping[str, Array]) -> Health | None:
@@ -201,11 +198,11 @@ def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:
 
 
 def _called(verdict: Verdict, factor: float) -> str:
-    return verdict if verdict == "consistent" else f"{verdict}, factor {figure(factor)}"
+    return verdict if verdict == "consistent" else sentences.CALLED.format(verdict=verdict, factor=figure(factor))
 
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
     called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
     share = 100 * refused / count
     shown = f"{share:.2g}" if share < 99.5 else "100"
-    return f"{called}: {shown} % of {count} {what} refused, {nis.text}"
+    return sentences.SUMMARY.format(called=called, share=shown, count=count, what=what, nis=nis.text)

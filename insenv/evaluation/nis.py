@@ -26,6 +26,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from insenv.evaluation import sentences
 from insenv.evaluation.chi_square import quantile
 
 Array = NDArray[np.float64]
@@ -78,14 +79,16 @@ class Nis:
     @property
     def text(self) -> str:
         """The mean with its bounds."""
-        return f"NIS {figure(self.mean)} ({self.low:.3g} to {self.high:.3g})" if self.mean >= 0 else "none used"
+        if not self.mean >= 0:
+            return sentences.NONE_USED
+        return sentences.NIS.format(mean=figure(self.mean), low=f"{self.low:.3g}", high=f"{self.high:.3g}")
 
     @property
     def qualified(self) -> str:
         """What the verdict "consistent" means where the mean is outside the bounds; empty inside."""
         if self.mean < self.low:
-            return ", innovations smaller than stated"
-        return f" within {100 * (NOTABLE - 1):.0f} % of sigma" if self.mean > self.high else ""
+            return sentences.SMALLER
+        return sentences.WITHIN.format(percent=f"{100 * (NOTABLE - 1):.0f}") if self.mean > self.high else ""
 
 
 @dataclass(frozen=True)

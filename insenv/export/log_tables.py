@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.logs.readings import Readings
+from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -38,6 +39,7 @@ IMU: dict[str, Any] = {
     "accel_unit": "m/s",
     "axes": "FRD",
 }
+_TEMPERATURE = {"temperature": "temperature_degc"}
 GNSS: dict[str, Any] = {
     **_TIME,
     **_PLACE,
@@ -56,6 +58,11 @@ INSTRUMENTS: dict[str, dict[str, Any]] = {
 }
 _BASELINE = {"baseline": [f"baseline_{axis}_m" for axis in ("north", "east", "down")]}
 _ATTITUDE: dict[str, Any] = {"roll": "roll_rad", "pitch": "pitch_rad", "heading": "heading_rad", "attitude_unit": "rad"}
+
+
+def imu_keys(log: RecordedLog) -> dict[str, Any]:
+    """The keys of [imu] for the columns of `imu_columns`."""
+    return {**IMU, **(_TEMPERATURE if log.temperature is not None else {})}
 
 
 def gnss_keys(fixes: GnssFixes) -> dict[str, Any]:
@@ -81,12 +88,15 @@ def reference_keys(reference: Reference) -> dict[str, Any]:
 def imu_columns(log: RecordedLog) -> Columns:
     """The samples that the log has: those that were interpolated are left out."""
     own = ~log.bridged
-    return {
+    columns = {
         "time_s": log.imu_time[own],
         "interval_s": log.dt[own],
         **_vector(IMU["gyro"], log.delta_angle[own]),
         **_vector(IMU["accel"], log.delta_velocity[own]),
     }
+    if log.temperature is not None:  # the difference is exact, so that reading gives the same kelvins
+        columns["temperature_degc"] = log.temperature[own] - ZERO_CELSIUS
+    return columns
 
 
 def gnss_columns(fixes: GnssFixes) -> Columns:

@@ -22,12 +22,14 @@ from insenv.export.angles import degrees_of
 from insenv.export.text_log import file_of
 from insenv.instruments import INSTRUMENTS
 from insenv.logs import GnssFixes, LogDescription, RecordedLog, Reference
+from insenv.logs.build import COLDEST, HOTTEST
 from insenv.logs.inertial import Gaps
 from insenv.logs.instrument_sections import SECTIONS
 from insenv.logs.readings import Readings
 from insenv.plant.feeding import bridge_lost, chunks
 from insenv.scenario import Plant, ScenarioLike, build, load
 from insenv.sensors.imu_section import FIGURES
+from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]
 
@@ -73,12 +75,13 @@ def _log(plant: Plant, columns: Mapping[str, Array]) -> RecordedLog:
         delta_velocity=columns["delta_velocity"],
         dt=np.full(len(time), plant.sample_interval),
         bridged=lost,
+        temperature=columns["imu_temperature"] if _has_place(columns) else None,
         gaps=_gaps(time, lost, plant.sample_interval),
         gnss=gnss if gnss is not None and len(gnss.time) else None,
         lever_arm_b=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
         reference=reference,
         sources=(),
-        notes=(*scenario.notes, *_left_out(plant)),
+        notes=(*scenario.notes, *_left_out(plant, columns)),
         description=LogDescription.model_validate(_description(plant, gnss, readings, reference)),
         unit=scenario.imu.rows(scenario.rate_hz),
         instruments=tuple(each for each in readings if len(each.time)),
@@ -117,9 +120,16 @@ def _readings(id: str, columns: Mapping[str, Array]) -> Readings:
     return Readings(id, id, arrival - age, values, given.values, arrival, age)
 
 
-def _left_out(plant: Plant) -> list[str]:
+def _has_place(columns: Mapping[str, Array]) -> bool:
+    """Whether a log takes the temperatures of the unit."""
+    celsius = columns["imu_temperature"] - ZERO_CELSIUS
+    return bool(celsius.min() >= COLDEST and celsius.max() <= HOTTEST)
+
+
+def _left_out(plant: Plant, columns: Mapping[str, Array]) -> list[str]:
     """Notes on sensors that the format of a log does not have."""
     others = [id for id in plant.scenario.sensors if id != "gnss" and id not in INSTRUMENTS]
+    others += [] if _has_place(columns) else [f"temperatures of the unit beyond {COLDEST:g} to {HOTTEST:g} deg C"]
     return [f"the format of a log has no place for: {', '.join(others)}"] if others else []
 
 

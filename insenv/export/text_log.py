@@ -9,11 +9,13 @@ from insenv.export import log_tables
 from insenv.export.toml_text import toml_text
 from insenv.logs import LogDescription, RecordedLog
 from insenv.logs.columns import FileSection, MeasurementSection
-from insenv.logs.description import GnssSection, ImuSection, ReferenceSection, columns_of
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, ReferenceSection, columns_of
 from insenv.logs.instrument_sections import SECTIONS
 
 _AS_READ = {
     *MeasurementSection.model_fields,
+    *SLOPES,
+    "temperature_reference_degc",  # the samples are without these errors
     *("gyro_unit", "accel_unit", "kind", "stamp", "axes", "accel_axes", "gyro_scale", "accel_scale"),
     *("position_unit", "height_offset_m", "velocity_vertical", "position_sigma_m", "velocity_sigma_mps", "speed_unit"),
     *("course_unit", "speed_sigma_mps", "attitude_unit", "field_unit", "azimuth_unit", "azimuth_sigma_deg"),
@@ -34,7 +36,7 @@ def texts(log: RecordedLog, name: str) -> dict[str, str]:
     tables = log_tables.tables(log)
     if len(tables["imu"]["time_s"]) < 3:
         raise InputError(f"{log.description.title}: {len(tables['imu']['time_s'])} samples: a log has 3 or more")
-    keys: dict[str, dict[str, Any]] = {"imu": log_tables.IMU}
+    keys: dict[str, dict[str, Any]] = {"imu": log_tables.imu_keys(log)}
     if log.gnss is not None:
         keys["gnss"] = log_tables.gnss_keys(log.gnss)
     for each in log.instruments:

@@ -30,7 +30,7 @@ _CAUSALITY = {  # of numbers; Booleans cannot be continuous
 """Causality, variability and initial.  Inputs are sampled too, but importers are slow with inputs declared discrete."""
 
 TERMINALS = {
-    "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid"),
+    "imu": ("delta_angle", "delta_velocity", "dt", "imu_valid", "imu_temperature"),
     "gnss": ("gnss_",),
     **{id: (f"{id}_",) for id in INSTRUMENTS},
     "command": ("command_",),

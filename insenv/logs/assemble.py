@@ -135,7 +135,7 @@ def check_columns(section: Mapping[str, Any], keys: Sequence[str], folder: Path)
     """
     files = section.get("file")
     files = [files] if isinstance(files, str) else files
-    if section.get("format", "csv") != "csv" or not isinstance(files, list) or not all(isinstance(f, str) for f in files):
+    if section.get("format", "csv") != "csv" or not isinstance(files, list) or not all(isinstance(f, str) and f for f in files):
         return
     layout: dict[str, Any] = {}
     if isinstance(section.get("header_rows"), int):

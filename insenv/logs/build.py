@@ -17,11 +17,11 @@ from insenv.instruments import INSTRUMENTS
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.course import fixes_from_course
-from insenv.logs.description import GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
+from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
 from insenv.logs.faults import Faults
 from insenv.logs.inertial import InertialSamples, implausible, increments
 from insenv.logs.motion import rest_until
-from insenv.logs.readers import TextTable
+from insenv.logs.readers import Column, TextTable
 from insenv.logs.readings import Readings
 from insenv.logs.recorded import GnssFixes, RecordedLog, Reference
 from insenv.logs.repeats import repeats
@@ -31,7 +31,7 @@ from insenv.sensors import units
 from insenv.sensors.contract import Place
 from insenv.sensors.thermal import without_thermal_errors
 
-_COLDEST, _HOTTEST = -100.0, 200.0
+COLDEST, HOTTEST = -100.0, 200.0
 """Temperatures of a unit, deg C: beyond them the column has another unit."""
 _LONGEST = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
@@ -121,24 +121,29 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
         stamps, samples, sampled, section.kind, section.stamp, section.max_gap_s, covered=covered, lengths=lengths
     )
     if section.temperature is not None:
-        found = _compensated(section, table, stamps, found, reader.notes)
+        celsius = _temperature(section.temperature, table, stamps, found.imu_time)
+        found = replace(found, temperature=np.asarray(units.deg_c_to_k(celsius)))
+        if any(np.any(getattr(section, slope)) for slope in SLOPES):
+            found = _compensated(section, celsius, found, reader.notes)
     reader.notes += implausible(found)
     return found
 
 
-def _compensated(
-    section: ImuSection, table: TextTable, stamps: Array, samples: InertialSamples, notes: list[str]
-) -> InertialSamples:
-    """The samples without the calibrated thermal errors, by the log's own temperature.  Raises `InputError`."""
-    assert section.temperature is not None
-    celsius = table.column(section.temperature)
-    bad = np.flatnonzero((celsius < _COLDEST) | (celsius > _HOTTEST))
+def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -> Array:
+    """Temperature (n,) deg C of the unit at times (n,), s.  Raises `InputError` for one that no unit has."""
+    celsius = table.column(column)
+    bad = np.flatnonzero((celsius < COLDEST) | (celsius > HOTTEST))
     if bad.size:
         raise InputError(
-            f"{table.where(bad[0])}, column {section.temperature!r}: temperature is {celsius[bad[0]]:g} deg C, allowed"
-            f" {_COLDEST:g} to {_HOTTEST:g}"
+            f"{table.where(bad[0])}, column {column!r}: temperature is {celsius[bad[0]]:g} deg C, allowed"
+            f" {COLDEST:g} to {HOTTEST:g}"
         )
-    warmth = np.interp(samples.imu_time, stamps, celsius) - section.temperature_reference_degc
+    return np.interp(time, stamps, celsius)
+
+
+def _compensated(section: ImuSection, celsius: Array, samples: InertialSamples, notes: list[str]) -> InertialSamples:
+    """The samples without the calibrated thermal errors, by the log's own temperature (n,), deg C."""
+    warmth = celsius - section.temperature_reference_degc
 
     def cleaned(increments: Array, C_bs: Array, bias_slope: Any, scale_slope: Any) -> Array:
         sensed: Array = np.linalg.solve(C_bs, increments.T).T.astype(np.float64)

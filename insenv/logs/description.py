@@ -23,6 +23,7 @@ from insenv.logs.instrument_sections import (
 )
 from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
+from insenv.sensors.bounds import largest
 from insenv.sensors.grade_file import grade_of
 
 
@@ -33,8 +34,15 @@ def _check_grade(value: str) -> str:
 
 
 Grade = Annotated[str, AfterValidator(_check_grade)]
-Slope = Annotated[Signed, within(-1e6, 1e6)]
-ScaleSlope = Annotated[Signed, within(-1000.0, 1000.0)]
+
+
+def _up_to(unit: str) -> AfterValidator:
+    return within(-largest(unit), largest(unit))
+
+
+GyroSlope = Annotated[Signed, _up_to("deg/h/K")]
+AccelSlope = Annotated[Signed, _up_to("ug/K")]
+ScaleSlope = Annotated[Signed, _up_to("ppm/K")]
 SLOPES = (
     "gyro_temperature_slope_deg_h_k", "gyro_scale_factor_slope_ppm_k",
     "accel_temperature_slope_ug_k", "accel_scale_factor_slope_ppm_k",
@@ -94,13 +102,13 @@ class ImuSection(FileSection):
     interval: Column | None = key(
         None, "column of the length of the interval that each sample covers [s]; absent: from the time stamps"
     )
-    gyro_temperature_slope_deg_h_k: Slope = key(
+    gyro_temperature_slope_deg_h_k: GyroSlope = key(
         (0.0, 0.0, 0.0), "calibrated bias of the gyros per kelvin, x, y, z of the sensor: taken off the samples", "deg/h/K"
     )
     gyro_scale_factor_slope_ppm_k: ScaleSlope = key(
         (0.0, 0.0, 0.0), "calibrated scale factor of the gyros per kelvin: taken off the samples", "ppm/K"
     )
-    accel_temperature_slope_ug_k: Slope = key(
+    accel_temperature_slope_ug_k: AccelSlope = key(
         (0.0, 0.0, 0.0), "calibrated bias of the accelerometers per kelvin: taken off the samples", "ug/K"
     )
     accel_scale_factor_slope_ppm_k: ScaleSlope = key(
@@ -108,7 +116,7 @@ class ImuSection(FileSection):
     )
     temperature_reference_degc: Number = key(20.0, "temperature at which these errors are 0", "deg C", ge=-100, le=200)
     temperature: Column | None = key(
-        None, "column of the temperature of the unit [deg C], for the calibrated slopes", validate_default=True
+        None, "column of the temperature of the unit [deg C]; the calibrated slopes need it", validate_default=True
     )
     max_gap_s: Number = key(
         1.0, "a longer gap in the samples is an error; shorter ones are interpolated and counted", "s", ge=0, le=60
@@ -151,8 +159,6 @@ class ImuSection(FileSection):
         given = [name for name in SLOPES if np.any(info.data.get(name, 0.0))]
         if given and value is None:
             raise ValueError(f"must be given with {' and '.join(given)}: the column of the temperature [deg C]")
-        if value is not None and not given and all(name in info.data for name in SLOPES):
-            raise ValueError(f"has no effect without a calibrated slope: give {', '.join(SLOPES[:-1])} or {SLOPES[-1]}")
         return value
 
     @field_validator("interval")

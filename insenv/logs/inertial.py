@@ -6,7 +6,7 @@ between the rates on both sides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,7 +33,8 @@ class InertialSamples:
     """Increments in body axes (FRD).
 
     imu_time (n,) s: end of each sample interval; delta_angle (n, 3) rad and delta_velocity (n, 3) m/s: increments over the
-    interval; dt (n,) s: its length; bridged (n,): True for interpolated samples; gaps: where those are.
+    interval; dt (n,) s: its length; bridged (n,): True for interpolated samples; gaps: where those are; temperature (n,) K: of
+    the unit, None if the log does not have it.
     """
 
     imu_time: Array
@@ -42,6 +43,7 @@ class InertialSamples:
     dt: Array
     bridged: np.ndarray
     gaps: Gaps
+    temperature: Array | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,11 @@ def within(runs: int) -> str:
     return f"rms/limit of an optimal estimator over {runs} run{'s' if runs > 1 else ''}: {low:.2f} to {high:.2f} (95 %)"
 
 
+def since(from_s: float) -> str:
+    """The time of the statistics of several runs, in words."""
+    return "over the whole runs" if from_s <= 0 else f"from {from_s:g} s on"
+
+
 ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
 
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from insenv.core.runner import Runner, make_runner
 from insenv.errors import InsenvError
 from insenv.estimators import Estimator
-from insenv.evaluation.health import Health, health
+from insenv.evaluation import sentences
+from insenv.evaluation.health import Health, health, models_slow_errors
 from insenv.plant.feeding import input_rows
 
 Array = NDArray[np.float64]
@@ -87,9 +88,7 @@ class Follower:
         if not self.estimator.reports_health:
             return told
         if self.estimator.reports_fixes and (found is None or not found.fixes):
-            others = " and the other aids" if found is not None else " alone"
-            told = (*told, f"no fix came: the estimate is that of the inertial unit{others}")
+            told = (*told, sentences.NO_FIX if found is None else sentences.NO_FIX_BUT_AIDS)
         if found is None:
             return told
-        slow = bool(np.any(parameters.get("fix_wander_sigma", 0.0)))
-        return (*told, *found.notes(slow, self.estimator.causes))
+        return (*told, *found.notes(models_slow_errors(parameters), self.estimator.causes))

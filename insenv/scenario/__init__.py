@@ -6,7 +6,7 @@ runner = make_runner(plant.model, plant.parameters)
 
 from insenv.scenario.build import KNOWLEDGE_STREAM, Plant, build, plant_of, reported_attitude, reseeded, start_errors
 from insenv.scenario.description import Scenario
-from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries
+from insenv.scenario.files import ScenarioLike, json_schema, load, names, parse, summaries, with_settings
 from insenv.scenario.limits import limit, limit_along, limit_of, no_limit, prior_of
 from insenv.scenario.tuning import tuning
 
@@ -31,4 +31,5 @@ __all__ = [
     "start_errors",
     "summaries",
     "tuning",
+    "with_settings",
 ]

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from insenv.errors import LISTED, InputError, nearest
-from insenv.estimators import registry
+from insenv.estimators import Estimator, registry
 from insenv.files.resources import scenario_folder
 from insenv.files.toml import read_toml, shown, validated
 from insenv.scenario.build import plant_of
 from insenv.scenario.description import Scenario, scenario_class
 from insenv.scenario.kinds import is_log, is_scenario
+from insenv.scenario.tuning import Settings, setting_rows
 from insenv.sensors.grade_file import beside
 
 
@@ -59,6 +60,21 @@ def load(scenario: ScenarioLike) -> Scenario:
             f"{path}: describes a recorded log and is no scenario: `insenv replay {path} -e ID` runs estimators on it"
         )
     return parse(beside(beside(data, path.parent, "imu"), path.parent, "vehicle", key="file"), str(path), path.stem)
+
+
+def with_settings(scenario: ScenarioLike, settings: Settings | None, estimators: Sequence[str | Estimator]) -> Scenario:
+    """The scenario with parameters by estimator id, as of `insenv.run`, in its tables [estimator.ID].
+
+    Raises `InputError` as `load`, and for settings that are wrong or of an estimator that is not among `estimators`.
+    """
+    loaded = load(scenario)
+    setting_rows(settings, registry.get_all(estimators))
+    if not settings:
+        return loaded
+    values = loaded.stated()
+    for id, own in settings.items():
+        values["estimator"][id] = {**values["estimator"].get(id, {}), **own}
+    return parse(values, loaded.name or "scenario", loaded.name)
 
 
 def parse(data: dict[str, Any], label: str = "scenario", name: str = "") -> Scenario:

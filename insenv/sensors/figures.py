@@ -18,11 +18,9 @@ from insenv.core.tables import Table
 from insenv.errors import nearest
 from insenv.files.toml import Number, Section, key
 from insenv.files.values import PerAxis, Window, one_of, within
+from insenv.sensors.bounds import largest
 from insenv.sensors.contract import SensorSection
 from insenv.sensors.sampled import OUTAGES, check_times
-
-LARGEST = 1e9
-"""Bound of every figure, in its data-sheet unit."""
 
 
 def _same(value: Any) -> Any:
@@ -89,12 +87,13 @@ def figures_section(
     for each, figure in figures.items():
         row = parameters[figure.row]
         meaning = f"{row.meaning[0].lower()}{row.meaning[1:]}; the grade's if absent"
-        lowest = 0.0 if row.lower >= 0.0 else -LARGEST
+        most = min(largest(figure.unit), row.upper / figure.convert(1.0))
+        lowest = 0.0 if row.lower >= 0.0 else -most
         if figure.vector:
-            keys[each] = (Annotated[PerAxis, within(lowest, LARGEST)] | None, key(None, meaning, figure.unit))
+            keys[each] = (Annotated[PerAxis, within(lowest, most)] | None, key(None, meaning, figure.unit))
         else:
             limits = {"gt": 0.0} if row.lower > 0.0 else {"ge": lowest}
-            keys[each] = (Number | None, key(None, meaning, figure.unit, le=LARGEST, **limits))
+            keys[each] = (Number | None, key(None, meaning, figure.unit, le=most, **limits))
     made = create_model(name, __base__=FiguresSection, **keys)
     made.grades, made.figures = grades, figures
     return made

@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 from insenv.files.toml import Number, key
 from insenv.files.values import PerAxis, within
+from insenv.sensors.bounds import largest
 from insenv.sensors.grades import CONVERSIONS, ImuGrade
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
-LARGEST = 1e9
-"""Bound of every value, in its data-sheet unit."""
 WHITE = ("gyro_white_deg_h", "accel_white_ug")
 """Values of white noise that belong to a sample rate."""
 WAYS = (("gyro_arw_deg_sqrt_h", "gyro_white_deg_h"), ("accel_vrw_ug_sqrt_hz", "accel_vrw_m_s_sqrt_h", "accel_white_ug"))
@@ -36,12 +35,13 @@ def figure_key(figure: str, otherwise: str) -> tuple[Any, Any]:
     else:
         row = IMU_PARAMETERS[CONVERSIONS[figure][0]]
         what, lower = row.meaning, row.lower
-    limits: dict[str, float] = {"le": LARGEST, "ge": -LARGEST} if lower < 0.0 else {"le": LARGEST, "ge": 0.0}
+    most = largest(unit_of(figure))
+    limits: dict[str, float] = {"le": most, "ge": -most if lower < 0.0 else 0.0}
     if "_range_" in figure or "_time_" in figure:
-        limits = {"le": LARGEST, "gt": 0.0}
+        limits = {"le": most, "gt": 0.0}
     meaning = f"{what[0].lower()}{what[1:]}; {otherwise} if absent"
     if figure in ("gyro_bias_deg_h", "accel_bias_ug"):
-        return Annotated[PerAxis, within(-LARGEST, LARGEST)] | None, key(None, meaning, unit_of(figure))
+        return Annotated[PerAxis, within(-most, most)] | None, key(None, meaning, unit_of(figure))
     return Number | None, key(None, meaning, unit_of(figure), **limits)
 
 

@@ -6,6 +6,7 @@ Its binary code runs with the rights of the user: use FMUs that you trust.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,12 +14,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from insenv.attitude.numeric import to_euler
+from insenv import attitude
 from insenv.errors import InputError, nearest
 from insenv.files.toml import Number, Positive, Section, key
 from insenv.tracks.points import Points, checked
+from insenv.tracks.quaternion_order import ORDERS, contradictions, other_order
 from insenv.tracks.section import RecordedFile, knot_interval, spacing
-from insenv.tracks.shape import Shape, check_velocity, shaped
+from insenv.tracks.shape import Shape, check_velocity, motion, shaped
 
 
 def _names(count: str, number: int) -> BeforeValidator:
@@ -46,7 +48,10 @@ class Outputs(Section):
     roll: str | None = key(None, "roll; with pitch and heading, or none of them")
     pitch: str | None = key(None, "pitch")
     heading: str | None = key(None, "heading, clockwise from north")
-    quaternion: _Four | None = key(None, "quaternion from body to north-east-down, scalar first, instead")
+    quaternion: _Four | None = key(None, "quaternion from body to north-east-down, instead")
+    quaternion_order: Literal["wxyz", "xyzw"] | None = key(
+        None, "whether its scalar w comes first or last; absent: first, and refused where the motion contradicts that"
+    )
     position_unit: Literal["deg", "rad"] = key("rad", "unit of latitude and longitude")
     angle_unit: Literal["deg", "rad"] = key("rad", "unit of roll, pitch and heading")
 
@@ -55,6 +60,8 @@ class Outputs(Section):
         given = [each for each in (self.roll, self.pitch, self.heading) if each is not None]
         if len(given) not in (0, 3) or (given and self.quaternion is not None):
             raise ValueError("allowed are roll, pitch and heading, or quaternion, or none of them")
+        if self.quaternion_order is not None and self.quaternion is None:
+            raise ValueError(f"quaternion_order = {self.quaternion_order!r} has no effect without quaternion")
         return self
 
 
@@ -84,7 +91,37 @@ def _shape(text: str) -> Shape:
     shape = shaped(points, knot_interval(section.knot_s, spacing(points), points), section.smoothing_m, section.bank)
     if points.velocity is not None:
         check_velocity(points, shape, section.max_contradiction_mps)
-    return shape
+    return shape if section.outputs.quaternion is None else _in_order(section, points, shape)
+
+
+def _in_order(section: FmuSection, points: Points, shape: Shape) -> Shape:
+    """The shape, with a note if the motion contradicts a stated order.  Raises `InputError` if it contradicts the usual one."""
+    stated = section.outputs.quaternion_order
+    order = stated or "wxyz"
+    assert points.attitude is not None
+    q_nb = attitude.numeric.from_euler(*points.attitude.T)
+    found = contradictions(q_nb, order, motion(points, shape, 1), motion(points, shape, 2))
+    other = other_order(found, order)
+    if other is None:
+        return shape
+    said = (
+        f"the attitude contradicts the motion by {np.degrees(found[order]):.0f} deg on average with the scalar of the "
+        f"quaternion {ORDERS[order]}, by {np.degrees(found[other]):.0f} deg with it {ORDERS[other]}"
+    )
+    if stated is None:
+        raise InputError(
+            f"{points.label}: {said}: state vehicle.outputs.quaternion_order = {other!r}, or {order!r} if the vehicle moves so"
+        )
+    return replace(shape, notes=(*shape.notes, f"{said}: is vehicle.outputs.quaternion_order = {order!r} right?"))
+
+
+def _failed(description: Any, step_s: float, said: str) -> str:
+    """What to say of an FMU that failed: its step where step_s is no multiple of it, or else what the FMU said itself."""
+    experiment = description.defaultExperiment
+    own = float((experiment.stepSize if experiment is not None else None) or 0.0)
+    if own > 0.0 and abs(step_s / own - max(round(step_s / own), 1)) > 1e-6:
+        return f"the FMU failed with vehicle.step_s = {step_s:g} s: allowed is a whole multiple of its own step, {own:g} s"
+    return f"the FMU failed: {said}"
 
 
 def _run(section: FmuSection) -> Points:
@@ -95,12 +132,16 @@ def _run(section: FmuSection) -> Points:
     path, names = Path(section.file), section.outputs
     place, velocity = [names.latitude, names.longitude, names.height], list(names.velocity or ())
     angles = [each for each in (names.roll, names.pitch, names.heading) if each is not None]
-    attitude = angles or list(names.quaternion or ())
+    elements = list(names.quaternion or ())
+    if names.quaternion_order == "xyzw":
+        elements = [*elements[3:], *elements[:3]]
     try:
-        known = [variable.name for variable in fmpy.read_model_description(str(path), validate=False).modelVariables]
+        description = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:  # of whatever kind: the file is anybody's
         raise InputError(f"{path}: no FMU: {error}") from None
-    outputs = (*place, *velocity, *attitude)
+    known = [variable.name for variable in description.modelVariables]
+    said: list[str] = []
+    outputs = (*place, *velocity, *angles, *elements)
     for name in (*outputs, *section.parameters):
         if name not in known and name.partition("[")[0] not in known:
             raise InputError(f"{path}: no variable {name!r}{nearest(name, known, 'fmpy info')}")
@@ -113,9 +154,10 @@ def _run(section: FmuSection) -> Points:
             start_values=dict(section.parameters),
             output=whole,
             validate=False,
+            logger=lambda *given: said.append(given[-1].decode("utf-8", "replace").strip()),
         )
     except Exception as error:
-        raise InputError(f"{path}: the FMU failed: {error}") from None
+        raise InputError(f"{path}: {_failed(description, section.step_s, said[-1] if said else str(error))}") from None
 
     def column(name: str) -> Any:
         if name in found.dtype.names:
@@ -133,9 +175,9 @@ def _run(section: FmuSection) -> Points:
     euler = None
     if angles:
         euler = np.column_stack([column(name) for name in angles]) * turned
-    elif attitude:
-        q_nb = np.column_stack([column(name) for name in attitude])
-        euler = np.column_stack(to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
+    elif elements:
+        q_nb = np.column_stack([column(name) for name in elements])
+        euler = np.column_stack(attitude.numeric.to_euler(q_nb / np.linalg.norm(q_nb, axis=1)[:, None]))
     north, east, up = (column(name) for name in place)
     moving = np.column_stack([column(name) for name in velocity]) if velocity else None
     return Points(str(path), np.asarray(found["time"], dtype=np.float64), north * degrees, east * degrees, up, euler, moving)

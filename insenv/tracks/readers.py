@@ -20,6 +20,8 @@ from insenv.tracks.points import Points
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+    from insenv.logs import RecordedLog
+
 Column = str | int
 Rows = list[tuple[float, float, float, float]]
 """Time s, latitude deg, longitude deg, height m or NaN."""
@@ -244,10 +246,17 @@ def _log(path: Path, columns: Columns) -> Points:
         if known.roll is not None and known.pitch is not None and known.heading is not None:
             attitude = np.column_stack([known.roll, known.pitch, known.heading])
         place = (known.latitude, known.longitude, known.height)
-        return Points(str(path), known.time, *place, attitude)
+        return Points(str(path), known.time, *place, attitude, notes=_notes(log, "reference"))
     if log.gnss is None:
         raise InputError(f"{path}: the log has neither a reference with positions nor fixes, and so no track")
-    return Points(str(path), log.gnss.time, log.gnss.latitude, log.gnss.longitude, log.gnss.height)
+    fixes = log.gnss
+    return Points(str(path), fixes.time, fixes.latitude, fixes.longitude, fixes.height, notes=_notes(log, "gnss"))
+
+
+def _notes(log: RecordedLog, section: str) -> tuple[str, ...]:
+    """What the log notes on the table that is the track, as rows that are left out."""
+    begins = (f"{section}:", *(f"{source.file}:" for source in log.sources if source.section == section))
+    return tuple(note for note in log.notes if note.startswith(begins))
 
 
 def _run(path: Path, columns: Columns) -> Points:

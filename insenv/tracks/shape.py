@@ -64,10 +64,15 @@ def _per_rate(latitude: Array, height: Array) -> Array:
     return np.column_stack([R_M + height, (R_N + height) * np.cos(latitude), -np.ones_like(height)])
 
 
+def motion(points: Points, shape: Shape, derivative: int) -> Array:
+    """Velocity (derivative 1) or acceleration (2) of the track at its points (n, 3): north, east, down, m and s."""
+    return shape.spline.at(points.time, derivative)[:, :3] * _per_rate(points.latitude, points.height)
+
+
 def check_velocity(points: Points, shape: Shape, largest: float) -> None:
     """Raise `InputError` where the velocities of the points are not those of the track; largest: difference allowed, m/s."""
     assert points.velocity is not None
-    own = shape.spline.at(points.time, 1)[:, :3] * _per_rate(points.latitude, points.height)
+    own = motion(points, shape, 1)
     apart = np.abs(own - points.velocity)
     at, axis = np.unravel_index(int(np.argmax(apart)), apart.shape)
     if apart[at, axis] > largest:

@@ -32,6 +32,9 @@ WEIGHTS = tuple(10.0 ** np.arange(-12.0, 8.1, 0.5))
 """Weights of the jerk that are tried."""
 MARGIN = 1.002
 """With derivatives, what the spline leaves of the points at most, over what it leaves without a penalty."""
+REACHED, ROUNDING = 1.05, 1e-10
+"""The least standard deviation that a spline is fitted to, over what it leaves without a penalty and over the range of the
+values.  Below, a few points or rounding alone decide the control points at the ends, and the spline rings there."""
 
 
 def _basis() -> Array:
@@ -88,8 +91,8 @@ def smoothed(
 ) -> Spline:
     """The spline of measured values (m, columns).
 
-    weight (m,): of each time, 1 if None; sigma: standard deviation of the values; 0 meets them; None: found by
-    cross-validation.  rates (m, columns): measured derivatives; those times the interval count as the values do.
+    weight (m,): of each time, 1 if None; sigma: standard deviation of the values; 0 meets them as far as the knots can; None:
+    found by cross-validation.  rates (m, columns): measured derivatives; those times the interval count as the values do.
     """
     from scipy.linalg import cho_solve_banded  # 0.1 s, which a run without a track need not wait
 
@@ -112,9 +115,7 @@ def smoothed(
     factors = [found for weight in WEIGHTS if (found := system.factor(weight)) is not None]
     if not factors:
         raise InputError(f"a gap of {np.diff(time).max():.6g} s with knots every {interval:g} s: allowed is a shorter gap")
-    if sigma is None and rates is not None:
-        sigma = MARGIN * left(factors[0])[1]
-    if sigma is None:
+    if sigma is None and rates is None:
         probes = np.where(np.random.default_rng(0).random((len(time), 8)) < 0.5, -1.0, 1.0)
         probed = system.transposed(probes)
 
@@ -126,6 +127,9 @@ def smoothed(
         best = int(np.argmin([score(each) for each in factors]))
     else:
         fits = [left(each)[1] for each in factors]
+        sigma = (
+            MARGIN * fits[0] if sigma is None else max(sigma, REACHED * fits[0], ROUNDING * float(np.ptp(values, axis=0).max()))
+        )
         best = max(int(np.searchsorted(np.maximum.accumulate(fits), sigma)) - 1, 0)
     return Spline(left(factors[best])[0], interval, float(time[0]))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import pi
+from math import log, log1p, pi
 from typing import Any
 
 import casadi as ca
@@ -35,6 +35,33 @@ PARAMETERS = Table((
     Row("start_heading", "Heading at time 0", "rad"),
     Row("table_bandwidth", "Bandwidth of each axis", "rad/s", start=3.0, lower=1e-2, upper=60.0),
 ))  # fmt: skip
+
+
+SETTLED = 0.1 * pi / 180.0
+"""Angle from its command (rad) at which an axis counts as standing there."""
+
+
+def turning_time(turn: float, rate: float, sample_interval: float) -> float:
+    """Time (s) that an axis at rest takes to come within `SETTLED` of a command that is `turn` (rad) away.
+
+    rate: largest rate, rad/s; sample_interval: s.  With the bandwidth B the tracker gains the rate with the time constant
+    1 / (2 B), keeps it until it is 2 rate / B from the command, and comes to rest there with two poles at B.
+    """
+    bandwidth = log1p(PARAMETERS["table_bandwidth"].start * sample_interval) / sample_interval  # that of its sampled poles
+    turn, braking = abs(turn), 2.0 * rate / bandwidth
+    if turn <= SETTLED:
+        return 0.0
+    if turn <= braking:
+        return _rest(1.0, turn / SETTLED) / bandwidth
+    return (turn - braking) / rate + (0.5 + _rest(2.0, rate / (bandwidth * SETTLED))) / bandwidth
+
+
+def _rest(begin: float, ratio: float) -> float:
+    """The u at which (begin + u) exp(-u) ratio is 1, by iteration; 0 if it is less from the start."""
+    u = 0.0
+    for _ in range(60):
+        u = max(log((begin + u) * ratio), 0.0)
+    return u
 
 
 @lru_cache(maxsize=1)

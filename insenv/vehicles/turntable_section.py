@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import ceil, degrees, radians
 from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
 from insenv.vehicles.section import MAX_LEGS, StartSection, VehicleSection, in_legs
-from insenv.vehicles.three_axis_table import ANGLES, SCRIPT, three_axis_table
+from insenv.vehicles.three_axis_table import ANGLES, SCRIPT, three_axis_table, turning_time
 from insenv.vehicles.truth import Vehicle
 
 
@@ -39,7 +42,7 @@ class TurntableSection(VehicleSection):
         return three_axis_table()
 
     def check_interval(self, sample_interval: float) -> None:
-        """Raise `InputError` for a rate that turns the unit too far in a sample."""
+        """Raise `InputError` for a rate that turns the unit too far in a sample, and for a leg too short for its turn."""
         fastest = max((leg.rate_deg_s or 0.0 for leg in self.legs), default=0.0)
         turned = radians(fastest) * sample_interval
         if turned > LARGEST_TURN:
@@ -47,14 +50,33 @@ class TurntableSection(VehicleSection):
                 f"vehicle.legs: rate_deg_s = {fastest:g} turns by {turned:.2g} rad in a sample: allowed is {LARGEST_TURN} rad; "
                 "use a higher rate_hz"
             )
+        self._check_turns(sample_interval)
 
-    def rows(self, start: StartSection) -> dict[str, Any]:
-        """Parameter rows (SI)."""
+    def _check_turns(self, sample_interval: float) -> None:
+        """Raise `InputError` for a leg too short for its turn, also for the first one where it follows the last."""
+        legs = list(enumerate(self._table()[: len(self.legs)]))
+        before = np.zeros(len(ANGLES))
+        for number, leg in legs + legs[: self.repeat_legs]:
+            turns, before = np.abs(leg[1:4] - before), leg[1:4]
+            axis = int(np.argmax(turns))
+            needed = turning_time(float(turns[axis]), float(leg[4]), sample_interval)
+            if needed > leg[0]:
+                raise InputError(
+                    f"vehicle.legs[{number}]: duration_s = {leg[0]:g} is too short for {ANGLES[axis]}_deg = "
+                    f"{degrees(leg[1 + axis]):g}: a turn by {degrees(turns[axis]):g} deg at {degrees(leg[4]):g} deg/s takes "
+                    f"{ceil(10.0 * needed) / 10.0:g} s until the table stands"
+                )
+
+    def _table(self) -> NDArray[np.float64]:
         segments = []
         for leg in self.legs:
             turned = {name: getattr(leg, f"{name}_deg") for name in ANGLES} | {"rate": leg.rate_deg_s}
             segments.append({"duration": leg.duration_s} | {k: radians(v) for k, v in turned.items() if v is not None})
-        return {"segments": in_legs(lambda: SCRIPT.table(segments)), "segments_repeat": float(self.repeat_legs)}
+        return in_legs(lambda: SCRIPT.table(segments))
+
+    def rows(self, start: StartSection) -> dict[str, Any]:
+        """Parameter rows (SI)."""
+        return {"segments": self._table(), "segments_repeat": float(self.repeat_legs)}
 
 
 LARGEST_TURN = 0.2

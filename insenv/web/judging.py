@@ -1,7 +1,8 @@
-"""What a page needs to judge its estimators as `insenv.run` does: the rule of health, the limit, the time of the statistics."""
+"""What a page needs to judge its estimators as `insenv.run` does: rules, sentences, the limit, the time of the statistics."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ from insenv.core.progress import Progress
 from insenv.core.tables import Vector
 from insenv.estimators import Estimator
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
-from insenv.evaluation import nis
-from insenv.evaluation.errors import statistics_from
+from insenv.evaluation import nis, sentences
+from insenv.evaluation.chi_square import bound_polynomial
+from insenv.evaluation.errors import STEEP, TOO_SURE, statistics_from
+from insenv.evaluation.health import models_slow_errors
 from insenv.evaluation.limits import FLOOR, Limit
 from insenv.scenario import Plant, limit_of, no_limit
 from insenv.web.model import Member
@@ -20,10 +23,13 @@ LIMIT_TIMES = 300
 """Number of times at which the limit is shown."""
 
 
-def health_rule() -> dict[str, Any]:
-    """The figures of `insenv.evaluation.nis`, with which web/health.js judges."""
+def rule() -> dict[str, Any]:
+    """The figures and sentences of `insenv.evaluation`, with which web/health.js and web/judge.js judge."""
     return {
-        "probabilities": nis.PROBABILITIES,
+        "sentences": {name.lower(): text for name, text in vars(sentences).items() if name.isupper() and name[0] != "_"},
+        "too_sure": TOO_SURE,
+        "steep": STEEP,
+        "bounds": [bound_polynomial(probability) for probability in nis.PROBABILITIES],
         "blocks": nis.BLOCKS,
         "notable": nis.NOTABLE,
         "many": nis.MANY,
@@ -35,12 +41,27 @@ def health_rule() -> dict[str, Any]:
     }
 
 
-def health_rows(estimator: Estimator) -> dict[str, Any] | None:
-    """The outputs that tell its health: of fixes (None: it takes none) and of aids by id; None if it tells none."""
+def health_rows(estimator: Estimator, parameters: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The outputs that tell its health: of fixes (None: it takes none) and of aids by id; None if it tells none.
+
+    With them, what its notes need: whether it models slow errors with these parameters (by row name); causes by id of an aid.
+    """
     if not estimator.reports_health:
         return None
     aids = {id: aid_health(id) for id in reported_aids(estimator.model.outputs.names)}
-    return {"fixes": FIX_HEALTH.names if estimator.reports_fixes else None, "aids": aids}
+    fixes = FIX_HEALTH.names if estimator.reports_fixes else None
+    return {"fixes": fixes, "aids": aids, "slow": models_slow_errors(parameters), "causes": dict(estimator.causes)}
+
+
+def findings(estimator: Estimator, parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the end of its run may show with these parameters (by row name): of a row's elements place, middle and scale."""
+    found = []
+    for finding in estimator.to_find(parameters):
+        row = estimator.model.outputs[finding.row]
+        about, scale = (np.broadcast_to(values, (row.size,)).tolist() for values in (finding.about, finding.scale))
+        elements = [one for one in zip(range(row.size), about, scale, strict=True) if np.isfinite(one[2])]
+        found.append({"row": finding.row, "elements": elements, "limit": finding.limit, "sentence": finding.sentence})
+    return found
 
 
 def judged(member: Member, plant: Plant, every: int, limit: Limit | None) -> dict[str, Any]:

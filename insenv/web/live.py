@@ -18,11 +18,11 @@ from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
 from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
-from insenv.evaluation.errors import TOO_SURE
+from insenv.evaluation.errors import CHANNELS
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
-from insenv.report.page.of_run import EXPLAINED
-from insenv.report.tables import within
+from insenv.report.page.of_run import AXES, BIASES, EXPLAINED, MARKED, NAMES, unit_of
+from insenv.report.tables import label, within
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, no_limit
 from insenv.scenario.build import given_errors, start_normals, start_sigmas
 from insenv.scenario.choice import named_estimators
@@ -32,7 +32,7 @@ from insenv.scenario.tuning import Settings, setting_rows
 from insenv.tracks.fmu_section import FmuSection
 from insenv.tracks.section import RecordedSection
 from insenv.web.controls import Control, with_values
-from insenv.web.judging import health_rows, health_rule, judged, limit_along, limit_document
+from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
 from insenv.web.probing import Prober
 from insenv.web.start import known_vector, start_source, told_places
@@ -194,7 +194,8 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "channels": list(member.channels),
                 "stated": list(member.stated),
                 "settled": not member.estimator.too_short(told[member.prefix], plant.duration_s),
-                "health": health_rows(member.estimator),
+                "health": health_rows(member.estimator, told[member.prefix]),
+                "findings": findings(member.estimator, told[member.prefix]),
                 **judged(member, plant, live.every, limit),
                 "notes": _notes_of(member.estimator, told[member.prefix], plant.duration_s),
             }
@@ -207,8 +208,10 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         ],
         "controls": [_control(control) for control in live.controls],
         "limit": limit_document(limit, plant.duration_s),
-        "health": health_rule(),
-        "too_sure": TOO_SURE,
+        "rule": rule(),
+        "channels": {name: {"label": label(name), "title": NAMES[name], "unit": unit_of(name)} for name in CHANNELS},
+        "biases": {"rows": BIASES, "axes": AXES},
+        "marked": MARKED,
         "explained": EXPLAINED | {"within": f"{within(1)}."},
         "notes": _notes(plant),
     }

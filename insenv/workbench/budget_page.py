@@ -17,7 +17,7 @@ from insenv.report.tables import label, number
 from insenv.workbench.budget_presentation import GROUPS, budget_rows, facts, left_out, ranked, sentences
 from insenv.workbench.budget_result import Array, Budget
 
-SOURCES, ALL, OTHERS, METHOD = (0, 1, 2, 3, 4, 5, 7, 8), 6, 9, 10
+SOURCES, ALL, OTHERS, METHOD = (0, 1, 2, 3, 4, 5, 7, 8, 9, 10), 6, 11, 12
 """Groups of curves: of the sources with a colour of their own, the error with all sources, the other sources, the method."""
 OPAQUE = 4.5
 """Strength of bands that do not overlap."""

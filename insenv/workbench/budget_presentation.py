@@ -12,7 +12,7 @@ from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.tables import number, table_of
+from insenv.report.tables import number, since, table_of
 from insenv.style import save
 from insenv.workbench.budget_result import Array, Budget
 
@@ -25,7 +25,7 @@ SMALL = 1e-3
 """Share of the variance, in every channel of a table, below which a source is not listed."""
 NAMED = 10
 """Largest number of seeds that are printed."""
-SHOWN = 8
+SHOWN = 10
 """Largest number of sources that have a colour of their own; the others are one band."""
 
 
@@ -56,11 +56,10 @@ def budget_tables(found: Budget) -> Iterator[RenderableType]:
 
 def sentences(found: Budget) -> tuple[str, ...]:
     """What the lines and columns mean."""
-    start = "over the whole runs" if found.from_s <= 0 else f"from {found.from_s:g} s on"
     count = found.runs - len(found.diverged)
     low, high = ratio_bounds(count)
     return (
-        f"rms {start}: of the change by a source alone; w/o: of the error without",
+        f"rms {since(found.from_s)}: change by a source alone; w/o: error without it",
         "method: no source at all; interaction: the rest of all sources, run by run",
         f"rms of {count} runs over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )

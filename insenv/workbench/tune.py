@@ -27,13 +27,12 @@ from insenv.campaigns.plan import Plan, make_plan
 from insenv.core.batch import make_batch
 from insenv.core.progress import Progress, check_progress
 from insenv.errors import InputError
-from insenv.estimators import Estimator, get
+from insenv.estimators import Estimator
 from insenv.evaluation.errors import statistics_from
 from insenv.installing import need
 from insenv.plant.loop import PREFIX
-from insenv.scenario import ScenarioLike, limit_of, load, no_limit
-from insenv.scenario.files import parse
-from insenv.scenario.tuning import Settings, setting_rows
+from insenv.scenario import ScenarioLike, limit_of, no_limit, with_settings
+from insenv.scenario.tuning import Settings
 from insenv.workbench.tune_log import is_log, tune_log
 from insenv.workbench.tune_parameters import Parameter, tuned_parameters
 from insenv.workbench.tune_result import Channel, Tuning
@@ -44,6 +43,8 @@ Array = NDArray[np.float64]
 WEIGHT = 0.5
 """Weight of the consistency, as in the environment `insenv/Tuning-v0`."""
 MOST = 100_000
+RUNS, HELD_OUT = 8, 32
+"""Seeds of a scenario on which is sought and judged by default."""
 RESAMPLES = 1000
 """Bootstrap samples of the interval of the objective's change."""
 
@@ -110,8 +111,8 @@ def tune(
     source: ScenarioLike | str | Path,
     estimator: str | Estimator,
     *,
-    runs: int = 8,
-    held_out: int = 32,
+    runs: int | None = None,
+    held_out: int | None = None,
     keys: Sequence[str] | None = None,
     evaluations: int = 200,
     seed: int | None = None,
@@ -125,12 +126,12 @@ def tune(
     ----------
     source: a scenario, as of `insenv.run`; or the path of a log, or a loaded one, as of `insenv.replay`.
     estimator: an id or an `Estimator`.
-    runs: number of seeds on which factors are sought; held_out: number of further seeds on which they are judged.  Of a log:
-        its first half and its second.
+    runs: number of seeds on which factors are sought (None: `RUNS`); held_out: number of further seeds on which they are
+        judged (None: `HELD_OUT`).  Of a log its first half and its second serve.
     keys: parameters to tune, by their keys in [estimator.ID]; None: noises and gates that are not 0.
     evaluations: about how many sets of factors are tried.
     seed: first seed; None: the scenario's.
-    duration_s: instead of the scenario's, s.  A log allows neither of the two.
+    duration_s: instead of the scenario's, s.  A log allows none of these four.
     settings: parameters by estimator id from which tuning starts, as of `insenv.run`.
     progress: called with the numbers of evaluations done and in all.
 
@@ -139,20 +140,18 @@ def tune(
     """
     check_progress(progress)
     need("tuning", "cma", extra="workbench")
-    for name, value in (("runs", runs), ("held_out", held_out), ("evaluations", evaluations)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 2 <= value <= MOST:
-            raise InputError(f"{name} = {value!r}: allowed is a whole number from 2 to {MOST}")
+    _check(evaluations=evaluations)
     if is_log(source):
-        for option, asked in (("seed", seed), ("duration_s", duration_s)):
+        for option, asked in (("runs", runs), ("held_out", held_out), ("seed", seed), ("duration_s", duration_s)):
             if asked is not None:
-                raise InputError(f"{option} = {asked!r}: allowed with a scenario; a log is used as a whole")
+                raise InputError(
+                    f"{option} = {asked!r}: allowed with a scenario; a log is used as a whole, its first half for the "
+                    "search and its second for judging"
+                )
         return tune_log(source, estimator, keys, evaluations, settings, progress)
-    scenario = load(source)
-    setting_rows(settings, [get(estimator)])
-    values = scenario.model_dump(mode="json", warnings=False)
-    for id, own in (settings or {}).items():
-        values["estimator"][id] = {**values["estimator"].get(id, {}), **own}
-    begun = parse(values, scenario.name or "scenario", scenario.name)
+    runs, held_out = RUNS if runs is None else runs, HELD_OUT if held_out is None else held_out
+    _check(runs=runs, held_out=held_out)
+    begun = with_settings(source, settings, [estimator])
     plan = make_plan(begun, estimator, runs, first_seed=seed, duration_s=duration_s)
     other = make_plan(begun, estimator, held_out, first_seed=plan.first_seed + plan.runs, duration_s=duration_s)
     table = plan.chosen.model.parameters
@@ -187,6 +186,12 @@ def tune(
         consistency=_consistency(judging, first, second),
         notes=(*plan.notes, *_diverged(first, second), *found.notes),
     )
+
+
+def _check(**counts: object) -> None:
+    for name, value in counts.items():
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 2 <= value <= MOST:
+            raise InputError(f"{name} = {value!r}: allowed is a whole number from 2 to {MOST}")
 
 
 def _change(judging: Seeds, first: Measures, second: Measures) -> Estimate:

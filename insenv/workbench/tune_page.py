@@ -37,7 +37,7 @@ def tuning_page_document(found: Tuning) -> dict[str, Any]:
         "title": "Tuning" if found.is_better else "Tuning: no better than by chance, keep the present one",
         "facts": [f"sought on {found.trained_on}", f"judged on {found.judged_on}", f"{number(found.duration_s)} s"],
         "truth": "before",
-        "axis": {"name": "Generation", "unit": ""},
+        "axis": {"name": "Generation", "unit": "", "whole": True},
         "legend": [{"name": "best of a population"}, {"name": "median of a population"}],
         "tables": tables,
         "explained": [f"{sentence}." for sentence in sentences(found)],

@@ -178,8 +178,8 @@ def sentences(found: Tuning) -> tuple[str, ...]:
     if consistent is not None:
         before, after = (number(consistent[name]) for name in ("before", "after"))
         told.append(f"consistency, 1 if the stated sigmas are right: {before} before, {after} after")
-    ends = f"{change.value:+.3f}, 95 %: {change.low:+.3f} to {change.high:+.3f}"
-    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {ends}")
+    ends = f", 95 %: {change.low:+.3f} to {change.high:+.3f}" if np.isfinite([change.low, change.high]).all() else ""
+    return (*told, f"objective on {found.judged_on}: {found.before:.3f}, changed by {change.value:+.3f}{ends}")
 
 
 def _shown(value: float | list[float]) -> str:
@@ -206,6 +206,8 @@ def write_tuning(found: Tuning, folder: OutputFolder, figure: bool = True) -> Fi
 
 def draw_tuning(found: Tuning) -> Figure:
     """The objective over the generations, the factors, and the ratio of the errors after to those before."""
+    from matplotlib.ticker import MaxNLocator
+
     with page(10.5, 4.2) as figure:
         panels = figure.subplots(1, 3 if found.channels else 2)
         axes = panels[0]
@@ -215,6 +217,7 @@ def draw_tuning(found: Tuning) -> Figure:
             axes.plot(generations, found.history[:, column], color=colour, label=text)
         axes.set_title(f"Objective on {found.trained_on}")
         axes.set_xlabel("generation")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         axes = panels[1]
         places = np.arange(len(found.parameters))[::-1]

@@ -21,7 +21,9 @@ from insenv import attitude
 from insenv.campaigns import Distribution, Folder, make_plan, parse_variation, pieces, run_campaign, running, threads
 from insenv.campaigns import block as block_module
 from insenv.campaigns.block import StoppedError, run_block
-from insenv.campaigns.comparison import compare, paired
+from insenv.campaigns.campaign_page import campaign_page_document
+from insenv.campaigns.comparison import compare, comparison_tables, paired
+from insenv.campaigns.comparison_page import comparison_page_document
 from insenv.campaigns.intervals import horizontal, percentile, root_mean_square
 from insenv.campaigns.presentation import campaign_facts, campaign_tables
 from insenv.campaigns.sensitivity import sensitivities
@@ -244,13 +246,35 @@ def test_a_campaign_says_which_key_matters(monkeypatch):
     own = {one.key: one for one in found.sensitivity if one.channel == "heading_deg"}
     assert own["imu.gyro_bias_deg_h.1"].correlation > 0.95 and own["imu.gyro_bias_deg_h.1"].first.value > 0.8
     assert abs(own["start.height_m"].correlation) < 0.4 and own["start.height_m"].first.value < 0.2
-    console = Console(record=True, width=200, file=io.StringIO())
-    console.print(*campaign_tables(found))
     first = own["start.height_m"].first
-    told = console.export_text()
+    told = printed(campaign_tables(found))
     assert f"{first.value:.2f} ±{first.reach:.2f}" in told and "(alone), ±: half" in told
+    assert_shows(campaign_page_document(found), campaign_tables(found))
     document = found.as_json()
     assert document["design"] == "random" and len(document["sensitivity"]) == 6
+
+
+def words(text):
+    return [line.split() for line in text.splitlines()]
+
+
+def printed(parts):
+    console = Console(record=True, width=200, file=io.StringIO(), markup=False)
+    for part in parts:
+        console.print(part)
+    return console.export_text()
+
+
+def assert_shows(document, parts):
+    """Every row of the page's tables is a line that is printed; so is every table's end."""
+    told = words(printed(parts))
+    rows = [row for one in document["tables"] for row in one["rows"]]
+    assert rows and [row for row in rows if " ".join(row).split() not in told] == []
+    below = [sentence for one in document["tables"] for sentence in one["below"] if not sentence.startswith("Statistics from")]
+    assert [sentence for sentence in below if sentence.split() not in told] == []
+    # the lines of numbers that are printed, less titles and the header: as many as on the page
+    labels = {row[0].split()[0] for row in rows}
+    assert len(rows) == len([line for line in told if line and line[0] in labels and "drawn" not in line])
 
 
 # --- intervals ----------------------------------------------------------------------------------------
@@ -332,6 +356,11 @@ def test_two_estimators_with_a_known_difference():
     assert pair.is_real and pair.runs == 96 and pair.smaller < 48
     assert not found.pairs["turned"]["north_m"].is_real
     assert found.first == "wander-sins" and "turned / wander-sins" in repr(found)
+    document = comparison_page_document(found)
+    assert_shows(document, comparison_tables(found))
+    assert document["tables"][0]["caption"] == "turned compared with wander-sins, run by run"
+    (panel,) = document["sections"][0]["panels"]
+    assert {"name": "heading [deg]", "value": pair.ratio.value, "low": pair.ratio.low, "high": pair.ratio.high} in panel["rows"]
     # the same runs, to the bit, as of a campaign of one
     alone = insenv.campaign(load(data), "wander-sins", 96, seed=1, duration_s=0.5)
     assert same(alone, found.summaries["wander-sins"])
@@ -346,17 +375,43 @@ def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
     assert pair.runs == 11 and pair.ratio.value == 1.0 and not pair.is_real
 
 
+def test_a_comparison_over_different_times_says_so():
+    """The rms of an alignment is that of the last quarter."""
+    found = insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=8.0)
+    note = "rms from 6 s on of analytic, over the whole runs of wander-sins: their ratio compares different times"
+    assert found.notes == (note,) and found.as_json()["notes"] == [note]
+    assert note in comparison_page_document(found)["notes"] and f"note: {note}" in printed(comparison_tables(found))
+
+
 def test_the_command_compares(tmp_path):
-    given = ("campaign", "ship-swaying", "-e", "q-method", "-e", "analytic", "-n", "4", "--duration", "1", "--no-figure")
+    given = ("campaign", "ship-swaying", "-e", "q-method", "-e", "analytic", "-n", "4", "--duration", "1")
     status, out, err = call(*given, "--out", tmp_path / "out", "--table", "csv")
     assert (status, err) == (0, "") and "analytic compared with q-method, run by run" in out
     assert max(map(len, out.splitlines()[:-1])) <= 80
     names = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*")}
     assert {"comparison.json", "q-method/campaign.json", "analytic/runs.csv", "analytic/blocks/000000.npz"} <= names
-    status, out, _ = call(*given, "--out", tmp_path / "out", "--resume", "--json")
+    assert {"comparison.html", "q-method/campaign.html"} <= names
+    status, out, _ = call(*given, "--out", tmp_path / "out", "--resume", "--json", "--no-figure")
     document = strict(out)
     assert status == 0 and [one["estimator"] for one in document["campaigns"]] == ["q-method", "analytic"]
     assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
+
+
+def test_settings_are_those_of_a_run_and_of_the_scenario(tmp_path):
+    settings = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "innovation_gate": 4.0}}
+    given = {"seed": 5, "duration_s": 2.0}
+    other = car(estimator={"loosely-coupled": {"arw_deg_sqrt_h": 2.0}})
+    found = insenv.campaign(other, "loosely-coupled", 3, settings=settings, **given)
+    assert same(found, insenv.campaign(car(estimator=settings), "loosely-coupled", 3, **given))
+    assert not same(found, insenv.campaign(other, "loosely-coupled", 3, **given))
+    alone = insenv.run(other, "loosely-coupled", seed=6, duration_s=2.0, settings=settings).results[0]
+    assert found.final[1] == pytest.approx([alone.errors[name][-1] for name in found.channels], rel=1e-9)
+    with pytest.raises(InputError, match="'q-metod' is not an estimator of this run"):
+        insenv.campaign(car(), "loosely-coupled", 3, settings={"q-metod": {}})
+    command = ("campaign", "car-city-drive", "-e", "loosely-coupled", "-n", "1", "--duration", "1", "--out", tmp_path / "out")
+    assert call(*command, "--set", "loosely-coupled.innovation_gate=4", "--no-figure")[::2] == (0, "")
+    status, _, err = call(*command, "--resume")
+    assert status == 2 and "holds another campaign: it differs in" in err and "scenario" in err
 
 
 def test_an_estimator_that_is_named_twice_runs_once_in_every_command(tmp_path):

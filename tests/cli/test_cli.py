@@ -54,6 +54,7 @@ def test_run_prints_a_table_and_writes_nothing(tmp_path, monkeypatch):
     assert (status, err) == (0, "") and not list(tmp_path.iterdir())
     assert "heading [deg]" in out and "rms/limit" in out and "--out" in out
     assert max(map(len, out.splitlines())) <= 80
+    assert not [line for line in (*out.splitlines(), *call("list")[1].splitlines()) if line.endswith(" ")]
 
 
 def test_run_json_is_one_document_with_the_documented_keys():

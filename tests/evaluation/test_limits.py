@@ -234,6 +234,7 @@ def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanizati
     rounding = 1e-8 * (size[:, None] / size).reshape(3, 3, 3, 3)
     assert np.all(np.abs((total - found).reshape(3, 3, 3, 3)) < 1e-4 * scale + rounding)
 
+    expected, sizes, units = [], [], []
     for source in unit.sources:
         enter = entering(source, unit, steps, steps.force)
         effect = np.concatenate([C_en @ enter[:, :3], C_en @ enter[:, 3:], 0 * enter[:, 3:]], axis=1)
@@ -242,12 +243,19 @@ def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanizati
             state = step @ state + effect[k] + A[k] @ effect[k] / 2
         errors = [unit_error(source, unit, angle[:, 0], velocity[:, 0], dt, place, begin) for place in source.place]
         da, dv = (np.stack(part, axis=1) for part in zip(*errors, strict=True))
-        start = (np.tile(part, (2 * source.place.size, *[1] * part.ndim)) for part in (C, v, r))
-        scale = 1e-4 / max(np.abs(da).sum(axis=0).max(), np.abs(dv).sum(axis=0).max() / 10.0)
-        both = [np.concatenate([true + scale * own, true - scale * own], axis=1) for true, own in ((angle, da), (velocity, dv))]
-        found = differences(navigate(*start, *both, dt)) / scale
-        blocks = np.abs(found).reshape(3, 3, -1).max(axis=(1, 2))
-        error = np.abs(state - found).reshape(3, 3, -1).max(axis=(1, 2))
+        size = 1e-4 / max(np.abs(da).sum(axis=0).max(), np.abs(dv).sum(axis=0).max() / 10.0)
+        expected.append(state)
+        sizes.append(np.full(source.place.size, size))
+        units.append((size * da, size * dv))
+    # all units are navigated at once
+    da, dv = (np.concatenate(part, axis=1) for part in zip(*units, strict=True))
+    start = (np.tile(part, (2 * da.shape[1], *[1] * part.ndim)) for part in (C, v, r))
+    both = [np.concatenate([true + own, true - own], axis=1) for true, own in ((angle, da), (velocity, dv))]
+    found = differences(navigate(*start, *both, dt)) / np.concatenate(sizes)
+    ends = np.cumsum([state.shape[1] for state in expected])
+    for source, state, flown in zip(unit.sources, expected, np.split(found, ends[:-1], axis=1), strict=True):
+        blocks = np.abs(flown).reshape(3, 3, -1).max(axis=(1, 2))
+        error = np.abs(state - flown).reshape(3, 3, -1).max(axis=(1, 2))
         assert np.all(error <= 2e-3 * blocks + 1e-7 * blocks.max()), source.name
 
 

@@ -57,6 +57,24 @@ def test_every_instrument_comes_back_to_the_bit(everything: tuple[RecordedLog, R
     assert back.gnss.age[0] == pytest.approx(0.203), "fixes arrive late, and the log says by how much"
 
 
+def test_the_temperature_of_the_unit_comes_back_to_the_bit(tmp_path: Path) -> None:
+    """A unit that warms up, with lost samples, whose temperatures no log has."""
+    warm = {"temperature_start_degc": -11.3, "temperature_end_degc": 37.7, "warm_up_s": 7.0, "drop_probability": 0.01}
+    log = insenv.record({**EVERYTHING, "imu": {**EVERYTHING["imu"], **warm}})
+    assert log.temperature is not None and np.ptp(log.temperature) > 40.0
+    back = written(tmp_path, log)
+    own = ~log.bridged
+    assert not own.all() and back.temperature is not None
+    np.testing.assert_array_equal(back.temperature[own], log.temperature[own])
+
+
+def test_a_log_without_place_for_a_temperature_leaves_it_out(tmp_path: Path) -> None:
+    log = insenv.record({**EVERYTHING, "imu": {"temperature_end_degc": 200.0, "warm_up_s": 1.0, "temperature_ramp_k_h": 100.0}})
+    assert log.temperature is None
+    assert any("no place for: temperatures of the unit beyond -100 to 200 deg C" in note for note in log.notes)
+    assert_same_samples(log, written(tmp_path, log))
+
+
 def test_estimators_are_told_the_same(everything: tuple[RecordedLog, RecordedLog]) -> None:
     from insenv.estimators import get
     from insenv.runs.replay_start import initial_knowledge

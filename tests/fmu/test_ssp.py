@@ -138,7 +138,7 @@ def test_units_are_those_of_the_components(loop):
                 used.add(real.get("unit"))
                 base = defined[real.get("unit")]
                 assert {si: int(n) for si, n in units[real.get("unit")].items()} == {
-                    si: getattr(base, si) for si in ("kg", "m", "s", "rad") if base is not None and getattr(base, si)
+                    si: getattr(base, si) for si in ("kg", "m", "s", "K", "rad") if base is not None and getattr(base, si)
                 }
     assert used == set(units) >= {"rad", "m/s"}
 

@@ -9,7 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from text_logs import RATE, Folder, G, as_text, imu_rows, si
 
+import insenv
 from insenv.errors import InputError
+from insenv.logs import load
 
 HEADER = "t,gx,gy,gz,ax,ay,az,temp"
 BIAS, SCALE = np.array([30.0, -20.0, 10.0]), np.array([100.0, 200.0, -50.0])
@@ -73,9 +75,21 @@ def test_a_gap_is_bridged_with_the_temperature_of_its_time(folder: Folder) -> No
 def test_a_column_without_slopes_and_slopes_without_a_column(folder: Folder) -> None:
     folder.write("imu.csv", as_text(heated(), HEADER))
     folder.change("[imu]\n", '[imu]\ntemperature = "temp"\n')
-    assert "imu.temperature = 'temp': has no effect without a calibrated slope" in folder.error()
+    log = folder.load()
+    np.testing.assert_allclose(log.temperature, np.linspace(20.0, 45.0, len(log.dt)) + 273.15, rtol=1e-12)
+    assert not any("taken off" in note for note in log.notes)
     folder.change('temperature = "temp"\n', "accel_temperature_slope_ug_k = 150.0\n")
     assert "must be given with accel_temperature_slope_ug_k: the column of the temperature [deg C]" in folder.error()
+
+
+def test_a_log_whose_errors_are_taken_off_is_written_without_its_slopes(folder: Folder, tmp_path: Path) -> None:
+    folder.write("imu.csv", as_text(heated(), HEADER))
+    folder.change("[imu]\n", KEYS)
+    log = folder.load()
+    (description, *_) = insenv.write(log, tmp_path / "again", ["log"])
+    again = load(description)
+    np.testing.assert_array_equal(again.temperature, log.temperature)
+    np.testing.assert_allclose(again.delta_angle, log.delta_angle, rtol=1e-15)
 
 
 def test_a_temperature_in_kelvin_is_refused(folder: Folder) -> None:

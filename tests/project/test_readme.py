@@ -7,6 +7,9 @@ that is run must be printed by it, in this order; ``...`` stands for any lines, 
 differ.  Each block runs in its own folder, empty but for links to the repository's examples and scenarios; a
 block with ``insenv examples`` gets them from there.  ``<!-- not run: reason -->`` on the line before a block
 leaves it out; pytest lists those as skipped, with the reason.
+
+The blocks of README.md and docs/cli.md are run by interpreters that start anew, so that what these import and what they do
+without is seen; those of the other pages, where the system can fork, by processes that have insenv imported (`warm.py`).
 """
 
 import os
@@ -19,6 +22,7 @@ from typing import NamedTuple
 
 import pytest
 from places import ROOT
+from warm import Warm
 
 PAGES = [
     ROOT / "README.md",
@@ -80,12 +84,15 @@ def missing(shown: list[str], printed: str) -> list[str]:
     return []
 
 
-def runnable(command: str) -> str | None:
+def runnable(command: str, python: str = PYTHON) -> str | None:
     """The command with this interpreter's insenv in it, or None if it is neither insenv nor an example."""
-    command = re.sub(START + r"(?:\.venv/bin/)?insenv\b(?!=)", rf"\g<start>{PYTHON} -m insenv", command)
-    command = re.sub(START + r"(?:\.venv/bin/)?python3? (?=examples/|-m insenv)", rf"\g<start>{PYTHON} ", command)
-    return command if PYTHON in command else None
+    command = re.sub(START + r"(?:\.venv/bin/)?insenv\b(?!=)", rf"\g<start>{python} -m insenv", command)
+    command = re.sub(START + r"(?:\.venv/bin/)?python3? (?=examples/|-m insenv)", rf"\g<start>{python} ", command)
+    return command if python in command else None
 
+
+SCRIPTS_RUN_ELSEWHERE = {f"python examples/{name}.py" for name in ("compare_estimators", "env_loop", "own_estimator")}
+"""Commands that `test_examples.py` runs too, with warnings as errors, and looks at what they print."""
 
 NOT_INSTALLED = (
     "dask distributed hypothesis onavdata pandas pyins pythonfmu pywt serial sklearn stable_baselines3 torch ziglang"
@@ -111,19 +118,34 @@ def as_installed(folder: Path) -> str:
     return f"{place}{os.pathsep}{ROOT}"
 
 
+def environment(path: str = str(ROOT)) -> dict[str, str]:
+    """The environment of a block, with this PYTHONPATH."""
+    return {**os.environ, "MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": path}
+
+
 def run(command: str | list[str], folder: Path, path: str = str(ROOT)) -> str:
     """Run in `folder` with this PYTHONPATH; fail with all that it said, or give what it printed."""
     done = subprocess.run(
         command,
         shell=isinstance(command, str),
         cwd=folder,
-        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": path},
+        env=environment(path),
         capture_output=True,
         encoding="utf-8",
         timeout=300,
     )
     assert done.returncode == 0, f"{command}\nended with {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+@pytest.fixture(scope="module")
+def forked():
+    """The words of an interpreter that has insenv imported; of a usual one where the system cannot fork."""
+    if sys.platform != "linux":
+        yield [sys.executable]
+        return
+    with Warm(environment()) as warm:
+        yield warm.python
 
 
 @pytest.fixture
@@ -141,24 +163,38 @@ ALL = [b for page in PAGES for b in blocks_of(page.relative_to(ROOT).as_posix(),
 
 
 @pytest.mark.parametrize("block", ALL, ids=lambda block: block.place)
-def test_block(block, folder):
+def test_block(block, folder, request):
     if block.reason is not None:
         pytest.skip(f"{block.place}: {block.reason}")
-    path = as_installed(folder) if block.place.startswith(("README.md", "docs/cli.md")) else str(ROOT)
+    anew = block.place.startswith(("README.md", "docs/cli.md"))
+    path = as_installed(folder) if anew else str(ROOT)
+    python = [sys.executable] if anew else request.getfixturevalue("forked")
     if block.language == "python":
         (folder / "block.txt").write_text(block.text, encoding="utf-8")
         doctest = ["-m", "doctest"] if block.text.startswith(">>>") else []
-        run([sys.executable, *doctest, "block.txt"], folder, path)
+        run([*python, *doctest, "block.txt"], folder, path)
         return
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     for command, shown in shown_below(block.text):
+        if command in SCRIPTS_RUN_ELSEWHERE and not shown:
+            continue
         if command.startswith("make "):
             named = {word for word in shlex.split(command, comments=True)[1:] if "=" not in word}
             assert named <= targets, f"{block.place}: no such target in the Makefile: {named - targets}"
-        elif ready := runnable(command):
+        elif ready := runnable(command, shlex.join(python)):
             printed = run(ready, folder, path)
             gone = missing(shown, printed)
             assert not gone, f"{block.place}: {command} does not print, or not in this order: {gone[0]}\n{printed}"
+
+
+def test_scripts_run_elsewhere_are_run_there_and_named_on_a_page():
+    text = Path(__file__).with_name("test_examples.py").read_text("utf-8")
+    commands = {command for b in ALL if b.reason is None for command in commands_of(b.text)}
+    assert commands >= SCRIPTS_RUN_ELSEWHERE
+    said = re.search(r"^SAID = \{.*?^\}", text, re.MULTILINE | re.DOTALL)[0]
+    slow = re.search(r"^COMPILES_LONG = .*$", text, re.MULTILINE)[0]
+    for script in (Path(command.split()[1]) for command in SCRIPTS_RUN_ELSEWHERE):
+        assert f'"{script.name}": (' in said and script.name not in slow
 
 
 def test_the_blocks_are_found():
@@ -178,6 +214,32 @@ def test_packages_that_the_page_does_not_install_are_hidden(tmp_path):
     for name in NOT_INSTALLED.split():
         assert run([sys.executable, "-c", tried.format(name)], tmp_path, path) == "hidden\n"
     assert run([sys.executable, "-c", tried.format("matplotlib")], tmp_path, path) == ""
+
+
+SCRIPTS = {
+    "import os, sys; print(sys.argv, os.getcwd(), os.environ['A'], sys.stdin.read(), __name__, sys.path[0])": 0,
+    "import atexit; atexit.register(print, 'at the end'); raise SystemExit": 0,
+    "import sys, threading; threading.Timer(0.1, print, ['at last']).start(); sys.exit(7)": 7,
+    "raise SystemExit('no such file')": 1,
+    "import numpy; numpy.nothing": 1,
+    "import os, signal; os.kill(os.getpid(), signal.SIGKILL)": 137,
+}
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_forked_process_does_what_an_interpreter_does(script, forked, tmp_path):
+    """Output, status and messages, by way of a shell."""
+    (tmp_path / "script.py").write_text(script)
+    given = {"shell": True, "input": "read", "capture_output": True, "encoding": "utf-8", "env": environment(), "cwd": tmp_path}
+    new, old = (subprocess.run(f"A=b {shlex.join(python)} script.py c", **given) for python in (forked, [sys.executable]))
+    assert (new.returncode, new.stdout) == (old.returncode, old.stdout)
+    assert new.returncode == SCRIPTS[script]
+    assert new.stderr.splitlines()[-1:] == old.stderr.replace("Killed\n", "").splitlines()[-1:]  # the shell's word
+
+
+def test_a_wrong_command_fails_in_a_forked_process(forked, tmp_path):
+    with pytest.raises(AssertionError, match=r"ended with 2\n\s*insenv: no scenario 'nowhere'"):
+        run([*forked, "-m", "insenv", "run", "nowhere"], tmp_path)
 
 
 def test_lines_below_a_command_must_be_printed_in_order():

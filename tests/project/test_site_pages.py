@@ -16,20 +16,24 @@ from insenv.registration import SPECS
 from insenv.scenario import summaries
 from insenv.sensors import GNSS_GRADES, IMU_GRADES
 
-PAGES = site_pages.all_pages()
+
+@pytest.fixture(scope="module")
+def pages():
+    """All of them; to make them constructs every environment and scenario."""
+    return site_pages.all_pages()
 
 
-def test_everything_has_a_page():
+def test_everything_has_a_page(pages):
     wanted = {f"environments/{site_pages.slug(id)}.md" for id in SPECS}
     wanted |= {f"scenarios/{entry['name']}.md" for entry in summaries()}
     wanted |= {f"grades/{name}.md" for name in IMU_GRADES} | {f"grades/gnss-{name}.md" for name in GNSS_GRADES}
     wanted |= {f"api/{name}.rst" for name in insenv.__all__} | {"sensors/imu.md", "sensors/gnss.md", "conventions.rst"}
-    assert wanted <= set(PAGES)
+    assert wanted <= set(pages)
 
 
 @pytest.mark.parametrize("id", SPECS)
-def test_an_environment_has_its_rows_and_baselines(id):
-    page = PAGES[f"environments/{site_pages.slug(id)}.md"]
+def test_an_environment_has_its_rows_and_baselines(id, pages):
+    page = pages[f"environments/{site_pages.slug(id)}.md"]
     for heading in ("## The action", "## The observation", "## The info", "## Baselines"):
         assert f"\n{heading}" in page
     assert "| `q_nb` |" in page and "| `time` |" in page
@@ -71,10 +75,10 @@ def test_a_page_that_no_table_of_contents_names_is_below_the_reference(tmp_path,
     assert site_sources.unlisted() == ["benchmarks"]
 
 
-def test_the_biases_of_a_grade_as_errors_of_an_alignment():
-    page = PAGES["grades/marine.md"]  # 0.001 deg/h, 10 ug: heading 0.001 / (15.041 cos 45 deg) rad, tilt 1e-5 rad
+def test_the_biases_of_a_grade_as_errors_of_an_alignment(pages):
+    page = pages["grades/marine.md"]  # 0.001 deg/h, 10 ug: heading 0.001 / (15.041 cos 45 deg) rad, tilt 1e-5 rad
     assert "| 0.00057 deg | 0.0054 deg |" in page
-    assert "none: its bias hides the rotation of the Earth" in PAGES["grades/consumer.md"]
+    assert "none: its bias hides the rotation of the Earth" in pages["grades/consumer.md"]
 
 
 def test_a_docstring_becomes_definitions_links_and_code():

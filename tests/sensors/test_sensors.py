@@ -18,6 +18,9 @@ from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
+from insenv.files.toml import validated
+from insenv.scenario import load
+from insenv.scenario.description import scenario_class
 from insenv.sensors import GNSS_GRADES, IMU_GRADES, flicker, gnss_grade, imu_grade, units
 from insenv.sensors.gnss import GNSS_PARAMETERS, GNSS_STATE, gnss_part
 from insenv.sensors.gnss_section import GnssSection
@@ -620,3 +623,27 @@ def test_without_flicker_noise_nothing_changes() -> None:
     other = simulate(50, {**rows, "accel_flicker": 1e-4})
     assert np.array_equal(out["delta_angle"], other["delta_angle"])
     assert not out["gyro_flicker_parts"].any() and other["accel_flicker_parts"].any()
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "limit"),
+    [
+        ("imu", "gyro_temperature_slope_deg_h_k", 1e4),
+        ("imu", "accel_temperature_slope_ug_k", 1e5),
+        ("imu", "gyro_scale_factor_slope_ppm_k", 1e3),
+        ("imu", "accel_scale_factor_slope_ppm_k", 1e3),
+        ("imu", "gyro_scale_factor_sigma_ppm", 1e6),
+        ("imu", "gyro_g_sensitivity_deg_h_g", 1e6),
+        ("odometer", "slip_percent_s2_m", 100.0),
+        ("odometer", "scale_factor_percent", 100.0),
+        ("dvl", "misalignment_deg", 180.0),
+        ("heading", "outlier_probability", 1.0),
+    ],
+)
+def test_no_unit_has_an_error_without_bounds(section: str, key: str, limit: float) -> None:
+    values = load("car-city-drive").model_dump(mode="json", exclude_none=True)
+    values[section] = {**(values.get(section) or {}), key: limit}
+    validated(scenario_class(), values, "s")
+    values[section][key] = 1.01 * limit
+    with pytest.raises(InputError, match=f"{section}.{key} = "):
+        validated(scenario_class(), values, "s")

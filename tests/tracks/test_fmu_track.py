@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import insenv
-from insenv import geodesy
+from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.scenario import build
 from insenv.tracks.points import Points
+from insenv.tracks.quaternion_order import contradictions, other_order
 from insenv.tracks.shape import check_velocity, shaped
 
 QUATERNION = [f"q_nb[{k}]" for k in (1, 2, 3, 4)]
@@ -135,18 +136,82 @@ def test_the_track_is_that_of_the_fmu(fmi, folder):
     assert np.degrees(between).max() < 0.02
 
 
-def test_wrong_fmus_are_refused(folder):
+def test_a_quaternion_with_its_scalar_last_is_read_where_stated_and_refused_where_not(folder):
+    path = folder / "order.fmu"
+    insenv.export_fmu(car(), path, fmi=2)
+    last = [*QUATERNION[1:], QUATERNION[0]]
+    with pytest.raises(InputError, match=r"scalar of the quaternion first, by \d deg with it last: state .*order = 'xyzw'"):
+        scenario(path, outputs={**OUTPUTS, "quaternion": last})
+    stated = scenario(path, outputs={**OUTPUTS, "quaternion": last, "quaternion_order": "xyzw"})
+    assert np.array_equal(truth_of(stated)["q_nb"], truth_of(scenario(path))["q_nb"])
+    assert not stated.notes[:-1]  # the last: the unit is perfect
+    wrong = scenario(path, outputs={**OUTPUTS, "quaternion": last, "quaternion_order": "wxyz"})
+    assert "is vehicle.outputs.quaternion_order = 'wxyz' right?" in wrong.notes[0]
+
+
+def flown(nose, roll):
+    """Quaternions (n, 4) scalar first, velocity and acceleration of a flight at 60 m/s; nose: heading and pitch (n,), rad."""
+    time = np.arange(len(roll)) * 0.1
+    heading, pitch = nose
+    direction = [np.cos(pitch) * np.cos(heading), np.cos(pitch) * np.sin(heading), -np.sin(pitch)]
+    velocity = 60.0 * np.column_stack(direction)
+    q_nb = attitude.numeric.from_euler(roll, pitch, heading)
+    return q_nb, velocity, np.gradient(velocity, time, axis=0)
+
+
+TIME = np.arange(0.0, 60.0, 0.1)
+ZERO = np.zeros_like(TIME)
+FIGURES = {
+    "loops": ((ZERO, 2.0 * np.pi * TIME / 15.0), ZERO),
+    "rolls": ((ZERO, ZERO), 2.0 * np.pi * TIME / 6.0),
+    "inverted for two thirds": ((ZERO, ZERO), np.where(TIME > 20.0, np.pi, 0.0)),
+    "a circle upside down": ((2.0 * np.pi * TIME / 60.0, ZERO), ZERO + np.pi),
+    "knife edge": ((ZERO, ZERO), ZERO + 0.5 * np.pi),
+    "turns": ((2.0 * np.pi * TIME / 30.0, ZERO), ZERO + np.arctan(60.0 * 2.0 * np.pi / 30.0 / 9.81)),
+}
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+@pytest.mark.parametrize("course", np.radians(np.arange(0, 360, 15)))
+def test_aerobatics_are_no_wrong_order_and_a_wrong_order_is_none(figure, course):
+    (heading, pitch), roll = FIGURES[figure]
+    q_nb, velocity, acceleration = flown((heading + course, pitch), roll)
+    assert other_order(contradictions(q_nb, "wxyz", velocity, acceleration), "wxyz") is None
+    if figure in ("loops", "turns"):
+        found = contradictions(q_nb[:, [1, 2, 3, 0]], "wxyz", velocity, acceleration)
+        assert other_order(found, "wxyz") == "xyzw" and other_order(found, "xyzw") is None
+        found = contradictions(q_nb[:, [3, 0, 1, 2]], "xyzw", velocity, acceleration)
+        assert other_order(found, "xyzw") == "wxyz" and other_order(found, "wxyz") is None
+
+
+@pytest.mark.parametrize("course", np.radians(np.arange(0, 360, 15)))
+def test_a_drone_that_flies_sideways_has_the_right_order(course):
+    q_nb, velocity, acceleration = flown((ZERO + course, ZERO), ZERO)
+    across = velocity @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    for moved in (across, -across):
+        assert other_order(contradictions(q_nb, "wxyz", moved, acceleration), "wxyz") is None
+
+
+def test_wrong_fmus_are_refused(folder, capfd):
     path = folder / "car2.fmu"
     insenv.export_fmu(car(), path, fmi=2)
     with pytest.raises(InputError, match="no variable 'altitude'"):
         scenario(path, outputs={**OUTPUTS, "height": "altitude"})
     with pytest.raises(InputError, match="roll, pitch and heading, or quaternion"):
         scenario(path, outputs={**OUTPUTS, "roll": "latitude"})
+    with pytest.raises(InputError, match="quaternion_order = 'xyzw' has no effect without quaternion"):
+        scenario(
+            path, outputs={name: OUTPUTS[name] for name in ("latitude", "longitude", "height")} | {"quaternion_order": "xyzw"}
+        )
     with pytest.raises(InputError, match=r"none.fmu: file not found"):
         scenario(folder / "none.fmu")
     for key, count in (("velocity", "three"), ("quaternion", "four")):
         with pytest.raises(InputError, match=rf"{key} = .*: must be a list of {count} names of variables"):
             scenario(path, outputs={**OUTPUTS, key: ["a", "b"]})
+    for step_s in (0.013, 0.005):
+        with pytest.raises(InputError, match=rf"step_s = {step_s} s: allowed is a whole multiple of its own step, 0.01 s$"):
+            scenario(path, step_s=step_s)
+    assert capfd.readouterr().out == ""  # the FMU's own words are no part of the output
     (folder / "no.fmu").write_text("no", encoding="utf-8")
     with pytest.raises(InputError, match=r"no.fmu: no FMU"):
         scenario(folder / "no.fmu")

@@ -210,6 +210,29 @@ def test_a_log_is_a_track(tmp_path):
     assert 6.37e6 * np.abs(shown["longitude"].ravel() - again).max() < 0.2
 
 
+def test_a_log_of_files_of_different_lengths_is_a_track_with_a_note(tmp_path):
+    for file in (ROOT / "examples" / "logs").glob("plain*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    header, *lines = [line.split(",") for line in (tmp_path / "plain-reference.csv").read_text(encoding="utf-8").splitlines()]
+    for name, columns, count in (("place", slice(1, 4), 1200), ("more", slice(4, None), 700)):
+        text = "\n".join(",".join([row[0], *row[columns]]) for row in [header, *lines[:count]])
+        (tmp_path / f"{name}.csv").write_text(text + "\n", encoding="utf-8")
+    description = (tmp_path / "plain.toml").read_text(encoding="utf-8")
+    files = 'file = ["place.csv", "more.csv"]'
+    (tmp_path / "plain.toml").write_text(description.replace('file = "plain-reference.csv"', files), encoding="utf-8")
+    loaded = scenario(tmp_path / "plain.toml")
+    assert loaded.duration_s < 70.0
+    assert loaded.notes[0].startswith("reference: joined by time: 700 rows have the same time in ")
+    for text, message in (("", r"more.csv: the file is empty$"), ("time_s,vn\n", r"more.csv: no data rows")):
+        (tmp_path / "more.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=message):
+            scenario(tmp_path / "plain.toml")
+    wrong = description.replace('file = "plain-reference.csv"', 'file = ""')
+    (tmp_path / "plain.toml").write_text(wrong, encoding="utf-8")
+    with pytest.raises(InputError, match=r"^[^\n]*reference.file = '': must be a path[^\n]*$"):
+        scenario(tmp_path / "plain.toml")
+
+
 # --- refusals ------------------------------------------------------------------------------------------
 
 

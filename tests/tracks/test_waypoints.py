@@ -10,6 +10,7 @@ from insenv.campaigns.variation import variation_of, varied
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.scenario import build
+from insenv.tracks.waypoints import WaypointsSection
 
 PLACES = [
     {"latitude_deg": 45.0, "longitude_deg": 7.0, "height_m": 300.0, "speed_mps": 15.0},
@@ -155,3 +156,17 @@ def test_a_varied_first_place_is_the_start():
         plant = plan.plant_of(run)
         drawn = vary.value(plan.seed_of(run))
         assert plant.scenario.start.latitude_deg == pytest.approx(drawn, abs=1e-7)
+
+
+def test_a_plan_that_is_to_be_met_stands_at_its_end():
+    """Without smoothing the knots cannot meet every point of the plan: the spline must not ring where the points end."""
+    places = [(47.0, 11.0, 500.0, 15.0), (47.004, 11.0, 500.0, 15.0), (47.004, 11.006, 505.0, 10.0)]
+    keys = ("latitude_deg", "longitude_deg", "height_m", "speed_mps")
+    section = WaypointsSection(
+        kind="waypoints", waypoints=[dict(zip(keys, each, strict=True)) for each in places], smoothing_m=0.0
+    )
+    shape = section.shape
+    time = np.linspace(shape.duration_s - 1.0, shape.duration_s, 1001)
+    velocity, acceleration = (shape.spline.at(time, order)[:, :3] * [6.37e6, 4.35e6, 1.0] for order in (1, 2))
+    assert np.linalg.norm(velocity, axis=1).max() < 0.05
+    assert np.linalg.norm(acceleration, axis=1).max() < 0.1

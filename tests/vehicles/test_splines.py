@@ -80,3 +80,18 @@ def test_weights_that_rounding_loses_are_left_out(seed):
     time = np.concatenate([[0.0], np.cumsum(steps)])
     spline = smoothed(time, (1e-3 * time)[:, None], 1.0, sigma=0.0)
     assert np.abs(spline.at(time)[:, 0] - 1e-3 * time).max() < 1e-5 * time[-1]
+
+
+@pytest.mark.parametrize("interval", [0.1, 0.25, 1.0])
+def test_points_that_are_to_be_met_do_not_ring_at_the_ends(interval):
+    """A uniform motion has no acceleration; a start and a stop between knots have none where they stand."""
+    time = np.linspace(0.0, 60.0, 601)
+    uniform = smoothed(time, np.column_stack([10.0 * time, 3.0 * time]), interval, sigma=0.0)
+    fine = np.linspace(0.0, 60.0, 6001)
+    assert np.abs(uniform.at(fine, 2)).max() < 1e-5
+    inner = np.clip(time - 20.0, 0.0, 20.0)
+    place = 0.5 * np.minimum(inner, 10.0) ** 2 + 10.0 * np.maximum(inner - 10.0, 0.0) - 0.5 * np.maximum(inner - 10.0, 0.0) ** 2
+    spline = smoothed(time, place[:, None], interval, sigma=0.0)
+    stands = (fine < 5.0) | (fine > 55.0)
+    assert np.abs(spline.at(fine[stands], 2)).max() < 0.02
+    assert np.abs(spline.at(time)[:, 0] - place).max() < 0.05  # corners of the acceleration between knots of 1 s

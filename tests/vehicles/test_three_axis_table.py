@@ -8,6 +8,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.geodesy.numeric import earth_rate_n
 from insenv.scenario import build, load, parse
+from insenv.vehicles.three_axis_table import SETTLED, turning_time
 
 PLAN = [
     {"duration_s": 5.0, "roll_deg": 90.0, "rate_deg_s": 40.0},
@@ -56,3 +57,36 @@ def test_the_increments_are_those_of_the_attitude():
 def test_a_rate_that_the_samples_do_not_resolve_is_refused():
     with pytest.raises(InputError, match=r"rate_deg_s = 1000 turns by 1.7 rad in a sample: allowed is 0.2 rad"):
         build(scenario([{"duration_s": 5.0, "roll_deg": 90.0, "rate_deg_s": 1000.0}], rate_hz=10.0))
+
+
+def test_a_leg_too_short_for_its_turn_is_refused_with_the_time_that_it_takes():
+    def built(*legs, **keys):
+        values = scenario(list(legs)).model_dump(mode="json", warnings=False, exclude_none=True)
+        values["vehicle"] |= keys
+        return build(parse(values, "table", "table"), seed=1)
+
+    with pytest.raises(
+        InputError,
+        match=r"vehicle.legs\[1\]: duration_s = 20 is too short for roll_deg = 720: a turn by 630 deg at 10 deg/s takes 64.4 s",
+    ):
+        built({"duration_s": 12.0, "roll_deg": 90.0}, {"duration_s": 20.0, "roll_deg": 720.0})
+    back = [{"duration_s": 12.0, "pitch_deg": 5.0}, {"duration_s": 12.0, "pitch_deg": 90.0}]
+    built(*back)
+    built(*back, repeat_legs=True)
+    far = [{"duration_s": 12.0, "pitch_deg": 5.0}, {"duration_s": 30.0, "pitch_deg": 180.0}]
+    built(*far)
+    with pytest.raises(InputError, match=r"vehicle.legs\[0\]: duration_s = 12 .* turn by 175 deg"):
+        built(*far, repeat_legs=True)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 10.0])
+@pytest.mark.parametrize(("turn", "rate"), [(0.5, 40.0), (15.0, 40.0), (90.0, 40.0), (360.0, 60.0)])
+def test_the_time_of_a_turn_is_that_at_which_the_table_stands(turn, rate, rate_hz):
+    needed = turning_time(np.radians(turn), np.radians(rate), 1.0 / rate_hz)
+    leg = {"duration_s": 30.0, "heading_deg": turn, "rate_deg_s": rate}
+    plant = build(scenario([leg], rate_hz=rate_hz), seed=1)
+    found = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    half = np.abs(np.arctan2(found["q_nb"][:, 3], found["q_nb"][:, 0])) % np.pi
+    short = 2.0 * np.abs(half - np.radians(turn) / 2.0 % np.pi)
+    stands = (np.flatnonzero(np.minimum(short, 2.0 * np.pi - short) > SETTLED)[-1] + 1) / rate_hz
+    assert needed == pytest.approx(stands, abs=0.05 + 1.0 / rate_hz)

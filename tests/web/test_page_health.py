@@ -11,15 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from insenv.estimators import get
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health
-from insenv.evaluation.chi_square import quantile
+from insenv.evaluation.chi_square import LEAST_DEGREES, quantile
 from insenv.evaluation.health import VERDICTS, health
+from insenv.evaluation.nis import PROBABILITIES
 from insenv.files.resources import web_folder
 from insenv.report.page.html import joined
-from insenv.web.judging import health_rule
+from insenv.scenario import build, load
+from insenv.web.judging import findings, rule
 
 pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="Node is not installed")
 CASES = 400
+CAUSES = {"dvl": "its scale factor"}
 
 
 def answers(entry: str, code: str, given: Any, folder: Path) -> Any:
@@ -32,12 +36,14 @@ def answers(entry: str, code: str, given: Any, folder: Path) -> Any:
     return json.loads(done.stdout)
 
 
-def test_quantiles_are_those_of_scipy(tmp_path: Path) -> None:
-    degrees = np.geomspace(0.05, 1e6, 60).tolist()
-    probabilities = list(health_rule()["probabilities"])
-    code = "given[1].map((n) => given[0].map((p) => module_chisquare.chiSquareQuantile(p, n)))"
-    found = answers("chisquare.js", code, [probabilities, degrees], tmp_path)
-    np.testing.assert_allclose(found, [quantile(probabilities, n) for n in degrees], rtol=1e-7)
+def test_bounds_are_those_of_scipy(tmp_path: Path) -> None:
+    degrees = np.geomspace(LEAST_DEGREES, 1e10, 200).tolist()
+    code = "given[1].map((n) => given[0].map((bound) => module_health.bound(bound, n)))"
+    found = np.array(answers("health.js", code, [rule()["bounds"], degrees], tmp_path))
+    expected = np.array([quantile(PROBABILITIES, n) / n for n in degrees])
+    np.testing.assert_allclose(found, expected, rtol=3e-7)
+    late = np.array(degrees) >= 2.0
+    np.testing.assert_allclose(found[late], expected[late], rtol=1e-8)
 
 
 def measured(random: np.random.Generator, names: tuple[str, ...], groups: int) -> dict[str, np.ndarray]:
@@ -59,21 +65,48 @@ def test_verdicts_and_sentences_are_those_of_a_run(tmp_path: Path) -> None:
     random, given, expected = np.random.default_rng(17), [], []
     for case in range(CASES):
         fixes = measured(random, FIX_HEALTH.names, 2) if case % 4 else None
-        aid = measured(random, aid_health("dvl"), 3) if case % 3 == 0 else None
-        found = health({**(fixes or {}), **(aid or {})})
-        expected.append(None if found is None else [found.verdict, *found.lines])
+        aids = [measured(random, aid_health(id), 3) if case % many == 0 else None for id, many in (("dvl", 3), ("odometer", 5))]
+        found = health({name: values for one in (fixes, *aids) for name, values in (one or {}).items()})
+        expected.append(None if found is None else [found.verdict, *found.lines, *found.notes(case % 2 == 1, CAUSES)])
         given.append(
-            [one and [np.reshape(values, (len(values), -1)).tolist() for values in one.values()] for one in (fixes, aid)]
+            [one and [np.reshape(values, (len(values), -1)).tolist() for values in one.values()] for one in (fixes, *aids)]
         )
-    code = """given[1].map((case_) => {
-      const [fixes, dvl] = case_.map((one) => one && {
+    code = """given[1].map((case_, at) => {
+      const [fixes, dvl, odometer] = case_.map((one) => one && {
         records: one[0].length, count: (r) => one[0][r][0], refused: (r) => one[1][r][0],
         groups: one[2][0].map((_, k) => Object.fromEntries(
           ["used", "usedNumber", "left", "leftNumber"].map((name, at) => [name, (r) => one[at + 2][r][k]]))),
       });
-      const found = module_health.healthOf(given[0], fixes, dvl ? { dvl } : {});
-      return found && [found.verdict, ...found.lines];
+      const found = module_health.healthOf(given[0], fixes, { ...(dvl && { dvl }), ...(odometer && { odometer }) });
+      const notes = found && module_health.healthNotes(given[0], found, at % 2 === 1, given[2]);
+      return found && [found.verdict, ...found.lines, ...notes];
     })"""
-    assert answers("health.js", code, [health_rule(), given], tmp_path) == expected
+    assert answers("health.js", code, [rule(), given, CAUSES], tmp_path) == expected
     verdicts = [one and one[0] for one in expected]
     assert all(verdicts.count(verdict) > CASES // 20 for verdict in (*VERDICTS, None) if verdict) and None in verdicts
+
+
+@pytest.mark.parametrize(
+    ("scenario", "id", "scales"),
+    [("aircraft-inflight-alignment", "velocity-integration", (0.01, 3.0)), ("ship-dvl", "fusion", (1e-12, 0.3, 1e3))],
+)
+def test_findings_are_those_of_a_run(scenario: str, id: str, scales: tuple[float, ...], tmp_path: Path) -> None:
+    plant = build(load(scenario))
+    estimator = plant.adapted(get(id), None, whole=False)
+    table, random = estimator.model.outputs, np.random.default_rng(3)
+    parameters = plant.parameters_of(estimator, whole=False)
+    given, expected = [], []
+    for case in range(60):
+        scale = scales[case % len(scales)]
+        outputs = {row.name: scale * random.normal(size=(2, *row.shape)) ** (3 if case % 2 else 1) for row in table}
+        if "attitude_sigma" in outputs:
+            outputs["attitude_sigma"] = np.abs(outputs["attitude_sigma"])
+        given.append([np.concatenate([np.ravel(values[k]) for values in outputs.values()]).tolist() for k in (0, 1)])
+        expected.append(list(estimator.found(parameters, outputs)))
+    places = {row.name: {"at": table.slice(row.name).start} for row in table}
+    told = {"prefix": "", "health": None, "channels": [], "settled": False, "findings": findings(estimator, parameters)}
+    code = """given[1].map((records) => module_judge.notesAtEnd(
+      { rule: given[0] }, given[2], (name) => given[3][name] ?? { at: 0 },
+      { count: () => records.length, value: (place, record) => records[record][place] }, true))"""
+    assert answers("judge.js", code, [rule(), given, told, places], tmp_path) == expected
+    assert [] in expected and len({sentence for one in expected for sentence in one}) > 1

@@ -6,6 +6,7 @@
 import json
 import os
 from dataclasses import replace
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -38,6 +39,12 @@ def ship(tmp_path_factory):
 def car(tmp_path_factory):
     path = tmp_path_factory.mktemp("live") / "car.html"
     return web.page("car-city-drive", path, ["loosely-coupled", "wander-sins"], duration_s=120.0)
+
+
+@pytest.fixture(scope="module")
+def hover(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "hover.html"
+    return web.page("multirotor-hover", path, ["wander-sins"], duration_s=10.0)
 
 
 def fast(browser):
@@ -97,6 +104,27 @@ def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browse
     assert browser.console() == []
 
 
+@long
+def test_what_is_said_below_a_table_is_what_insenv_run_says(browser, tmp_path):
+    """Findings, the notes of health, errors larger than stated: of a filter that trusts its odometer far too much."""
+    settings = {"fusion": {"odometer_scale_factor_sigma": 1e-6, "odometer_noise_mps": 1e-3}}
+    given = {"estimators": ["fusion"], "duration_s": 120.0, "settings": settings}
+    browser.open(web.page("car-odometer", tmp_path / "car.html", **given))
+    below = "[...document.querySelectorAll('.end .below')].map((line) => line.textContent)"
+    for seed in (1, 3):
+        browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+        browser.driver.execute_script(
+            f"const field = document.getElementById('seed'); field.value = '{seed}'; field.dispatchEvent(new Event('change'));"
+        )
+        browser.until("document.querySelector('.end').hidden && document.getElementById('clock').textContent === '0:00.0'")
+        fast(browser)
+        (result,) = insenv.run("car-odometer", seed=seed, **given).results
+        for begin in ("the estimate of", "the filter has diverged", "odometer does not fit", "the errors are larger"):
+            assert any(note.startswith(begin) for note in result.notes)
+        assert browser.value(below) == [*f"Health: {result.health.summary}".split("\n"), *result.notes]
+        browser.driver.execute_script("document.getElementById('reset').click();")
+
+
 def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_repeats_them(browser, ship):
     from selenium.webdriver import Keys
     from selenium.webdriver.common.by import By
@@ -135,6 +163,10 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
         ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
         ("#commands=[[1,{%22sail%22:1}]]", "command"),
         ("#commands=[1", "commands = [1: allowed is a list of values"),
+        ("#commands=[[0,[]]]", "commands: allowed are pairs of a sample and the values of commands"),
+        ("#commands=[[0,{%22sea%22:null}]]", "command sea = null: allowed is 0 to 3"),
+        ("#commands=[[0,{%22sea%22:[2]}]]", "command sea = [2]: allowed is 0 to 3"),
+        ("#=3", '"": this page has no control of that name'),
     ],
 )
 def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, message):
@@ -143,6 +175,15 @@ def test_a_broken_link_is_a_sentence_in_the_page(browser, ship, fragment, messag
     assert told.startswith("This link cannot be followed: ") and message in told
     assert browser.until("document.getElementById('seed').value === '1' && location.hash === ''")
     assert browser.console() == []
+
+
+@pytest.mark.parametrize("text", ["5", "{}", "null", "[5]", "[[5,1]]", "[[-5,1]]", "[[null,1]]", '[["1",2]]', "[[1,2,3]]"])
+def test_outages_of_a_link_that_are_none_are_a_sentence_in_the_page(browser, car, text):
+    browser.open(car, fragment=f"#gnss.outages_s={quote(text)}")
+    told = browser.until("document.getElementById('wrong')?.textContent")
+    sentence = f"gnss.outages_s = {text} s: allowed are pairs of a begin of 0 s or later and an end after it"
+    assert told == f"This link cannot be followed: {sentence}. The scenario is shown as it is."
+    assert browser.until("location.hash === ''") and browser.console() == []
 
 
 def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
@@ -230,7 +271,33 @@ def test_the_page_is_accessible_and_fits(browser, ship, size, dark):
     browser.driver.execute_script("document.querySelectorAll('details').forEach((one) => (one.open = true))")
     assert browser.violations() == []
     assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+    browser.driver.execute_script("document.querySelector('.dial').style.display = 'none'")
+    browser.driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(() => arguments[0]()))")
     assert browser.console() == []
+
+
+def test_sensors_to_cut_off_fit_on_a_phone(browser, hover):
+    browser.open(hover, PHONE)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    assert browser.value("document.querySelectorAll('.cut').length") == 3
+    assert browser.value("document.documentElement.scrollWidth") == PHONE[0]
+
+
+def test_a_multirotor_climbs_and_sinks_by_dragging(browser, hover):
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.by import By
+
+    browser.open(hover)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    pad = browser.driver.find_element(By.CSS_SELECTOR, ".pad")
+    knob = "document.querySelector('.pad i').style.top"
+    assert browser.until(knob) == "50%"
+    half = pad.size["height"] / 2
+    for share, rate in ((-0.5, 1.5), (0.5, -1.5)):
+        ActionChains(browser.driver).move_to_element_with_offset(pad, 0, round(share * half)).click().perform()
+        assert browser.value("document.querySelector('.drive output').textContent").startswith("climb rate")
+        given = "JSON.parse(new URLSearchParams(location.hash.slice(1)).get('commands') ?? '[]')"
+        browser.until(f"Math.abs({given}.at(-1)?.[1].climb_rate - {rate}) < 0.1")
 
 
 @long

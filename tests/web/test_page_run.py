@@ -254,3 +254,6 @@ def test_numbers_in_the_page_are_written_as_in_the_terminal(browser, tmp_path):
     browser.open(tmp_path / "numbers.html")
     shown = browser.driver.execute_script(f"{text}\nreturn JSON.stringify(arguments[0].map(number));", values)
     assert json.loads(shown) == [number(value) for value in values]
+    asked = "[ticks(1, 5, 8), ticks(1, 5, 12, true), ticks(1, 25, 5, true), ticks(1.2, 1.8, 8, true)]"
+    marks = browser.driver.execute_script(f"{text}\nreturn {asked};")
+    assert marks == [[1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5], [1, 2, 3, 4, 5], [5, 10, 15, 20, 25], []]

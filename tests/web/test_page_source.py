@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
 from places import ROOT
 
@@ -77,6 +78,25 @@ def test_modules_are_joined_after_those_that_they_import(tmp_path):
 def test_other_forms_of_import_are_refused(tmp_path, texts, message):
     with pytest.raises(InsenvError, match=message):
         joined(modules(tmp_path, **texts), "main.js")
+
+
+@pytest.mark.parametrize("theme", [":root", ':root[data-theme="dark"]'])
+def test_text_on_the_shadow_of_a_wide_table_is_legible(theme):
+    """A contrast of 4.5 (WCAG 2.2, 1.4.3) where the shadow is strongest; axe-core does not judge text on gradients."""
+    block = (WEB / "colours.css").read_text("utf-8").partition(f"{theme} {{")[2].partition("}")[0]
+    colours = {name: np.array(bytearray.fromhex(digits)) for name, digits in re.findall(r"--(\w+): #(\w{6});", block)}
+    (share,) = re.findall(
+        r"--shade: .*color-mix\(in srgb, var\(--ink\) (\d+)%, transparent\)", (WEB / "page.css").read_text("utf-8")
+    )
+
+    def luminance(colour):
+        part = colour / 255
+        return np.where(part <= 0.03928, part / 12.92, ((part + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
+
+    behind = colours["surface"] + int(share) / 100 * (colours["ink"] - colours["surface"].astype(float))
+    for name in ("ink", "muted", "warn"):
+        low, high = sorted((luminance(colours[name]), luminance(behind)))
+        assert (high + 0.05) / (low + 0.05) >= 4.5, name
 
 
 @pytest.mark.skipif(not shutil.which("tsc"), reason="no TypeScript compiler (tsc) here")

@@ -254,6 +254,19 @@ def test_the_page_stacks_what_the_budget_holds(ship):
     assert row[1::2] == [number(value) for value in ship.rms(ship.whole)]
 
 
+def test_every_large_source_of_a_car_has_a_colour():
+    """Nine channels have more large sources than the three of an alignment: biases of the accelerometers have 17 % of roll."""
+    found = insenv.budget("car-city-drive", "loosely-coupled", 2, duration_s=60.0)
+    shares = found.shares()[:-1]
+    own, others = budget_presentation.ranked(found)
+    assert sorted(own + others) == list(range(len(found.sources))) and others
+    assert np.nanmax(shares[others]) < 0.05
+    names = [group["name"] for group in budget_page_document(found)["legend"]]
+    assert len(names) == len(set(names)) and {found.sources[k] for k in own} < set(names)
+    drawn = found.plot()
+    assert len({patch.get_facecolor() for patch in drawn.legends[0].get_patches()}) == len(own) + 2
+
+
 def test_a_data_frame_has_a_row_for_each_source(ship):
     frame = ship.to_dataframe()
     assert list(frame.index) == list(ship.sources)

@@ -13,6 +13,7 @@ from simulated_log import simulated_log
 import insenv
 from insenv.campaigns import make_plan
 from insenv.campaigns.block import run_block
+from insenv.campaigns.intervals import Estimate
 from insenv.errors import InputError
 from insenv.estimators import get
 from insenv.scenario import load
@@ -20,6 +21,7 @@ from insenv.workbench import tune as tune_module
 from insenv.workbench import tune_log, tune_search
 from insenv.workbench.tune_page import tuning_page_document
 from insenv.workbench.tune_parameters import tuned_parameters
+from insenv.workbench.tune_result import sentences
 
 KEYS = ["arw_deg_sqrt_h", "vrw_ug_sqrt_hz"]
 MISTUNED = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "vrw_ug_sqrt_hz": 5.0}}
@@ -178,7 +180,7 @@ def test_the_page_shows_the_change_and_the_search(found):
     assert np.array_equal(best, found.history[:, 0].astype("<f4"))
 
 
-@pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}])
+@pytest.mark.parametrize("more", [{"seed": 3}, {"duration_s": 20.0}, {"runs": 4}, {"held_out": 16}])
 def test_what_a_log_has_not_is_refused_instead_of_ignored(more):
     log = simulated_log(car(), seed=3, duration_s=30.0, grade="tactical", initial={"static_until_s": 28.0, "heading_deg": 90.0})
     with pytest.raises(InputError, match="allowed with a scenario; a log is used as a whole"):
@@ -196,13 +198,15 @@ def test_the_slow_part_of_the_fixes_error_is_not_tuned_on_a_log_by_default():
     assert "state fix_wander_sigma_m" in str(insenv.tune(log, "loosely-coupled", evaluations=8).notes)
 
 
-def test_runs_that_diverge_are_said():
+def test_runs_that_diverge_are_said(found):
     one = tune_module.Measures(np.array([[1.0], [np.nan], [2.0]]), None)
     assert list(tune_module._diverged(one, one)) == [
         "the estimator diverges in 1 of 3 held-out runs before and in 1 after: no interval"
     ]
     whole = tune_module.Measures(np.ones((3, 1)), None)
     assert not list(tune_module._diverged(whole, whole))
+    unknown = replace(found, change=Estimate(1.0, float("nan"), float("nan")))
+    assert sentences(unknown)[-1].endswith(", changed by +1.000") and not unknown.is_better
 
 
 def test_a_missing_package_is_said(monkeypatch):

@@ -72,7 +72,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
         error=filter.consistency_error,
         prepare=lambda known: prepared(known, filter.parameters, names),
         applicability=notes,
-        findings=lambda parameters, outputs: surprising(filter.states, parameters, outputs),
+        findings=lambda parameters: surprising(filter.states, parameters),
         causes={aid.id: aid.causes for aid in filter.aids if aid.causes},
     )
 

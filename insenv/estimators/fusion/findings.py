@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from insenv.core.model import Values
 from insenv.estimators.fusion.contract import ErrorState
+from insenv.estimators.parts.finding import Finding
 
 SURPRISING = 5.0
 """Standard deviations of the start from which an estimate is called surprising.
@@ -19,26 +20,21 @@ chance in 2 runs of 100 000.
 """
 
 
-def surprising(
-    states: Sequence[ErrorState], parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]
-) -> tuple[str, ...]:
-    """One sentence about each state whose estimate at the end is beyond `SURPRISING` of its standard deviations at the start.
+def surprising(states: Sequence[ErrorState], parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Of each state: its estimate at the end is beyond `SURPRISING` of its standard deviations at the start.
 
-    parameters: rows by name, SI.  outputs: rows by name, (records, ...).  Of a Gauss-Markov error the stationary standard
-    deviation counts, about 0; of a constant one that of the start, about the start.
+    parameters: rows by name, SI.  Of a Gauss-Markov error the stationary standard deviation counts, about 0; of a constant one
+    that of the start, about the start.
     """
     p, found = Values(**parameters), []
     for state in states:
         sigma = _numbers(parameters[state.sigma] if state.time else state.start_sigma(p), state.size)
         begun = np.zeros(state.size) if state.time or state.started is None else _numbers(state.started(p), state.size)
-        moved = np.abs(np.ravel(outputs[state.name][-1]) - begun)
-        known = sigma > 0.0
-        ratio = float(np.max(moved[known] / sigma[known])) if known.any() else 0.0
-        if ratio > SURPRISING:
-            found.append(
-                f"the estimate of {state.name} is {ratio:.3g} times the standard deviation told of it ({state.sigma}): the "
-                "instrument, its description or that sigma is wrong"
-            )
+        sentence = (
+            f"the estimate of {state.name} is {{ratio}} times the standard deviation told of it ({state.sigma}): the "
+            "instrument, its description or that sigma is wrong"
+        )
+        found.append(Finding(state.name, sentence, np.where(sigma > 0.0, sigma, np.inf), begun, SURPRISING))
     return tuple(found)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -27,7 +28,7 @@ def smoothing_of(filter: Composition, id: str) -> adjoint.Smoothing:
         adjoint.Group(
             filter.state[aid.due_row],
             adjoint.scalar_rows(aid.id, aid.size, filter.n, f"Components of {aid.title}"),
-            _support(filter, aid),
+            partial(_support, filter, aid),
         )
         for aid in filter.aids
     )
@@ -90,7 +91,7 @@ def _nominal(filter: Composition) -> Table:
 
 
 def _support(filter: Composition, aid: Aid) -> tuple[int, ...]:
-    """The states that the aid's components can depend on."""
+    """The states that the aid's components can depend on: those of an update, which takes long to write out."""
     tables = (filter.parameters, filter.state, filter.inputs)
     p, x, u = (table.symbols(ca.SX.sym(name, table.size)) for name, table in zip("pxu", tables, strict=True))
     used = {k for scalar in filter.update(aid, p, x, u)[0].scalars for k in scalar.H.sparsity().get_triplet()[1]}

@@ -43,12 +43,12 @@ class Group:
     """The scalar measurements that come at one event.
 
     flag: output row of the forward pass that is 1 at a sample with them.  rows: their record (`scalar_rows`).
-    support: the states that their sensitivities can differ from 0 for.
+    support: gives the states that their sensitivities can differ from 0 for; asked when the way back is built.
     """
 
     flag: Row
     rows: Table
-    support: tuple[int, ...]
+    support: Callable[[], tuple[int, ...]]
 
     @property
     def count(self) -> int:
@@ -166,11 +166,11 @@ def _back_over_turn(n: int, x: Any, turn: Any) -> dict[str, Any]:
     }
 
 
-def _back_over(n: int, support: tuple[int, ...]) -> Callable[[Any, Any, Any], dict[str, Any]]:
+def _back_over(n: int, support: Callable[[], tuple[int, ...]]) -> Callable[[Any, Any, Any], dict[str, Any]]:
     """Go back over a scalar measurement; a weight of 0 with a gain of 0 changes nothing."""
 
     def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        places = list(support)
+        places = list(support())
         seen = ca.SX(n, 1)
         seen[places] = u.H[places]
         # (I - K H)^T L (I - K H) + H^T H / S, one side after the other: what is left of L after a precise fix is the small

@@ -33,7 +33,9 @@ EXPLAINED = {
 """What columns of a table of errors mean."""
 UNITS = {"deg": "deg", "m": "m", "mps": "m/s"}
 AXES = ("forward", "right", "down")
-_BIASES = (
+MARKED = 3.0
+"""Ratio of an rms error to its yardstick from which a cell is marked."""
+BIASES = (
     ("Gyro bias", "gyro_bias", "deg/h", float(units.rad_s_to_deg_h(1.0))),
     ("Accelerometer bias", "accel_bias", "ug", float(units.m_s2_to_ug(1.0))),
 )
@@ -90,7 +92,7 @@ def _summary(result: Result, place: int, report: RunData) -> dict[str, Any]:
         for channel, (text, values) in zip(shown, rows, strict=True)
     ]
     ratio = error_columns(result)[-1]
-    above = [(k, len(values)) for k, (_, values) in enumerate(rows) if (values.get(ratio) or 0.0) > 3.0 and "/" in ratio]
+    above = [(k, len(values)) for k, (_, values) in enumerate(rows) if (values.get(ratio) or 0.0) > MARKED and "/" in ratio]
     start = "" if result.from_s <= 0 else f"Statistics from {result.from_s:g} s on"
     columns = (*error_columns(result), *(f"rms of {name}" for name, _ in published))
     below = [*([start] if start else []), *below]
@@ -201,7 +203,7 @@ class _Drawn:
 
     def filter_sections(self) -> Iterator[dict[str, Any]]:
         biases = []
-        for title, row, unit, factor in _BIASES:
+        for title, row, unit, factor in BIASES:
             for axis, name in enumerate(AXES):
                 panel = self.panel(f"{title}, {name}", unit)
                 for place, r in self._with(row):
@@ -249,7 +251,7 @@ def _cover(lines: Mapping[int, Array]) -> float:
 
 def _arrays(result: Result) -> int:
     """The number of arrays that an estimator adds to a page."""
-    rows = [name for _, row, *_ in _BIASES for name in (row, f"{row}_estimate_sigma") if name in result.outputs]
+    rows = [name for _, row, *_ in BIASES for name in (row, f"{row}_estimate_sigma") if name in result.outputs]
     return len(result.errors) + len(result.sigma) + 3 * len(rows) + 11
 
 

@@ -86,15 +86,16 @@ def intervals_panel(title: str, rows: Iterable[tuple[str, float, float | None, f
 
 def table(
     caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, group: int | None = None, below: Sequence[str] = (),
-    warnings: Sequence[tuple[int, int]] = (), state: str = "",
+    warnings: Sequence[tuple[int, int]] = (), state: str = "", wide: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """A table of texts; the first column names the row. below: sentences. warnings: row and column of marked cells.
 
-    state: a word on the health of what the table shows ("consistent", "overconfident", "diverged").
+    state: a word on the health of what the table shows ("consistent", "overconfident", "diverged").  wide: no table stands
+    beside it.
     """
     return {
         "caption": caption, "columns": list(columns), "rows": [list(row) for row in rows], "group": group,
-        "below": list(below), "warnings": [list(place) for place in warnings], "state": state,
+        "below": list(below), "warnings": [list(place) for place in warnings], "state": state, "wide": wide,
     }  # fmt: skip
 
 
