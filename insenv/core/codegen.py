@@ -150,7 +150,9 @@ def _in_pieces(
         lines += [statement(k) if kind == "do" else form[kind].format(k, place) for kind, k, place in piece.statements]
         lines.append("}")
     calls = [f"  {name}_{number}({arguments}, w);" for number in range(len(parts))]
-    return "\n".join([*lines, f"static {level}void {name}({signature}) {{", f"  real w[{max(size, 1)}];", *calls, "}\n"])
+    return "\n".join(
+        [*lines, f"static {level}void {name}({signature}) {{", f"  ON_A_LINE real w[{max(size, 1)}];", *calls, "}\n"]
+    )
 
 
 _PIECE = """#ifndef PIECE

@@ -1,6 +1,7 @@
 """The filter inside an environment: the loop of plant and estimator, and the quantities that a task reads from it.
 
-A filter can run inside if it navigates with GNSS and keeps its covariance and its latest innovations as state.
+A filter can run inside if it navigates with GNSS, keeps its covariance and its latest innovations as state, and is the same on
+every drive.
 """
 
 from __future__ import annotations
@@ -111,6 +112,7 @@ def fits(estimator: Estimator, scaled: tuple[str, ...] = ()) -> bool:
         estimator.navigates
         and estimator.aided
         and not estimator.smooths
+        and estimator.adapt is None
         and all(name in model.state for name in ("covariance", "innovation", "test_ratio"))
         and all(name in model.parameters or name in model.inputs for name in scaled)
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from campaigns import slow_ship, small_plan
 from command_line import call
-from navigation import FUNCTIONS, error_state, random_state, with_error
+from navigation import FUNCTIONS, MODEL, error_state, random_state, with_error
 from rich.console import Console
 
 from insenv import geodesy, limit, run
@@ -21,7 +21,6 @@ from insenv.core import symmetric
 from insenv.core.numeric import vectorized
 from insenv.errors import InputError
 from insenv.estimators import get
-from insenv.estimators import loosely_coupled as lc
 from insenv.estimators.parts import quaternion_error
 from insenv.estimators.parts.quaternion_error import Y
 from insenv.evaluation.consistency import nees, normalised
@@ -172,9 +171,7 @@ def nees_of(id, estimate, truth_rows):
 
 def truth_of(state):
     """Rows of the truth from the state of a navigation filter."""
-    outputs = lc.MODEL.outputs.unpack(
-        np.array(lc.MODEL.kernels["output"].function(lc.MODEL.parameters.start_vector(), state)).ravel()
-    )
+    outputs = MODEL.outputs.unpack(np.array(MODEL.kernels["output"].function(MODEL.parameters.start_vector(), state)).ravel())
     return {name: outputs[name] for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")}
 
 
@@ -184,10 +181,8 @@ def test_nees_of_the_15_state_filter_is_that_of_its_own_error_state():
         true = random_state(rng)
         scale = 1e-2 * np.repeat([30.0, 0.5, 1e-3, 1e-5, 1e-3], 3)
         L = rng.normal(size=(15, 15)) * scale[:, None]
-        estimate = lc.MODEL.state.pack(
-            {"covariance": (L @ L.T).T[np.tril_indices(15)]}, with_error(true, L @ rng.normal(size=15))
-        )
-        P = symmetric.full_array(lc.MODEL.state.unpack(estimate)["covariance"], 15)[:9, :9]
+        estimate = MODEL.state.pack({"covariance": (L @ L.T).T[np.tril_indices(15)]}, with_error(true, L @ rng.normal(size=15)))
+        P = symmetric.full_array(MODEL.state.unpack(estimate)["covariance"], 15)[:9, :9]
         error = error_state(estimate, true)[:9]
         found, degrees = nees_of("loosely-coupled", estimate, truth_of(true))
         assert degrees == 9 and found == pytest.approx(error @ np.linalg.solve(P, error), rel=1e-4)  # equal to first order
@@ -198,7 +193,7 @@ def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
     rng = np.random.default_rng(7)
     model, place = get("aqe-ekf").model, quaternion_error
     for _ in range(5):
-        base = lc.MODEL.state.unpack(random_state(rng))
+        base = MODEL.state.unpack(random_state(rng))
         shared = {n: base[n] for n in ("q_wb", "velocity_w", "q_ew", "height")}
         L = rng.normal(size=(9, 9)) * np.repeat([1e-4, 0.2, 2.0], 3)[:, None]
         e = L @ rng.normal(size=9)  # rotation, velocity, position, in w
@@ -208,7 +203,7 @@ def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
         P = into @ (L @ L.T) @ into.T
         estimate = model.state.pack({**shared, "covariance": P.T[np.tril_indices(place.N)]})
         # the filter's own function removes errors: psi is minus the rotation, without that of the computed frame
-        state = lc.MODEL.state.pack(shared, random_state(rng))
+        state = MODEL.state.pack(shared, random_state(rng))
         theta = frame_turn(state, e[6:9])
         back = np.concatenate([e[6:9], e[3:6], -e[0:3] - theta, np.zeros(6)])
         true = np.array(FUNCTIONS["corrected"](state, back)).ravel()
@@ -218,7 +213,7 @@ def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
 
 def frame_turn(state, dr):
     """Rotation of the computed frame (3, rad) due to a position error (3, m, w)."""
-    rows = lc.MODEL.state.unpack(state)
+    rows = MODEL.state.unpack(state)
     return geodesy.numeric.transport_rate_w(dr, rows["q_ew"], rows["height"])
 
 

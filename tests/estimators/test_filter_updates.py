@@ -4,6 +4,7 @@ from functools import cache
 
 import casadi as ca
 import earth_fixed
+import navigation
 import numpy as np
 import pytest
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY
@@ -13,7 +14,6 @@ from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import aqe, ecef_kf, get
-from insenv.estimators import loosely_coupled as lc
 from insenv.estimators.parts import kalman
 from insenv.plant.feeding import input_rows
 
@@ -81,13 +81,9 @@ def check_truth(state, error):
 def test_feedback_of_the_15_states_returns_to_the_truth(seed):
     error = error_of(seed)
     r, v, C, C_ew = shifted(error)
-    model = lc.MODEL
-    x, e = ca.SX.sym("x", model.state.size), ca.SX.sym("e", 15)
-    named = model.state.symbols(x)
-    function = ca.Function("f", [x, e], [model.state.assemble({**vars(named), **lc.corrected(named, e)})])
     given = np.concatenate([*(C_ew.T @ error[part] for part in (POSITION, VELOCITY, PHI)), error[9:]])
-    after = function(model.state.pack(rows_in_w(r, v, C, C_ew)), given).full().ravel()
-    check_truth(model.state.unpack(after), error)
+    after = navigation.FUNCTIONS["fed_back"](navigation.MODEL.state.pack(rows_in_w(r, v, C, C_ew)), given).full().ravel()
+    check_truth(navigation.MODEL.state.unpack(after), error)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -125,20 +125,6 @@ def test_a_state_without_a_sigma_is_said_to_be_idle():
     assert "has no effect: its standard deviation at the start is 0" in note and "gyro_misalignment_sigma" in note
 
 
-def test_15_states_agree_with_the_filter_whose_sensitivities_are_written_by_hand():
-    filter = fusion([], ["gnss", "zero_velocity"], "fifteen")
-    same = {"standing_sigma_mps": 0.002}
-    report = insenv.run(
-        "car-city-drive", ["loosely-coupled", filter], duration_s=100, settings={"fifteen": same, "loosely-coupled": same}
-    )
-    by_hand, composed = report.results
-    late = by_hand.time > 40
-    for channel, sigma in by_hand.sigma.items():
-        apart = np.abs(by_hand.errors[channel] - composed.errors[channel])[late] / sigma[late]
-        assert np.sqrt(np.mean(apart**2)) < 0.15, channel
-        assert composed.sigma[channel][late] == pytest.approx(sigma[late], rel=0.1), channel
-
-
 @pytest.mark.parametrize("name", ["car-odometer", "car-survey"])
 def test_all_runners_give_the_same_bits(name):
     """6000 samples with fixes, odometer, wheels and rest: interpreter, native code, and rows of a batch."""

@@ -53,7 +53,7 @@ def test_an_exact_fix_leaves_no_innovation(id, age):
     known = {**motion.start(), **{k.removeprefix("start_"): v for k, v in motion.start().items()}, **SURE}
     runner = make_runner(model, {k: v for k, v in known.items() if k in model.parameters}, "interpreter")
     runner.run(count, input_rows(model, columns, count), 0)
-    innovation = runner.state["innovation"]
+    innovation = runner.outputs()["innovation"]
     if id == "ecef-kf":
         assert 0.0 < np.abs(innovation).max() < (2e-3 if age == 0.0 else 0.05)
     else:

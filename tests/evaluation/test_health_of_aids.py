@@ -78,7 +78,8 @@ def test_the_outputs_of_fusion_are_rows_of_health():
     e = insenv.fusion(aids=["gnss", "odometer", "barometer"])
     assert e.health_rows.names[: len(FIX_HEALTH.names)] == FIX_HEALTH.names
     assert reported_aids(e.health_rows.names) == ("odometer", "barometer") and set(e.causes) == {"odometer", "barometer"}
-    assert estimators.get("loosely-coupled").health_rows.names == FIX_HEALTH.names
+    assert reported_aids(estimators.get("loosely-coupled").health_rows.names) == ("zero_velocity",)
+    assert estimators.get("aqe-ekf").health_rows.names == FIX_HEALTH.names
     assert not insenv.fusion(aids=["odometer"]).reports_fixes and insenv.fusion(aids=["odometer"]).reports_health
 
 

@@ -6,25 +6,32 @@ import casadi as ca
 import numpy as np
 
 from insenv import attitude, geodesy
-from insenv.estimators import loosely_coupled as lc
-from insenv.estimators.parts import gnss_fix, strapdown
+from insenv.estimators.fusion import history
+from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.fusion.retraction import corrected, navigation_corrected
+from insenv.estimators.loosely_coupled import FILTER
+from insenv.estimators.parts import strapdown
 
-MODEL = lc.MODEL
+MODEL = FILTER.model
 
 
 def _functions():
     p, x, u = (ca.SX.sym(n, t.size) for n, t in zip("pxu", (MODEL.parameters, MODEL.state, MODEL.inputs), strict=True))
     named = MODEL.parameters.symbols(p), MODEL.state.symbols(x), MODEL.inputs.symbols(u)
-    error = ca.SX.sym("e", 15)
-    rows = dict(vars(named[1]))
-    corrected = MODEL.state.assemble({**rows, **lc.corrected(named[1], error)})
-    age = ca.SX.sym("age")
-    antenna = gnss_fix.antenna(named[0], named[1], age)
-    H = lc.fix_sensitivity(named[0], age, antenna)
+    error, state = ca.SX.sym("e", 15), named[1]
+
+    def without_error(take):
+        return MODEL.state.assemble({**vars(state), **take(state, error, FILTER.states, FILTER.places)})
+
+    seen = Navigation(state, named[2], FILTER.states, FILTER.places, ca.SX.zeros(15))
+    C_nw = strapdown.C_nw(state.q_ew)
+    H = ca.vertcat(*[ca.densify(scalar.H) for scalar in FILTER.update(FILTER.aids[0], *named)[0].scalars])
     return {
-        "corrected": ca.Function("corrected", [x, error], [corrected]),
-        "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H[:3, :], H[3:, :]]),
-        "C_nw": ca.Function("C_nw", [x], [strapdown.C_nw(named[1].q_ew)]),
+        "fed_back": ca.Function("fed_back", [x, error], [without_error(corrected)]),
+        "corrected": ca.Function("corrected", [x, error], [without_error(navigation_corrected)]),
+        "antenna": ca.Function("antenna", [p, x, u], [*seen.point(named[0].antenna_lever_arm, named[2].gnss_age)]),
+        "H": ca.Function("H", [p, x, u], [ca.diagcat(C_nw, C_nw).T @ H]),  # of position and velocity in w
+        "C_nw": ca.Function("C_nw", [x], [C_nw]),
     }
 
 
@@ -83,9 +90,25 @@ def random_state(rng, latitude=0.6):
         "samples": 10.0,
         "previous_delta_angle": rng.normal(size=3) * 1e-3,
         "previous_delta_velocity": rng.normal(size=3) * 1e-2,
-        "mean_rate": rng.normal(size=3) * 0.1,
-        "dt": 0.01,
-        "acceleration_w": rng.normal(size=3),
         "covariance": np.diag(np.full(15, 1e-2))[np.triu_indices(15)],
     }
     return MODEL.state.pack(values)
+
+
+def with_kept_motion(state, acceleration_w, rate_b):
+    """The state after a second at this acceleration (3, m/s^2, w) and measured rate (3, rad/s, b)."""
+    s = MODEL.state.unpack(state)
+    ages = 0.02 + history.SPACING * np.arange(history.SLOTS)
+    turns = np.array([attitude.numeric.from_rotation_vector(-rate_b * age) for age in ages])
+    return MODEL.state.pack(
+        {
+            "past_time": 0.02,
+            "past_count": 50.0,
+            "past_age": ages - 0.02,
+            "past_way": s["way_w"] - np.outer(ages, s["velocity_w"]) + np.outer(ages**2 / 2, acceleration_w),
+            "past_velocity": s["velocity_w"] - np.outer(ages, acceleration_w),
+            "past_attitude": [attitude.numeric.multiply(s["q_wb"], turn) for turn in turns],
+            "past_rate": np.tile(rate_b, (history.SLOTS, 1)),
+        },
+        base=state,
+    )

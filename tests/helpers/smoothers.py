@@ -2,7 +2,7 @@
 
 They start from the same record and are equal in exact arithmetic:
 
-bryson_frazier  the adjoint filter of `insenv.estimators.smoother`; inverts nothing.
+bryson_frazier  the adjoint filter of `insenv.estimators.parts.adjoint`; inverts nothing.
 two_filter      the paper's form: a backward filter that starts without information, combined with the forward filter
                 (Fraser, Potter 1969).
 rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed state after it.

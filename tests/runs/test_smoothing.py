@@ -17,8 +17,10 @@ from insenv import geodesy, replay
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
-from insenv.estimators import get, smoother
-from insenv.estimators.parts import error_model
+from insenv.estimators import get
+from insenv.estimators.parts.error_model import ACCEL, GYRO, TILT, Interval, navigation_transition
+from insenv.estimators.parts.error_model import VELOCITY as DV
+from insenv.estimators.smoother import SMOOTHING
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY, errors
 from insenv.plant.feeding import input_rows
 from insenv.runs import smoother_record as record
@@ -135,22 +137,27 @@ def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), s
 
 def kept_pass(kept, p):
     """The record of a forward pass, every instant smoothed, as a `Pass`; transitions from the error model."""
-    flat = ca.SX.sym("i", smoother.INTERVAL.size)
-    rows = smoother.INTERVAL.symbols(flat)
-    interval = error_model.Interval(*[getattr(rows, name) for name in smoother.INTERVAL.names])
-    A = error_model.transition(interval, geodesy.NOMINAL_GRAVITY, p["gyro_correlation_time"], p["accel_correlation_time"])
+    flat = ca.SX.sym("i", SMOOTHING.interval.size)
+    rows = SMOOTHING.interval.symbols(flat)
+    interval = Interval(rows.last_stretch, rows.last_stretch_velocity_w, rows.last_omega_ie_w, rows.last_omega_ew_w)
+    A = ca.SX(15, 15)
+    A[:9, :9] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
+    A[TILT, GYRO] = rows.last_stretch_angle_gyro_bias
+    A[DV, ACCEL] = -rows.last_stretch_angle_gyro_bias  # - integral of C_wb, of either bias
+    for part, time in ((GYRO, p["gyro_correlation_time"]), (ACCEL, p["accel_correlation_time"])):
+        A[part, part] = ca.SX.eye(3) * ca.expm1(-rows.last_stretch / time)
     function = ca.Function("A", [flat], [ca.densify(A)])
     density = np.repeat([0, p["velocity_random_walk"], p["angle_random_walk"], p["gyro_bias_sigma"], p["accel_bias_sigma"]], 3)
     density = density**2
     times = np.repeat([p["gyro_correlation_time"], p["accel_correlation_time"]], 3)
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
-        covariance += list(symmetric.full_array(smoother.NOMINAL.unpack(nominal)["covariance"], 15))
-        first = np.flatnonzero(block[:, smoother.BACKWARD.inputs.slice("carried").start])
+        covariance += list(symmetric.full_array(SMOOTHING.nominal.unpack(nominal)["covariance"], 15))
+        first = np.flatnonzero(block[:, SMOOTHING.backward.inputs.slice("carried").start])
         assert len(instants) == len(first)
         for begin, last in zip(first, instants, strict=True):
-            rows = smoother.BACKWARD.inputs.unpack(block[begin : last + 1])
-            given = function(block[begin, -smoother.INTERVAL.size :]).full()
+            rows = SMOOTHING.backward.inputs.unpack(block[begin : last + 1])
+            given = function(block[begin, -SMOOTHING.interval.size :]).full()
             Phi = np.eye(15)
             for i in range(15):  # row after row, as kalman.propagate applies them
                 E = np.eye(15)
@@ -245,7 +252,7 @@ def test_smoothed_errors_agree_with_their_covariance():
 
 def strapdown_turn(run_):
     """C_nw of the first smoothed instant."""
-    wander = geodesy.numeric.geodetic_from_q_ew(smoother.NOMINAL.unpack(run_.error_states()[2])["q_ew"][0])[2]
+    wander = geodesy.numeric.geodetic_from_q_ew(SMOOTHING.nominal.unpack(run_.error_states()[2])["q_ew"][0])[2]
     c, s = np.cos(wander), np.sin(wander)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
@@ -271,16 +278,16 @@ def test_four_outages_of_a_minute_smoothed():
 def test_rounding_that_leaves_no_variance_leaves_the_filter_s():
     """Of a filter that has diverged P - P L P has negative variances: the smoother stated nan."""
     rng = np.random.default_rng(3)
-    L = rng.normal(size=(2, smoother.N, smoother.N))
+    L = rng.normal(size=(2, SMOOTHING.n, SMOOTHING.n))
     P = L @ L.transpose(0, 2, 1)
     packed = [np.array(ca.DM(symmetric.triangle(ca.DM(own)))).ravel() for own in P]
     nominal = np.array(
-        [smoother.NOMINAL.pack({"covariance": own, "q_ew": [1, 0, 0, 0], "q_wb": [1, 0, 0, 0]}) for own in packed]
+        [SMOOTHING.nominal.pack({"covariance": own, "q_ew": [1, 0, 0, 0], "q_wb": [1, 0, 0, 0]}) for own in packed]
     )
     kept = P / 4
     kept[1, 3, 3] = -1e-9
-    shown = smoother_outputs(smoother.SMOOTHING, nominal, np.zeros((2, smoother.N)), kept)
-    own = smoother_outputs(smoother.SMOOTHING, nominal, np.zeros((2, smoother.N)), P)
+    shown = smoother_outputs(SMOOTHING, nominal, np.zeros((2, SMOOTHING.n)), kept)
+    own = smoother_outputs(SMOOTHING, nominal, np.zeros((2, SMOOTHING.n)), P)
     for name in ("position_sigma", "velocity_sigma", "attitude_sigma"):
         assert np.isfinite(shown[name]).all() and (shown[name] <= own[name] * (1 + 1e-12)).all(), name
         assert np.allclose(shown[name][0], own[name][0] / 2), name

@@ -47,7 +47,7 @@ static inline void uniforms(real seed, real step, uint32_t stream, int count, re
 /* Run step number k where `mask` is not zero.  The function returns only the rows it changes; `lay` copies them into the state. */
 #define RUN_STEP_WHERE(k, function, lay, count, mask)                                  \
   do {                                                                                 \
-    real r[(count) + 1], changed[N_STATE + 1];                                         \
+    ON_A_LINE real r[(count) + 1], changed[N_STATE + 1];                               \
     if (count) uniforms(p[SEED_PLACE], x[STEP_PLACE], (uint32_t)(k), (count), r);      \
     else r[0] = constant(0.0);                                                         \
     function(p, x, u, r, changed);                                                     \

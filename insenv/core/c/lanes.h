@@ -101,7 +101,14 @@ LANE_INLINE real whole(real a) {
 #endif
 
 #define ONE constant(1.0)
+/* A vector of 64 bytes that lies across two cache lines takes longer to store and load. */
+#define ON_A_LINE __attribute__((aligned(64)))
 #define LANE(number, i) ((number)[i])
+#if defined(__AVX512F__) && LANES == 8
+LANE_INLINE unsigned set_lanes(real mask) { return _mm512_cmp_pd_mask((__m512d)mask, _mm512_setzero_pd(), _CMP_NEQ_UQ); }
+LANE_INLINE int any(real mask) { return set_lanes(mask) != 0; }
+LANE_INLINE int all(real mask) { return set_lanes(mask) == 0xFF; }
+#else
 LANE_INLINE int any(real mask) {
   int found = 0;
   for (int i = 0; i < LANES; ++i) found |= mask[i] != 0;
@@ -112,6 +119,7 @@ LANE_INLINE int all(real mask) {
   for (int i = 0; i < LANES; ++i) found &= mask[i] != 0;
   return found;
 }
+#endif
 LANE_INLINE real blend(real mask, real a, real b) {
   mask_t m = is_true(mask);
   return (real)((m & (mask_t)a) | (~m & (mask_t)b));

@@ -34,6 +34,7 @@ static inline real select0(real c, real a) { return c != 0 ? a : 0; }
 #endif
 
 #define ONE 1.0
+#define ON_A_LINE
 #define LANE(number, i) (number)
 static inline int any(real mask) { return mask != 0; }
 static inline int all(real mask) { return mask != 0; }

@@ -55,7 +55,8 @@ class Composition:
     """A filter of `states` and `aids`.
 
     id, title: of its model.  states: gyro_bias and accel_bias first, which every filter has.  aids: in the order in which they
-    are used at a sample.
+    are used at a sample.  kept: a flag row among its parameters: where it is 1, feedback leaves the covariance as it is, which
+    is the conventional filter of small angles; None: the covariance turns with the platform.
     Raises `InputError` for a state or an aid that is given twice.
     """
 
@@ -63,6 +64,7 @@ class Composition:
     title: str
     states: tuple[ErrorState, ...]
     aids: tuple[Aid, ...]
+    kept: Row | None = None
 
     def __post_init__(self) -> None:
         for kind, names in (("state", [s.name for s in self.states]), ("aid", [a.id for a in self.aids])):
@@ -108,21 +110,37 @@ class Composition:
         _, by_error = linear(both, state.size)
         return by_error[:3, :], by_error[3:, :]
 
-    def _sums(self) -> Table:
-        """State rows: the sums of those derivatives in w since the covariance was propagated."""
-        found = []
+    @cached_property
+    def _sums(self) -> dict[tuple[str, str], Row]:
+        """State rows: the sums of those derivatives in w since the covariance was propagated, by state and what it changes.
+
+        Derivatives that are the same, as those of both biases, have one sum.
+        """
+        u = Values(**{name: ca.SX.sym(name, 3) for name in ("delta_angle", "delta_velocity")}, dt=ca.SX.sym("dt"))
+        values = {state.name: ca.SX.sym(state.name, state.size) for state in self.states}
+        found: dict[tuple[str, str], Row] = {}
+        begun: list[tuple[Any, Row]] = []
         for state in self.states:
+            columns = self._entered(state, values, u)
             for what, _, _ in self._parts(state):
-                meaning = f"Effect of {state.name} on the {what} over that time"
-                found.append(Row(f"stretch_{what}_{state.name}", meaning, "SI", (3, state.size), "w"))
-        return Table(tuple(found))
+                own = Row(f"stretch_{what}_{state.name}", f"Effect of {state.name} on the {what} over that time", "SI",
+                          (3, state.size), "w")  # fmt: skip
+                found[state.name, what] = next((row for other, row in begun if _same(other, columns[what])), own)
+                begun.append((columns[what], own))
+        return found
+
+    @property
+    def _sum_rows(self) -> Table:
+        return Table(tuple(dict.fromkeys(self._sums.values())))
 
     @cached_property
     def parameters(self) -> Table:
         """The start and its standard deviations, the unit, then the rows of states and aids."""
         own = rows.START + rows.START_SIGMAS + rows.START_BIASES
-        own += rows.chosen(rows.SENSORS, "angle_random_walk", "velocity_random_walk") + rows.MOTION_ERRORS + OWN
-        return _united(own, *(state.rows for state in self.states), *(aid.parameters for aid in self.aids))
+        walks = {"angle_random_walk": 1e-5, "velocity_random_walk": 1e-3}
+        own += rows.chosen(rows.SENSORS, *walks, **walks) + rows.MOTION_ERRORS + OWN
+        further = Table(() if self.kept is None else (self.kept,))
+        return _united(own, *(state.rows for state in self.states), *(aid.parameters for aid in self.aids), further)
 
     @cached_property
     def state(self) -> Table:
@@ -131,7 +149,7 @@ class Composition:
         own += Table((
             Row("covariance", "Error covariance, upper triangle by columns", "SI", (symmetric.triangle_size(self.n),)),
         ))  # fmt: skip
-        return _united(own + STRETCH, self._sums(), history.STATE, *(aid.kept for aid in self.aids))
+        return _united(own + STRETCH, self._sum_rows, history.STATE, *(aid.kept for aid in self.aids))
 
     @cached_property
     def inputs(self) -> Table:
@@ -146,7 +164,7 @@ class Composition:
             for s in self.states
         )
         found = rows.NAVIGATION + Table(tuple(state.value for state in self.states)) + ESTIMATES + Table(sigmas)
-        return _united(found, *(aid.outputs for aid in self.aids))
+        return _united(found, *(aid.reported for aid in self.aids))
 
     # --- equations ----------------------------------------------------------------------------------
 
@@ -183,7 +201,7 @@ class Composition:
         for state in self.states:
             columns = self._entered(state, values, u)
             for what, _, _ in self._parts(state):
-                name = f"stretch_{what}_{state.name}"
+                name = self._sums[state.name, what].name
                 found[name] = getattr(x, name) + ca.densify(moved.C_wb @ columns[what])
         event = ca.SX(stretch + u.dt / 2 > p.covariance_interval)
         for aid in self.aids:
@@ -210,17 +228,17 @@ class Composition:
     def interval(self) -> Table:
         """State rows that `transition` takes: what the samples summed up since the covariance was propagated."""
         names = ("stretch", "stretch_velocity_w", "omega_ie_w", "omega_ew_w")
-        return rows.chosen(STRETCH, *names) + self._sums()
+        return rows.chosen(STRETCH, *names) + self._sum_rows
 
     def transition(self, p: Any, x: Any) -> Any:
         """A (n x n), integral of the error dynamics over an interval; x: the rows `interval`."""
         A = ca.SX(self.n, self.n)
-        interval = Interval(x.stretch, x.stretch_velocity_w, None, x.omega_ie_w, x.omega_ew_w)
+        interval = Interval(x.stretch, x.stretch_velocity_w, x.omega_ie_w, x.omega_ew_w)
         A[:NAVIGATION, :NAVIGATION] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
         for state in self.states:
             place = self.places[state.name]
             for what, part, sign in self._parts(state):
-                A[part, place] = sign * getattr(x, f"stretch_{what}_{state.name}")
+                A[part, place] = sign * getattr(x, self._sums[state.name, what].name)
             if state.time:
                 A[place, place] = ca.diag(self._kept(p, state, x.stretch) - 1)  # may be longer than a correlation time
         return A
@@ -256,7 +274,7 @@ class Composition:
             "covariance": propagate(x.covariance, self.transition(p, x), ca.vertcat(*noise)),
             "stretch": 0,
             **{row.name: ca.SX.zeros(*(row.shape + (1,))[:2]) for row in self.state if row.name in _EMPTIED},
-            **{row.name: ca.SX.zeros(*row.shape) for row in self._sums()},
+            **{row.name: ca.SX.zeros(*row.shape) for row in self._sum_rows},
         }
 
     def used(self, aid: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
@@ -265,7 +283,8 @@ class Composition:
         def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
             done, reported = self.update(aid, p, x, u)
             changed = corrected(x, done.correction, self.states, self.places)
-            return {**changed, "covariance": covariance_after(done, self.n), **reported}
+            share = 1.0 if self.kept is None else 1.0 - getattr(p, self.kept.name)
+            return {**changed, "covariance": covariance_after(done, self.n, share), **reported}
 
         return step
 
@@ -325,7 +344,14 @@ class Composition:
 
 
 _ENTERS = (("angle", TILT, 1), ("velocity", VELOCITY, -1))
+_DEPTH = 9
+"""Levels of an expression that are compared."""
 _EMPTIED = ("stretch_angle", "stretch_change_w", "stretch_velocity_w")
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two matrices are the same expression."""
+    return one.shape == other.shape and ca.is_equal(one, other, _DEPTH)
 
 
 def _united(*tables: Table) -> Table:

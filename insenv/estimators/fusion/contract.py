@@ -8,12 +8,12 @@ derivatives come from differentiation (`insenv.estimators.fusion.retraction`), a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from insenv.core.elementary import exp, maximum
+from insenv.core.elementary import maximum
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
 
@@ -87,7 +87,7 @@ class Aid:
     wakes: name of a row that `watch` gives: where it is 1 the covariance is propagated at this sample.
     flag: state row by which its step runs, if a step of its own sets it; empty: one is made.
     groups: the components that are counted apart; empty: all together.
-    renamed: names of rows of `reported` as outputs, if they are not ID_NAME, by NAME.
+    renamed: names of rows of `reported`, if they are not ID_NAME, by NAME.
     causes: what to look at where its measurements do not fit the filter, for messages.
     """
 
@@ -128,11 +128,11 @@ class Aid:
 
     def row(self, name: str) -> str:
         """The name of one of the rows that every aid has, such as ``"since"``."""
-        return f"{self.id}_{name}"
+        return self.renamed.get(name, f"{self.id}_{name}")
 
     @property
     def reported(self) -> Table:
-        """Output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
+        """State and output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
         parts = (len(self.parts),)
         return Table((
             Row(self.row("innovation"), f"Last innovation of {self.title}: {self.what}", self.unit, (self.size,)),
@@ -145,17 +145,9 @@ class Aid:
             Row(self.row("nis_refused_count"), "Number of these components", "1", parts),
         ))  # fmt: skip
 
-    @property
-    def outputs(self) -> Table:
-        """Those of `reported` as outputs of the filter."""
-        return Table(tuple(replace(row, name=self._shown_name(row)) for row in self.reported))
-
     def shown(self, x: Any) -> dict[str, Any]:
         """The output rows, from the state."""
-        return {self._shown_name(row): getattr(x, row.name) for row in self.reported}
-
-    def _shown_name(self, row: Row) -> str:
-        return self.renamed.get(row.name.removeprefix(f"{self.id}_"), row.name)
+        return {row.name: getattr(x, row.name) for row in self.reported}
 
     @property
     def kept(self) -> Table:
@@ -170,16 +162,6 @@ class Aid:
             ))
             + self.state
         )  # fmt: skip
-
-
-def correlated_again(variance: Any, since: Any, time: Any) -> Any:
-    """Variance to add to a measurement whose error is a first-order Gauss-Markov process, `since` seconds after the last one.
-
-    Of a constant, such an error of variance s^2 leaves the information 1 / s^2 at the first measurement and
-    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
-    """
-    r = exp(-since / time)
-    return variance * (2 * r / (1 - r + 1e-12))
 
 
 def sigma_row(name: str, meaning: str, unit: str, size: int = 0, frame: str = "", start: float = 0.0) -> Row:

@@ -20,17 +20,9 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core.elementary import select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import (
-    Aid,
-    Spread,
-    constant,
-    correlated_again,
-    gate_row,
-    noise_variance,
-    sigma_row,
-    waited,
-)
+from insenv.estimators.fusion.contract import Aid, Spread, constant, gate_row, noise_variance, sigma_row, waited
 from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.parts.gauss_markov import correlated_again
 from insenv.instruments import ODOMETER
 
 _TOLD = ODOMETER.told

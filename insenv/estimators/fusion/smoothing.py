@@ -43,7 +43,7 @@ def smoothing_of(filter: Composition, id: str) -> adjoint.Smoothing:
         n=filter.n,
         corrected=lambda x, error: navigation_corrected(x, error, filter.states, filter.places),
         estimates=estimates,
-        reported=sum((aid.outputs for aid in filter.aids), Table()),
+        reported=sum((aid.reported for aid in filter.aids), Table()),
     )
 
 

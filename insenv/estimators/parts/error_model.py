@@ -29,7 +29,6 @@ from typing import Any
 import casadi as ca
 
 from insenv.attitude import skew
-from insenv.estimators.parts.gauss_markov import decay
 from insenv.geodesy import GRAVITY_CHANGE, MEAN_RADIUS, OMEGA_IE
 
 N = 15
@@ -40,13 +39,12 @@ POSITION, VELOCITY, TILT, GYRO, ACCEL = (slice(i, i + 3) for i in range(0, N, 3)
 class Interval:
     """An interval of motion as the error model needs it; it may be many samples long.
 
-    duration: s. delta_velocity_w: integral of the specific force in w (3, m/s). C_integral: integral of C_wb (3x3, s).
+    duration: s. delta_velocity_w: integral of the specific force in w (3, m/s).
     omega_ie_w, omega_ew_w: Earth and transport rate (3, rad/s).
     """
 
     duration: Any
     delta_velocity_w: Any
-    C_integral: Any
     omega_ie_w: Any
     omega_ew_w: Any
 
@@ -63,16 +61,4 @@ def navigation_transition(interval: Interval, gravity: Any) -> Any:
     A[VELOCITY, VELOCITY] = -skew(2 * interval.omega_ie_w + interval.omega_ew_w) * dt
     A[VELOCITY, TILT] = skew(interval.delta_velocity_w)
     A[TILT, TILT] = -skew(interval.omega_ie_w + interval.omega_ew_w) * dt
-    return A
-
-
-def transition(interval: Interval, gravity: Any, gyro_time: Any, accel_time: Any) -> Any:
-    """A (15x15) = integral of F over the interval; gravity in m/s^2, correlation times of the biases in s."""
-    A, dt = ca.SX(N, N), interval.duration
-    A[:9, :9] = navigation_transition(interval, gravity)
-    A[VELOCITY, ACCEL] = interval.C_integral
-    A[TILT, GYRO] = -interval.C_integral
-    # an interval may be longer than a correlation time
-    A[GYRO, GYRO] = ca.SX.eye(3) * (decay(dt, gyro_time) - 1)
-    A[ACCEL, ACCEL] = ca.SX.eye(3) * (decay(dt, accel_time) - 1)
     return A

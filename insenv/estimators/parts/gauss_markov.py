@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from insenv.core.elementary import exp
+
 
 def decay(duration: Any, time: Any) -> Any:
     """a over `duration` with the correlation time `time` (s): 1 / exp(duration / time) by its series.
@@ -32,3 +34,13 @@ def decays(p: Any, duration: Any) -> tuple[Any, Any]:
 def driven_variance(sigma: Any, decay: Any) -> Any:
     """Variance that the driving noise adds to each component of a bias of standard deviation `sigma`."""
     return sigma**2 * (1 - decay) * (1 + decay)
+
+
+def correlated_again(variance: Any, since: Any, time: Any) -> Any:
+    """Variance to add to a measurement whose error is a first-order Gauss-Markov process, `since` seconds after the last one.
+
+    Of a constant, such an error of variance s^2 leaves the information 1 / s^2 at the first measurement and
+    (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1 + r) / (1 - r).
+    """
+    r = exp(-since / time)
+    return variance * (2 * r / (1 - r + 1e-12))

@@ -14,8 +14,9 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core.elementary import exp, select
+from insenv.core.elementary import select
 from insenv.estimators.parts import lever_arm, strapdown
+from insenv.estimators.parts.gauss_markov import correlated_again
 
 
 @dataclass(frozen=True)
@@ -79,14 +80,8 @@ def present(u: Any) -> Any:
 
 
 def correlated_variance(p: Any, since: Any) -> Any:
-    """Variance (3, m^2) to add to a position because its slow error is partly that of the fix `since` seconds before.
-
-    Of a constant, a first-order Gauss-Markov error of variance s^2 leaves the information 1 / s^2 at the first
-    measurement and (1 - r) / (1 + r) / s^2 at each further one, r = exp(-since / time): as if its variance were s^2 (1
-    + r) / (1 - r).
-    """
-    r = exp(-since / p.fix_wander_time)
-    return p.fix_wander_sigma**2 * (2 * r / (1 - r + 1e-12))
+    """Variance (3, m^2) to add to a position because its slow error is partly that of the fix `since` seconds before."""
+    return correlated_again(p.fix_wander_sigma**2, since, p.fix_wander_time)
 
 
 def counted(x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:

@@ -133,7 +133,7 @@ def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:
     return tuple(id for id in ids if set(aid_health(id)) <= set(names))
 
 
-# GNSS/INS filters: `loosely-coupled`, `smoother`, `aqe-ekf`, `aqe-sukf`
+# GNSS/INS filters: `aqe-ekf`, `aqe-sukf`, and in part those of `fusion`
 
 AIDED_PARAMETERS = (
     START
