@@ -243,15 +243,7 @@ class Instance:
 
     def _callbacks(self) -> Any:
         """The callbacks of FMI 2, with a logger that keeps the messages."""
-        from fmpy import fmi2
-
-        shared = _shared_callbacks()
-        callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger, callbacks.allocateMemory, callbacks.freeMemory = (
-            shared.logger,
-            shared.allocateMemory,
-            shared.freeMemory,
-        )
+        callbacks = _callbacks()
         _INSTANCES[id(self)] = self
         callbacks.componentEnvironment = id(self)
         return callbacks
@@ -338,14 +330,10 @@ class Instance:
 
 
 @functools.cache
-def _shared_callbacks() -> Any:
-    """The callbacks of FMI 2 for all instances of this process; messages are formatted if FMPy has its helper for this.
-
-    The helper keeps the address of the last logger that it was given, for all FMUs: this logger lives as long as the process,
-    and prints the messages of FMUs that are not ours as FMPy does.
-    """
-    from fmpy import calloc, fmi2, free
+def _logger() -> Any:
+    """The logger of FMI 2 for all instances of the process; prints the messages of FMUs that are not ours, as FMPy does."""
     from fmpy.fmi1 import printLogMessage
+    from fmpy.fmi2 import fmi2CallbackLoggerTYPE
 
     def log(environment: int | None, name: bytes, status: int, category: bytes | None, text: bytes) -> None:
         instance = _INSTANCES.get(environment or 0)
@@ -354,17 +342,26 @@ def _shared_callbacks() -> Any:
         else:
             instance._log(status, category, text)
 
+    return fmi2CallbackLoggerTYPE(log)
+
+
+def _callbacks() -> Any:
+    """The callbacks of FMI 2 for one instance; messages are formatted if FMPy has its helper for this.
+
+    The helper keeps the address of the last logger that it was given, for all FMUs of the process.  After a simulation by FMPy
+    that may be one that has been freed, so it is given ours again for each instance.
+    """
+    from fmpy import fmi2
+
     callbacks = fmi2.fmi2CallbackFunctions()
-    logger = fmi2.fmi2CallbackLoggerTYPE(log)
-    callbacks.logger = logger
-    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
-    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+    callbacks.logger = _logger()
+    callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+    callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
     try:
         from fmpy.logging import addLoggerProxy
     except OSError:  # FMPy has no such helper for this platform
         return callbacks
     addLoggerProxy(ctypes.byref(callbacks))
-    callbacks.kept = logger  # the helper has replaced it in the structure
     return callbacks
 
 

@@ -71,6 +71,18 @@ def test_the_fmu_itself_refuses_a_fraction_as_a_seed():
     assert "parameters.seed = 5.5 : allowed is a whole number" in told.getvalue()
 
 
+def test_the_message_of_a_refusal_is_kept_after_a_simulation_by_fmpy_with_a_logger_of_its_own():
+    """FMPy's helper keeps the logger that it was given last, which FMPy frees: to call it crashed the process."""
+    others: list[tuple] = []
+    run(exported("ship-swaying"), stop_time=0.1)
+    simulate_fmu(
+        str(exported("ship-swaying")), stop_time=0.1, output_interval=INTERVAL, logger=lambda *given: others.append(given)
+    )
+    with pytest.raises(InputError, match=r"seed = 5\.5 refused: .*allowed is a whole number"):
+        run(exported("ship-swaying"), stop_time=0.1, parameters={"seed": 5.5})
+    assert not others
+
+
 def test_a_fraction_is_no_seed_of_a_system(tmp_path):
     export_ssp("ship-swaying", "qakf-improved", tmp_path / "loop.ssp")
     with pytest.raises(InputError, match=r"component plant: parameter seed = 5\.5 refused: .*whole number"):
