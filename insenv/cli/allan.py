@@ -33,7 +33,7 @@ def allan(
     from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
     from insenv.workbench.allan import allan as measure
-    from insenv.workbench.allan_report import check_grade, document, tables, write_files, write_grade
+    from insenv.workbench.allan_report import assumed, check_grade, document, tables, write_files, write_grade
 
     check_grade(grade)
     folder = None if out is None else OutputFolder(out)
@@ -44,7 +44,7 @@ def allan(
         written = None if folder is None else write_files(found, folder, grade, not no_figure)
     at = grade if grade is not None or written is None else written.paths[1]
     told = [] if grade is None else [f'written to {grade}: grade = "{grade.name}" in [imu] of a scenario or a log is this unit']
-    told += [f"only the noise is measured; all else is {found.assumption}"] if at is not None else []
+    told += [assumed(found)] if at is not None else []
     unwritten = "" if grade is not None else "--grade FILE.toml writes the grade of this unit, --out DIR the figure too"
     print_result(
         written, as_json, partial(document, found, None if at is None else str(at)), partial(tables, found), unwritten, told

@@ -33,6 +33,8 @@ IMPULSES = 1.05, 8 * 0.7
 of differences, is not that of noise: 8 standard deviations."""
 APART, FACTOR = 4.0, 1.15
 """Standard deviations, and ratio of observed and fitted deviation, from which on a fit does not explain a curve."""
+MOVES = "the vehicle moves"
+"""Why no figure of a part in motion is trusted."""
 FILTER_S, FILTER_RISE = 1.0, 1.05
 """Up to this averaging time, and above this rise of the white noise in an octave, a low-pass filter is looked for."""
 
@@ -65,18 +67,24 @@ class SensorNoise:
     """The noise of one axis, or of the three axes of a triad together.
 
     name: "gyro x" ... "accel z", "gyro", "accel"; curve: its Allan deviation; terms: None for an axis without noise;
-    warnings: what spoils the curve.
+    warnings: what spoils the curve; distrust: why the figures are not those of the unit, empty if they are.
     """
 
     name: str
     curve: Curve
     terms: Terms | None
     warnings: tuple[str, ...]
+    distrust: str = ""
 
     @property
     def kind(self) -> str:
         """ "gyro" or "accel"."""
         return self.name.split()[0]
+
+    @property
+    def white_key(self) -> str:
+        """Data-sheet key of the white noise."""
+        return SCALES[self.kind][WHITE][0]
 
     @property
     def unit(self) -> str:
@@ -138,13 +146,18 @@ class UnitNoise:
         return (*self.part.warnings, *(f"{', '.join(names)}: {text}" for text, names in grouped.items()))
 
     def grade(self) -> ImuGrade:
-        """The grade: noise as measured, of the three axes together; biases and the like are those of the assumed class."""
-        measured = {key: each.value for triad in self.triads for key, each in triad.figures().items()}
-        noise = {key: 0.0 for kind in SCALES.values() for key, _ in kind.values() if not key.endswith("_time_s")}
-        others = {"gyro_white_deg_h": 0.0, "accel_white_ug": 0.0, "accel_vrw_m_s_sqrt_h": 0.0}
+        """The grade: noise as measured, of the three axes together; all else is that of the assumed class.
+
+        So is the noise of gyros or accelerometers whose figures are not trusted.
+        """
+        trusted = [triad for triad in self.triads if not triad.distrust]
+        measured = {key: each.value for triad in trusted for key, each in triad.figures().items()}
+        noise = {key: 0.0 for triad in trusted for key, _ in SCALES[triad.kind].values() if not key.endswith("_time_s")}
+        also = {"gyro": ("gyro_white_deg_h",), "accel": ("accel_white_ug", "accel_vrw_m_s_sqrt_h")}
+        others = {key: 0.0 for triad in trusted for key in also[triad.kind]}
         unlimited = ImuGrade("", "")
         ranges = {name: getattr(unlimited, name) for name in ("gyro_range_deg_s", "accel_range_g")}
-        times = {name: getattr(unlimited, name) for name in ("gyro_instability_time_s", "accel_instability_time_s")}
+        times = {name: getattr(unlimited, name) for name in (f"{triad.kind}_instability_time_s" for triad in trusted)}
         sources = {"": self.assumption}
         sources |= dict.fromkeys(measured, f"insenv allan, {self.part.end_s - self.part.begin_s:.6g} s of {self.log}")
         title = f"Unit of {self.log}"[:120]
@@ -198,16 +211,17 @@ def allan(
 
     for place, axis in enumerate(AXES):
         keep(sensor_noise(axis, part.rates[:, place], part.interval))
-    axes = tuple(found)
     for kind in ("gyro", "accel"):
-        keep(_triad(kind, [axis for axis in axes if axis.kind == kind]))
+        keep(_triad(kind, [axis for axis in found if axis.kind == kind]))
     assumed = assumed_unit(log, (part.begin_s, part.end_s))
     gyro_bias, accel_bias = assumed.grade.gyro_bias_sigma_deg_h, assumed.grade.accel_bias_sigma_ug
     assumption = (
         f"assumed as for a log without a grade, by class {assumed.name!r}: biases {gyro_bias:g} deg/h and "
         f"{accel_bias / 1000:g} mg, 1 sigma"
     )
-    return UnitNoise(name, part, axes, (found[-2], found[-1]), assumed.grade, assumption)
+    if part.moves:
+        found = [replace(each, distrust=MOVES) for each in found]
+    return UnitNoise(name, part, tuple(found[:-2]), (found[-2], found[-1]), assumed.grade, assumption)
 
 
 def sensor_noise(name: str, rate: Array, interval: float) -> SensorNoise:
@@ -218,7 +232,9 @@ def sensor_noise(name: str, rate: Array, interval: float) -> SensorNoise:
     found = curve(rate, interval)
     use = _unfiltered(found)
     terms = fit(found, use)
-    return SensorNoise(name, found, terms, tuple(_spoilt(found, terms, use)))
+    distrust = _unexplained(found, terms)
+    warnings = (*_spoilt(found, use), *([distrust] if distrust else []))
+    return SensorNoise(name, found, terms, warnings, distrust)
 
 
 def _triad(kind: str, axes: list[SensorNoise]) -> SensorNoise:
@@ -229,7 +245,9 @@ def _triad(kind: str, axes: list[SensorNoise]) -> SensorNoise:
     variance = np.mean([each.variance for each in live], axis=0)
     impulses = np.max([each.impulses for each in live], axis=0)
     together = replace(live[0], deviation=np.sqrt(variance), impulses=impulses, axes=len(live))
-    return SensorNoise(kind, together, fit(together, _unfiltered(together)), ())
+    terms = fit(together, _unfiltered(together))
+    distrust = next((f"{axis.name}: {axis.distrust}" for axis in axes if axis.distrust), _unexplained(together, terms))
+    return SensorNoise(kind, together, terms, (), distrust)
 
 
 def _unfiltered(found: Curve) -> NDArray[np.bool_]:
@@ -246,7 +264,7 @@ def _unfiltered(found: Curve) -> NDArray[np.bool_]:
     return use
 
 
-def _spoilt(found: Curve, terms: Terms, use: NDArray[np.bool_]) -> list[str]:
+def _spoilt(found: Curve, use: NDArray[np.bool_]) -> list[str]:
     """Sentences on what in a curve is not the noise of a unit."""
     said = []
     if not use.all():
@@ -258,13 +276,18 @@ def _spoilt(found: Curve, terms: Terms, use: NDArray[np.bool_]) -> list[str]:
             f"knocks, steps or motion from averaging times of {found.tau[wild][0]:.3g} s on: differences are "
             f"{np.sqrt(found.impulses[wild].max()):.2g} times as large as their typical size suggests"
         )
+    return said
+
+
+def _unexplained(found: Curve, terms: Terms) -> str:
+    """The sentence that the terms do not explain a curve; empty if they do."""
     ratio = np.sqrt(found.variance / terms.variance(found.tau))
     worst = np.where(np.isfinite(terms.residual), np.abs(terms.residual), 0.0)
     far = (worst > APART) & (np.abs(np.log(ratio)) > np.log(FACTOR))
-    if far.any():
-        at = int(np.argmax(np.where(far, worst, 0.0)))
-        said.append(
-            f"the noise terms do not explain the curve: at {found.tau[at]:.3g} s it is {ratio[at]:.2f} times the fit, as by "
-            "vibration, swaying or a filter"
-        )
-    return said
+    if not far.any():
+        return ""
+    at = int(np.argmax(np.where(far, worst, 0.0)))
+    return (
+        f"the noise terms do not explain the curve: at {found.tau[at]:.3g} s it is {ratio[at]:.2f} times the fit, as by "
+        "vibration, swaying or a filter"
+    )

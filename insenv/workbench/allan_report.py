@@ -39,6 +39,7 @@ _HEADS = {
     "gyro": ("gyro", "ARW deg/sqrt(h)", "slow noise", "lowest"),
     "accel": ("accel", "VRW ug/sqrt(Hz)", "slow noise", "lowest"),
 }
+_PLURAL = {"gyro": "gyros", "accel": "accelerometers"}
 _MEANINGS = {
     "flicker": "flicker: the floor of the deviation",
     "walk": "walk: a random walk of the bias",
@@ -67,13 +68,13 @@ def document(found: UnitNoise, grade_file: str | None = None, files: Sequence[st
 
 
 def _document_of(noise: SensorNoise) -> dict[str, Any]:
-    white = "arw_deg_sqrt_h" if noise.kind == "gyro" else "vrw_ug_sqrt_hz"
+    white = noise.white_key.removeprefix(f"{noise.kind}_")
     figures, floor = noise.figures(), noise.floor()
     confidence = {key: [each.low, each.high] for key, each in figures.items()}
     confidence |= {key: [0.0, bound] for key, bound in noise.upper().items()}
-    seen = figures.get(f"{noise.kind}_{white}")
-    if seen is not None:
-        confidence[white] = [seen.low, seen.high]
+    seen = figures.get(noise.white_key)
+    if noise.white_key in confidence:
+        confidence[white] = confidence[noise.white_key]
     if floor is not None:
         confidence["bias_instability"] = [floor.low, floor.high]
     return {
@@ -81,6 +82,7 @@ def _document_of(noise: SensorNoise) -> dict[str, Any]:
         white: 0.0 if seen is None else seen.value,
         "bias_instability": None if floor is None else floor.value,
         "unit": noise.unit,
+        "trusted": not noise.distrust,
         "figures": {key: each.value for key, each in figures.items()},
         "confidence": confidence,
         "tau_s": noise.curve.tau,
@@ -123,13 +125,15 @@ def _of(part: Part) -> str:
 
 def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
     """What the entries mean that the tables have."""
-    if any(noise.terms is not None for noise in rows):
+    if any(noise.terms is not None and not noise.distrust for noise in rows):
         yield "±: half the width of the 95 % bounds"
+    if any(noise.distrust for noise in rows):
+        yield "not trusted: not the figures of the unit alone; a grade file has those of a coarse class instead"
     shown = {name for noise in rows for name, key, _ in _slow_keys(noise.kind) if key in noise.figures()}
     if shown:
         yield f"{'; '.join(text for name, text in _MEANINGS.items() if name in shown)}; in brackets: 95 % bounds"
-    if any(noise.terms is not None and not noise.terms.slow for noise in rows):
-        yield "not seen: a flicker above this bound (95 %) would have been"
+    if any(noise.terms is not None and not (noise.terms.slow and WHITE in noise.terms.figures) for noise in rows):
+        yield "not seen: noise above this bound (95 %) would have been"
     if any(noise.floor() for noise in rows):
         yield "lowest (deg/h, ug): of the Allan deviation, a data sheet's bias instability; empty while it still falls"
 
@@ -138,17 +142,21 @@ def _cells(noise: SensorNoise) -> tuple[str, str, str]:
     figures, floor = noise.figures(), noise.floor()
     if noise.terms is None:
         return "none", "none", "none"
-    white = figures["gyro_arw_deg_sqrt_h" if noise.kind == "gyro" else "accel_vrw_ug_sqrt_hz"]
-    slow = [f"{name} {_bounded(figures[key], unit)}" for name, key, unit in _slow_keys(noise.kind) if key in figures]
-    if not noise.terms.slow:
+    shown = _unbounded if noise.distrust else _bounded
+    slow = [f"{name} {shown(figures[key], unit)}" for name, key, unit in _slow_keys(noise.kind) if key in figures]
+    if not noise.terms.slow and not noise.distrust:
         flicker = noise.upper()[f"{noise.kind}_flicker_{'deg_h' if noise.kind == 'gyro' else 'ug'}"]
         slow.append(f"not seen: flicker below {_number(flicker)} {noise.unit}")
-    error = 50.0 * (white.high - white.low) / white.value
-    return (
-        f"{_number(white.value)} ±{error:.1g} %",
-        "\n".join(slow),
-        "" if floor is None else _number(floor.value),
-    )
+    return (_white(noise), "\n".join(slow), "" if floor is None or noise.distrust else _number(floor.value))
+
+
+def _white(noise: SensorNoise) -> str:
+    """The white noise of a row of the table."""
+    figure = noise.figures().get(noise.white_key)
+    told = f"not seen: below {_number(noise.upper()[noise.white_key])}" if figure is None else _number(figure.value)
+    if noise.distrust:
+        return "not trusted" if figure is None else f"{told}, not trusted"
+    return told if figure is None else f"{told} ±{50.0 * (figure.high - figure.low) / figure.value:.1g} %"
 
 
 def _slow_keys(kind: str) -> tuple[tuple[str, str, str], ...]:
@@ -166,6 +174,10 @@ def _slow_keys(kind: str) -> tuple[tuple[str, str, str], ...]:
 
 def _bounded(figure: Figure, unit: str) -> str:
     return f"{_number(figure.value)} [{_number(figure.low)}, {_number(figure.high)}] {unit}"
+
+
+def _unbounded(figure: Figure, unit: str) -> str:
+    return f"{_number(figure.value)} {unit}"
 
 
 def _number(value: float) -> str:
@@ -250,16 +262,31 @@ def grade_text(found: UnitNoise) -> str:
     ]
     remarks: dict[str, str] = {}
     for triad in found.triads:
+        if triad.distrust:
+            lines.append(f"Not trusted, and so the noise of the {_PLURAL[triad.kind]} is assumed too: {triad.distrust}")
+            continue
         for key, each in triad.figures().items():
             remarks[key] = f"measured, 95 % within {_number(each.low)} to {_number(each.high)}"
-        if triad.terms is not None and not triad.terms.slow:
-            lines += [
-                f"Not seen: {key} above {bound:.3g} (95 %)" for key, bound in triad.upper().items() if "quantum" not in key
-            ]
+        without_slow = triad.terms is not None and not triad.terms.slow
+        for key, bound in triad.upper().items():
+            if key == triad.white_key or (without_slow and "quantum" not in key):
+                lines.append(f"Not seen: {key} above {bound:.3g} (95 %)")
     lines += [f"Warning: {warning}" for warning in found.warnings]
     grade = found.grade()
     remarks |= {key: "assumed" for key in grade.figures() if key not in remarks}
     return toml_text(grade, {**remarks, "": "\n".join(lines)})
+
+
+def assumed(found: UnitNoise) -> str:
+    """The sentence on what in the grade is not measured."""
+    kinds = [_PLURAL[triad.kind] for triad in found.triads if triad.distrust]
+    if not kinds:
+        return f"only the noise is measured; all else is {found.assumption}"
+    measured = [_PLURAL[triad.kind] for triad in found.triads if not triad.distrust]
+    if not measured:
+        return f"nothing is written as measured, because no noise is trusted; all is {found.assumption}"
+    said = f"only the noise of the {measured[0]} is measured, that of the {kinds[0]} is not trusted"
+    return f"{said}; all else is {found.assumption}"
 
 
 def write_files(found: UnitNoise, folder: OutputFolder, grade_file: Path | None, figure: bool = True) -> FilesWritten:

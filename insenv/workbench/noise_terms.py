@@ -141,6 +141,8 @@ def fit(curve: Curve, use: NDArray[np.bool_] | None = None) -> Terms:
         best = problem.chosen(white)
     figures = {name: problem.bounded(best, name) for name in best}
     upper = {name: problem.upper(best, name) for name in (QUANTIZATION, FLICKER, WALK) if name not in best}
+    if figures[WHITE].low == 0.0:  # of every fit, and so the only term whose bounds can hold 0: it was not seen
+        upper[WHITE] = figures.pop(WHITE).high
     residual, freedom = np.full(len(use), np.nan), np.full(len(use), np.nan)
     sigma = np.sqrt(np.diag(problem.covariance))
     residual[use] = (problem.seen - np.log(total(best, tau))) / sigma

@@ -420,3 +420,56 @@ def test_command_refuses(rest):
 
 def test_scales_name_figures():
     assert {key for kind in SCALES.values() for key, _ in kind.values()} <= set(insenv.sensors.ImuGrade.__dataclass_fields__)
+
+
+# --- figures that are not measured ---------------------------------------------------------------------
+
+
+def test_white_noise_that_its_bounds_do_not_tell_from_none_is_not_seen():
+    """The rounding of positions alone: every fit has a white noise, and these samples have none."""
+    counted = np.diff(np.random.default_rng(1).uniform(-0.5, 0.5, 36001)) * RATE
+    found = fit(curve(counted, 1.0 / RATE))
+    for name, figure in found.figures.items():
+        assert figure.low > 0.0, name
+    assert WHITE not in found.figures and 0.0 < found.upper[WHITE] < 0.02
+    rates = np.column_stack([counted * 1e-6] * 3 + [counted * 1e-3] * 3) + [0, 0, 5e-5, 0.02, 0, -9.8]
+    unit = insenv.allan(log_of(rates))
+    assert "accel_vrw_ug_sqrt_hz" not in unit.grade().figures() and unit.grade().accel_quantum_m_s > 0.0
+    assert "# Not seen: accel_vrw_ug_sqrt_hz above" in grade_text(unit)
+    assert re.search(r"^accel, all +not seen: below ", printed(unit), re.MULTILINE)
+
+
+def vibrating(generator):
+    rates = unit_rates(generator, 40000)
+    rates[:, 4] += 0.02 * np.sin(2.0 * np.pi * 0.8 * np.arange(40000) / RATE)
+    return rates
+
+
+def test_noise_that_vibration_hides_is_not_written_as_measured():
+    """The accelerometers get the noise of the assumed class; the gyros, which are not disturbed, theirs."""
+    unit = insenv.allan(log_of(vibrating(np.random.default_rng(2))))
+    grade, text, shown = unit.grade(), grade_text(unit), printed(unit)
+    assert grade.gyro_arw_deg_sqrt_h == pytest.approx(np.degrees(1e-4) * 60.0, rel=0.05)
+    assert re.search(r"^gyro_arw_deg_sqrt_h = .*# measured, ", text, re.MULTILINE)
+    assert not re.search(r"^accel_.*# measured", text, re.MULTILINE)
+    assert "# Not trusted, and so the noise of the accelerometers is assumed too: accel y: the noise terms" in text
+    assert grade.parameters()["velocity_random_walk"] == pytest.approx(unit.assumed.parameters()["velocity_random_walk"])
+    assert not any(key.startswith("accel") for key in grade.sources)
+    rows = {line.split("  ")[0]: line for line in shown.splitlines() if "not trusted" in line}
+    assert {"accel y", "accel, all"} <= set(rows) and not {"gyro x", "gyro, all", "accel x"} & set(rows)
+    assert "[" not in rows["accel y"] and "±" not in rows["accel y"]
+    assert [each["trusted"] for each in unit.as_json()["triads"]] == [True, False]
+
+
+def test_noise_in_motion_is_not_written_as_measured():
+    log = log_of(moving(unit_rates(np.random.default_rng(2), 8000), 0, 8000))
+    assert "# measured" not in grade_text(insenv.allan(log, from_s=100.0, to_s=400.0))
+
+
+def test_the_command_says_what_is_not_measured(tmp_path):
+    rates = vibrating(np.random.default_rng(2))
+    table = np.column_stack([np.arange(1, len(rates) + 1) / RATE, rates])
+    np.savetxt(tmp_path / "rest.csv", table, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="", fmt="%.9g")
+    (tmp_path / "rest.toml").write_text(LOG, encoding="utf-8")
+    out = call("allan", str(tmp_path / "rest.toml"), "--grade", str(tmp_path / "unit.toml"))[1]
+    assert "only the noise of the gyros is measured, that of the accelerometers is not trusted; all else is assumed" in out
