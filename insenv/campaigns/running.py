@@ -16,7 +16,7 @@ from insenv.campaigns.comparison import Comparison, compare
 from insenv.campaigns.executors import Processes, Workers, processes, threads
 from insenv.campaigns.limits import campaign_limit
 from insenv.campaigns.plan import Plan, make_plan
-from insenv.campaigns.store import MANIFEST, Folder, Memory
+from insenv.campaigns.store import MANIFEST, Folder, Memory, check_compared
 from insenv.campaigns.summary import Summary, summarise
 from insenv.campaigns.variation import Variation, variation_of
 from insenv.core.compile import NoRoomError, batch_library_path
@@ -109,6 +109,7 @@ def stores_of(folder: Path | None, plans: Sequence[Plan], resume: bool) -> list[
     """Where the blocks of each plan are kept: in `folder`, those of several each in a folder of the estimator's id."""
     if folder is None:
         return [None] * len(plans)
+    check_compared(folder, plans)
     if len(plans) == 1:
         return [Folder(folder, plans[0], resume)]
     if (folder / MANIFEST).exists():

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,31 @@ from insenv.files.output import atomic
 
 FORMAT, VERSION = "insenv-campaign", 1
 MANIFEST, BLOCKS, LOCK = "manifest.json", "blocks", ".lock"
+OWN = ("estimator", "equations", "parameters")
+"""What the plans of a comparison do not share (`Plan.as_json`)."""
 _DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
+
+
+def check_compared(folder: Path, plans: Sequence[Plan]) -> None:
+    """Raise `InputError` for a folder that holds a comparison, unless `plans` are several on the same runs.
+
+    The campaigns of a comparison lie in folders named by their estimators (`insenv.campaigns.running.stores_of`).
+    """
+    found: dict[str, Mapping[str, Any]] = {}
+    for manifest in sorted(folder.glob(f"*/{MANIFEST}")):
+        with suppress(*_DAMAGE, TypeError):
+            theirs = json.loads(manifest.read_text(encoding="utf-8"))["plan"]
+            if theirs["estimator"] == manifest.parent.name:
+                found[manifest.parent.name] = theirs
+    if found and len(plans) == 1:
+        raise InputError(f"{str(folder)!r} holds the comparison of {', '.join(found)}: choose another folder for one estimator")
+    for plan in plans:
+        found.pop(plan.estimator, None)  # is compared whole by its own `Folder`
+    ours = {name: value for name, value in plans[0].as_json().items() if name not in OWN} if found else {}
+    for id, theirs in found.items():
+        other = [name for name, value in ours.items() if json.dumps(value) != json.dumps(theirs.get(name))]
+        if other:
+            raise InputError(f"{str(folder)!r} holds another comparison: its campaign of {id} differs in {', '.join(other)}")
 
 
 class Memory:

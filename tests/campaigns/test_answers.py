@@ -397,6 +397,25 @@ def test_the_command_compares(tmp_path):
     assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
 
 
+def test_a_folder_with_a_comparison_takes_no_other_campaign(tmp_path):
+    def command(scenario, *ids, **more):
+        given = ("campaign", scenario, *(part for id in ids for part in ("-e", id)), "-n", "2", "--duration", "1")
+        return call(*given, "--out", tmp_path / "out", "--no-figure", *more.get("more", ()))
+
+    assert command("ship-swaying", "q-method", "analytic")[::2] == (0, "")
+    before = {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
+    status, _, err = command("car-city-drive", "loosely-coupled")
+    assert status == 2 and "holds the comparison of analytic, q-method: choose another folder for one estimator" in err
+    status, _, err = command("car-city-drive", "loosely-coupled", "fusion")
+    assert status == 2 and "holds another comparison: its campaign of analytic differs in scenario, name" in err
+    assert {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")} == before
+    added = command("ship-swaying", "q-method", "analytic", "wander-sins", more=("--resume",))
+    assert added[::2] == (0, ""), added  # the same runs: one comparison
+    alone = ("campaign", "ship-swaying", "-e", "analytic", "-n", "2", "--duration", "1", "--no-figure", "--out")
+    assert call(*alone, tmp_path / "other" / "run-1")[0] == 0
+    assert call(*alone, tmp_path / "other")[0] == 0  # a folder that only has campaigns in folders of its own
+
+
 def test_settings_are_those_of_a_run_and_of_the_scenario(tmp_path):
     settings = {"loosely-coupled": {"arw_deg_sqrt_h": 15.0, "innovation_gate": 4.0}}
     given = {"seed": 5, "duration_s": 2.0}
