@@ -294,7 +294,10 @@ class Estimator:
         if self.motion == "moving" and drive.in_place:
             return f"{this} needs a vehicle that moves: that of {drive.where} stays in place"
         if self.smooths and not drive.whole:
-            return f"{this} smooths a whole run from its end: `insenv run` can, one seed at a time; here use {self.smooths!r}"
+            return (
+                f"{this} smooths a whole run from its end: allowed in `insenv run` without --live, one seed at a time; here "
+                f"use {self.smooths!r}"
+            )
         return ""
 
     def check(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> None:

@@ -161,9 +161,10 @@ def checked_position(name: str, section: PositionSection, table: TextTable, note
         values = table.column(column_name)
         bad = np.flatnonzero(np.abs(values * factor) > math.radians(limit) * (1 + 1e-12))
         if bad.size:
+            reach = math.radians(limit) / factor
             raise InputError(
                 f"{table.where(bad[0])}, column {column_name!r}: {what} is {values[bad[0]]:.10g} {unit},"
-                f" allowed {-limit:g} to {limit:g} deg; is position_unit = {unit!r} right?"
+                f" allowed {-reach:.6g} to {reach:.6g} {unit}; is position_unit = {unit!r} right?"
             )
         result.append(np.clip(values * factor, -math.radians(limit), math.radians(limit)))
     latitude, longitude = result

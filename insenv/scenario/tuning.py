@@ -34,7 +34,7 @@ _SHORT = {
     "correlation_time": ("gyro_correlation_time", "accel_correlation_time"),
 }
 """Short names of rows."""
-_DOCUMENTED = "the table of parameters on the estimator's page"
+DOCUMENTED = "the table of parameters on the estimator's page"
 """Where the keys of an estimator are listed."""
 FILE = "file"
 """Key of a file with parameter rows, for estimators that read one; a relative path starts at the current folder."""
@@ -142,7 +142,7 @@ def _rows_of(
         return dict(_from_file(where, estimator.read_file, value))
     if key not in known:
         allowed = [*known, *estimator.choices, *([FILE] if estimator.read_file is not None else [])]
-        raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed), _DOCUMENTED)}")
+        raise InputError(f"{where}: unknown key{nearest(key, sorted(allowed), DOCUMENTED)}")
     for row, convert in known[key]:
         if row.name in before or row.name in rows:
             raise InputError(f"{where}: another key has set {row.name} already")

@@ -267,6 +267,12 @@ def _run(path: Path, columns: Columns) -> Points:
             time, latitude, longitude, height, q_nb = (found[f"truth/{name}"] for name in names)
     except (KeyError, ValueError) as error:
         raise InputError(f"{path}: no result of a run with its truth: {error}") from None
+    unknown = np.flatnonzero(~np.all(np.isfinite(np.column_stack([latitude, longitude, height, q_nb])), axis=1))
+    if unknown.size:
+        raise InputError(
+            f"{path}: no true position and attitude at point {unknown[0] + 1}: a replay has no truth, only what its log's "
+            "reference covers; allowed is the result of a simulated run, or the log itself"
+        )
     attitude = np.column_stack(to_euler(q_nb))
     return Points(str(path), time, latitude, longitude, height, attitude)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from insenv.core.tables import Row
 from insenv.errors import InputError, nearest
 from insenv.estimators import Estimator
-from insenv.scenario.tuning import keys_by_row, tuning
+from insenv.scenario.tuning import DOCUMENTED, keys_by_row, tuning
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def tuned_parameters(
         by_key = {name: row for row, names in known.items() for name in names}
         for key in keys:
             if key not in by_key:
-                raise InputError(f"key {key!r}: {estimator.id!r} has no such parameter{nearest(key, by_key)}")
+                raise InputError(f"key {key!r}: {estimator.id!r} has no such parameter{nearest(key, by_key, DOCUMENTED)}")
         chosen = {by_key[key]: key for key in keys}
     found = []
     for row, key in chosen.items():

@@ -69,6 +69,7 @@ def test_a_varied_run_is_the_scenario_with_that_value():
         ("imu.gyro_bias_deg_h=2:1", "lower first"),
         ("imu.gyro_bias_deg_h=0:inf", "finite"),
         ("imu.gyro_bais_deg_h=0:1", "did you mean 'gyro_bias_deg_h'"),
+        ("imu.foo=1:2", r"no key 'foo' \(allowed: ([a-z_]+, ){5}[a-z_]+ and [0-9]+ more; docs/scenarios.md shows all\)$"),
         ("start.latitude_deg.0=0:1", "a number has no key"),
         ("gnss.latency_s=0:1", r"no \[gnss\]"),
         ("start.latitude_deg=0:100", "latitude_deg = 100"),

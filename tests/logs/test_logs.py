@@ -374,7 +374,7 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
     folder.toml = good.replace("[gnss]", "[gnss]\nkeep_where = { h = 7 }")
     assert "no row is left by gnss.keep_where" in folder.error()
     folder.toml = good.replace('position_unit = "deg"', 'position_unit = "rad"')
-    assert "is position_unit = 'rad' right?" in folder.error()
+    assert "rad, allowed -1.5708 to 1.5708 rad; is position_unit = 'rad' right?" in folder.error()
 
 
 # --- bad input: the description --------------------------------------------------------------------

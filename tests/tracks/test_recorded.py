@@ -202,6 +202,14 @@ def test_the_result_of_a_run_is_a_track(tmp_path):
     assert 6.37e6 * np.abs(shown["latitude"].ravel() - again).max() < 0.05
 
 
+def test_the_result_of_a_replay_has_no_truth(tmp_path):
+    report = insenv.replay(ROOT / "examples" / "logs" / "plain.toml", "loosely-coupled")
+    (npz, *_) = write_files(report, OutputFolder(tmp_path), figure=False).paths
+    with pytest.raises(InputError, match="a replay has no truth") as caught:
+        scenario(npz)
+    assert "allowed is the result of a simulated run, or the log itself" in str(caught.value)
+
+
 def test_a_log_is_a_track(tmp_path):
     loaded = scenario(ROOT / "examples" / "logs" / "plain.toml")
     log = insenv.logs.load(ROOT / "examples" / "logs" / "plain.toml")

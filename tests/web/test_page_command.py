@@ -45,6 +45,8 @@ def test_the_page_of_a_run_simulates_too(tmp_path: Path) -> None:
     text = (tmp_path / "ship-swaying.html").read_text("utf-8")
     assert all(f'<script type="application/json" id="{kind}">' in text for kind in ("report", "live"))
     assert "wasm-unsafe-eval" in text and len(text) < 2_000_000
+    smoothed = call("run", "ship-underway", "-e", "smoother", "--duration", "5", "--out", tmp_path / "smoothed", "--live")
+    refused(smoothed, "'smoother' smooths a whole run", "allowed in `insenv run` without --live", "here use 'loosely-coupled'")
     refused(call("run", *SHORT, "--live"), "--live is about the page that --out DIR writes")
 
 

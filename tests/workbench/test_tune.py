@@ -143,6 +143,12 @@ def test_noises_and_gates_are_tuned_by_default_and_nothing_else():
     ("source", "estimator", "more", "said"),
     [
         ("car-city-drive", "loosely-coupled", {"keys": ["arw_deg_sqrt_g"]}, "did you mean 'arw_deg_sqrt_h'"),
+        (
+            "car-city-drive",
+            "loosely-coupled",
+            {"keys": ["foo"]},
+            "and [0-9]+ more; the table of parameters on the estimator's page",
+        ),
         ("car-city-drive", "loosely-coupled", {"runs": 1}, "runs = 1: allowed is a whole number from 2"),
         ("car-city-drive", "loosely-coupled", {"evaluations": 0}, "evaluations = 0"),
         ("ship-swaying", "loosely-coupled", {}, "needs GNSS"),
