@@ -10,7 +10,7 @@ from insenv.core.model import Values
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.measurement import update
-from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.fusion.navigation import Navigation, corrected_increments
 from insenv.estimators.fusion.retraction import corrected
 
 UNIT = ("gyro_g_sensitivity", "gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment")
@@ -76,6 +76,25 @@ PARAMETERS = {
     "start_longitude": 0.3,
     "start_height": 100.0,
 }
+
+
+def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():
+    """Each sign and place, by the matrices that tests/sensors/test_sensors.py holds the simulated unit against."""
+    angle, velocity, dt = np.array([0.01, -0.02, 0.03]), np.array([0.5, 0.1, -0.05]), 0.005
+    scale, couplings, constant = np.array([1.0, 2.0, 3.0]) * 1e-6, np.arange(1, 7) * 1e-6, np.array([4.0, -5.0, 6.0]) * 1e-6
+    M = np.eye(3) + np.diag(scale)
+    M[~np.eye(3, dtype=bool)] = couplings
+    values = {"gyro_bias": constant, "accel_bias": -constant, "gyro_g_sensitivity": 2 * constant}
+    values |= {
+        f"{triad}_{kind}": size for triad in ("gyro", "accel") for kind, size in (("scale", scale), ("misalignment", couplings))
+    }
+    measured_angle, measured_velocity = M @ angle + constant * dt + 2 * constant * velocity, M @ velocity - constant * dt
+    measured = Values(delta_angle=ca.DM(measured_angle), delta_velocity=ca.DM(measured_velocity), dt=dt)
+    states = [STATES[name] for name in ("gyro_bias", "accel_bias", *UNIT)]
+    correct = corrected_increments(states, {name: ca.DM(value) for name, value in values.items()}, measured)
+    found = [ca.evalf(ca.SX(each)).full().ravel() for each in correct]
+    np.testing.assert_allclose(found[0], angle, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found[1], velocity, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("age", [0.0, 0.05])
