@@ -200,6 +200,21 @@ def test_the_kept_motion_is_as_long_as_the_longest_age_of_a_simulated_fix():
     assert history.SPACING * (history.SLOTS - 1) >= 1.0
 
 
+@pytest.mark.parametrize("age", [0.0, 0.2])
+def test_a_point_of_a_body_at_rest_does_not_move_over_the_earth(age):
+    """The gyros show the Earth's rate alone, which turns the body with the Earth."""
+    q_ew = np.array(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.0)).ravel()
+    earth_rate_b = Rotation.from_quat(STATE["q_wb"], scalar_first=True).inv().apply(geodesy.numeric.earth_rate_n(0.8))
+    still = {"velocity_w": np.zeros(3), "way_w": np.zeros(3), "past_way": np.zeros((history.SLOTS, 3)), "q_ew": q_ew}
+    still |= {"past_velocity": np.zeros((history.SLOTS, 3)), "past_rate": np.tile(earth_rate_b, (history.SLOTS, 1))}
+    known = {**STATE, **kept_motion(), **still, "previous_delta_angle": earth_rate_b * INPUTS["dt"]}
+    x = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in known.items() if v is not None})
+    u = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in INPUTS.items()})
+    u.delta_angle = ca.SX(ca.DM((earth_rate_b * INPUTS["dt"]).tolist()))
+    velocity_w = Navigation(x, u, (), {}, ca.SX.zeros(9)).point(ca.DM([10.0, -20.0, 30.0]), ca.SX(age))[1]
+    np.testing.assert_allclose(ca.evalf(velocity_w).full().ravel(), 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("scale", [0.0, 0.02])
 def test_an_unknown_scale_of_a_barometer_does_not_measure_the_height(scale):
     """The scale factor is one of the height gained, not of the height: the height's own column is that of a plain barometer.
