@@ -68,8 +68,8 @@ def sampling(time: Array, rate_hz: float | None, label: str = "imu") -> Sampling
     mean_hz = steps.size / float(time[-1] - time[0])  # not by the median: stamps of arrival come in bursts
     if mean_hz > FASTEST_HZ:
         raise InputError(
-            f"{label}: {time.size} samples in {time[-1] - time[0]:.4g} s are {mean_hz:.6g} Hz: allowed is up to {FASTEST_HZ:g} Hz, "
-            "unless imu.rate_hz states the rate; check time_unit and time_scale"
+            f"{label}: {time.size} samples in {time[-1] - time[0]:.4g} s are {mean_hz:.6g} Hz: allowed is up to {FASTEST_HZ:g} "
+            "Hz, unless imu.rate_hz states the rate; check time_unit and time_scale"
         )
     whole = np.maximum(np.rint(steps / median), 1.0)
     off = float(np.mean(np.abs(steps / median - whole) > OFF))
