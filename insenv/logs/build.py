@@ -20,6 +20,7 @@ from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.course import fixes_from_course
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
 from insenv.logs.faults import Faults
+from insenv.logs.gyro_unit import rest_rate_notes, turn_notes
 from insenv.logs.inertial import InertialSamples, implausible, increments
 from insenv.logs.motion import rest_until
 from insenv.logs.readers import Column, TextTable
@@ -63,8 +64,9 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
                 f"{name}: its times {table.time[0]:.3f} to {table.time[-1]:.3f} s do not overlap the imu's"
                 f" {span[0]:.3f} to {span[1]:.3f} s; check time_unit and time_offset_s of both"
             )
+    reader.notes += turn_notes(imu, gnss)
     description = _with_rest(description, imu, gnss, reader.notes)
-    return RecordedLog(
+    log = RecordedLog(
         **vars(imu),
         gnss=gnss,
         lever_arm_b=np.array(description.gnss.lever_arm_m if description.gnss else (0.0, 0.0, 0.0)),
@@ -76,6 +78,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         unit=None if description.imu.unit is None else description.imu.unit.rows(1.0 / float(np.median(imu.dt))),
         told=told_of(description, gnss, readings),
     )
+    return replace(log, notes=(*log.notes, *rest_rate_notes(log)))
 
 
 def told_of(description: LogDescription, gnss: GnssFixes | None, readings: Sequence[Readings]) -> dict[str, Any]:
