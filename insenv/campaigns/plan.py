@@ -162,18 +162,38 @@ class Plan:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the scenario, and on the estimator in that of the first run (`Estimator.notes`)."""
+        """Notes on the scenario, on the estimator in that of the first run (`Estimator.notes`), and on its tuning in all."""
         short = self.too_short
         found = (
             *self.plant.scenario.notes,
             *((short,) if short else ()),
             *self.chosen.notes(self._parameters, self.duration_s),
+            *self._understated,
         )
         note = design_note(self.design, self.runs)
         found += (note,) if note else ()
         if float(self.plant.parameters.get("imu_drop_probability", 0.0)) > 0.0:
             found += ("lost inertial samples are replaced by the last one received, not interpolated as in `insenv run`",)
         return found
+
+    @property
+    def _understated(self) -> tuple[str, ...]:
+        """What `Estimator.understated` says of the first run and of the extremes of what is varied, each once."""
+        if not self.plant.tunings:
+            return ()
+        extremes = [build(parse(values, self.name, self.name), self.first_seed, self.duration_s) for *_, values in self.tried]
+        said = [self.chosen.understated(plant.knowledge, plant.tunings) for plant in (self.plant, *extremes)]
+        return tuple(dict.fromkeys(note for notes in said for note in notes))
+
+    @functools.cached_property
+    def tried(self) -> tuple[tuple[Variation, str, dict[str, Any]], ...]:
+        """The extremes of what is varied, one at a time: the variation, which extreme, and the values of the scenario."""
+        numbers = self.numbers(range(self.runs)) if self.variations else np.zeros((0, 0))
+        return tuple(
+            (variation, which, varied(self.scenario, {variation.key: value}))
+            for place, variation in enumerate(self.variations)
+            for value, which in variation.distribution.tried(numbers[:, place])
+        )
 
     @property
     def evaluation_samples(self) -> int:
@@ -243,12 +263,7 @@ def make_plan(
     )
     check_variations(plan.variations)
     check_design(design, plan.runs, len(plan.variations))
-    numbers = plan.numbers(range(plan.runs)) if plan.variations else np.zeros((0, 0))
-    tried = [
-        (variation, which, varied(plan.scenario, {variation.key: value}))
-        for place, variation in enumerate(plan.variations)
-        for value, which in variation.distribution.tried(numbers[:, place])
-    ]
+    tried = plan.tried
     if duration_s is None and "duration_s" not in plan.scenario:
         plan = replace(plan, duration_s=_shortest(plan, scenario, [changed for _, _, changed in tried]))
     vars(plan)["chosen"] = estimator = plan.plant.adapted(estimator, whole=False)  # an object that need not be registered

@@ -19,6 +19,7 @@ from insenv.core.model import Model, Values
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
+from insenv.estimators.parts import motion_errors
 from insenv.estimators.parts.adjoint import Smoothing
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
@@ -310,6 +311,16 @@ class Estimator:
         self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Its parameters by row name, SI: from what is known, from `tunings` (rows by estimator id), and `rows` on top."""
+        return {**self._from(known), **self._given(tunings, rows)}
+
+    def understated(
+        self, known: Knowledge, tunings: Mapping[str, Mapping[str, Any]] | None = None, rows: Mapping[str, Any] | None = None
+    ) -> tuple[str, ...]:
+        """What must be said of parameters that are set smaller than the unit's data sheet; arguments as for `parameters`."""
+        return motion_errors.understated(self._from(known), self._given(tunings, rows))
+
+    def _given(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
+        """The parameter rows that are set, by name."""
         tunings = tunings or {}
         given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {})}
         if self.settable is not None:  # a drive may set rows of aids and states that were not chosen
@@ -319,7 +330,7 @@ class Estimator:
         for name in given:
             if name not in self.model.parameters:
                 raise InputError(f"estimator {self.id!r}: {name} is set, and it has no such parameter ({self.title})")
-        return {**self._from(known), **given}
+        return given
 
     def copied(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, str] | None:
         """The fields of `Knowledge` and `SensorNotes` that `parameters` copies, by row name; None if `prepare` computes.

@@ -13,12 +13,14 @@ import numpy as np
 
 from insenv.errors import InputError
 from insenv.estimators.parts.rows import FIX_INPUTS
+from insenv.geodesy import STANDARD_GRAVITY
 from insenv.instruments import INSTRUMENTS
 from insenv.logs import instruments, kf_gins
 from insenv.logs.assemble import LogReader, checked_position
 from insenv.logs.course import fixes_from_course
 from insenv.logs.description import SLOPES, GnssSection, ImuSection, LogDescription, PositionSection, ReferenceSection
 from insenv.logs.faults import Faults
+from insenv.logs.gyro_unit import rest_rate_notes, turn_notes
 from insenv.logs.inertial import InertialSamples, implausible, increments
 from insenv.logs.motion import rest_until
 from insenv.logs.readers import Column, TextTable
@@ -33,6 +35,10 @@ from insenv.sensors.thermal import without_thermal_errors
 
 COLDEST, HOTTEST = -100.0, 200.0
 """Temperatures of a unit, deg C: beyond them the column has another unit."""
+FASTEST = math.radians(1e5)
+"""rad/s: no gyro measures more; those of spinning shells go to 2e4 deg/s and beyond."""
+HARDEST = 2e5 * STANDARD_GRAVITY
+"""m/s^2: no accelerometer measures more; those of impact tests go to 2e5 g."""
 _LONGEST = 100.0
 """Median steps that a sample's interval is long at most: beyond it the unit of the column is wrong."""
 
@@ -58,8 +64,9 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
                 f"{name}: its times {table.time[0]:.3f} to {table.time[-1]:.3f} s do not overlap the imu's"
                 f" {span[0]:.3f} to {span[1]:.3f} s; check time_unit and time_offset_s of both"
             )
+    reader.notes += turn_notes(imu, gnss)
     description = _with_rest(description, imu, gnss, reader.notes)
-    return RecordedLog(
+    log = RecordedLog(
         **vars(imu),
         gnss=gnss,
         lever_arm_b=np.array(description.gnss.lever_arm_m if description.gnss else (0.0, 0.0, 0.0)),
@@ -71,6 +78,7 @@ def build(description: LogDescription, folder: Path) -> RecordedLog:
         unit=None if description.imu.unit is None else description.imu.unit.rows(1.0 / float(np.median(imu.dt))),
         told=told_of(description, gnss, readings),
     )
+    return replace(log, notes=(*log.notes, *rest_rate_notes(log)))
 
 
 def told_of(description: LogDescription, gnss: GnssFixes | None, readings: Sequence[Readings]) -> dict[str, Any]:
@@ -106,8 +114,11 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
     table, stamps = reader.read("imu", section, columns, expected, between=section.kind == "rate")
     sampled = sampling(stamps, section.rate_hz)
     reader.notes += sampled.notes
-    gyro = table.columns(section.gyro) @ section.gyro_matrix().T
-    accel = table.columns(section.accel) @ section.accel_matrix().T
+    spans, of_gyro, of_accel = _spans(section, stamps), section.gyro_matrix(), section.accel_matrix()
+    _check_measurable(table, "gyro", section.gyro, section.gyro_unit, FASTEST * spans / np.linalg.norm(of_gyro[0]))
+    _check_measurable(table, "accel", section.accel, section.accel_unit, HARDEST * spans / np.linalg.norm(of_accel[0]))
+    gyro = table.columns(section.gyro) @ of_gyro.T
+    accel = table.columns(section.accel) @ of_accel.T
     samples = np.hstack([gyro, accel])
     covered, lengths = None, None if section.interval is None else _intervals(section, table, stamps)
     if section.kind == "increment" and lengths is None:
@@ -127,6 +138,26 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
             found = _compensated(section, celsius, found, reader.notes)
     reader.notes += implausible(found)
     return found
+
+
+def _spans(section: ImuSection, stamps: Array) -> Array:
+    """Factors (m,) from a rate to what a sample holds: 1, or of increments the longer of the steps beside the stamp, s."""
+    steps = np.diff(stamps)
+    if section.kind == "rate" or not steps.size:
+        return np.ones(stamps.size)
+    return np.maximum(np.append(steps, steps[-1]), np.insert(steps, 0, steps[0]))
+
+
+def _check_measurable(table: TextTable, triad: str, names: Sequence[Column], unit: str, most: Array) -> None:
+    """Raise `InputError` for a sample beyond `most` (m,), in the unit of its column: no sensor measures it."""
+    values = table.columns(names)
+    bad = np.argwhere(np.abs(values) > most[:, None])
+    if bad.size:
+        row, axis = bad[0]
+        raise InputError(
+            f"{table.where(row)}, column {names[axis]!r}: {triad} is {values[row, axis]:g} {unit}, allowed {-most[row]:.4g} to "
+            f"{most[row]:.4g} {unit}, what such sensors measure at most ({len(bad)} such values); is {triad}_unit right?"
+        )
 
 
 def _temperature(column: Column, table: TextTable, stamps: Array, time: Array) -> Array:

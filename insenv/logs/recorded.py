@@ -121,10 +121,15 @@ class RecordedLog(InertialSamples):
         """Time covered by the IMU samples [s]."""
         return float(self.imu_time[-1] - self.imu_time[0] + self.dt[0])
 
+    @property
+    def states_unit(self) -> bool:
+        """Whether the description gives the grade of the inertial unit, or the log its parameters."""
+        return bool(self.description.imu.grade) or self.unit is not None
+
     @cached_property
     def assumed(self) -> AssumedUnit | None:
         """What is assumed of the inertial unit; None if the description gives its grade, or the log its parameters."""
-        if self.description.imu.grade or self.unit is not None:
+        if self.states_unit:
             return None
         initial, rest = self.description.initial, None
         if initial.static_until_s is not None:

@@ -27,6 +27,8 @@ LATE = 1.5
 """A step longer than this many nominal intervals may be a gap."""
 COVERED = 0.5
 """Part of the missing time from which the increment beside a long step covers it: it is larger by as much."""
+FASTEST_HZ = 1e4
+"""Mean rate of samples from which the unit of the time stamps is wrong, unless the rate is stated."""
 NEIGHBOURS = 2
 """Steps on either side that are searched for the jitter of a late stamp."""
 
@@ -63,6 +65,12 @@ def sampling(time: Array, rate_hz: float | None, label: str = "imu") -> Sampling
                 f" ({1.0 / median:.6g} Hz): they must agree within 5 %; check time_unit and time_scale"
             )
         return Sampling(1.0 / rate_hz)
+    mean_hz = steps.size / float(time[-1] - time[0])  # not by the median: stamps of arrival come in bursts
+    if mean_hz > FASTEST_HZ:
+        raise InputError(
+            f"{label}: {time.size} samples in {time[-1] - time[0]:.4g} s are {mean_hz:.6g} Hz: allowed is up to {FASTEST_HZ:g} "
+            "Hz, unless imu.rate_hz states the rate; check time_unit and time_scale"
+        )
     whole = np.maximum(np.rint(steps / median), 1.0)
     off = float(np.mean(np.abs(steps / median - whole) > OFF))
     missing = missing_samples(time, median)

@@ -30,6 +30,8 @@ STARTS = ("coarse", "reference", "stated")
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
+ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
+FAR = 3.0  # standard deviations by which a given position and the fixes may differ
 REFERENCE_SIGMAS = {
     "position_sigma": np.full(3, 3.0),
     "velocity_sigma": np.full(3, 0.5),
@@ -188,7 +190,7 @@ def _from_log(log: RecordedLog, first: int) -> Start:
     """Attitude and gyro bias from the log alone, for a start at rest where sample `first` begins."""
     initial, rows = log.description.initial, _rest(log, first)
     rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
-    latitude, longitude, height, position_sigma = _rest_position(log, rows)
+    latitude, longitude, height, position_sigma, far = _rest_position(log, rows)
     roll, pitch = (
         found if given is None else float(np.radians(given))
         for found, given in zip(rest.level, (initial.roll_deg, initial.pitch_deg), strict=True)
@@ -206,8 +208,10 @@ def _from_log(log: RecordedLog, first: int) -> Start:
         tilt_sigma=rest.tilt_sigma(sensors) if levelled else LEVEL_SIGMA,
         heading_sigma=COURSE_SIGMA,
     )
+    if far:
+        sigmas["position_sigma"] = position_sigma  # the given one is that of the given place
     tilt_sigma, heading = sigmas["tilt_sigma"], 0.0
-    notes: list[str] = []
+    notes = [*far]
     if initial.heading_deg is not None:
         heading = float(np.radians(initial.heading_deg))
         heading, sigmas["heading_sigma"] = checked_by_motion(
@@ -279,14 +283,34 @@ def _hint(initial: InitialSection) -> str:
     return "; start 'stated' starts from the state in [initial]" if stated else ""
 
 
-def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array]:
-    """Position of the antenna at rest (rad, rad, m) and its sigma (3, m): the mean of the fixes, or [initial]."""
+def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, float, float, Array, tuple[str, ...]]:
+    """Position of the antenna at rest (rad, rad, m), its sigma (3, m), and notes: the mean of the fixes, or [initial]."""
     gnss, initial = log.gnss, log.description.initial
     if gnss is not None:
         still = (gnss.time >= log.imu_time[rest[0]]) & (gnss.time <= log.imu_time[rest[-1]])
         if still.any():
-            mean = (gnss.latitude[still].mean(), gnss.longitude[still].mean(), gnss.height[still].mean())
-            return float(mean[0]), float(mean[1]), float(mean[2]), gnss.position_sigma[still].mean(axis=0)
+            latitude, longitude, height = (float(v[still].mean()) for v in (gnss.latitude, gnss.longitude, gnss.height))
+            sigma = gnss.position_sigma[still].mean(axis=0)
+            return latitude, longitude, height, sigma, _far_note(log, (latitude, longitude, height), sigma)
     if initial.latitude_deg is None or initial.longitude_deg is None or initial.height_m is None:
         raise InputError("no fix while the vehicle stands: [initial] must give latitude_deg, longitude_deg and height_m")
-    return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3)
+    return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3), ()
+
+
+def _far_note(log: RecordedLog, fixed: tuple[float, float, float], sigma: Array) -> tuple[str, ...]:
+    """A sentence if [initial] gives a place that contradicts the fixes at rest, `fixed` (rad, rad, m) with `sigma` (3, m)."""
+    initial = log.description.initial
+    if initial.latitude_deg is None or initial.longitude_deg is None:
+        return ()
+    given = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), fixed[2]
+    north, east, _ = geodesy.numeric.ned_offset(*given, *fixed)
+    stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
+    both = float(np.hypot(max(stated), max(sigma[:2])))
+    apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)), 0.0)
+    if apart <= FAR * both:
+        return ()
+    size = f"{apart / 1000:.3g} km" if apart >= 1000 else f"{apart:.3g} m"
+    return (
+        f"the place in [initial], latitude_deg = {initial.latitude_deg:g} and longitude_deg = {initial.longitude_deg:g}, is "
+        f"{size} ({apart / both:.3g} sigma) from the fixes at rest: navigation starts with the fixes",
+    )

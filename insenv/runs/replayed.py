@@ -88,7 +88,7 @@ def replay(
             reference,
             times,
             _evaluated(f.estimator, evaluation, ready.begin_s, times),
-            (*begun.notes, *_unseen(log, f.estimator, ready.begin_s)),
+            (*begun.notes, *_understated(f.estimator, begun, given), *_unseen(log, f.estimator, ready.begin_s)),
             duration,
         )
         for f, begun in zip(followers, starts, strict=True)
@@ -243,6 +243,12 @@ def _whole_unit(estimator: Estimator, given: dict[str, Any]) -> dict[str, Any]:
     if _takes_sensors(estimator, given):
         return given
     return {**{name: 0.0 for name in ("rotation_error", "thrust_error") if name in estimator.model.parameters}, **given}
+
+
+def _understated(estimator: Estimator, begun: Start, given: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """The remark that scale factors are set smaller than the unit's, unless the parameters `given` describe the whole unit."""
+    rows = given[estimator.id]
+    return estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
 
 
 def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float) -> tuple[str, ...]:

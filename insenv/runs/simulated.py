@@ -99,7 +99,8 @@ def run(
     track = track_of(truth["time"], truth)
     refusal = no_limit(plant)
     limit = limit_of(plant, progress) if followers and not refusal else None
-    results = tuple(_result(f, plant, track, limit) for f in followers)
+    of_tuning = {e.id: e.understated(plant.knowledge, plant.tunings, rows[e.id]) for e in chosen}
+    results = tuple(_result(f, plant, track, limit, of_tuning.get(f.estimator.id, ())) for f in followers)
     notes = [*scenario.notes, *members(families, chosen)]
     notes += [f"{bridged} lost inertial samples bridged by interpolation"] if bridged else []
     notes += [refusal] if refusal else []
@@ -111,7 +112,9 @@ def members(families: Sequence[Estimator], chosen: Sequence[Estimator]) -> list[
     return [f"{member.id}: {member.title}" for family, member in zip(families, chosen, strict=True) if member is not family]
 
 
-def _result(follower: Follower | FunctionFollower, plant: Plant, track: Track, limit: Limit | None) -> Result:
+def _result(
+    follower: Follower | FunctionFollower, plant: Plant, track: Track, limit: Limit | None, of_tuning: tuple[str, ...]
+) -> Result:
     outputs = follower.named()
     health = follower.health(outputs)
     return result_of(
@@ -120,7 +123,7 @@ def _result(follower: Follower | FunctionFollower, plant: Plant, track: Track, l
         track.since(follower.first),
         limit,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=follower.notes(plant.duration_s, health, outputs),
+        notes=(*of_tuning, *follower.notes(plant.duration_s, health, outputs)),
         health=health,
         settled=not follower.too_short(plant.duration_s),
     )

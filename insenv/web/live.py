@@ -197,7 +197,10 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "health": health_rows(member.estimator, told[member.prefix]),
                 "findings": findings(member.estimator, told[member.prefix]),
                 **judged(member, plant, live.every, limit),
-                "notes": _notes_of(member.estimator, told[member.prefix], plant.duration_s),
+                "notes": [
+                    *member.estimator.understated(plant.knowledge, plant.tunings),
+                    *_notes_of(member.estimator, told[member.prefix], plant.duration_s),
+                ],
             }
             for member in live.page.members
         ],

@@ -5,10 +5,12 @@ import dataclasses
 import casadi as ca
 import numpy as np
 import pytest
+from simulated_log import simulated_log
 
-from insenv import geodesy, run
+from insenv import geodesy, replay, run
 from insenv.campaigns.block import run_block
 from insenv.campaigns.plan import make_plan
+from insenv.campaigns.variation import parse_variation
 from insenv.estimators import get
 from insenv.estimators.parts import applicability, handover
 from insenv.scenario import build, load
@@ -119,6 +121,33 @@ def test_scale_factors_that_are_counted_as_noise_are_noted():
     assert applicability.unmodelled_motion({**bias, "rotation_error": 3e-4}, 100.0) == ()
     (note,) = applicability.unmodelled_motion({**bias, "rotation_error": 4e-4}, 100.0)
     assert "0.4 mrad" in note and "three stated sigmas" in note
+
+
+def test_scale_factors_set_smaller_than_those_of_the_unit_are_noted():
+    """City drive with the grade autopilot and the tactical unit's scale factors set by hand: the mean NEES is 69."""
+    scenario = load("car-city-drive")
+
+    def notes(result):
+        return [note for note in result.notes if "mrad is set" in note]
+
+    assert not any(map(notes, run(scenario, ["loosely-coupled", "smoother", "fusion"], duration_s=2.0).results))
+    poor = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": "autopilot"})})
+    for result in run(poor, ["loosely-coupled", "smoother"], duration_s=2.0).results:
+        gyro, accel = notes(result)
+        assert "rotation_error = 1.1 mrad is set, that of the unit is 14 mrad" in gyro and "thrust_error = 1.1 mrad" in accel
+    assert not any(map(notes, run(poor, ["fusion"], duration_s=2.0).results))  # which takes them from the data sheet
+    varied = [parse_variation("imu.grade=choice(tactical, autopilot)")]
+    assert len(notes(make_plan(scenario, "loosely-coupled", 2, duration_s=2.0, variations=varied))) == 2
+    assert not notes(make_plan(scenario, "loosely-coupled", 2, duration_s=2.0))
+
+    tuning = {"loosely-coupled": dict(scenario.estimator["loosely-coupled"])}
+    log = {"duration_s": 60.0, "initial": {"static_until_s": 30.0, "heading_deg": 90.0}, "estimator": tuning}
+    for grade, count in (("tactical", 0), ("autopilot", 2)):
+        (result,) = replay(simulated_log(scenario, grade=grade, **log), ["loosely-coupled"]).results
+        assert len(notes(result)) == count
+    whole = {"arw_deg_sqrt_h": 0.3, "vrw_mps_sqrt_h": 0.1, "gyro_bias_deg_h": 20.0, "accel_bias_ug": 500.0}
+    log["estimator"] = {"loosely-coupled": {**whole, "rotation_error": 1e-3}}
+    assert not notes(replay(simulated_log(scenario, grade="autopilot", **log), ["loosely-coupled"]).results[0])
 
 
 def test_a_linearised_filter_of_a_unit_without_noise_is_noted():

@@ -282,6 +282,13 @@ def test_gaps_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> No
 @pytest.mark.parametrize(
     ("name", "line", "text", "expected"),
     [
+        (
+            "imu.csv",
+            5,
+            "10.08,0,-1e6,0,0,0,-1",
+            "imu.csv: line 5, column 'gy': gyro is -1e+06 deg/s, allowed -1e+05 to 1e+05 deg/s",
+        ),
+        ("imu.csv", 5, "10.08,0,0,0,0,0,1e300", "line 5, column 'az': accel is 1e+300 g, allowed -2e+05 to 2e+05 g"),
         ("imu.csv", 5, "10.08,nan,0,0,0,0,-1", "imu.csv: line 5, column 'gx': value is nan"),
         ("imu.csv", 5, "10.08,0,0,inf,0,0,-1", "line 5, column 'gz': value is inf"),
         ("imu.csv", 5, "10.03,0,0,0,0,0,-1", "line 5: time goes backwards from 10.06 s (line 4) to 10.03 s"),
@@ -312,6 +319,14 @@ def test_gaps_in_a_file_are_bridged_and_counted(folder: Folder, kind: str) -> No
 def test_bad_rows(folder: Folder, name: str, line: int, text: str, expected: str) -> None:
     folder.line(name, line, text)
     assert expected in folder.error()
+
+
+def test_an_increment_that_no_gyro_measures(folder: Folder) -> None:
+    folder.change('"rate"', '"increment"')
+    folder.change('"deg/s"', '"deg"')
+    folder.change('accel_unit = "g"', 'accel_unit = "m/s"')
+    folder.line("imu.csv", 5, "10.08,0,0,2001,0,0,-1")
+    assert "line 5, column 'gz': gyro is 2001 deg, allowed -2000 to 2000 deg" in folder.error()  # in 20 ms
 
 
 @pytest.mark.parametrize("cut", [3, 20, 31])
@@ -369,6 +384,8 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
     assert "do not overlap" in folder.error()
     folder.toml = good.replace("[imu]", "[imu]\nrate_hz = 100.0")
     assert "imu.rate_hz = 100 Hz, but the median step" in folder.error()
+    folder.toml = good.replace("[imu]", '[imu]\ntime_unit = "ms"')
+    assert "imu: 100 samples in 0.00198 s are 50000 Hz: allowed is up to 10000 Hz" in folder.error()
     folder.toml = good.replace('title = "test"', 'title = "test"\nstart_s = 99.0')
     assert "no imu rows between start_s = 99.0 s" in folder.error()
     folder.toml = good.replace("[gnss]", "[gnss]\nkeep_where = { h = 7 }")

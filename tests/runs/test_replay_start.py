@@ -13,6 +13,7 @@ from insenv.estimators import Knowledge, SensorNotes, get
 from insenv.logs import LogDescription
 from insenv.report import document
 from insenv.runs.first_motion import heading_by_force
+from insenv.runs.replay_start import initial_knowledge
 from insenv.runs.rest import Rest, rest_of, start_at_rest
 from insenv.scenario import load
 
@@ -132,6 +133,26 @@ def test_a_heading_that_the_motion_contradicts_is_replaced(grade):
         assert found.health.verdict == "consistent"
     right = replay(started(log, heading_deg=HEADING), ["loosely-coupled"]).results[0]
     assert not any("course" in note for note in right.notes)
+
+
+def test_a_given_place_far_from_the_fixes_is_named():
+    log = simulated_log(
+        "car-city-drive", seed=5, duration_s=60.0, grade="tactical", initial={"static_until_s": 30.0, "heading_deg": HEADING}
+    )
+
+    def notes(**initial):
+        (result,) = replay(started(log, **initial), ["loosely-coupled"]).results
+        return [note for note in result.notes if "[initial]" in note]
+
+    assert notes() == notes(latitude_deg=47.07, longitude_deg=15.44) == []
+    near = {"latitude_deg": 47.07, "longitude_deg": 15.44, "position_sigma_m": (0.1, 0.1, 0.1)}
+    assert notes(**near) == []
+    (note,) = notes(**{**near, "latitude_deg": 46.07})
+    assert "latitude_deg = 46.07" in note and "111 km" in note and "sigma) from the fixes at rest" in note
+    far = initial_knowledge(started(log, **{**near, "latitude_deg": 46.07}), get("loosely-coupled"), "coarse", 0).knowledge
+    np.testing.assert_allclose(far.position_sigma, log.gnss.position_sigma[0], rtol=1e-12)  # not that of the given place
+    (note,) = notes(latitude_deg=46.07, longitude_deg=15.44)
+    assert "111 km" in note
 
 
 def test_a_vehicle_that_moves_sideways_keeps_its_heading():
