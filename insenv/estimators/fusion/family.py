@@ -96,8 +96,8 @@ def _holds(filter: Composition, ids: tuple[str, ...]) -> bool:
 
 
 NO_PLACE = (
-    "the vehicle is a turntable, and no aid tells that the unit stays in place while it turns: after a turn the sigmas can be more "
-    "than ten times too small; use the aid in_place"
+    "the vehicle is a turntable, and no aid tells that the unit stays in place while it turns: after a turn the sigmas can "
+    "be more than ten times too small; use the aid in_place"
 )
 
 
