@@ -13,13 +13,13 @@ import numpy as np
 
 from insenv.errors import InputError
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
-from insenv.estimators.fusion.available import AIDS, OF_AID, OF_UNIT, STATES, composition
+from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.prepared import prepared
-from insenv.estimators.fusion.presets import TURNTABLE, aids_of, states_of
+from insenv.estimators.fusion.presets import TURNTABLE, aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 
@@ -120,7 +120,7 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
             f"{', '.join(dict.fromkeys(left_out))}; its sigmas are too small"
         )
     if drive.vehicle == TURNTABLE:
-        of_unit = [name for name in OF_UNIT if name not in states and np.any(np.asarray(known.rows[STATES[name].sigma]) > 0.0)]
+        of_unit = [name for name in told_of_unit(known) if name not in states]
         if of_unit:
             found.append(
                 f"errors of the unit that a turn shows and that are no states of this filter: {', '.join(of_unit)}; after a "

@@ -38,11 +38,16 @@ def aids_of(drive: Drive) -> tuple[str, ...]:
 def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[str, ...]:
     """The states, beside the biases, of a filter with these aids."""
     rows = known.rows
-    told = [state for state in OF_UNIT if _told(rows, STATES[state].sigma)]
-    found = told if drive.vehicle == TURNTABLE else _shown_by_manoeuvres(known, drive)
+    found = told_of_unit(known) if drive.vehicle == TURNTABLE else _shown_by_manoeuvres(known, drive)
     for aid in aids:
         found += [state.name for state in OF_AID.get(aid, ()) if _told(rows, STATES[state.name].sigma)]
     return tuple(dict.fromkeys(found))
+
+
+def told_of_unit(known: Knowledge) -> list[str]:
+    """The states of the unit beside its biases whose standard deviation is told."""
+    rows = known.rows
+    return [state for state in OF_UNIT if _told(rows, STATES[state].sigma)]
 
 
 def _shown_by_manoeuvres(known: Knowledge, drive: Drive) -> list[str]:
