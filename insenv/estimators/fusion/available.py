@@ -34,6 +34,10 @@ OF_AID = {
 """The states that only the measurements of an aid show, by id of the aid."""
 
 
+OF_UNIT = tuple(state.name for state in inertial.STATES if state.name not in ALWAYS)
+"""The states of the inertial unit beside its biases."""
+
+
 def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str | Aid], title: str = "") -> Composition:
     """A filter with these states, beside the biases, and these aids, in the order of `STATES` and `AIDS`, own ones last.
 

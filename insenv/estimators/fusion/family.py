@@ -19,7 +19,7 @@ from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.prepared import prepared
-from insenv.estimators.fusion.presets import aids_of, states_of
+from insenv.estimators.fusion.presets import TURNTABLE, aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 
@@ -47,12 +47,12 @@ def fusion(
     Raises `InputError` for an unknown name, a name that is given twice, no aid, or a state that none of the aids shows.
     """
     made, make = composition(id, states, aids), _smoother if smoother else _estimator
-    return replace(make(made), adapt=lambda known, drive, choices: make(made, _uncounted(made, known)))
+    return replace(make(made), adapt=lambda known, drive, choices: make(made, _uncounted(made, known, drive)))
 
 
 def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
     """The filter; uncounted: sentences about errors that it does not count."""
-    names = [state.name for state in filter.states]
+    names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
@@ -61,6 +61,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
             *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
             *(() if _holds(filter, _HORIZONTAL) else applicability.free_start(parameters, duration_s)),
             *(() if _holds(filter, _HEADING) else (NO_HEADING,)),
+            *(applicability.drifting_heading(parameters, duration_s) if IN_PLACE in ids else ()),
             *uncounted,
             *_without_sigma(filter, parameters),
         )
@@ -77,6 +78,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
     )
 
 
+IN_PLACE = "in_place"
 _VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic", "in_place")
 """Aids that hold the height or the vertical velocity."""
 _HORIZONTAL = ("gnss", "dvl", "odometer", "zero_velocity", "in_place")
@@ -85,7 +87,7 @@ _HEADING = ("gnss", "magnetometer", "heading", "in_place")
 """Aids that show the heading: GNSS by motion, a fixed place by the rotation of the Earth."""
 NO_HEADING = (
     "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
-    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive"
+    "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable"
 )
 
 
@@ -93,8 +95,17 @@ def _holds(filter: Composition, ids: tuple[str, ...]) -> bool:
     return any(aid.id in ids or aid.id not in AIDS for aid in filter.aids)
 
 
-def _uncounted(filter: Composition, known: Knowledge) -> tuple[str, ...]:
-    """The sentence about errors of the instruments in use whose size is known and that are no states."""
+NO_PLACE = (
+    "the vehicle is a turntable, and no aid tells that the unit stays in place while it turns: after a turn the sigmas can "
+    "be more than ten times too small; use the aid in_place"
+)
+
+
+def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str, ...]:
+    """Sentences about what is known to be there and is not in the filter.
+
+    Errors of the instruments in use that are no states; on a turntable also those of the unit, and that it stays in place.
+    """
     states = {state.name for state in filter.states}
     left_out = [
         state.name
@@ -102,12 +113,22 @@ def _uncounted(filter: Composition, known: Knowledge) -> tuple[str, ...]:
         for state in OF_AID.get(aid.id, ())
         if state.name not in states and state is not WANDER and np.any(np.asarray(known.rows.get(state.sigma, 0.0)) > 0.0)
     ]
-    if not left_out:
-        return ()
-    return (
-        f"errors of the instruments that are known to be there and are neither states nor noise of this filter: "
-        f"{', '.join(dict.fromkeys(left_out))}; its sigmas are too small",
-    )
+    found = []
+    if left_out:
+        found.append(
+            f"errors of the instruments that are known to be there and are neither states nor noise of this filter: "
+            f"{', '.join(dict.fromkeys(left_out))}; its sigmas are too small"
+        )
+    if drive.vehicle == TURNTABLE:
+        of_unit = [name for name in told_of_unit(known) if name not in states]
+        if of_unit:
+            found.append(
+                f"errors of the unit that a turn shows and that are no states of this filter: {', '.join(of_unit)}; after a "
+                "turn its sigmas are several times too small"
+            )
+        if IN_PLACE not in [aid.id for aid in filter.aids]:
+            found.append(NO_PLACE)
+    return tuple(found)
 
 
 def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[str, ...]:
@@ -120,10 +141,6 @@ def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[
 def _smoother(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
     smoothing = smoothing_of(filter, f"{filter.id}-smoother")
     return replace(_estimator(filter, uncounted), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
-
-
-def _member(make: Callable[..., Estimator], filter: Composition, known: Knowledge) -> Estimator:
-    return make(filter, _uncounted(filter, known))
 
 
 def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:
@@ -141,7 +158,8 @@ def _family(make: Callable[..., Estimator]) -> Estimator:
     settable = composition(ID, STATES, AIDS).parameters
 
     def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
-        return replace(_member(make, _composed(known, drive, choices), known), settable=settable)
+        filter = _composed(known, drive, choices)
+        return replace(make(filter, _uncounted(filter, known, drive)), settable=settable)
 
     return replace(
         general,

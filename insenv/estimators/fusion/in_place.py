@@ -6,11 +6,30 @@ says that it holds throughout. The unit must be at the centre of the turns.
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 
-from insenv.core.elementary import select
+from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, sigma_row, waited
+from insenv.estimators.fusion.contract import Aid, Spread, sigma_row, waited
+
+HELD = 60.0
+"""s: an error of the specific force that linearisation leaves out lasts about as long as an orientation.
+
+The measurement counts it as white noise of the velocity that it makes in this time, so that repetitions do not average it out.
+"""
+
+
+def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
+    """Variances (3, m^2/s^2): `in_place_sigma`, or what linearisation leaves out if that is more.
+
+    The accelerometer bias b acts in axes that are wrong by the heading error psi_D: psi x (C_wb b) is a product of two errors,
+    which a linearised filter neglects, and each turn of the unit changes it.
+    """
+    omitted = spread("attitude")[2] * ca.sum1(spread("accel_bias")) / 3 * HELD**2
+    return ca.repmat(maximum(p.in_place_sigma**2, omitted), 3, 1)
+
 
 AID = Aid(
     id="in_place",
@@ -20,7 +39,7 @@ AID = Aid(
     causes="whether the unit stays where it is, and whether it is at the centre of its turns",
     unit="m/s",
     residual=lambda p, seen, u: seen.velocity_w,
-    variance=lambda p, x, u, spread: ca.repmat(p.in_place_sigma**2, 3, 1),
+    variance=_variance,
     due=lambda p, x, u: select(waited(x.in_place_since, u, p.in_place_interval), 1.0, 0.0),
     parameters=Table((
         sigma_row("in_place_sigma", "Velocity of a unit that stays where it is", "m/s", start=0.001),

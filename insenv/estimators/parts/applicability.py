@@ -74,6 +74,21 @@ def free_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, .
     )
 
 
+def drifting_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+    """A sentence about gyros whose bias turns the heading beyond what a linearised filter takes, until a turn shows the bias.
+
+    parameters: SI, by row name: `gyro_bias_sigma`, `start_gyro_bias_error`. duration_s: of the data, s.
+    """
+    bias = float(parameters["start_gyro_bias_error"]) or float(parameters["gyro_bias_sigma"])
+    if bias * duration_s <= LINEAR_HEADING:
+        return ()
+    return (
+        f"a gyro bias of {degrees(bias) * 3600:.3g} deg/h may turn the heading by {degrees(bias * duration_s):.3g} deg in the "
+        f"{duration_s:.3g} s of the run: beyond {degrees(LINEAR_HEADING):.2g} deg this linearised filter's sigma of the "
+        "heading can be half of what it should be; an early turn about a level axis shows the bias",
+    )
+
+
 def unseen_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
     """A sentence about a heading that only manoeuvres show, for a filter that converges from any heading."""
     heading = float(parameters["heading_sigma"])
