@@ -10,7 +10,7 @@ from insenv.core.model import Values
 from insenv.estimators.fusion import history
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.measurement import update
-from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.fusion.navigation import Navigation, corrected_increments
 from insenv.estimators.fusion.retraction import corrected
 
 UNIT = ("gyro_g_sensitivity", "gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment")
@@ -76,6 +76,25 @@ PARAMETERS = {
     "start_longitude": 0.3,
     "start_height": 100.0,
 }
+
+
+def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():
+    """Each sign and place, by the matrices that tests/sensors/test_sensors.py holds the simulated unit against."""
+    angle, velocity, dt = np.array([0.01, -0.02, 0.03]), np.array([0.5, 0.1, -0.05]), 0.005
+    scale, couplings, constant = np.array([1.0, 2.0, 3.0]) * 1e-6, np.arange(1, 7) * 1e-6, np.array([4.0, -5.0, 6.0]) * 1e-6
+    M = np.eye(3) + np.diag(scale)
+    M[~np.eye(3, dtype=bool)] = couplings
+    values = {"gyro_bias": constant, "accel_bias": -constant, "gyro_g_sensitivity": 2 * constant}
+    values |= {
+        f"{triad}_{kind}": size for triad in ("gyro", "accel") for kind, size in (("scale", scale), ("misalignment", couplings))
+    }
+    measured_angle, measured_velocity = M @ angle + constant * dt + 2 * constant * velocity, M @ velocity - constant * dt
+    measured = Values(delta_angle=ca.DM(measured_angle), delta_velocity=ca.DM(measured_velocity), dt=dt)
+    states = [STATES[name] for name in ("gyro_bias", "accel_bias", *UNIT)]
+    correct = corrected_increments(states, {name: ca.DM(value) for name, value in values.items()}, measured)
+    found = [ca.evalf(ca.SX(each)).full().ravel() for each in correct]
+    np.testing.assert_allclose(found[0], angle, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(found[1], velocity, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("age", [0.0, 0.05])
@@ -179,6 +198,21 @@ def test_a_late_measurement_sees_the_motion_of_its_time(age):
 def test_the_kept_motion_is_as_long_as_the_longest_age_of_a_simulated_fix():
     """Fixes at 1 Hz are at most 1 s old.  With 0.9 s a delay of 2.5 sigma ended 7 to 20 sigma off in pitch and position."""
     assert history.SPACING * (history.SLOTS - 1) >= 1.0
+
+
+@pytest.mark.parametrize("age", [0.0, 0.2])
+def test_a_point_of_a_body_at_rest_does_not_move_over_the_earth(age):
+    """The gyros show the Earth's rate alone, which turns the body with the Earth."""
+    q_ew = np.array(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.0)).ravel()
+    earth_rate_b = Rotation.from_quat(STATE["q_wb"], scalar_first=True).inv().apply(geodesy.numeric.earth_rate_n(0.8))
+    still = {"velocity_w": np.zeros(3), "way_w": np.zeros(3), "past_way": np.zeros((history.SLOTS, 3)), "q_ew": q_ew}
+    still |= {"past_velocity": np.zeros((history.SLOTS, 3)), "past_rate": np.tile(earth_rate_b, (history.SLOTS, 1))}
+    known = {**STATE, **kept_motion(), **still, "previous_delta_angle": earth_rate_b * INPUTS["dt"]}
+    x = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in known.items() if v is not None})
+    u = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in INPUTS.items()})
+    u.delta_angle = ca.SX(ca.DM((earth_rate_b * INPUTS["dt"]).tolist()))
+    velocity_w = Navigation(x, u, (), {}, ca.SX.zeros(9)).point(ca.DM([10.0, -20.0, 30.0]), ca.SX(age))[1]
+    np.testing.assert_allclose(ca.evalf(velocity_w).full().ravel(), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.02])

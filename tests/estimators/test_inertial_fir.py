@@ -120,27 +120,60 @@ def test_equation_7_is_the_turn_of_the_navigation_frame_during_the_delay(latitud
 
 def test_the_stated_noise_is_that_of_the_weights():
     """The weights by the recursion of the mean, also after the memory is full."""
-    memory, newest = 100.0, 1 / inertial_fir.START
-    ends = np.zeros(54 + 300)  # weights of the ends at the edges, in steps: of the newest, and of the one before
-    ends[54], ends[0] = newest, -newest
-    for fixes in range(1, 301):
-        if fixes > 1:
-            new = 1 / (inertial_fir.START + min(fixes - 1, memory / 2))
-            ends *= 1 - new
-            ends[54 + fixes - 1] += new
-            ends[54 + fixes - 2] -= new
-        if fixes in (1, 5, 10, 30, 60, 150, 300):
-            stated = [float(v) for v in inertial_fir.noise_times(2.0 * (fixes - 1), memory)]
-            assert stated == pytest.approx(times_of(ends[: 54 + fixes], inertial_fir.END), rel=0.13)
-            assert stated[0] == pytest.approx(times_of(ends[: 54 + fixes], inertial_fir.END)[0], rel=0.02)
+    memory = 100.0
+    for fixes in (1, 5, 10, 30, 60, 150, 300):
+        stated = [float(v) for v in inertial_fir.noise_times(2.0 * (fixes - 1), memory)]
+        expected = times_of(edges_after(fixes, memory), inertial_fir.END)
+        assert stated == pytest.approx(expected, rel=0.13)
+        assert stated[0] == pytest.approx(expected[0], rel=0.02)
     printed = np.zeros(55)
     printed[54], printed[0] = 1 / 54, -1 / 54
     for elapsed in (0.0, 60.0):
         assert [float(v) for v in inertial_fir.noise_times(elapsed, 0.0)] == pytest.approx(times_of(printed, (1.0,)), rel=1e-3)
 
 
+@pytest.mark.parametrize("memory", [20.0, 600.0])
+def test_the_heading_weighs_the_forces_as_its_stated_noise_says(memory):
+    """The answer to small northward forces, another one in each block, over 240 s: their sum with the weights of the mean."""
+    latitude, blocks = 0.5, 2400
+    fixes = (blocks - inertial_fir.SPAN) // inertial_fir.STRIDE + 1
+    slopes = slopes_of(edges_after(fixes, memory), inertial_fir.END)
+    used = inertial_fir.SPAN + (fixes - 1) * inertial_fir.STRIDE
+    force = np.zeros((blocks, 3))
+    force[:, 0] = 1e-6 * np.random.default_rng(3).standard_normal(blocks)
+    identity = np.array([1.0, 0, 0, 0])
+    quiet, shaken = (
+        at_rest("inertial-fir", identity, latitude, accel_bias=a, duration=240.0, dt=0.1, heading_memory=memory)[2]
+        for a in (0.0 * force, force)
+    )
+    gravity = float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))
+    expected = slopes @ force[used - len(slopes) : used, 0] / (gravity * geodesy.OMEGA_IE * np.cos(latitude))
+    assert shaken - quiet == pytest.approx(expected, rel=1e-3)
+
+
+def edges_after(fixes, memory):
+    """Weights of the ends at the edges, per step, the oldest first (54 + fixes), by the recursion of the mean."""
+    ends = np.zeros(54 + fixes)
+    ends[54], ends[0] = 1 / inertial_fir.START, -1 / inertial_fir.START
+    for k in range(1, fixes):
+        new = 1 / (inertial_fir.START + min(k, memory / 2))
+        ends *= 1 - new
+        ends[54 + k] += new
+        ends[54 + k - 1] -= new
+    return ends
+
+
 def times_of(edges, end):
-    """Inverse integrals of the squares of the weights of drift, and of their slopes (s, s^3).
+    """Inverse integrals of the squares of the weights of drift, and of their slopes (s, s^3)."""
+    slopes = slopes_of(edges, end)
+    assert abs(slopes.sum()) < 1e-12
+    drift = np.cumsum(slopes)
+    assert abs(drift.sum() * 0.1) == pytest.approx(1.0, abs=1e-9)
+    return [1 / (np.sum(drift**2) * 0.1), 1 / (np.sum((slopes / 0.1) ** 2) * 0.1)]
+
+
+def slopes_of(edges, end):
+    """Weights of the tilts of the blocks, the oldest first, in the rate of tilt (1/s).
 
     edges: weights of the ends, per step, the oldest first; end: the weights inside an end. The oldest end is the mirror image.
     """
@@ -150,11 +183,7 @@ def times_of(edges, end):
         vectors[place + inward] += edges[place] * np.array(end)
     blocks = np.zeros((len(vectors) - 1) * 20 + 1)
     blocks[::20] = vectors / 2.0  # 1/s
-    slopes = np.convolve(impulse_response(CASCADE), blocks)
-    assert abs(slopes.sum()) < 1e-12
-    drift = np.cumsum(slopes)
-    assert abs(drift.sum() * 0.1) == pytest.approx(1.0, abs=1e-9)
-    return [1 / (np.sum(drift**2) * 0.1), 1 / (np.sum((slopes / 0.1) ** 2) * 0.1)]
+    return np.convolve(impulse_response(CASCADE), blocks)
 
 
 def test_the_weights_of_an_end_are_those_of_the_design():
@@ -187,7 +216,11 @@ def at_rest(id, q_nb, latitude, *, gyro_bias=(0, 0, 0), accel_bias=(0, 0, 0), du
     rate = C_nb.T @ geodesy.numeric.earth_rate_n(latitude) + gyro_bias
     force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))] + accel_bias
     model, n = get(id).model, round(duration / dt)
-    columns = {"delta_angle": np.tile(rate * dt, (n, 1)), "delta_velocity": np.tile(force * dt, (n, 1)), "dt": np.full(n, dt)}
+    columns = {
+        "delta_angle": np.tile(rate * dt, (n, 1)),
+        "delta_velocity": np.broadcast_to(force * dt, (n, 3)),
+        "dt": np.full(n, dt),
+    }
     runner = make_runner(model, {"latitude": latitude, "block_samples": max(1, round(0.1 / dt)), **parameters})
     runner.run(n, input_rows(model, columns, n), 0)
     return attitude.numeric.error_rotation_vector(runner.outputs()["q_nb"], q_nb)

@@ -165,10 +165,10 @@ def test_barometer_constants() -> None:
     assert_variance(x["barometer_bias_true"] - 1.0, 4.0)
     assert_variance(x["barometer_scale_factor_true"], 0.03**2)
     assert abs(np.corrcoef(x["barometer_bias_true"], x["barometer_scale_factor_true"])[0, 1]) < 4.5 / math.sqrt(4000)
-    rows = {"barometer_scale_factor": 0.02, "barometer_speed_error": 0.5, "barometer_quantum": 0.25}
+    rows = {"barometer_scale_factor": 0.0202, "barometer_speed_error": 0.5, "barometer_quantum": 0.25}
     y = simulate("barometer", 1, rows, {"height": 1050.0, "velocity_n": (30.0, 40.0, 0.0)})
-    exact = 1050.0 + 0.02 * 1000.0 - 0.5 * 2500.0 / (2 * 9.80665)
-    assert y["barometer_height"][0] == 0.25 * math.floor(exact / 0.25 + 0.5)
+    exact = 1050.0 + 0.0202 * 1000.0 - 0.5 * 2500.0 / (2 * 9.80665)
+    assert 1006.25 + 0.2 < exact < 1006.5 and y["barometer_height"][0] == 1006.5
 
 
 # --- magnetometer ----------------------------------------------------------------------------------------
