@@ -23,8 +23,11 @@ export function intervalsPanel({ title, rows }) {
     if (known(low) && known(high)) add("reach", Number(low), Number(high));
     else if (known(value) && low === null) add("reach", 1, Number(value));
     if (known(value)) add("dot", Number(value), Number(value));
-    const ends = low === null && high === null ? "" : ` (${number(low)} to ${number(high)})`;
-    return h("tr", {}, h("th", { scope: "row" }, withUnit(name)), h("td", { class: "drawn" }, line), h("td", {}, `${number(value)}${ends}`));
+    const ends = low === null && high === null ? null : h("span", {}, `(${number(low)} to ${number(high)})`);
+    const [text, unit] = withUnit(name);
+    const parts = String(text).split(/(?<=_)/).flatMap((part) => [part, h("wbr")]); // a long key of a parameter may be broken there
+    const figure = h("td", { class: "figure" }, number(value), " ", ends);
+    return h("tr", {}, h("th", { scope: "row" }, parts, unit), h("td", { class: "drawn" }, line), figure);
   });
   const table = h("table", {}, h("tbody", {}, drawn));
   const element = h(

@@ -4,12 +4,14 @@ import { h } from "./dom.js";
 import { colour, groupColour, onTheme } from "./theme.js";
 
 /**
- * @param {{name: string}[]} groups  the estimators (or what else has a colour); one without a name is not listed
+ * @param {{name: string, first?: boolean}[]} groups  the estimators (or what else has a colour); one without a name is not listed;
+ *   first: listed before the others
  * @param {{kind: string, text: string}[]} others  what else is drawn: "truth", "limit", "band", "outage", "cross", "statistics"
  * @param {(group: number, shown: boolean) => void} show
  */
 export function legend(groups, others, show) {
-  const entries = groups.map(({ name }, group) => {
+  const listed = [...groups.entries()].sort(([, a], [, b]) => Number(b.first ?? false) - Number(a.first ?? false));
+  const entries = listed.map(([group, { name }]) => {
     if (!name) return null;
     const swatch = h("i", { class: "swatch line", "aria-hidden": "true" });
     const button = h(

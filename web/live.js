@@ -39,6 +39,7 @@ export function livePage(live) {
   let clouded = conditions(live, state);
   let due = false; // whether the settings are to be shown again
   let linked = false; // whether the state is that of a link which has not started yet
+  let model = /** @type {import("./transport.js").Model} */ ("starting");
   let [running, ended, clouding] = [false, false, false];
   let speed = /** @type {number | null} */ (firstSpeed(live.duration_s));
   /** @type {any} */
@@ -82,7 +83,7 @@ export function livePage(live) {
       if (running) run();
     },
   });
-  const show = () => bar.show({ running, ended, speed });
+  const show = () => bar.show({ model, running, ended, speed });
   const controls = controlPanel(
     live,
     (seed, values) => begin({ ...state, seed: seed ?? state.seed, values: changed(live, state.values, values) }),
@@ -180,6 +181,7 @@ export function livePage(live) {
   session.on("values", (message) => {
     state = { seed: message.seed, values: message.values, commands: message.commands };
     linked = false;
+    if (model !== "ready") become("ready");
     if (due) controls.show(state.seed, state.values); // not with each command: a reader may be typing
     due = false;
     keep();
@@ -191,6 +193,7 @@ export function livePage(live) {
     cloud.stop();
     if (linked) refuse(message);
     else wrong.textContent = message;
+    if (model === "starting" && !linked) become("failed");
     show();
   });
 
@@ -213,16 +216,16 @@ export function livePage(live) {
 
   const paint = () => {
     requestAnimationFrame(paint);
-    if (frame && views.draw(frame.outputs, running)) {
+    if (model === "ready" && frame && views.draw(frame.outputs, running)) {
       const velocity = at("velocity_n").at;
       bar.at(frame.time_s);
       drive.show(Math.hypot(frame.outputs[velocity], frame.outputs[velocity + 1]), cutNow(live, state.values, frame.time_s));
     }
-    panels.draw();
+    panels.draw(running);
   };
   requestAnimationFrame(paint);
+  controls.show(state.seed, state.values);
   session.send({ do: "load", live });
-  show();
 
   const hide = (/** @type {number} */ group, /** @type {boolean} */ shown) => {
     panels.show(group, shown);
@@ -236,31 +239,40 @@ export function livePage(live) {
     legend(names, othersOf(panels.panels, "truth"), hide),
     spanControls(span),
   );
+  const main = h(
+    "main",
+    {},
+    bar.element,
+    wrong,
+    h(
+      "div",
+      { class: "stage" },
+      h("h2", { class: "hidden" }, "The vehicle now"),
+      views.views,
+      h("div", { class: "side" }, steered && drive.element, views.numbers),
+    ),
+    notes.element,
+    end,
+    h(
+      "div",
+      { class: "columns" },
+      controls.element,
+      h("div", { class: "plots" }, keys, panels.elements, cloud.element),
+    ),
+  );
+  /** What acts on the model is there with it. */
+  const become = (/** @type {import("./transport.js").Model} */ now) => {
+    model = now;
+    main.setAttribute("aria-busy", String(model === "starting"));
+    for (const part of [controls, drive, cloud]) part.element.inert = model !== "ready";
+    show();
+  };
+  become("starting");
   return h(
     "div",
     { class: "frame live" },
     heading(live, () => session.send({ do: "toml" })),
-    h(
-      "main",
-      {},
-      bar.element,
-      wrong,
-      h(
-        "div",
-        { class: "stage" },
-        h("h2", { class: "hidden" }, "The vehicle now"),
-        views.views,
-        h("div", { class: "side" }, steered && drive.element, views.numbers),
-      ),
-      notes.element,
-      end,
-      h(
-        "div",
-        { class: "columns" },
-        controls.element,
-        h("div", { class: "plots" }, keys, panels.elements, cloud.element),
-      ),
-    ),
+    main,
     h(
       "footer",
       {},

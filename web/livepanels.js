@@ -85,6 +85,11 @@ export function livePanels(live, span) {
     watcher.observe(one.plot.element);
   }
   let next = 0;
+  const redraw = (/** @type {any} */ one) => {
+    one.plot.update(x, one.panel.curves);
+    one.due = false;
+  };
+  addEventListener("beforeprint", () => panels.filter((one) => one.due).forEach(redraw));
   return {
     elements: sections.map((section) =>
       h(
@@ -117,13 +122,13 @@ export function livePanels(live, span) {
         one.due = true;
       }
     },
-    /** Draw some of the panels that are due and seen: a frame has time for a few. */
-    draw: () => {
+    /** Draw some of the panels that are due, while it runs of those that are seen: a frame has time for a few.
+     * @param {boolean} running */
+    draw: (running) => {
       for (let some = 0, looked = 0; looked < panels.length && some < AT_ONCE; looked++) {
         const one = panels[next++ % panels.length];
-        if (!one.due || !one.seen) continue;
-        one.plot.update(x, one.panel.curves);
-        one.due = false;
+        if (!one.due || (running && !one.seen)) continue;
+        redraw(one);
         some++;
       }
     },

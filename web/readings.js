@@ -89,11 +89,16 @@ export function readings(live, at) {
       }
       filters.forEach((/** @type {any} */ one, /** @type {number} */ place) => {
         const found = healthNow(live, one, at, history);
-        const [first, ...others] = found?.lines ?? ["nothing measured yet"];
-        const text = [first.replace(/^[a-z]+(: |, | (?=within))/, ""), ...others].join("; ");
         const state = found && h("span", { class: `state ${found.verdict}` }, found.verdict);
-        fill(health[place], found ? `${one.id} ` : `${one.id}:`, state, ` ${text}`);
+        fill(health[place], found ? `${one.id} ` : `${one.id}:`, state, ` ${found ? besideVerdict(found.lines) : "nothing measured yet"}`);
       });
     },
   };
+}
+
+/** The lines of a health as one text that stands beside its verdict and does not repeat it.
+ * @param {string[]} lines
+ * @returns {string} */
+export function besideVerdict([first, ...others]) {
+  return [first.replace(/^[a-z]+(: |, | (?=within)|$)/, ""), ...others].filter(Boolean).join("; ");
 }

@@ -17,6 +17,7 @@ import { colour, groupColour, onTheme } from "./theme.js";
  * @property {boolean} log
  * @property {number | null} from_s
  * @property {boolean} [positive]  the vertical scale begins at 0
+ * @property {number | null} [most]  where the vertical scale ends; null: beyond the largest value
  * @property {boolean} [wraps]  angles in degrees: lines have a gap where they wrap
  * @property {[number, number][]} shade
  * @property {number[]} x
@@ -56,7 +57,7 @@ export function timePlot(panel, span, names, axis = TIME) {
     const [from, to] = span.shown();
     const x = /** @type {number[]} */ (u.data[0]);
     const [low, high] = rangeOf(counted(), firstFrom(x, from), firstFrom(x, to + 1e-9) - 1, panel.log);
-    return [panel.positive ? 0 : low, high];
+    return [panel.positive ? 0 : low, panel.most ?? high];
   };
   const threshold = panel.threshold;
   const scale = threshold === null ? (panel.log ? { distr: 3 } : {}) : { distr: 4, asinh: BEND * threshold };

@@ -8,6 +8,8 @@ const SPEEDS = [1, 2, 5, 10, 30, 100];
 const OWN_SPACE = "button, input:not([type='range']), select, summary";
 const HALF_A_MINUTE = 35; // s: how long a run lasts at the speed that a page begins with
 
+/** @typedef {"starting" | "ready" | "failed"} Model  whether there is a model to run */
+
 /** The speed that a page begins with.
  * @param {number} duration  s */
 export function firstSpeed(duration) {
@@ -45,10 +47,11 @@ export function transport(live, acts) {
   });
   return {
     element: h("div", { class: "transport", role: "group", "aria-label": "Run" }, play, step, again, pace, time, done),
-    /** @param {{running: boolean, ended: boolean, speed: number | null}} now */
-    show: ({ running, ended, speed }) => {
-      play.textContent = running ? "Pause" : ended ? "Run again" : "Run";
-      step.disabled = running || ended;
+    /** @param {{model: Model, running: boolean, ended: boolean, speed: number | null}} now */
+    show: ({ model, running, ended, speed }) => {
+      play.textContent = model === "starting" ? "Starting ..." : running ? "Pause" : ended ? "Run again" : "Run";
+      for (const one of [play, again, pace]) one.disabled = model !== "ready";
+      step.disabled = model !== "ready" || running || ended;
       pace.value = speed === null ? "" : String(speed);
     },
     /** @param {number} seconds */

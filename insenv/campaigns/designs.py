@@ -41,7 +41,8 @@ def check_design(design: str, runs: int, keys: int) -> None:
     if design == "saltelli" and (runs % (keys + 2) or not _is_power(runs // (keys + 2))):
         some = (keys + 2) * 2 ** max(2, int(np.log2(max(runs // (keys + 2), 1))))
         raise InputError(
-            f"runs = {runs}: a saltelli design of {keys} keys has groups of {keys + 2} runs, and their number is a power of 2: "
+            f"runs = {runs}: a saltelli design of {keys} key{'s' if keys > 1 else ''} has groups of {keys + 2} runs, and their "
+            f"number is a power of 2: "
             f"allowed is {some} or {2 * some}, for example"
         )
 

@@ -146,7 +146,8 @@ def consistency_lines(found: Statistics) -> Iterator[str]:
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := found.verdicts()) is not None:
-        yield f"health of {of_runs['runs']} runs: {_health_of(of_runs, 'fixes')}"
+        runs = of_runs["runs"]
+        yield f"health of {runs} run{'s' if runs > 1 else ''}: {_health_of(of_runs, 'fixes')}"
         for id, of_aid in of_runs["aids"].items():
             yield f"  {id}: {_health_of(of_aid, 'measurements')}"
 
@@ -164,7 +165,8 @@ def campaign_facts(found: Statistics) -> str:
     plan = found.plan
     last = plan.seed_of(plan.runs - 1)
     seeds = f"seeds {plan.first_seed} to {last}" if last > plan.first_seed else f"seed {plan.first_seed}"
-    return f"{plan.runs} runs of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
+    runs = f"{plan.runs} run{'s' if plan.runs > 1 else ''}"
+    return f"{runs} of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
 
 
 CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")

@@ -45,7 +45,7 @@ def budget_page_document(found: Budget) -> dict[str, Any]:
         "title": "Error budget: which source of error dominates",
         "facts": [facts(found)],
         "truth": "truth",
-        "legend": [{"name": named.get(group, "")} for group in range(METHOD + 1)],
+        "legend": [{"name": named.get(group, ""), "first": group == ALL} for group in range(METHOD + 1)],
         "tables": [_table(found, title, names) for title, names in GROUPS if any(name in found.channels for name in names)],
         "explained": [f"{sentence}." for sentence in sentences(found)],
         "notes": [*filter(None, [left_out(found)]), *found.notes],
@@ -78,10 +78,9 @@ class _Drawn:
         bands += [(OTHERS, squares[self.others].sum(axis=0))] if self.others else []
         return [*bands, (METHOD, found.none[self.keep, place])]
 
-    def _panel(self, name: str, unit: str, threshold: float | None = None) -> TimePanel:
+    def _panel(self, name: str, unit: str, **more: Any) -> TimePanel:
         from_s = self.found.from_s if self.found.from_s > 0 else None
-        times = self.found.time[self.keep]
-        return TimePanel(self.pool, NAMES[name], unit, times, threshold=threshold, from_s=from_s, positive=True)
+        return TimePanel(self.pool, NAMES[name], unit, self.found.time[self.keep], from_s=from_s, positive=True, **more)
 
     def stack(self, name: str) -> dict[str, Any]:
         """Mean squares add up: a band ends at the root of the sum of those below it and its own."""
@@ -89,7 +88,7 @@ class _Drawn:
         whole = np.sqrt(found.whole[self.keep, place])
         limit = None if found.limit is None else np.sqrt(found.limit[self.keep, place])
         reach = 0.0 if limit is None else float(np.nanmax(limit[-max(1, len(limit) // 4) :]))
-        panel = self._panel(name, unit_of(name), threshold_of([whole], [reach]))
+        panel = self._panel(name, unit_of(name), threshold=threshold_of([whole], [reach]))
         below = np.zeros(len(self.keep))
         for group, square in self._bands(name):
             panel.between(group, np.sqrt(below), np.sqrt(below + square), OPAQUE)
@@ -101,7 +100,7 @@ class _Drawn:
 
     def shares(self, name: str) -> dict[str, Any]:
         """What each band has of their sum."""
-        panel = self._panel(name, "%")
+        panel = self._panel(name, "%", most=100.0)
         bands = self._bands(name)
         total = np.sum([square for _, square in bands], axis=0)
         below = np.zeros(len(self.keep))

@@ -179,7 +179,12 @@ def test_the_results_of_a_design_do_not_depend_on_the_blocks():
     [
         ("latn", 8, ("start.height_m=0:1",), "allowed is one of random, latin, sobol, saltelli"),
         ("latin", 8, (), "a design spreads varied keys"),
-        ("saltelli", 10, ("start.height_m=0:1",), "groups of 3 runs, and their number is a power of 2"),
+        (
+            "saltelli",
+            10,
+            ("start.height_m=0:1",),
+            "of 1 key has groups of 3 runs, and their number is a power of 2",
+        ),
     ],
 )
 def test_designs_that_do_not_fit_are_refused(design, runs, vary, said):

@@ -252,6 +252,9 @@ def test_health_of_every_run_and_its_shares():
     assert campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
     assert printed(found).count("health of 3 runs: 100 % consistent, 0 % overconfident, 0 % diverged") == 1
 
+    single = printed(run_campaign(make_plan(scenario, "loosely-coupled", 1, first_seed=4, duration_s=60.0)))
+    assert "health of 1 run:" in single and "1 run of 60 s, seed 4," in single
+
     wrong = {"loosely-coupled": {"innovation_gate": 0.5}}
     lost = run_campaign(make_plan(load({**scenario.model_dump(exclude_unset=True), "estimator": wrong}), "loosely-coupled", 2,
                                   first_seed=4, duration_s=60.0))  # fmt: skip

@@ -86,6 +86,22 @@ def test_verdicts_and_sentences_are_those_of_a_run(tmp_path: Path) -> None:
     assert all(verdicts.count(verdict) > CASES // 20 for verdict in (*VERDICTS, None) if verdict) and None in verdicts
 
 
+def test_a_verdict_is_said_once_beside_its_word(tmp_path: Path) -> None:
+    """Without fixes of GNSS the first line is the verdict alone."""
+    told = {
+        "consistent": "",
+        "overconfident, factor 2": "factor 2",
+        "consistent: 0 % of 9 fixes refused": "0 % of 9 fixes refused",
+        "consistent within 5 %: 0 % of 9 fixes refused": "within 5 %: 0 % of 9 fixes refused",
+        "diverged, factor 3; gnss: consistent: none used": "factor 3; gnss: consistent: none used",
+    }
+    aid = "dvl: consistent: 0 % of 4 measurements refused"
+    found = answers(
+        "readings.js", "given[0].map((line) => module_readings.besideVerdict([line, given[1]]))", [[*told], aid], tmp_path
+    )
+    assert found == ["; ".join(filter(None, (text, aid))) for text in told.values()]
+
+
 @pytest.mark.parametrize(
     ("scenario", "id", "scales"),
     [("aircraft-inflight-alignment", "velocity-integration", (0.01, 3.0)), ("ship-dvl", "fusion", (1e-12, 0.3, 1e3))],

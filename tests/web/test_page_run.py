@@ -81,6 +81,14 @@ def test_figures_are_those_of_the_table(driven):
         assert table["caption"] == result.estimator and all(note in table["below"] for note in result.notes)
 
 
+def test_each_line_of_health_is_a_sentence_of_its_own(driven):
+    """One of GNSS, and one of each other aid."""
+    first, *others = driven.results[0].health.lines
+    below = run_document(driven)["tables"][0]["below"]
+    place = below.index(f"Health: {first}")
+    assert len(others) == 1 and below[place + 1 : place + 2] == others
+
+
 def test_a_filter_with_other_aids_than_gnss_has_a_page_and_a_figure(driven):
     """It reports the health of these aids, and no count of fixes."""
     result = driven.results[0]

@@ -247,6 +247,8 @@ def test_the_page_stacks_what_the_budget_holds(ship):
     assert all(one["high"] == other["low"] for one, other in itertools.pairwise(bands))
     np.testing.assert_allclose(arrays[bands[-1]["high"]], np.sqrt(ship.sum[:, 2]), rtol=1e-6)
     assert np.allclose(arrays[shares["panels"][2]["curves"][-1]["high"]], 100.0)
+    assert all(panel["most"] == 100.0 for panel in shares["panels"]) and heading["most"] is None
+    assert [one["name"] for one in document["legend"] if one["first"]] == ["all sources"]
     largest = ship.sources[int(np.argmax(ship.shares()[:-1].max(axis=1)))]
     assert document["legend"][bands[0]["group"]]["name"] == largest
     (table,) = document["tables"]

@@ -79,7 +79,10 @@ def run_document(report: RunData, budget: int = BYTES) -> dict[str, Any]:
 
 def _summary(result: Result, place: int, report: RunData) -> dict[str, Any]:
     """The table of one estimator with what must be said of it."""
-    below = [] if result.health is None else [f"Health: {result.health.summary}"]
+    below = []
+    if result.health is not None:
+        first, *others = result.health.lines
+        below = [f"Health: {first}", *others]
     below += [*result.notes, *([f"{number(result.us_per_sample)} us a sample"] if result.us_per_sample else [])]
     state = "" if result.health is None else result.health.verdict
     if not result.errors:

@@ -21,7 +21,7 @@ class TimePanel:
 
     times (n,) s. threshold: up to which the vertical scale is linear, beyond it logarithmic; None: linear. log: a logarithmic
     scale. wraps: angles in degrees, drawn with a gap where they wrap. from_s: start of the statistics, s. positive: the
-    vertical scale begins at 0. shade: intervals of time without fixes, s.
+    vertical scale begins at 0. most: where it ends; None: beyond the largest value. shade: intervals of time without fixes, s.
     """
 
     pool: Pool
@@ -33,6 +33,7 @@ class TimePanel:
     wraps: bool = False
     from_s: float | None = None
     positive: bool = False
+    most: float | None = None
     shade: Sequence[tuple[float, float]] = ()
     curves: list[dict[str, Any]] = field(default_factory=list)
 
@@ -61,6 +62,7 @@ class TimePanel:
             "wraps": self.wraps,
             "from_s": self.from_s,
             "positive": self.positive,
+            "most": self.most,
             "shade": [list(interval) for interval in self.shade],
             "curves": self.curves,
         }
