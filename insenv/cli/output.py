@@ -191,14 +191,16 @@ class CompilingNotice(logging.Handler):
 def compiling_noticed() -> Iterator[None]:
     """Say on stderr during the block that models are compiled."""
     log, notice = logging.getLogger(COMPILER), CompilingNotice()
-    level = log.level
+    level, propagates = log.level, log.propagate
     log.addHandler(notice)
     log.setLevel(logging.INFO)
+    log.propagate = False  # a package of example logs gives the root logger a handler, which would say it again
     try:
         yield
     finally:
         log.removeHandler(notice)
         log.setLevel(level)
+        log.propagate = propagates
 
 
 @contextmanager

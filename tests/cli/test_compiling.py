@@ -10,6 +10,9 @@ import pytest
 from command_line import SHORT
 from places import ROOT
 
+from insenv.cli.output import compiling_noticed
+from insenv.core.compile import COMPILING, LOG
+
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None or os.name == "nt", reason="no C compiler on the path")
 
 COMMAND = [sys.executable, "-m", "insenv", *SHORT]
@@ -30,6 +33,13 @@ def test_piped(fresh):
 
     assert said() == "insenv: compiling, once\n"
     assert said() == ""
+
+
+def test_it_is_said_once_though_a_package_has_given_the_root_logger_a_handler(capsys, caplog):
+    with compiling_noticed():
+        LOG.info(COMPILING)
+    assert capsys.readouterr().err == "insenv: compiling, once\n" and not caplog.messages
+    assert LOG.propagate
 
 
 def test_at_a_terminal(fresh):
