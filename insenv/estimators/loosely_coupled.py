@@ -36,5 +36,5 @@ ESTIMATOR = Estimator(
     error=FILTER.consistency_error,
     applicability=applicability.linear_start,
     caveats=applicability.together(applicability.unmodelled_motion, applicability.noiseless),
-    causes={aid.id: aid.causes for aid in FILTER.aids if aid.causes},
+    causes=FILTER.causes,
 )

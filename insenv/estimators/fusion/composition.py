@@ -133,6 +133,11 @@ class Composition:
     def _sum_rows(self) -> Table:
         return Table(tuple(dict.fromkeys(self._sums.values())))
 
+    @property
+    def causes(self) -> dict[str, str]:
+        """By id of an aid, what to look at where its measurements do not fit (`Estimator.causes`)."""
+        return {aid.id: aid.causes for aid in self.aids if aid.causes}
+
     @cached_property
     def parameters(self) -> Table:
         """The start and its standard deviations, the unit, then the rows of states and aids."""

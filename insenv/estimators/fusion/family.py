@@ -74,7 +74,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
         prepare=lambda known: prepared(known, filter.parameters, names),
         applicability=notes,
         findings=lambda parameters: surprising(filter.states, parameters),
-        causes={aid.id: aid.causes for aid in filter.aids if aid.causes},
+        causes=filter.causes,
     )
 
 
