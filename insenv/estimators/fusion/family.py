@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv.errors import InputError
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
+from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
@@ -47,7 +48,29 @@ def fusion(
     Raises `InputError` for an unknown name, a name that is given twice, no aid, or a state that none of the aids shows.
     """
     made, make = composition(id, states, aids), _smoother if smoother else _estimator
-    return replace(make(made), adapt=lambda known, drive, choices: make(made, _uncounted(made, known, drive)))
+    return replace(make(made), adapt=lambda known, drive, choices: _suited(make, made, known, drive))
+
+
+def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledge, drive: Drive) -> Estimator:
+    """The estimator that `make` makes of a filter for a drive."""
+    made = make(filter, _uncounted(filter, known, drive))
+    ids = {aid.id for aid in filter.aids}
+    finds = "gnss" in ids and drive.fix_velocity and not ids & {"heading", "magnetometer"} and not made.smooths
+    return _seeking(made, filter) if finds and unknown_start.wanted(known) else made
+
+
+def _seeking(estimator: Estimator, filter: Composition) -> Estimator:
+    """The same filter where its start attitude is not known: it finds it first."""
+    assert estimator.prepare is not None and estimator.applicability is not None and estimator.findings is not None
+    prepare, notes, findings = estimator.prepare, estimator.applicability, estimator.findings
+    sure = {"tilt_sigma": 0.0, "heading_sigma": 0.0}
+    return replace(
+        estimator,
+        model=unknown_start.model_of(filter),
+        prepare=lambda known: {**prepare(known), **unknown_start.prepared(known)},
+        applicability=lambda parameters, duration_s: notes({**parameters, **sure}, duration_s),
+        findings=lambda parameters: (*findings(parameters), unknown_start.finding()),
+    )
 
 
 def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
@@ -159,7 +182,7 @@ def _family(make: Callable[..., Estimator]) -> Estimator:
 
     def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
         filter = _composed(known, drive, choices)
-        return replace(make(filter, _uncounted(filter, known, drive)), settable=settable)
+        return replace(_suited(make, filter, known, drive), settable=settable)
 
     return replace(
         general,
