@@ -20,7 +20,6 @@ EXAMPLES = ROOT / "examples"
 SAID = {  # what each script must print
     "active_alignment.py": ("S-turns", "straight, constant speed"),
     "align_a_ship.py": ("heading_deg", "limit"),
-    "align_then_navigate.py": ("heading at 450 s", "dvl: consistent"),
     "compare_estimators.py": ("q-method", "gyrocompass", "limit at the end"),
     "env_loop.py": ("aligned after", "limit"),
     "navigate_a_log.py": ("vd_mps", "KF-GINS"),

@@ -19,7 +19,8 @@ from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
-from insenv.estimators.fusion.prepared import prepared
+from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
+from insenv.estimators.fusion.prepared import prepared, untold_mounting
 from insenv.estimators.fusion.presets import TURNTABLE, aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
@@ -124,6 +125,12 @@ NO_PLACE = (
 )
 
 
+NO_MOUNTING = (
+    "nothing is told of how the unit is mounted to the wheels, and their constraint takes its axes for theirs: a degree "
+    "between them is a degree of heading error; use the state odometer_mounting_error"
+)
+
+
 def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str, ...]:
     """Sentences about what is known to be there and is not in the filter.
 
@@ -142,6 +149,8 @@ def _uncounted(filter: Composition, known: Knowledge, drive: Drive) -> tuple[str
             f"errors of the instruments that are known to be there and are neither states nor noise of this filter: "
             f"{', '.join(dict.fromkeys(left_out))}; its sigmas are too small"
         )
+    if NON_HOLONOMIC.id in {aid.id for aid in filter.aids} and MOUNTING.name not in states and untold_mounting(known):
+        found.append(NO_MOUNTING)
     if drive.vehicle == TURNTABLE:
         of_unit = [name for name in told_of_unit(known) if name not in states]
         if of_unit:

@@ -12,13 +12,15 @@ each repetition.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import radians
 from typing import Any
 
 import casadi as ca
 
 from insenv import attitude
 from insenv.attitude import skew
-from insenv.core.elementary import select
+from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion.contract import Aid, Spread, constant, gate_row, noise_variance, sigma_row, waited
 from insenv.estimators.fusion.navigation import Navigation
@@ -32,7 +34,7 @@ SCALE = constant("odometer_scale", "scale factor of the odometer", "1", 1, _TOLD
 SLIP = constant("odometer_slip", "slip of the wheel per forward specific force", "s^2/m", 1, _TOLD["odometer_slip_sigma"])
 MOUNTING = constant(
     "odometer_mounting_error", "mounting error of the odometer: pitch, yaw", "rad", 2,
-    _TOLD["odometer_mounting_sigma"], "b",
+    replace(_TOLD["odometer_mounting_sigma"], start=radians(3.0)), "b",
 )  # fmt: skip
 STATES = (SCALE, SLIP, MOUNTING)
 
@@ -68,6 +70,10 @@ AID = Aid(
     gate="odometer_gate",
 )
 
+UNTOLD_ARM = 1.5
+"""m: standard deviation of the lever arm to the unsteered axle where nothing is told of it."""
+TURN = 5.0
+"""s: for which a turn of a car lasts."""
 STANDSTILL = 1.0
 """m/s: below, wheels that slip are not told from wheels that stand."""
 
@@ -80,10 +86,15 @@ def _due(p: Any, x: Any, u: Any) -> Any:
 def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
     """Sideways: own motion, and the slip angle of the lateral acceleration; up and down: the body's pitch and heave."""
     speed2, lateral = ca.sumsqr(x.velocity_w), u.delta_velocity[1] / u.dt
-    return ca.vertcat(
-        p.non_holonomic_sigma**2 + speed2 * (p.non_holonomic_slip * lateral) ** 2,
-        p.non_holonomic_sigma**2 + speed2 * p.non_holonomic_pitch**2,
-    )
+    moving = ca.vertcat(speed2 * (p.non_holonomic_slip * lateral) ** 2, speed2 * p.non_holonomic_pitch**2)
+    return p.non_holonomic_sigma**2 + moving + _by_arm(p, u)
+
+
+def _by_arm(p: Any, u: Any) -> Any:
+    """Variance (2) of omega x (error of the lever arm), sideways and downward; all uses in a turn count as one."""
+    rate2 = (u.delta_angle / u.dt) ** 2
+    uses = maximum(TURN / maximum(p.non_holonomic_interval, u.dt), 1.0)
+    return uses * p.non_holonomic_arm_sigma**2 * ca.vertcat(rate2[0] + rate2[2], rate2[0] + rate2[1])
 
 
 NON_HOLONOMIC = Aid(
@@ -102,6 +113,7 @@ NON_HOLONOMIC = Aid(
         sigma_row("non_holonomic_sigma", "Motion of the body against the road, sideways and downward", "m/s", start=0.05),
         sigma_row("non_holonomic_slip", "Slip angle of the wheels per lateral acceleration", "rad s^2/m", start=0.003),
         sigma_row("non_holonomic_pitch", "Pitch of the body against the road", "rad", start=0.01),
+        sigma_row("non_holonomic_arm_sigma", "Error of the lever arm to the unsteered axle, each axis", "m"),
         Row("non_holonomic_interval", "Time between uses of the constraint", "s", start=0.5, lower=0.0, upper=3600.0),
         Row("non_holonomic_time", "Correlation time of its error", "s", start=2.0, lower=1e-3, upper=1e9),
         gate_row("non_holonomic"),

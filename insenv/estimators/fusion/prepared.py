@@ -10,7 +10,13 @@ import numpy as np
 
 from insenv.core.tables import Table
 from insenv.estimators.contract import Knowledge
+from insenv.estimators.fusion.odometer import UNTOLD_ARM
 from insenv.instruments import TOLD
+
+
+def untold_mounting(known: Knowledge) -> bool:
+    """Whether nothing is told of how the inertial unit is mounted to the wheels."""
+    return "odometer_lever_arm_b" not in known.instruments
 
 
 def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[str, Any]:
@@ -24,6 +30,8 @@ def prepared(known: Knowledge, table: Table, states: Collection[str]) -> dict[st
     for name in TOLD.names:  # an error that is not told, of a state that was asked for, has the size that its row starts with
         if name in rows and not np.any(rows[name]) and table[name].flat_start().any():
             del rows[name]
+    if untold_mounting(known) and "non_holonomic_arm_sigma" in table:
+        rows["non_holonomic_arm_sigma"] = UNTOLD_ARM
     bare = {"gyro": {"gyro_g_sensitivity"}, "accel": {"accel_scale", "accel_misalignment"}}
     for triad, needed in bare.items():
         sigma = getattr(sheet, f"bare_{triad}_bias_sigma")

@@ -15,6 +15,8 @@ import numpy as np
 
 from insenv.estimators.contract import Drive, Knowledge
 from insenv.estimators.fusion.available import AIDS, OF_AID, OF_UNIT, STATES
+from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
+from insenv.estimators.fusion.prepared import untold_mounting
 from insenv.estimators.parts.motion_errors import COHERENT_ANGLE, COHERENT_SPEED
 
 WORTH = 0.1
@@ -41,6 +43,8 @@ def states_of(known: Knowledge, drive: Drive, aids: Collection[str]) -> tuple[st
     found = told_of_unit(known) if drive.vehicle == TURNTABLE else _shown_by_manoeuvres(known, drive)
     for aid in aids:
         found += [state.name for state in OF_AID.get(aid, ()) if _told(rows, STATES[state.name].sigma)]
+    if NON_HOLONOMIC.id in aids and untold_mounting(known):
+        found.append(MOUNTING.name)
     return tuple(dict.fromkeys(found))
 
 

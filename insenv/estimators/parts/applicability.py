@@ -55,7 +55,7 @@ def linear_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str,
     return (
         f"the start attitude is uncertain by {degrees(tilt):.2g} deg of level and {degrees(heading):.3g} deg of heading: this "
         f"linearised filter states too small sigmas from {degrees(LINEAR_TILT):.2g} deg of level or "
-        f"{degrees(LINEAR_HEADING):.2g} deg of heading on; use aqe-sukf",
+        f"{degrees(LINEAR_HEADING):.2g} deg of heading on; use fusion with the velocity of GNSS, or aqe-sukf",
     )
 
 

@@ -1,0 +1,117 @@
+"""`fusion` from a start attitude that is not known: found by velocity integration, then the filter, each with its sigma."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import insenv
+from insenv.core.batch import make_batch
+from insenv.core.runner import make_runner
+from insenv.estimators.fusion import unknown_start
+from insenv.estimators.fusion.available import composition
+from insenv.plant.feeding import input_rows
+from insenv.scenario import Scenario, build, load
+
+STATES, AIDS = ("gnss_wander", "dvl_scale", "dvl_misalignment"), ("gnss", "dvl")
+FEW = composition("few", STATES, AIDS)
+
+
+def _known(name: str, **knowledge: Any) -> Scenario:
+    """A scenario with other knowledge of the start (keys of its section)."""
+    scenario = load(name)
+    return scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update=knowledge)})
+
+
+def _outputs(scenario: Scenario, seed: int, duration_s: float, every: int = 1) -> dict[str, np.ndarray]:
+    """Of `fusion` as the scenario's presets compose it."""
+    plant = build(scenario, seed=seed, duration_s=duration_s)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    filter = plant.adapted("fusion")
+    runner = make_runner(filter.model, plant.parameters_of(filter))
+    return filter.model.outputs.unpack(runner.run(plant.samples, input_rows(filter.model, columns, plant.samples), every))
+
+
+def test_an_unknown_heading_at_sea_is_found_with_an_honest_sigma():
+    """From 180 deg, 16 runs.  Without the alignment one in six settles 20 to 80 deg off, at a sigma of 0.5 deg."""
+    summary = insenv.campaign("ship-at-sea", insenv.fusion(STATES, AIDS), 16, seed=20000, duration_s=60)
+    heading = summary.courses["heading_deg"]
+    assert heading.rms[-1] < 1.6 * heading.stated[-1] and heading.stated[-1] < 0.6
+    assert summary.nees is not None and summary.nees.mean[-1] < 9.0 + 3.2  # 3 standard deviations of the mean of 16 runs
+
+
+def test_a_car_and_an_aircraft_find_their_attitude():
+    for name, duration_s, sigma in (("car-unknown-heading", 80.0, 0.5), ("aircraft-inflight-alignment", 60.0, 0.02)):
+        result = insenv.run(_known(name, heading_sigma_deg=180.0), "fusion", seed=20001, duration_s=duration_s).results[0]
+        for angle in ("roll_deg", "pitch_deg", "heading_deg"):
+            assert np.all(np.abs(result.errors[angle]) < 4.5 * result.sigma[angle])
+        assert result.sigma["heading_deg"][-1] < sigma
+        assert not any("heading" in note for note in result.notes)
+
+
+def test_a_heading_that_is_roughly_known_is_kept_until_a_better_one_is_found():
+    """A straight line shows none: 45 deg stay 45 deg, and level, velocity and place are known all the while."""
+    result = insenv.run(_known("car-unknown-heading", heading_sigma_deg=45.0), "fusion", seed=20002, duration_s=29).results[0]
+    assert 40.0 < result.sigma["heading_deg"][-1] < 50.0
+    assert result.sigma["roll_deg"][-1] < 2.0 and result.sigma["vn_mps"][-1] < 1.0 and result.sigma["north_m"][-1] < 5.0
+    assert abs(result.errors["vn_mps"][-1]) < 1.0
+    assert any("the heading is not found" in note for note in result.notes)
+
+
+def test_no_other_aid_measures_before_and_no_fix_counts():
+    scenario = load("ship-at-sea")
+    outputs = _outputs(scenario, 1, 20.0)
+    found = int(np.argmax(np.degrees(outputs["attitude_sigma"][:, 2]) < 5.0))
+    assert 100 < found < 900
+    assert not outputs["dvl_count"][:found].any() and not outputs["fix_count"][: found + 1].any()
+    assert outputs["dvl_count"][-1] > 10 and outputs["fix_count"][-1] > 8
+    assert np.all(outputs["nis_used"][found] < 1e-4) and not outputs["nis_used_count"][found].any()
+
+
+def test_from_a_known_start_it_is_the_filter_itself_to_the_bit():
+    """The alignment does not run where the parameters say that the start is known."""
+    plant = build(_known("ship-at-sea", heading_sigma_deg=1.0), seed=2, duration_s=30.0)
+    assert "seeking" not in "".join(plant.adapted("fusion").model.state.names)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    known = plant.knowledge
+    parameters = {**insenv.fusion(STATES, AIDS).parameters(known), **unknown_start.prepared(known)}
+    both = []
+    for model in (FEW.model, unknown_start.model_of(FEW)):
+        own = {name: value for name, value in parameters.items() if name in model.parameters}
+        both.append(make_runner(model, own).run(plant.samples, input_rows(model, columns, plant.samples), 50))
+    np.testing.assert_array_equal(*both)
+
+
+def test_all_runners_give_the_same_bits():
+    plant = build(load("ship-at-sea"), seed=3, duration_s=15.0)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    model = unknown_start.model_of(FEW)
+    estimator = plant.adapted("fusion")
+    parameters = {n: v for n, v in plant.parameters_of(estimator).items() if n in model.parameters}
+    rows = input_rows(model, columns, plant.samples)
+    native = make_runner(model, parameters, "native").run(plant.samples, rows, 50)
+    np.testing.assert_array_equal(make_runner(model, parameters, "interpreter").run(plant.samples, rows, 50), native)
+    batch = make_batch(model, 3, np.tile(model.parameters.pack(parameters), (3, 1)), threads=1)
+    for row in batch.run(plant.samples, np.tile(rows, (3, 1, 1)), every=50):
+        np.testing.assert_array_equal(row, native)
+
+
+@pytest.mark.parametrize(
+    ("name", "aids"),
+    [("car-odometer", ["odometer", "zero_velocity"]), ("multirotor-hover", ["gnss", "magnetometer"])],
+)
+def test_without_the_velocity_of_gnss_or_with_a_measured_heading_there_is_no_alignment(name, aids):
+    plant = build(_known(name, heading_sigma_deg=180.0), seed=1, duration_s=5.0)
+    assert not any(row.startswith("alignment_") for row in plant.adapted(insenv.fusion([], aids)).model.state.names)
+
+
+def test_fixes_without_a_velocity_leave_the_note():
+    scenario = _known("car-city-drive", heading_sigma_deg=180.0)
+    assert scenario.gnss is not None
+    mute = scenario.model_copy(update={"gnss": scenario.gnss.model_copy(update={"velocity": False})})
+    assert any("too small sigmas" in note for note in insenv.run(mute, "fusion", duration_s=5).results[0].notes)
