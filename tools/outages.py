@@ -1,4 +1,4 @@
-"""Largest errors in the outages of a drive, by filter, beside the limit: the table on the page of `fusion`.
+"""Largest errors in the outages of a drive, by filter and beside the limit: the table on the page of `fusion`.
 
     python tools/outages.py                      prints it, half an hour
     python tools/outages.py --write              and into docs/estimators/fusion.md
@@ -32,10 +32,8 @@ from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
 
 Array = NDArray[np.float64]
 
-FIRST_SEED = 30000
-"""No filter was tuned on seeds from here on."""
-RUNS = {"car-survey": 32, "car-odometer": 16}
-"""By scenario."""
+FIRST_SEED, RUNS = 30000, 32
+"""No filter was tuned on these seeds."""
 DRAWS = 1000
 """Paths of the optimal filter and smoother: their statistic is known to 1 %."""
 SETTLED = 300.0
@@ -162,28 +160,24 @@ HEADER = (
 )
 
 
-def _runs() -> str:
-    return "seeds from {}: {}".format(FIRST_SEED, ", ".join(f"{runs} runs of `{name}`" for name, runs in RUNS.items()))
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Measure the cases of these scenarios and print their rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("scenarios", nargs="*", help="all, if none is named")
-    parser.add_argument("-n", "--runs", type=int, help="of each scenario, instead of " + _runs())
+    parser.add_argument("-n", "--runs", type=int, default=RUNS)
     parser.add_argument("--write", action="store_true", help="write the table into docs/estimators/fusion.md")
     given = parser.parse_args(arguments)
-    if given.write and (given.runs is not None or given.scenarios):
-        parser.error(f"--write: the table has all scenarios, {_runs()}")
+    if given.write and (given.runs != RUNS or given.scenarios):
+        parser.error(f"--write: the table has all scenarios and {RUNS} seeds")
     print(HEADER)
     lines = []
-    for scenario in given.scenarios or RUNS:
-        for line in rows(scenario, RUNS[scenario] if given.runs is None else given.runs):
+    for scenario in given.scenarios or dict.fromkeys(case.scenario for case in cases()):
+        for line in rows(scenario, given.runs):
             print(line, flush=True)
             lines.append(line)
     if given.write:
         before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-        said = f"{_runs()} (`python tools/outages.py --write`):"
+        said = f"{RUNS} runs, seeds {FIRST_SEED} to {FIRST_SEED + RUNS - 1} (`python tools/outages.py --write`):"
         after = END + rest.split(END)[1]
         PAGE.write_text("\n".join([before + BEGIN.rstrip(), "", said, "", HEADER, *lines, "", after]), encoding="utf-8")
 
