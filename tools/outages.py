@@ -1,4 +1,4 @@
-"""Largest errors in the outages of a drive, by filter and beside the limit: the table on the page of `fusion`.
+"""Largest errors in the outages of a drive, by filter, beside the limit: the table on the page of `fusion`.
 
     python tools/outages.py                      prints it, half an hour
     python tools/outages.py --write              and into docs/estimators/fusion.md
