@@ -66,6 +66,7 @@ def cases() -> tuple[Case, ...]:
     unit = ("gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment", "gnss_wander")
     still = insenv.fusion(("gyro_scale", "accel_scale"), id="still", smoother=True)
     held = insenv.fusion(unit, ["gnss", "zero_velocity", "non_holonomic"], id="wheels")
+    gripping = insenv.fusion(unit, ["gnss", "zero_velocity", "non_holonomic"], id="gripping")
     free = insenv.fusion(unit, ["gnss", "zero_velocity"], id="no-wheels")
     both = ("fusion", "fusion-smoother")
     return (
@@ -73,6 +74,13 @@ def cases() -> tuple[Case, ...]:
         Case("car-survey", "`fusion-smoother`, `standing_sigma_mps = 0.002`", still, settings={"standing_sigma_mps": 0.002}),
         *(Case("car-odometer", f"`{id}`, odometer and wheels", id, odometer=True, wheels=True) for id in both),
         Case("car-odometer", "aids gnss, zero_velocity, non_holonomic", held, wheels=True),
+        Case(
+            "car-odometer",
+            "the same, `non_holonomic_sigma_mps = 0.005`, `non_holonomic_slip = 0`",
+            gripping,
+            wheels=True,
+            settings={"non_holonomic_sigma_mps": 0.005, "non_holonomic_slip": 0.0},
+        ),
         Case("car-odometer", "aids gnss, zero_velocity", free),
     )
 
