@@ -109,8 +109,8 @@ def bound(
     numbers of samples done and in all.
     """
     interval = float(rows["sample_interval"])
-    layout = _layout(rows, interval, in_place)
-    steps = _steps(model, rows, interval, samples, layout)
+    layout = layout_of(rows, interval, in_place)
+    steps = blocks_of(model, rows, interval, samples, layout)
     times, sigmas = [], []
     for time, sigma in recursion(steps, layout, prior):
         times.append(time)
@@ -127,8 +127,8 @@ def bound_of_unit(model: Model, rows: Mapping[str, Any], prior: Prior, samples: 
     gyro_scale, accel_scale (3), gyro_misalignment, accel_misalignment (6); those that the unit has.
     """
     interval = float(rows["sample_interval"])
-    layout = _layout(rows, interval, in_place)
-    P = errors_left(_steps(model, rows, interval, samples, layout), layout, prior)
+    layout = layout_of(rows, interval, in_place)
+    P = errors_left(blocks_of(model, rows, interval, samples, layout), layout, prior)
     picks: dict[str, dict[int, Array]] = {}  # by name and component, which states make it up
     for source in layout.unit.sources:
         if source.triad not in (0, 1):
@@ -150,7 +150,8 @@ def _named(source: str, triad: str, place: int) -> tuple[str, int] | None:
     return (f"{triad}_bias", place) if "bias" in source or "flicker" in source else None
 
 
-def _layout(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layout:
+def layout_of(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layout:
+    """The states of the optimal filter of a plant and what it measures; the arguments are those of `bound`."""
     fixes = fixes_of(rows, interval)
     mooring = mooring_of(rows) if in_place else None
     of_fixes = () if fixes is None else (wander_of(rows), *receiver_of(rows))
@@ -158,7 +159,8 @@ def _layout(rows: Mapping[str, Any], interval: float, in_place: bool) -> Layout:
     return Layout(unit_of(rows), own, fixes, mooring, aids_of(rows, interval))
 
 
-def _steps(model: Model, rows: Mapping[str, Any], interval: float, samples: int, layout: Layout) -> Iterable[Steps]:
+def blocks_of(model: Model, rows: Mapping[str, Any], interval: float, samples: int, layout: Layout) -> Iterable[Steps]:
+    """The trajectory in blocks of steps."""
     ends = step_ends(samples, interval, layout.fixes)
     return steps_along(model, model.parameters.pack(rows), interval, ends, layout.unit.C_bs)
 

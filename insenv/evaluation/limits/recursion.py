@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -79,7 +79,7 @@ def recursion(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Iterable
     filter_ = None
     for steps in blocks:
         if filter_ is None:
-            filter_ = _Filter(layout, prior, steps)
+            filter_ = CovarianceFilter(layout, prior, steps)
             yield np.zeros(1), filter_.start
         yield steps.time, filter_.block(steps)
 
@@ -88,13 +88,29 @@ def errors_left(blocks: Iterable[Steps], layout: Layout, prior: Prior) -> Array:
     """The covariance of the states of `Layout.sources`, in their order, after all blocks."""
     filter_ = None
     for steps in blocks:
-        filter_ = filter_ or _Filter(layout, prior, steps)
+        filter_ = filter_ or CovarianceFilter(layout, prior, steps)
         filter_.block(steps)
     assert filter_ is not None
     return filter_.P[NAVIGATION:, NAVIGATION:]
 
 
-class _Filter:
+@dataclass(frozen=True)
+class Moves:
+    """What m steps do to the s states, navigation errors first, without measurements.
+
+    both (m, 9, s): transition of the navigation errors.  drive (m, 9, 9): covariance that white noise adds to them.
+    decay, grown (m, decaying states): of Gauss-Markov processes, factor and added variance.  walked (m, walking states):
+    added variance of random walks.
+    """
+
+    both: Array
+    drive: Array
+    decay: Array
+    grown: Array
+    walked: Array
+
+
+class CovarianceFilter:
     """The covariance, and the part of it that does not change from block to block."""
 
     def __init__(self, layout: Layout, prior: Prior, first: Steps) -> None:
@@ -124,51 +140,75 @@ class _Filter:
 
     def block(self, steps: Steps) -> Array:
         """The standard deviations (m, 12) after each step."""
+        kept = np.empty((len(steps.time), NAVIGATION, NAVIGATION))
+        for k in self.each(steps):
+            kept[k] = (self.P if self.without is None else self.without)[:NAVIGATION, :NAVIGATION]
+        return _channels(kept, steps, earth_axes(steps.latitude, steps.longitude))
+
+    def each(self, steps: Steps) -> Iterator[int]:
+        """Go through the steps of a block; the number of each, after its measurements."""
         layout, count = self.layout, len(steps.time)
         C_en = earth_axes(steps.latitude, steps.longitude)
         rest = steps.rest if layout.mooring is None else np.zeros(count, dtype=bool)
-        thrust, force = _as_known(steps, rest)
-        A = integrals(steps, C_en, thrust)
-        transition = np.eye(NAVIGATION) + A + A @ A / 2
-        drive = self._drive(steps, C_en, A)
-        coupling = self._coupling(steps, C_en, A, force)
-        both = np.concatenate([transition, coupling], axis=2)
-        decay = np.exp(-steps.length[:, None] / self.time[self.decaying])
-        grown = self.variance[self.decaying] * (1 - decay**2)
-        walked = self.walk[self.walking] * steps.length[:, None]
-        decaying, walking = self.decaying + NAVIGATION, self.walking + NAVIGATION
+        moves = self._moves(steps, C_en, rest)
+        still = np.eye(len(self.P))[DV]
         antenna = None if layout.fixes is None else _antenna(steps, layout.fixes.lever_arm)
         begins = np.concatenate([[self.last], steps.end[:-1]])
         self.last = int(steps.end[-1])
         aided = [(aid.epochs(begins, steps.end), *self._aid(aid, steps, C_en)) for aid in layout.aids]
-        kept = np.empty((count, NAVIGATION, NAVIGATION))
         for k in range(count):
-            for P in (self.P,) if self.without is None else (self.P, self.without):
-                _propagate(P, both[k], drive[k])
-                if decaying.size:
-                    P[decaying] *= decay[k][:, None]
-                    P[:, decaying] *= decay[k]
-                    P[decaying, decaying] += grown[k]
-                P[walking, walking] += walked[k]
-                if layout.mooring is not None:
-                    self._moored(P, float(steps.time[k]), C_en[k])
-                elif rest[k]:
-                    _measure(P, P[:, DV].copy(), P[DV, DV].copy(), np.full(3, REST_SIGMA**2))
+            self.move(moves, k)
+            if layout.mooring is not None:
+                self._moored(float(steps.time[k]), C_en[k])
+            elif rest[k]:
+                self.measure(still, np.full(3, REST_SIGMA**2))
             for number, H, variance in aided:
                 if number[k]:
-                    for P in (self.P,) if self.without is None else (self.P, self.without):
-                        _linear(P, H[k], variance / number[k])
+                    self.measure(H[k], variance / number[k])
             fixes = layout.fixes
             if fixes is not None and antenna is not None:
                 sample = int(steps.end[k])
                 if fixes.measured(sample):
-                    self.without = self.P.copy() if fixes.latency else None
-                    self.due = sample + fixes.latency
+                    before = self.P.copy() if fixes.latency else None
+                    self.without = None
                     self._fix(fixes, C_en[k], antenna.at(k))
+                    self.without, self.due = before, sample + fixes.latency
                 if self.without is not None and sample >= self.due:
                     self.without = None
-            kept[k] = (self.P if self.without is None else self.without)[:NAVIGATION, :NAVIGATION]
-        return _channels(kept, steps, C_en)
+            yield k
+
+    def move(self, moves: Moves, k: int) -> None:
+        """The step k of a block, without measurements."""
+        decaying, walking = self.decaying + NAVIGATION, self.walking + NAVIGATION
+        for P in self._all():
+            _propagate(P, moves.both[k], moves.drive[k])
+            if decaying.size:
+                P[decaying] *= moves.decay[k][:, None]
+                P[:, decaying] *= moves.decay[k]
+                P[decaying, decaying] += moves.grown[k]
+            P[walking, walking] += moves.walked[k]
+
+    def measure(self, H: Array, variance: Array) -> None:
+        """Measure H x with white noise of variances (r,)."""
+        for P in self._all():
+            crossed = P @ H.T
+            _measure(P, crossed, H @ crossed, variance)
+
+    def _all(self) -> tuple[Array, ...]:
+        return (self.P,) if self.without is None else (self.P, self.without)
+
+    def _moves(self, steps: Steps, C_en: Array, rest: NDArray[np.bool_]) -> Moves:
+        thrust, force = _as_known(steps, rest)
+        A = integrals(steps, C_en, thrust)
+        transition = np.eye(NAVIGATION) + A + A @ A / 2
+        decay = np.exp(-steps.length[:, None] / self.time[self.decaying])
+        return Moves(
+            both=np.concatenate([transition, self._coupling(steps, C_en, A, force)], axis=2),
+            drive=self._drive(steps, C_en, A),
+            decay=decay,
+            grown=self.variance[self.decaying] * (1 - decay**2),
+            walked=self.walk[self.walking] * steps.length[:, None],
+        )
 
     def _drive(self, steps: Steps, C_en: Array, A: Array) -> Array:
         """Covariance (m, 9, 9) that the white noise of the unit adds in each step."""
@@ -190,15 +230,16 @@ class _Filter:
             begin = span.stop
         return np.asarray(found + A @ found / 2)
 
-    def _moored(self, P: Array, time: float, C_en: Array) -> None:
+    def _moored(self, time: float, C_en: Array) -> None:
         """Measure: the displacement is that of the place and the sway."""
         mooring = self.layout.mooring
         assert mooring is not None
         rows = mooring.rows(time)
-        begin = len(P) - rows.shape[1]
-        crossed = P[:, DR] @ C_en - P[:, begin:] @ rows.T
-        inside = C_en.T @ crossed[DR] - rows @ crossed[begin:]
-        _measure(P, crossed, inside, np.full(3, SWAY_SIGMA**2))
+        for P in self._all():
+            begin = len(P) - rows.shape[1]
+            crossed = P[:, DR] @ C_en - P[:, begin:] @ rows.T
+            inside = C_en.T @ crossed[DR] - rows @ crossed[begin:]
+            _measure(P, crossed, inside, np.full(3, SWAY_SIGMA**2))
 
     def _aid(self, aid: Aid, steps: Steps, C_en: Array) -> tuple[Array, Array]:
         """The measurement matrix (m, r, states) of an instrument at the end of each step, and its white variance (r,)."""
@@ -221,7 +262,7 @@ class _Filter:
         sigma = np.concatenate([fixes.position, fixes.velocity])
         H, sigma = H[np.isfinite(sigma)], sigma[np.isfinite(sigma)]
         if sigma.size:
-            _linear(self.P, H, sigma**2)
+            self.measure(H, sigma**2)
 
 
 def _propagate(P: Array, both: Array, drive: Array) -> None:
@@ -240,12 +281,6 @@ def _measure(P: Array, crossed: Array, inside: Array, variance: Array) -> None:
     P -= crossed @ np.linalg.solve(inside, crossed.T)
     P += P.T
     P *= 0.5
-
-
-def _linear(P: Array, H: Array, variance: Array) -> None:
-    """Measure H x with white noise of variances (r,), in place."""
-    crossed = P @ H.T
-    _measure(P, crossed, H @ crossed, variance)
 
 
 def _as_known(steps: Steps, rest: NDArray[np.bool_]) -> tuple[Array, Array]:
