@@ -19,7 +19,7 @@ from typing import Any
 
 import reproduced
 
-from insenv.reproduce import PAPERS
+from insenv.reproduce import PAPERS, conditions, footnotes
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "tests" / "project" / "benchmarks.json"
@@ -134,13 +134,15 @@ def speed_table(markdown: Markdown) -> str:
 
 
 def paper_table(markdown: Markdown, paper: str) -> str:
-    """All rows of a paper."""
-    numbers = ("published", "printed_form", "ours", "limit")
+    """The conditions of a paper, all its rows, and their notes."""
+    numbers, stored_rows = ("published", "printed_form", "ours", "limit"), reproduced.stored()[paper]
+    marks, notes = footnotes(row["note"] for row in stored_rows)
     rows = [
-        (row["quantity"], *(shown(row[name]) for name in numbers), row["unit"], str(row["seeds"]))
-        for row in reproduced.stored()[paper]
+        (row["quantity"] + mark, *(shown(row[name]) for name in numbers), row["unit"], str(row["seeds"]))
+        for row, mark in zip(stored_rows, marks, strict=True)
     ]
-    return markdown(("quantity", "published", "as printed", "insenv", "limit", "unit", "seeds"), rows)
+    table = markdown(("quantity", "published", "as printed", "insenv", "limit", "unit", "seeds"), rows)
+    return "\n\n".join([f"Conditions: {conditions(paper)}.", table, *notes])
 
 
 # --- renewing ----------------------------------------------------------------------------------------

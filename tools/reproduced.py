@@ -21,10 +21,10 @@ DIGITS = 6
 
 
 def row(quantity: Quantity) -> dict[str, Any]:
-    """A row of the table: name, unit, seeds, and the numbers published, as printed, ours and of the limit."""
+    """A row of the table: name, unit, seeds, the numbers published, as printed, ours and of the limit, and the note."""
     numbers = {name: getattr(quantity, name) for name in ("published", "printed_form", "ours", "limit")}
     shown = {name: None if value is None else float(f"{value:.{DIGITS}g}") for name, value in numbers.items()}
-    return {"quantity": quantity.quantity, "unit": quantity.unit, "seeds": quantity.seeds, **shown}
+    return {"quantity": quantity.quantity, "unit": quantity.unit, "seeds": quantity.seeds, **shown, "note": quantity.note}
 
 
 def stored() -> dict[str, list[dict[str, Any]]]:

@@ -19,7 +19,7 @@ def reproduce(
     from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report import OutputFolder
     from insenv.report.tables import number
-    from insenv.reproduce import PAPERS, chosen, figure
+    from insenv.reproduce import PAPERS, chosen, conditions, figure, footnotes
     from insenv.reproduce import reproduce as measure
 
     papers = chosen(paper)
@@ -38,16 +38,18 @@ def reproduce(
         return
     for name, quantities in found.items():
         print_line(f"{name}: {PAPERS[name]}")
+        print_line(f"conditions: {conditions(name)}")
+        marks, notes = footnotes(q.note for q in quantities)
         print_table(
             ("published", "as printed", "ours", "limit", "ours/limit", "seeds", "unit", "quantity"),
             [
-                (*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds), q.unit, q.quantity)
-                for q in quantities
+                (*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds), q.unit, q.quantity + mark)
+                for q, mark in zip(quantities, marks, strict=True)
             ],
             right=(0, 1, 2, 3, 4, 5),
         )
-        for note in dict.fromkeys(q.note for q in quantities if q.note):
-            print_line(f"note: {note}")
+        for note in notes:
+            print_line(note)
         print_line()
     if written:
         print_line(f"written: {', '.join(str(path) for path in written)}")

@@ -1,8 +1,8 @@
 """A recording for the Rerun viewer (https://rerun.io): tracks on a map and in space, errors with sigma and limit, sensors.
 
 Entities: ``map/NAME`` (latitude, longitude), ``world/NAME`` (east, north, up from the first place of the truth, and attitude),
-``error/ID/CHANNEL``, ``sigma/...`` and ``limit/...`` beside it, ``imu/gyro`` (rad/s) and ``imu/accel`` (m/s^2), b, ``gnss`` and
-the other instruments.  The timeline ``time`` counts seconds from the start.
+``error/ID/CHANNEL``, ``sigma/...`` and ``limit/...`` beside it, ``imu/gyro`` (rad/s) and ``imu/accel`` (m/s^2), b,
+``imu/temperature`` (deg C), ``gnss`` and the other instruments.  The timeline ``time`` counts seconds from the start.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from insenv.export.tracks import NamedTrack, tracks_of
 from insenv.logs import RecordedLog
 from insenv.logs.flight.rosbag import ENU
 from insenv.report.run_data import RunData
+from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,8 @@ def _sensors(series: _Series, log: RecordedLog) -> None:
     dt = log.dt[own, None]
     series.scalars("imu/gyro", log.imu_time[own], log.delta_angle[own] / dt)
     series.scalars("imu/accel", log.imu_time[own], log.delta_velocity[own] / dt)
+    if log.temperature is not None:
+        series.scalars("imu/temperature", log.imu_time[own], log.temperature[own] - ZERO_CELSIUS)
     if log.gnss is not None:
         series.places("gnss", log.gnss.time, log.gnss.latitude, log.gnss.longitude)
         series.scalars("gnss/height", log.gnss.time, log.gnss.height)

@@ -1,10 +1,12 @@
 """ROS 2 messages of a drive, as a bag (SQLite) or an MCAP recording, by rosbags.
 
 Axes are those of REP 103: body forward, left, up; ``map`` is east, north, up at the first place of the truth (REP 105).  An Imu
-message holds the mean rates of a sample and is stamped with the middle of its interval; it is recorded at the end.  A NavSatFix
-is stamped with its time of validity and recorded when it arrived.  Time 0 is `insenv.export.tracks.EPOCH`.
+message holds the mean rates of a sample and is stamped with the middle of its interval; it is recorded at the end, which is
+the stamp of a Temperature too.  A NavSatFix is stamped with its time of validity and recorded when it arrived.  Time 0 is
+`insenv.export.tracks.EPOCH`.
 
-Topics: /imu/data, /magnetometer, /gnss/fix, /gnss/velocity; for the truth and each estimate /NAME/odometry and /NAME/fix.
+Topics: /imu/data, /imu/temperature (deg C), /magnetometer, /gnss/fix, /gnss/velocity; for the truth and each estimate
+/NAME/odometry and /NAME/fix.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from insenv.logs import GnssFixes, RecordedLog, Reference
 from insenv.logs.flight.rosbag import ENU
 from insenv.logs.flight.rosbag import FLU as SIGNS
 from insenv.report.run_data import RunData
+from insenv.sensors.units import ZERO_CELSIUS
 
 Array = NDArray[np.float64]
 
@@ -144,6 +147,11 @@ class _Maker:
         )
         return Stamped(nanoseconds(arrived), "/imu/data", "sensor_msgs/msg/Imu", message)
 
+    def temperature(self, time: float, celsius: float) -> Stamped:
+        kind = "sensor_msgs/msg/Temperature"
+        message = self.types[kind](self.header(time, "base_link"), celsius, 0.0)  # 0: of unknown variance
+        return Stamped(nanoseconds(time), "/imu/temperature", kind, message)
+
     def fix(self, topic: str, time: float, arrived: float, place: tuple[float, ...], variance: Array, frame: str) -> Stamped:
         status = self.types["sensor_msgs/msg/NavSatStatus"](0, 1)
         message = self.types["sensor_msgs/msg/NavSatFix"](
@@ -186,6 +194,9 @@ def _imu(make: _Maker, log: RecordedLog) -> Iterator[Stamped]:
     noise = notes.angle_random_walk**2, notes.velocity_random_walk**2
     for end, length, rate, force in zip(log.imu_time[own], dt, rates, forces, strict=True):
         yield make.imu(end - 0.5 * length, end, rate, force, (noise[0] / length, noise[1] / length))
+    if log.temperature is not None:
+        for end, celsius in zip(log.imu_time[own], log.temperature[own] - ZERO_CELSIUS, strict=True):
+            yield make.temperature(end, float(celsius))
 
 
 def _fixes(make: _Maker, gnss: GnssFixes) -> Iterator[Stamped]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -19,7 +19,7 @@ PAPERS = {
     "quaternion": "quaternion adaptive Kalman alignment",
     "large-misalignment": "large misalignment: additive quaternion error, EKF and simplified UKF",
 }
-"""Titles of the papers by short name; each paper is a module of this package with `quantities` and `figure`."""
+"""Titles of the papers by short name; each paper is a module of this package with `quantities`, `figure` and `CONDITIONS`."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Quantity:
     ours: the number measured here with insenv's own form of the method, None if the row is about the printed form alone.
     limit: the theoretical limit, None if there is none.
     seeds: number of seeds (1 where nothing is random).
-    note: explanation for the reader.
+    note: how this row was judged, and further conditions; those of all rows of the paper are its `conditions`.
     printed_form: the number measured here with the method as the paper prints it; None if the row is about insenv's form alone.
     """
 
@@ -54,14 +54,26 @@ class Quantity:
 
     def as_json(self) -> dict[str, Any]:
         """The documented JSON form."""
-        names = ("paper", "quantity", "unit", "published", "printed_form", "ours", "limit", "seeds")
-        return {name: getattr(self, name) for name in names}
+        names = ("paper", "quantity", "unit", "published", "printed_form", "ours", "limit", "seeds", "note")
+        return {**{name: getattr(self, name) for name in names}, "conditions": conditions(self.paper)}
 
 
 def reproduce(paper: str | None = None) -> Iterator[tuple[str, list[Quantity]]]:
     """Yield (paper, its quantities) for one paper, or for all if None.  Raises `InputError` for an unknown paper."""
     for name in chosen(paper):
         yield name, _module(name).quantities()
+
+
+def conditions(paper: str) -> str:
+    """Scenarios, seeds and the way of judging that all rows of a paper share."""
+    return str(_module(paper).CONDITIONS)
+
+
+def footnotes(notes: Iterable[str]) -> tuple[list[str], list[str]]:
+    """The mark of each row, "" where its note is empty, and the notes that the marks refer to, each once."""
+    notes = list(notes)
+    shown = list(dict.fromkeys(note for note in notes if note))
+    return [f" [{shown.index(note) + 1}]" if note else "" for note in notes], [f"[{i}] {n}" for i, n in enumerate(shown, 1)]
 
 
 def figure(paper: str, folder: Path) -> list[Path]:
@@ -85,4 +97,4 @@ def _module(paper: str):  # type: ignore[no-untyped-def]
     return import_module(f"insenv.reproduce.{paper.replace('-', '_')}")
 
 
-__all__ = ["PAPERS", "Quantity", "chosen", "figure", "reproduce", "rms"]
+__all__ = ["PAPERS", "Quantity", "chosen", "conditions", "figure", "footnotes", "reproduce", "rms"]

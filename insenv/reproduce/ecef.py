@@ -45,6 +45,12 @@ LEVEL_SIGN = "printed with the opposite sign: at rest and level, +b_aN appears a
 HEADING_SIGN = (
     "the printed theory -0.01195 gives both parts of (42) the same sign; the balance of (22) gives them opposite signs"
 )
+CONDITIONS = (
+    "scenario static-ecef, 200 Hz, 10 min; without noise one run, in which nothing is random; with white noise seeds 0 to"
+    " 19; the NEES over seeds 0 to 59, at 50 Hz, with biases and start errors drawn. Judged by the error (estimate minus "
+    "truth) at 10 min; limit: what the biases of the unit cause, with noise also what white noise leaves"
+)
+"""Those of all rows."""
 
 
 def noisy(rate_hz: float = 200.0) -> Scenario:

@@ -60,6 +60,12 @@ NEAR = {
     "heading_sigma_deg": 2.0,
 }
 DRAWN = {"roll_error_deg": None, "pitch_error_deg": None, "heading_error_deg": None}
+CONDITIONS = (
+    "scenarios large-misalignment and large-misalignment-extreme, 100 Hz, 600 s, GNSS at 1 Hz; 0.05 deg/h and 50 ug; "
+    "seeds 1 to 40. Judged by the root mean square over the seeds, steady: over 300 to 600 s, beside the limit at the "
+    "same times; converged: heading within 1 deg at 600 s"
+)
+"""Those of all rows."""
 
 
 def quantities() -> list[Quantity]:

@@ -45,6 +45,13 @@ IN_RUN = {
     "accel_instability_ug": 1000.0,
 }
 READINGS: dict[str, dict[str, float]] = {"in-run": IN_RUN, "turn-on": {}}
+CONDITIONS = (
+    "scenario aircraft-survey, 200 Hz; free inertial flight after 1060 s with GNSS, seeds from 0; outages smoothed, seeds"
+    " 1 to 3; table 2 is fitted with the response to one constant error, without noise. Judged by the median distance "
+    "error over the seeds, smoothed by the largest over seeds and outages; limit: the root sum square of the limits of "
+    "the three components at that time"
+)
+"""Those of all rows."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +109,8 @@ def quantities() -> list[Quantity]:
     rows: list[Quantity] = []
     for reading in READINGS:
         found = drift(reading)
-        note = (
-            f"after aided flight bias errors of {found.gyro_deg_h:.2g} deg/h and {found.accel_ug:.2g} ug remain (rms); median"
-        )
+        left = [f"{float(f'{value:.2g}'):g}" for value in (found.gyro_deg_h, found.accel_ug)]
+        note = f"after aided flight bias errors of {left[0]} deg/h and {left[1]} ug remain (rms); median"
         for minute in (1, 5, 10):
             rows.append(
                 Quantity(

@@ -133,6 +133,8 @@ def test_rerun_reads_its_recording(tmp_path: Path, report: Any) -> None:
         np.testing.assert_array_equal([s[0] for s in scalars], values)
     rates = np.array(column(found["/imu/gyro"], "Scalars:scalars"))
     np.testing.assert_allclose(rates, log.delta_angle / log.dt[:, None])
+    warmth = np.array(column(found["/imu/temperature"], "Scalars:scalars"))[:, 0]
+    np.testing.assert_allclose(warmth, log.temperature - 273.15, atol=1e-9)
     places = np.array(column(found["/map/truth"], "GeoPoints:positions"))[:, 0]
     np.testing.assert_allclose(places[:, 0], np.degrees(report.truth.latitude), atol=1e-12)
     way = np.array(column(found["/world/truth"], "Transform3D:translation"))[:, 0]

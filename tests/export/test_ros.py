@@ -19,7 +19,7 @@ SCENARIO = {
     "title": "Car north of Tromso", "duration_s": 12.0, "rate_hz": 100.0, "seed": 2,
     "start": {"latitude_deg": 70.0, "longitude_deg": 19.0, "height_m": 50.0, "heading_deg": 60.0},
     "vehicle": {"kind": "car", "legs": [{"wait_s": 4.0}, {"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 30.0}]},
-    "imu": {"grade": "tactical"},
+    "imu": {"grade": "tactical", "temperature_start_degc": 15.0, "temperature_end_degc": 40.0},
     "gnss": {"grade": "rtk", "latency_s": 0.1, "interval_s": 0.2, "lever_arm_m": [0.5, 0.0, -1.0]},
     "magnetometer": {"interval_s": 0.1},
 }  # fmt: skip
@@ -52,7 +52,7 @@ def test_messages_have_the_axes_units_and_times_of_ros(drive: Any) -> None:
     _, log, paths = drive
     found = messages(paths["bag"])
     assert {topic: len(each) for topic, each in found.items()} == {
-        "/imu/data": 1200, "/magnetometer": 120, "/gnss/fix": 59, "/gnss/velocity": 59,
+        "/imu/data": 1200, "/imu/temperature": 1200, "/magnetometer": 120, "/gnss/fix": 59, "/gnss/velocity": 59,
         "/truth/odometry": 1200, "/truth/fix": 1200, "/loosely_coupled/odometry": 1200, "/loosely_coupled/fix": 1200,
     }  # fmt: skip
     at, imu = found["/imu/data"][100]
@@ -61,6 +61,10 @@ def test_messages_have_the_axes_units_and_times_of_ros(drive: Any) -> None:
     assert imu.linear_acceleration.z == pytest.approx(9.82, abs=0.05), "at rest the force points up"
     rates = np.array([[m.angular_velocity.x, -m.angular_velocity.y, -m.angular_velocity.z] for _, m in found["/imu/data"]])
     np.testing.assert_allclose(rates * 0.01, log.delta_angle, atol=1e-17, rtol=1e-12)
+    at, warmth = found["/imu/temperature"][700]
+    assert at == stamp(warmth) == EPOCH_NS + round(log.imu_time[700] * 1e9)
+    assert warmth.temperature == pytest.approx(log.temperature[700] - 273.15, abs=1e-9)
+    assert log.temperature[700] - log.temperature[0] > 0.1, "the unit of this drive warms up"
     assert imu.orientation_covariance[0] == -1.0, "there is no orientation"
     arw = log.sensors(in_place=False).angle_random_walk
     assert imu.angular_velocity_covariance[0] == pytest.approx(arw**2 / 0.01)
