@@ -136,8 +136,7 @@ static void say_bad_value(Instance *it, const char *function, size_t place, doub
       row->whole ? "whole" : "finite", row->lower, row->upper);
 }
 
-static int out_of_bounds(size_t place, double value) {
-  const Row *row = row_of(place);
+static int out_of_bounds(const Row *row, double value) {
   return !is_finite(value) || value < row->lower || value > row->upper || (row->whole && value != floor(value));
 }
 
@@ -194,7 +193,7 @@ static int settable(Instance *it, size_t place, const char *function) {
 /* Check `size` values for the places that begin at `place`; an input that a flag can switch off is checked by the step. */
 static int check_values(Instance *it, const char *function, size_t place, size_t size, const double *values) {
   for (size_t i = 0; i < size; ++i) {
-    int bad = KIND[place] == INPUT ? !is_finite(values[i]) && row_of(place)->flag < 0 : out_of_bounds(place + i, values[i]);
+    int bad = KIND[place] == INPUT ? !is_finite(values[i]) && row_of(place)->flag < 0 : out_of_bounds(row_of(place + i), values[i]);
     if (bad) return say_bad_value(it, function, place + i, values[i]), 0;
   }
   return 1;
@@ -294,7 +293,7 @@ static int take_inputs(Instance *it, const char *function, double step, double *
     int used = is_used(s, row);
     for (size_t i = row->place; i < row->place + row->size; ++i) {
       double *value = &u[i - FIRST_INPUT];
-      if (used && out_of_bounds(i, *value)) return say_bad_value(it, function, i, *value), 0;
+      if (used && out_of_bounds(row, *value)) return say_bad_value(it, function, i, *value), 0;
       if (!used && !is_finite(*value)) *value = START[i];
     }
   }

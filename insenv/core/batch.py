@@ -68,8 +68,12 @@ class Batch:
         """Set every row to the start state that its parameters define."""
         raise NotImplementedError
 
-    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
-        """Set the parameters p (k, parameters.size) of some rows and restart them; their states (k, state.size)."""
+    def starts(self, p: Vector) -> Vector:
+        """The start states (k, state.size) that parameters (k, parameters.size) define; no row takes them."""
+        raise NotImplementedError
+
+    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> None:
+        """Set the parameters p (k, parameters.size) of some rows, each named once, and restart them."""
         raise NotImplementedError
 
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
@@ -155,14 +159,18 @@ class NativeBatch(Batch):
         self._shared(work)
         return y
 
-    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
+    def starts(self, p: Vector) -> Vector:
+        compact = self._into_lanes(p)
+        x = np.empty((len(compact), self.model.state.size, self.lanes))
+        self._library.insenv_start(len(compact), pointer(compact), pointer(x))
+        return x.transpose(0, 2, 1).reshape(len(compact) * self.lanes, -1)[: len(p)]
+
+    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> None:
         self.set_parameters(rows, p)
-        blocks = -(-len(rows) // self.lanes)
-        compact, x = self._into_lanes(p), np.empty((blocks, self.model.state.size, self.lanes))
-        self._library.insenv_start(blocks, pointer(compact), pointer(x))
-        states = x.transpose(0, 2, 1).reshape(blocks * self.lanes, -1)[: len(rows)]
-        self._x[rows // self.lanes, :, rows % self.lanes] = states
-        return states
+        if len(rows) == self.rows:
+            self.start()
+        else:
+            self._x[rows // self.lanes, :, rows % self.lanes] = self.starts(p)
 
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
         self._p[rows // self.lanes, :, rows % self.lanes] = p
@@ -242,11 +250,18 @@ class InterpreterBatch(Batch):
         for runner in self._runners:
             runner.start()
 
-    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> Vector:
+    def starts(self, p: Vector) -> Vector:
+        runner, states = InterpreterRunner(self.model), np.empty((len(p), self.model.state.size))
+        for row, state in zip(p, states, strict=True):
+            runner.p[:] = row
+            runner.start()
+            state[:] = runner.x
+        return states
+
+    def start_rows(self, rows: NDArray[np.intp], p: Vector) -> None:
         self.set_parameters(rows, p)
         for row in rows:
             self._runners[row].start()
-        return np.array([self._runners[row].x for row in rows])
 
     def set_parameters(self, rows: NDArray[np.intp], p: Vector) -> None:
         for row, values in zip(rows, p, strict=True):

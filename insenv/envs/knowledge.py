@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from math import pi
+from math import pi, radians
 from typing import Any
 
 import numpy as np
@@ -65,20 +65,25 @@ def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Map
     error = start_errors(section, parameters["seed"].ravel())
     place = (state[name].ravel() for name in ("latitude", "longitude", "height"))
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(error[:, 3:6], *place)
-    k = len(error)
-    lever_arm = parameters["antenna_lever_arm_b"] if "antenna_lever_arm_b" in parameters else np.zeros((k, 3))
-    columns = (
-        parameters["sample_interval"].reshape(k, 1),
-        np.stack([latitude, longitude, height], axis=1),
-        np.tile(np.broadcast_to(section.position_sigma_m, 3), (k, 1)),
-        state["velocity_n"] + error[:, 6:9],
-        np.tile(np.broadcast_to(section.velocity_sigma_mps, 3), (k, 1)),
-        reported_attitude(np.stack(attitude.numeric.to_euler(state["q_nb"]), axis=1), error[:, 0:3]),
-        np.tile(np.radians([section.tilt_sigma_deg, section.heading_sigma_deg]), (k, 1)),
-        lever_arm,
-        *(np.broadcast_to(sheets[name], k)[:, None] for name in _SHEET),
-    )
-    return np.concatenate(columns, axis=1)
+    attitude_n = np.stack(attitude.numeric.to_euler(state["q_nb"]), axis=1)
+    rows: dict[str, Any] = {
+        "known_sample_interval": parameters["sample_interval"].reshape(-1, 1),
+        "known_latitude": latitude[:, None],
+        "known_longitude": longitude[:, None],
+        "known_height": height[:, None],
+        "known_position_sigma": section.position_sigma_m,
+        "known_velocity_n": state["velocity_n"] + error[:, 6:9],
+        "known_velocity_sigma": section.velocity_sigma_mps,
+        "known_attitude": reported_attitude(attitude_n, error[:, 0:3]),
+        "known_tilt_sigma": radians(section.tilt_sigma_deg),
+        "known_heading_sigma": radians(section.heading_sigma_deg),
+        "known_antenna_lever_arm": parameters.get("antenna_lever_arm_b", 0.0),
+        **{f"known_{name}": sheets[name][:, None] for name in _SHEET},
+    }
+    found = np.empty((len(error), KNOWN.size))
+    for name, value in rows.items():
+        found[:, KNOWN.slice(name)] = value
+    return found
 
 
 def knowledge_of(known: Mapping[str, Any], instruments: Mapping[str, Any] | None = None) -> Knowledge:

@@ -131,7 +131,7 @@ def manoeuvre_task(plant: Model, kind: str, estimator: str, reward: str) -> Task
     model = merge(
         f"{inner.model.id}-manoeuvre", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
     )
-    return Task(model, commands.actions, Table(), observation, _INFO, judge="act", starts_from_knowledge=True)
+    return Task(model, commands.actions, Table(), observation, _INFO, judge="act")
 
 
 def _seen(inner: Inner, p: Any, x: Any) -> dict[str, Any]:

@@ -56,8 +56,7 @@ class InertialEnv(Interface, gymnasium.Env[Array, Array]):
         runner.p[:] = p[0]
         runner.start()
         runner.p[:] = starts.complete(p, runner.x[None], options)[0]
-        if self.setup.task.starts_from_knowledge:
-            runner.start()
+        runner.start()  # a filter inside starts from what is known
         runner._u[:] = self.setup.task.model.inputs.start_vector()
         self._over = False
         self._buffer[:] = 0.0

@@ -142,9 +142,8 @@ class Starts:
             ranges = self.ranges.overridden(options)
             bases = self._bases(ranges)
         parameters, count = self._plant.parameters, len(generators)
-        seeds = [int(generator.integers(0, MAX_SEED)) for generator in generators]
-        drawn = np.array([generator.random(3) for generator in generators])
-        grade, heading, sea = drawn.reshape(count, 3).T
+        seed, grade, heading, sea = _uniforms(generators, 4).T
+        seeds = seed * MAX_SEED  # whole numbers: a uniform is a multiple of 2^-53
         vectors = np.tile(bases[0], (count, 1)) if len(bases) == 1 else between(bases[0], bases[1], grade, parameters)
         vectors[:, parameters.slice("seed").start] = seeds
         if ranges.heading_deg is not None:
@@ -161,14 +160,14 @@ class Starts:
         p[:, : vectors.shape[1]] = vectors  # the plant's rows come first
         return p
 
-    def _draw_start(self, vectors: Array, seeds: Sequence[int], ranges: Ranges) -> None:
+    def _draw_start(self, vectors: Array, seeds: Array, ranges: Ranges) -> None:
         """Draw mounting, start speed and phases into the plant's parameters, from generators of the runs' seeds."""
         parameters, mounting = self._plant.parameters, ranges.mounting_deg
         speed = ranges.start_speed_mps if "start_speed" in self._vehicle and not self.scenario.vehicle.in_place else None
         phases = [row for row in self._vehicle if row.name.endswith("_phase")] if ranges.sway_phases else []
         if mounting is None and speed is None and not phases:
             return
-        numbers = first_uniforms(seeds, 3 + sum(row.size for row in phases))
+        numbers = first_uniforms(seeds.astype(np.uint64).tolist(), 3 + sum(row.size for row in phases))
         if mounting is not None:
             for name, number in zip(("mean_roll", "mean_pitch"), numbers[:, :2].T, strict=True):
                 if name in self._vehicle:
@@ -257,6 +256,7 @@ class InnerStarts(Starts):
         table = inner.estimator.model.parameters
         self._place = _span(task.model.parameters, [PREFIX + name for name in table.names])
         self._columns = self._copied(task.model.parameters)
+        self._uncopied: Array | None = None  # with `_columns`: parameters that are the same in all episodes
         self._bounds = [np.repeat([getattr(row, b) for row in table], [row.size for row in table]) for b in ("lower", "upper")]
 
     def _copied(self, parameters: Table) -> tuple[list[int], list[int]] | None:
@@ -280,26 +280,37 @@ class InnerStarts(Starts):
         p = super().draw(generators, options)
         if self.mistuning and "run_seed" not in (options or {}):  # the filter of that run has the data sheet
             place = self.task.model.parameters.slice("mistuning")
-            for row, generator in zip(p, generators, strict=True):
-                row[place] = generator.uniform(-self.mistuning, self.mistuning, place.stop - place.start)
+            p[:, place] = -self.mistuning + 2.0 * self.mistuning * _uniforms(generators, place.stop - place.start)
         return p
 
     def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
         p = super().complete(p, x, options)
-        table, own = self._estimator.model.parameters, p[:, self._place]
-        columns = self._columns
-        for row, given in zip(own[:1] if columns else own, p, strict=False):
-            known = KNOWN.unpack(given[_span(self.task.model.parameters, KNOWN.names)])
-            told = knowledge_of(known, self._told)
-            row[:] = table.pack(self._estimator.parameters(told, self._tunings))
-        if columns:
-            own[1:] = own[:1]
-            own[:, columns[0]] = p[:, columns[1]]
+        own = p[:, self._place]
+        if self._columns is None:
+            for row, given in zip(own, p, strict=True):
+                row[:] = self._told_parameters(given)
+        else:
+            if self._uncopied is None:
+                self._uncopied = self._told_parameters(p[0])
+            own[:], (places, originals) = self._uncopied, self._columns
+            own[:, places] = p[:, originals]
             lower, upper = self._bounds
             if not np.all((own >= lower) & (own <= upper)):
+                table = self._estimator.model.parameters
                 for row in own:
                     table.pack(table.unpack(row))  # raises the error that names the value
         return p
+
+    def _told_parameters(self, p: Array) -> Array:
+        """The filter's parameters that follow from the initial knowledge in the parameters p of one episode."""
+        known = KNOWN.unpack(p[_span(self.task.model.parameters, KNOWN.names)])
+        parameters = self._estimator.parameters(knowledge_of(known, self._told), self._tunings)
+        return self._estimator.model.parameters.pack(parameters)
+
+
+def _uniforms(generators: Sequence[np.random.Generator], count: int) -> Array:
+    """The next `count` uniforms in [0, 1) of each generator, (generators, count)."""
+    return np.array([generator.random(count) for generator in generators])
 
 
 def _at(bounds: Range, fraction: Array) -> Array:

@@ -44,7 +44,6 @@ class Task:
     model: its outputs are the rows of `observation`, then those of `RESULT`, then those of `info`.  actions: its input
     rows that form the action, each element in [-1, 1].  watched: state rows, with their bounds, that the observation
     contains for every inertial sample.  judge: the step that takes the action; it runs before the inertial samples.
-    starts_from_knowledge: whether the start state depends on the initial knowledge, as that of an inner estimator does.
     """
 
     model: Model
@@ -53,7 +52,6 @@ class Task:
     observation: Table
     info: Table
     judge: str = "judge"
-    starts_from_knowledge: bool = False
 
     @property
     def place(self) -> slice:

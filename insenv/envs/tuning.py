@@ -107,7 +107,7 @@ def tuning_task(plant: Model, estimator: str) -> Task:
     model = merge(
         f"{inner.model.id}-tuning", title, [as_part(inner.model), window_part(), score], observation + RESULT + _INFO, output
     )
-    return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act", starts_from_knowledge=True)
+    return Task(model, Table((ACTION,)), Table(), observation, _INFO, judge="act")
 
 
 def _act(p: Any, x: Any, u: Any) -> dict[str, Any]:

@@ -163,12 +163,8 @@ class InertialVectorEnv(Interface, VectorEnv[Array, Array, Any]):
             return
         starts = self.setup.starts
         p = starts.draw([self._generators[i] for i in rows], options)
-        states = self._batch.start_rows(rows, p)
-        complete = starts.complete(p, states, options)
-        if self.setup.task.starts_from_knowledge:
-            self._batch.start_rows(rows, complete)
-        else:
-            self._batch.set_parameters(rows, complete)
+        complete = starts.complete(p, self._batch.starts(p), options)
+        self._batch.start_rows(rows, complete)
         assert self._over is not None
         self._over[rows] = False
         self._elapsed[rows] = 0

@@ -302,7 +302,7 @@ def start_errors(known: KnowledgeSection, seed: ArrayLike) -> Vector:
 def start_normals(known: KnowledgeSection, seed: ArrayLike) -> Vector:
     """The standard normals (..., 9) behind `start_errors`; 0 if errors are not drawn."""
     uniforms = noise.uniforms(seed, 0, KNOWLEDGE_STREAM, 9)
-    drawn = [_NORMAL.inv_cdf(u) for u in uniforms.ravel().tolist()]
+    drawn = list(map(_NORMAL.inv_cdf, uniforms.ravel().tolist()))
     return np.reshape(drawn, uniforms.shape) * known.draw_errors
 
 

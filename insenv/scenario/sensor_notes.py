@@ -13,6 +13,8 @@ from insenv.estimators import SensorNotes
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.sensors import flicker, units
 
+_power = np.float_power  # the C library's, as of Python's floats; that of NumPy's ** may differ in the last bit
+
 
 def sensor_notes(rows: Mapping[str, Any], in_place: bool) -> SensorNotes:
     """Data sheet of a unit with these parameter rows (SI): `data_sheets` of one unit."""
@@ -86,11 +88,6 @@ def _course(rows: Mapping[str, Any], count: int) -> tuple[Vector, Vector, Vector
     initial, final, reference = (of(name, 293.15) for name in ("initial", "final", "reference"))
     off = np.maximum(np.abs(initial - reference), np.abs(final - reference))
     return off, np.abs(final - initial), np.abs(of("ramp", 0.0)) * units.HOUR, of("time", 600.0)
-
-
-def _power(values: Vector, exponent: float) -> Vector:
-    """Powers as of Python's floats, from which NumPy's may differ in the last bit."""
-    return np.array([value**exponent for value in values.ravel().tolist()]).reshape(values.shape)
 
 
 def motion_error(rows: Mapping[str, Any], triad: str) -> float:
