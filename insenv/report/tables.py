@@ -77,10 +77,15 @@ def facts(report: RunData) -> list[str]:
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
 
 
+def runs_of(count: int) -> str:
+    """A number of runs in words."""
+    return f"{count} run{'s' if count > 1 else ''}"
+
+
 def within(runs: int) -> str:
     """The sentence on how far rms/limit varies by chance over so many runs."""
     low, high = ratio_bounds(runs)
-    return f"rms/limit of an optimal estimator over {runs} run{'s' if runs > 1 else ''}: {low:.2f} to {high:.2f} (95 %)"
+    return f"rms/limit of an optimal estimator over {runs_of(runs)}: {low:.2f} to {high:.2f} (95 %)"
 
 
 def since(from_s: float) -> str:
