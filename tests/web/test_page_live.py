@@ -328,6 +328,20 @@ def test_plots_out_of_sight_are_drawn_at_the_end_and_for_a_print(browser, car):
     assert browser.console() == []
 
 
+def test_plots_out_of_sight_wait_while_it_runs(browser, car):
+    browser.open(car)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.getElementById('run').click()")
+    browser.until("document.getElementById('clock').textContent > '0:11.0'")  # from 10 s on the axis grows
+    last = "[...document.querySelectorAll('.plots .panels .plot canvas')].at(-1)"
+    assert browser.value(f"{last}.getBoundingClientRect().top - innerHeight") > 200
+    before = browser.value(f"{last}.toDataURL()")
+    browser.until("document.getElementById('clock').textContent > '0:13.0'")
+    assert browser.value(f"{last}.toDataURL()") == before
+    browser.driver.execute_script("document.getElementById('run').click()")
+    browser.until(f"{last}.toDataURL() !== arguments[0]".replace("arguments[0]", json.dumps(before)))
+
+
 def test_numbers_of_two_estimators_fit_on_a_phone(browser, car):
     browser.open(car, PHONE)
     fast(browser)
