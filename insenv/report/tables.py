@@ -97,8 +97,16 @@ ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
 
 
 def error_columns(result: Result) -> tuple[str, ...]:
-    """Names of the columns: errors, the estimator's own sigma, the limit, and the ratio to the limit, or else to that sigma."""
-    yardsticks = [kind for kind, there in (("stated", result.stated()), ("limit", result.limit)) if there]
+    """Names of the columns: see `columns_of`."""
+    return columns_of(bool(result.stated()), bool(result.limit))
+
+
+def columns_of(stated: bool, limit: bool) -> tuple[str, ...]:
+    """Names of the columns: errors, the estimator's own sigma, the limit, and the ratio to the limit, or else to that sigma.
+
+    stated, limit: whether there is such a sigma, and a limit.
+    """
+    yardsticks = [kind for kind, there in (("stated", stated), ("limit", limit)) if there]
     return ("error", "final", "rms", "max", *yardsticks, *(f"rms/{kind}" for kind in yardsticks[-1:]))
 
 
