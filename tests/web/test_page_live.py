@@ -153,6 +153,37 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
     assert browser.console() == []
 
 
+def test_another_grade_alone_has_the_notes_of_insenv_run(browser, car):
+    notes = "[...document.querySelectorAll('.notes li')].map((one) => one.textContent)"
+    told = "document.getElementById('changed').textContent"
+
+    def choose(key, value):
+        browser.driver.execute_script(
+            "const field = document.getElementById(arguments[0]); field.value = arguments[1];"
+            "field.dispatchEvent(new Event('change'));",
+            f"control-{key}",
+            value,
+        )
+
+    def said(**imu):
+        values = insenv.load("car-city-drive").model_dump(mode="json", exclude_unset=True)
+        values["imu"] |= imu
+        found = insenv.run(values, ["loosely-coupled", "wander-sins"], duration_s=120.0).results
+        of_errors = ("the filter is", "the errors are larger")  # which stand below the table at the end
+        return [f"{one.estimator}: {note}" for one in found for note in one.notes if not note.startswith(of_errors)]
+
+    browser.open(car)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    assert browser.value(notes) == said()
+    choose("imu.grade", "consumer")
+    assert browser.until(told) == "The settings have changed; no limit is known for them."
+    assert browser.value(notes) == said(grade="consumer") != said()
+    choose("start.latitude_deg", "10")
+    browser.until(f"{told}.includes('some may not hold now')")
+    assert browser.value(notes) == said()
+    assert browser.console() == []
+
+
 @pytest.mark.parametrize(
     ("fragment", "message"),
     [
