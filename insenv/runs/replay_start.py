@@ -313,13 +313,8 @@ def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, flo
         if still.any():
             latitude, longitude, height = (float(v[still].mean()) for v in (gnss.latitude, gnss.longitude, gnss.height))
             sigma = gnss.position_sigma[still].mean(axis=0)
-            return (
-                latitude,
-                longitude,
-                height,
-                sigma,
-                _far_note(log, (latitude, longitude, height), sigma, "the fixes at rest", WITH_FIXES),
-            )
+            far = _far_note(log, (latitude, longitude, height), sigma, "the fixes at rest", WITH_FIXES)
+            return latitude, longitude, height, sigma, far
     if initial.latitude_deg is None or initial.longitude_deg is None or initial.height_m is None:
         raise InputError("no fix while the vehicle stands: [initial] must give latitude_deg, longitude_deg and height_m")
     return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3), ()
