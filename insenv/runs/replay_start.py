@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
+LEAST_REST = 100  # samples
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
@@ -119,6 +120,7 @@ def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
         height=height,
         sample_interval=float(np.median(log.dt)),
         heading=0.0 if heading is None else float(np.radians(heading)),
+        **({} if in_place else _bias_at_rest(log, first, latitude)),
         **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
         **log.motion_errors(),
         **log.fix_wander(),
@@ -127,6 +129,25 @@ def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
         sensors=log.sensors(in_place=in_place),
     )
     return Start(known, far)
+
+
+def _bias_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str, Any]:
+    """The gyro bias of a log that begins at rest, in any heading, and its error: of the mean, by that of the attitude, which is
+    not used further, and by the drift until the end of the log.
+
+    Empty without a rest, and for gyros whose bias the data sheet states better.
+    """
+    rows = _rest_rows(log, first)
+    if len(rows) < LEAST_REST:
+        return {}
+    rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
+    tilt_sigma, earth = rest.tilt_sigma(sensors), geodesy.numeric.earth_rate_n(latitude)
+    found = start_at_rest(rest, rest.level, latitude, 0.0, np.pi, sensors, tilt_sigma)
+    by_attitude = found.rest_share * np.hypot(found.heading_sigma * earth[0], tilt_sigma * geodesy.OMEGA_IE)
+    left = float(log.imu_time[-1] - log.imu_time[first])
+    drift = sensors.gyro_bias_sigma * np.sqrt(2 * left / sensors.gyro_correlation_time)
+    error = float(np.linalg.norm([found.gyro_bias_error, by_attitude, drift]))
+    return {} if error >= sensors.gyro_bias_sigma else {"gyro_bias": found.gyro_bias, "gyro_bias_error": error}
 
 
 def _fix_at(gnss: GnssFixes, time: float) -> int:
@@ -289,14 +310,28 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
             "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
             f"give its limits by [initial] static_from_s and static_until_s{_hint(initial)}"
         )
-    begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
-    rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))
-    if len(rest) < 100:
+    rest = _rest_rows(log, first)
+    if len(rest) < LEAST_REST:
         raise InputError(
-            f"[initial] static_from_s = {begin:g} s to static_until_s = {until:g} s: {len(rest)} samples; 100 are needed"
+            f"[initial] static_from_s = {_rest_from(log):g} s to static_until_s = {until:g} s: {len(rest)} samples; "
+            f"{LEAST_REST} are needed"
         )
+    return rest
+
+
+def _rest_from(log: RecordedLog) -> float:
+    given = log.description.initial.static_from_s
+    return float(log.imu_time[0]) if given is None else given
+
+
+def _rest_rows(log: RecordedLog, first: int) -> NDArray[np.intp]:
+    """The samples of `_rest`; none or few if there is no such rest."""
+    until = log.description.initial.static_until_s
+    if until is None:
+        return np.zeros(0, np.intp)
+    rest = np.flatnonzero((log.imu_time >= _rest_from(log)) & (log.imu_time <= until))
     before = rest[rest < first]
-    return before if len(before) >= 100 else rest
+    return before if len(before) >= LEAST_REST else rest
 
 
 def _hint(initial: InitialSection) -> str:
