@@ -342,10 +342,11 @@ def prepare(known: Knowledge) -> dict[str, Any]:
 
 def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
     """A sentence where a run has not found the attitude, or its heading, at its end."""
-    bias = float(parameters["start_gyro_bias_error"]) or float(parameters["gyro_bias_sigma"])
+    row = "start_gyro_bias_error" if parameters["start_gyro_bias_error"] > 0 else "gyro_bias_sigma"
+    bias = float(parameters[row])
     kept = LARGEST_LINEAR / max(bias, 1e-30)
     lost = (
-        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h (gyro_bias_sigma) lose it again in {kept:.2g} s: if the "
+        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h ({row}) lose it again in {kept:.2g} s: if the "
         "unit is better, state its grade"
     )
     return (

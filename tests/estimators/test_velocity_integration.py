@@ -197,13 +197,16 @@ def test_gyros_that_lose_the_heading_are_named():
     """0.35 rad at 3600 deg/h, 1 deg/s, take 20 s; a tactical unit keeps the heading for hours and is not named."""
     unknown = {"attitude_sigma": np.array([[0.1, 0.1, np.pi / np.sqrt(3)]])}
 
-    def note(bias):
-        attitude_found, heading = velocity_integration.findings({"gyro_bias_sigma": bias})
+    def note(bias, at_rest=0.0):
+        rows = {"gyro_bias_sigma": bias, "start_gyro_bias_error": at_rest}
+        attitude_found, heading = velocity_integration.findings(rows)
         assert not attitude_found.said(unknown)
         return heading.said(unknown)
 
     assert "a bias of 3600 deg/h (gyro_bias_sigma) lose it again in 20 s" in note(np.radians(1.0))
     assert note(np.radians(1.0) / 3600) and "gyro_bias_sigma" not in note(np.radians(1.0) / 3600)
+    assert "lose it" not in note(np.radians(1.0), np.radians(100.0) / 3600)
+    assert "a bias of 360 deg/h (start_gyro_bias_error)" in note(np.radians(1.0), np.radians(0.1))
 
 
 def test_a_run_without_fixes_gives_no_attitude():
