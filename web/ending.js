@@ -37,20 +37,19 @@ export function showEnd(section, live, at, history, changes) {
 function endTable(live, estimator, group, at, history, changes) {
   const { settled } = estimator;
   const statistics = statisticsOf(estimator, at, history);
-  const limit = changes.settings || changes.commands ? {} : estimator.limit;
-  const yardsticks = [
-    ...(estimator.stated.length ? ["stated"] : []),
-    ...(Object.keys(limit).length ? ["limit"] : []),
-  ];
-  const yardstick = yardsticks.at(-1);
+  const prepared = !changes.settings && !changes.commands;
+  const limit = prepared ? estimator.limit : {};
+  /** @type {string[]} */
+  const columns = estimator.columns[prepared ? "prepared" : "changed"];
+  const [ratio] = columns.filter((name) => name.startsWith("rms/"));
+  const yardstick = ratio?.slice("rms/".length);
   const rows = statistics.map((one) => {
     const kinds = { ...one, limit: limit[one.channel] ?? null };
-    const cells = ["final", "rms", "max", ...yardsticks].map((kind) => /** @type {any} */ (kinds)[kind]);
+    const cells = columns.slice(1).filter((name) => name !== ratio).map((kind) => /** @type {any} */ (kinds)[kind]);
     const own = yardstick && /** @type {any} */ (kinds)[yardstick];
     const known = own && settled && !(yardstick === "limit" && own < live.limit.floor[one.channel]);
-    return { channel: one.channel, cells: [...cells, ...(yardstick ? [known ? one.rms / own : null] : [])] };
+    return { channel: one.channel, cells: [...cells, ...(ratio ? [known ? one.rms / own : null] : [])] };
   });
-  const columns = ["error", "final", "rms", "max", ...yardsticks, ...(yardstick ? [`rms/${yardstick}`] : [])];
   const health = healthNow(live, estimator, at, history);
   const below = estimator.from_s > 0 ? [`Statistics from ${significant(estimator.from_s, 6)} s on`] : [];
   if (health) below.push(`Health: ${health.lines[0]}`, ...health.lines.slice(1));
@@ -61,7 +60,7 @@ function endTable(live, estimator, group, at, history, changes) {
     rows: rows.map(({ channel, cells }) => [live.channels[channel].label, ...cells.map(number)]),
     group,
     below,
-    warnings: rows.flatMap(({ cells }, place) => (yardstick && (cells[cells.length - 1] ?? 0) > live.marked ? [[place, cells.length]] : [])),
+    warnings: rows.flatMap(({ cells }, place) => (ratio && (cells[cells.length - 1] ?? 0) > live.marked ? [[place, cells.length]] : [])),
     state: health?.verdict ?? "",
   };
 }

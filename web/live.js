@@ -9,7 +9,7 @@ import { showEnd } from "./ending.js";
 import { makeHistory } from "./history.js";
 import { legend, othersOf } from "./legend.js";
 import { livePanels } from "./livepanels.js";
-import { changed, changesOf, conditions, copy, cutNow, download, outagesOf, preparedState } from "./livestate.js";
+import { changed, changesOf, conditions, copy, cutNow, download, notesOf, outagesOf, preparedState } from "./livestate.js";
 import { notesPanel } from "./notes.js";
 import { startSession } from "./session.js";
 import { makeSpan, spanControls } from "./span.js";
@@ -130,7 +130,7 @@ export function livePage(live) {
     const prepared = !changes.settings && !changes.commands;
     panels.limited(prepared);
     cloud.limited(prepared);
-    notes.show(changes);
+    notes.show(changes, changes.commands ? null : notesOf(live, state));
     panels.shade(outagesOf(live, state.values));
     const now = conditions(live, state);
     if (now !== clouded) cloud.clear(); // it was of other settings or commands

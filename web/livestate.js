@@ -58,6 +58,17 @@ export function changesOf(live, { values, commands }) {
   return { settings: Object.keys(values).length > 0, commands: !unchanged };
 }
 
+/** The notes on a state of which they are known: on the document's own settings, and on those in which one choice is another.
+ * @param {any} live
+ * @param {import("./address.js").State} state
+ * @returns {string[] | null} */
+export function notesOf(live, { values }) {
+  const [key, ...more] = Object.keys(values);
+  if (key === undefined) return live.notes;
+  const control = more.length ? null : live.controls.find((/** @type {any} */ one) => one.key === key);
+  return control?.options?.find((/** @type {any} */ one) => one.value === values[key])?.notes ?? null;
+}
+
 /** All of a state but the seed, to be compared.
  * @param {any} live
  * @param {import("./address.js").State} state

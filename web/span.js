@@ -17,7 +17,8 @@ export const TIME = { name: "Time", unit: "s" };
  * @property {(share: number) => void} move  by a share of its length
  * @property {() => void} reset
  * @property {(begin: number, end: number) => void} extend  what there is to show
- * @property {(act: () => void) => void} onChange
+ * @property {(act: () => void, grown?: boolean) => void} onChange  act when another part is shown; grown: also when all is, and it
+ *   has become longer, which plots show with their next values
  */
 
 /** @param {number} begin  s
@@ -26,7 +27,7 @@ export const TIME = { name: "Time", unit: "s" };
 export function makeSpan(begin, end) {
   let all = [begin, end];
   let now = [begin, end];
-  /** @type {(() => void)[]} */
+  /** @type {{act: () => void, grown: boolean}[]} */
   const listeners = [];
   const zoomed = () => now[0] > all[0] || now[1] < all[1];
   /** @type {Span["set"]} */
@@ -36,7 +37,7 @@ export function makeSpan(begin, end) {
     const length = Math.max(least, Math.min(to - from, all[1] - all[0]));
     const first = Math.min(Math.max(from, all[0]), all[1] - length);
     now = [first, first + length];
-    for (const act of listeners) act();
+    for (const { act } of listeners) act();
   };
   return {
     shown: () => [now[0], now[1]],
@@ -51,9 +52,11 @@ export function makeSpan(begin, end) {
     extend: (from, to) => {
       const whole = !zoomed();
       all = [from, to];
-      if (whole) set(from, to);
+      if (!whole) return;
+      now = [from, to];
+      for (const { act, grown } of listeners) if (grown) act();
     },
-    onChange: (act) => listeners.push(act),
+    onChange: (act, grown = true) => listeners.push({ act, grown }),
   };
 }
 

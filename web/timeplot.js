@@ -89,7 +89,7 @@ export function timePlot(panel, span, names, axis = TIME) {
     const [min, max] = span.shown();
     plot.setScale("x", { min, max });
   };
-  span.onChange(onceAFrame(again));
+  span.onChange(onceAFrame(again), false);
   onTheme(() => plot.redraw(false, true));
   return {
     element,

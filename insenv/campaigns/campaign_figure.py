@@ -9,7 +9,7 @@ import numpy as np
 from insenv.campaigns.statistics import Statistics
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.scales import set_scale
-from insenv.report.tables import label
+from insenv.report.tables import label, runs_of
 from insenv.style import COLOURS, DASHED, LIMIT, PALE, legend, page, title, unwrapped
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def draw_campaign(found: Statistics) -> Figure:
         for axis in bottom:
             axis.set_xlabel("time [s]")
         plan = found.plan
-        title(figure, f"{plan.name}: {plan.estimator}\n{plan.runs} runs of {plan.duration_s:g} s")
+        title(figure, f"{plan.name}: {plan.estimator}\n{runs_of(plan.runs)} of {plan.duration_s:g} s")
         legend(figure, handles, columns=3)
         return figure
 

@@ -19,7 +19,7 @@ from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
-from insenv.report.tables import label, number, since, table_of, within
+from insenv.report.tables import label, number, runs_of, since, table_of, within
 from insenv.style import save
 
 if TYPE_CHECKING:
@@ -146,8 +146,7 @@ def consistency_lines(found: Statistics) -> Iterator[str]:
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := found.verdicts()) is not None:
-        runs = of_runs["runs"]
-        yield f"health of {runs} run{'s' if runs > 1 else ''}: {_health_of(of_runs, 'fixes')}"
+        yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"
         for id, of_aid in of_runs["aids"].items():
             yield f"  {id}: {_health_of(of_aid, 'measurements')}"
 
@@ -165,8 +164,7 @@ def campaign_facts(found: Statistics) -> str:
     plan = found.plan
     last = plan.seed_of(plan.runs - 1)
     seeds = f"seeds {plan.first_seed} to {last}" if last > plan.first_seed else f"seed {plan.first_seed}"
-    runs = f"{plan.runs} run{'s' if plan.runs > 1 else ''}"
-    return f"{runs} of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
+    return f"{runs_of(plan.runs)} of {plan.duration_s:g} s, {seeds}, {plan.runs * plan.samples} inertial samples"
 
 
 CAMPAIGN_COLUMNS = ("error", "mean", "rms", "limit", "rms/limit", "stated")

@@ -25,6 +25,7 @@ def budget(
     """Say which source of error dominates: each alone, and all but it, on the same seeds."""
     from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
+    from insenv.report.tables import runs_of
     from insenv.scenario import load
     from insenv.scenario.tuning import parsed_settings
     from insenv.workbench.budget import budget as share_out
@@ -33,7 +34,7 @@ def budget(
     id, given = one(estimator) or "", parsed_settings(settings or [])
     folder = None if out is None else OutputFolder(out)
     loaded = load(scenario)
-    with working(f"{loaded.name}, {runs} seeds") as progress:
+    with working(f"{loaded.name}, {runs_of(runs)}") as progress:
         found = share_out(loaded, id, runs, seed=seed, duration_s=duration, settings=given, progress=progress)
         written = None if folder is None else write_budget(found, folder, not no_figure)
     unwritten = "--out DIR writes the page, the figure and the contributions over time"

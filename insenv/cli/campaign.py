@@ -52,6 +52,7 @@ def campaign(
     from insenv.campaigns.tables import check_format
     from insenv.cli.output import print_result, working
     from insenv.report import OutputFolder
+    from insenv.report.tables import runs_of
     from insenv.scenario.tuning import parsed_settings
 
     if resume and out is None:
@@ -68,7 +69,7 @@ def campaign(
     )  # fmt: skip
     folder = None if out is None else OutputFolder(out)
     stores = stores_of(None if folder is None else folder.path, plans, resume)
-    with working(f"{plans[0].name}, {runs} runs") as progress:
+    with working(f"{plans[0].name}, {runs_of(runs)}") as progress:
         summaries = run_campaigns(plans, stores, pool, progress)
         compared = compare(summaries) if len(summaries) > 1 else None
         written = None

@@ -61,7 +61,9 @@ Out = Annotated[
         help="Write the results (.npz, .json), the page (.html) and the figure (.png, .svg) there.",
     ),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 if a filter has diverged from its fixes.")]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Exit with status 1 if a filter is not consistent, or errors exceed 3 stated sigmas.")
+]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure and no page.")]
 
 

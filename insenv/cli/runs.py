@@ -132,14 +132,24 @@ def replay(
 
 
 def _status(report: Report, strict: bool) -> int:
-    """Exit status after the report is printed; with `strict`, that of failed work if a filter has diverged."""
+    """Exit status after the report is printed; with `strict`, that of failed work if an estimate states too little."""
     from insenv.cli import DONE, FAILED
     from insenv.cli.output import print_line
+    from insenv.evaluation.nis import Verdict
 
-    diverged = [f"{r.estimator} from {' and '.join(r.health.apart)}" for r in report.results if r.health and r.health.apart]
-    if not strict or not diverged:
+    def judged(verdict: Verdict, by: str) -> list[str]:
+        found = {r.estimator: r.health.judged(verdict) for r in report.results if r.health}
+        return [f"{id} {by} {' and '.join(what)}" for id, what in found.items() if what]
+
+    faults = {
+        "diverged": judged("diverged", "from"),
+        "overconfident": judged("overconfident", "about"),
+        "errors larger than stated": [r.estimator for r in report.results if r.too_sure()],
+    }
+    told = [f"{fault}: {', '.join(of)}" for fault, of in faults.items() if of]
+    if not strict or not told:
         return DONE
-    print_line(f"insenv: --strict: diverged: {', '.join(diverged)}", stderr=True)
+    print_line(f"insenv: --strict: {'; '.join(told)}", stderr=True)
     return FAILED
 
 

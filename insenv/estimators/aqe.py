@@ -145,7 +145,8 @@ def _updated(p: Any, x: Any, spread: Spread) -> dict[str, Any]:
     moving = [*range(N)[VELOCITY], *range(N)[POSITION]]
     P[moving, moving] = P[moving, moving] + part.extra
     return {
-        **placed(x, x.velocity_w - part.mean[:3], -part.mean[3:]),
+        **strapdown.moved_back(x, part.mean[3:])[1],
+        "velocity_w": x.velocity_w - part.mean[:3],
         "gyro_bias": gyro_decay * x.gyro_bias,
         "accel_bias": accel_decay * x.accel_bias,
         "covariance": symmetric.triangle(P),
@@ -301,7 +302,8 @@ def fed_back(x: Any, P: Any, correction: Any, q_wb: Any, step: Any) -> dict[str,
     turn = attitude.to_dcm(step)
     P = turned(P, ((DQ, left(step)), (VELOCITY, turn), (POSITION, turn)))
     return {
-        **placed(x, x.velocity_w - correction[VELOCITY], -correction[POSITION]),
+        **strapdown.moved_back(x, correction[POSITION])[1],
+        "velocity_w": x.velocity_w - correction[VELOCITY],
         **interval_start(q_wb),
         "q_wb": q_wb,
         "gyro_bias": x.gyro_bias + correction[GYRO],
@@ -320,14 +322,6 @@ def interval_start(q_wb: Any) -> dict[str, Any]:
         "stretch_distance": ca.SX.zeros(3),
         "stretch_C": ca.SX.zeros(3, 3),
     }
-
-
-def placed(x: Any, velocity_w: Any, move_w: Any) -> dict[str, Any]:
-    """State rows of a velocity and of a position moved by `move_w` (m, w)."""
-    height = x.height - move_w[2]
-    theta = geodesy.transport_rate_w(move_w, x.q_ew, height)  # as `strapdown.corrected`
-    q_ew = attitude.multiply(x.q_ew, attitude.from_rotation_vector(theta))
-    return {"velocity_w": velocity_w, "q_ew": attitude.normalize(q_ew), "height": height}
 
 
 def output(p: Any, x: Any, spread: Spread) -> dict[str, Any]:

@@ -44,10 +44,10 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import exp, select
-from insenv.core.model import Model, Step
+from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Estimator, Knowledge
-from insenv.estimators.parts import frozen_frame, lever_arm, motion_errors, rows
+from insenv.estimators.parts import frozen_frame, lever_arm, motion_errors, rest_bias, rows
 from insenv.estimators.parts.eigen import largest_eigenvector
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.increments import MEMORY
@@ -75,6 +75,7 @@ PARAMETERS = (
     Table((Row("memory_time", "Time over which the weight of a fix fades", "s", start=60.0, lower=1.0, upper=1e9),))
     + rows.NOISES
     + rows.MOTION_ERRORS
+    + Table((rows.START_BIASES["start_gyro_bias"], rows.START_BIASES["start_gyro_bias_error"]))
     + rows.LEVER_ARM
     + GNSS_TOLD
 )
@@ -119,13 +120,14 @@ STATE = (
 
 def start(p: Any) -> dict[str, Any]:
     """The constant errors are as the data sheets state them; all else is without error at the start."""
-    biases = ca.repmat(p.gyro_bias_sigma, 3, 1), ca.repmat(p.accel_bias_sigma, 3, 1)
+    biases = ca.repmat(rest_bias.bias_sigma(p), 3, 1), ca.repmat(p.accel_bias_sigma, 3, 1)
     sigma = ca.vertcat(ca.SX.zeros(12), ca.repmat(UNKNOWN, 3, 1), *biases, p.antenna_lever_arm_sigma, p.gnss_delay_sigma)
     return {"covariance": symmetric.triangle(ca.diag(sigma * sigma))}
 
 
 def sample(p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """One inertial sample."""
+    """One inertial sample, less the gyro bias that was told."""
+    u = Values(**{**vars(u), "delta_angle": u.delta_angle - p.start_gyro_bias * u.dt})
     changed, force = frozen_frame.advanced(x, u)
     stretch = x.stretch + u.dt
     due = ca.logic_or(u.gnss_velocity_valid, stretch + u.dt / 2 > COVARIANCE_S)
@@ -334,15 +336,17 @@ def memory_time(gyro_bias: float, angle_random_walk: float) -> float:
 def prepare(known: Knowledge) -> dict[str, Any]:
     """Parameters from what is known."""
     sheet = known.sensors
-    return {**known.rows_of(PARAMETERS), "memory_time": memory_time(sheet.gyro_bias_sigma, sheet.angle_random_walk)}
+    bias = known.gyro_bias_error or sheet.gyro_bias_sigma
+    return {**known.rows_of(PARAMETERS), "memory_time": memory_time(bias, sheet.angle_random_walk)}
 
 
 def findings(parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
     """A sentence where a run has not found the attitude, or its heading, at its end."""
-    bias = float(parameters["gyro_bias_sigma"])
+    row = "start_gyro_bias_error" if parameters["start_gyro_bias_error"] > 0 else "gyro_bias_sigma"
+    bias = float(parameters[row])
     kept = LARGEST_LINEAR / max(bias, 1e-30)
     lost = (
-        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h (gyro_bias_sigma) lose it again in {kept:.2g} s: if the "
+        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h ({row}) lose it again in {kept:.2g} s: if the "
         "unit is better, state its grade"
     )
     return (

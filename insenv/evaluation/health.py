@@ -114,8 +114,12 @@ class Health:
     @property
     def apart(self) -> tuple[str, ...]:
         """What the filter has diverged from: "its fixes", ids of aids."""
-        fixes = ("its fixes",) if self.fix_verdict == "diverged" else ()
-        return (*fixes, *(id for id, aid in self.aids.items() if aid.verdict == "diverged"))
+        return self.judged("diverged")
+
+    def judged(self, verdict: Verdict) -> tuple[str, ...]:
+        """The measurements that got this verdict: "its fixes", ids of aids."""
+        fixes = ("its fixes",) if self.fixes and self.fix_verdict == verdict else ()
+        return (*fixes, *(id for id, aid in self.aids.items() if aid.verdict == verdict))
 
     @property
     def _or_aids(self) -> str:

@@ -28,7 +28,7 @@ MAX_FAULTS = 20
 MAX_PLACES = 2
 """Tables that a message names for a key that is in the wrong one; a key that more of them have tells nothing."""
 MAX_SHOWN = 80
-"""Largest number of characters of a wrong value in a message."""
+"""Largest number of characters of a wrong value in a message, and of allowed names that it lists more than once."""
 
 AnyModel = TypeVar("AnyModel", bound=BaseModel)
 if not TYPE_CHECKING:
@@ -158,9 +158,13 @@ def _faults(error: ValidationError, model: type[BaseModel], label: str) -> str:
         faults.setdefault(where, message)
     listed = list(faults.items())[:MAX_FAULTS]
     more = len(faults) - len(listed)
-    lines = []
+    lines, told = [], set[str]()
     for where, message in listed:
         begin = f"{label}: {where}"
+        said, _, names = message.partition(" (allowed: ")
+        if len(names) > MAX_SHOWN and names in told:  # every leg of a list, or several keys of one long table
+            message = f"{said} (allowed: as above)"
+        told.add(names)
         lines.append(f"{begin}{message}".replace("\n", f"\n{begin}: " if where else f"\n{begin}"))
     return "\n".join(lines + ([f"and {more} more"] if more > 0 else []))
 

@@ -77,10 +77,15 @@ def facts(report: RunData) -> list[str]:
     return [*seed, f"{report.duration_s:g} s", f"{report.imu_samples} inertial samples"]
 
 
+def runs_of(count: int) -> str:
+    """A number of runs in words."""
+    return f"{count} run{'s' if count > 1 else ''}"
+
+
 def within(runs: int) -> str:
     """The sentence on how far rms/limit varies by chance over so many runs."""
     low, high = ratio_bounds(runs)
-    return f"rms/limit of an optimal estimator over {runs} run{'s' if runs > 1 else ''}: {low:.2f} to {high:.2f} (95 %)"
+    return f"rms/limit of an optimal estimator over {runs_of(runs)}: {low:.2f} to {high:.2f} (95 %)"
 
 
 def since(from_s: float) -> str:
@@ -92,8 +97,16 @@ ESTIMATE_COLUMNS = ("no reference", "at the end", "stated sigma")
 
 
 def error_columns(result: Result) -> tuple[str, ...]:
-    """Names of the columns: errors, the estimator's own sigma, the limit, and the ratio to the limit, or else to that sigma."""
-    yardsticks = [kind for kind, there in (("stated", result.stated()), ("limit", result.limit)) if there]
+    """Names of the columns: see `columns_of`."""
+    return columns_of(bool(result.stated()), bool(result.limit))
+
+
+def columns_of(stated: bool, limit: bool) -> tuple[str, ...]:
+    """Names of the columns: errors, the estimator's own sigma, the limit, and the ratio to the limit, or else to that sigma.
+
+    stated, limit: whether there is such a sigma, and a limit.
+    """
+    yardsticks = [kind for kind, there in (("stated", stated), ("limit", limit)) if there]
     return ("error", "final", "rms", "max", *yardsticks, *(f"rms/{kind}" for kind in yardsticks[-1:]))
 
 

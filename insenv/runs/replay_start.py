@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
-from insenv.logs import RecordedLog
+from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
 from insenv.logs.motion import travel
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
@@ -28,10 +28,12 @@ Array = NDArray[np.float64]
 STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
+LEAST_REST = 100  # samples
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
 FAR = 3.0  # standard deviations by which a given position and the fixes may differ
+WITH_FIXES = "the start is that of the fixes"
 REFERENCE_SIGMAS = {
     "position_sigma": np.full(3, 3.0),
     "velocity_sigma": np.full(3, 0.5),
@@ -80,10 +82,10 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
     Raises `InputError` if the log lacks what it needs, also if the vehicle is too slow to find the heading.
     """
     if start == "stated":
-        return Start(_as_stated(log))
+        return Start(_as_stated(log), _far_from_fix(log, first, "estimators start with it all the same"))
     if start == "reference":
         return Start(_from_reference(log, first))
-    return _from_log(log, first) if estimator.navigates else Start(_place(log, estimator.motion != "moving"))
+    return _from_log(log, first) if estimator.navigates else _place(log, estimator.motion != "moving", first)
 
 
 def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
@@ -98,24 +100,27 @@ def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
     return {name: np.array(value) if isinstance(value, tuple) else value for name, value in chosen.items()}
 
 
-def _place(log: RecordedLog, in_place: bool) -> Knowledge:
+def _place(log: RecordedLog, in_place: bool, first: int) -> Start:
     """The place, which is all that an alignment needs of the start, and the heading if the log's [initial] gives one."""
     initial, gnss = log.description.initial, log.gnss
-    if initial.latitude_deg is not None and initial.longitude_deg is not None:
+    far = _far_from_fix(log, first, WITH_FIXES)
+    if initial.latitude_deg is not None and initial.longitude_deg is not None and not far:
         height = initial.height_m if initial.height_m is not None else 0.0
         place = float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), height
     elif gnss is not None:
-        place = float(gnss.latitude[0]), float(gnss.longitude[0]), float(gnss.height[0])
+        at = _fix_at(gnss, float(log.imu_time[first] - log.dt[first]))
+        place = float(gnss.latitude[at]), float(gnss.longitude[at]), float(gnss.height[at])
     else:
         raise InputError("alignment needs the place: [initial] latitude_deg, longitude_deg and height_m, or [gnss]")
     latitude, longitude, height = place
     heading = initial.heading_deg
-    return Knowledge(
+    known = Knowledge(
         latitude=latitude,
         longitude=longitude,
         height=height,
         sample_interval=float(np.median(log.dt)),
         heading=0.0 if heading is None else float(np.radians(heading)),
+        **({} if in_place else _bias_at_rest(log, first, latitude)),
         **_sigmas(initial, heading_sigma=np.pi if heading is None else COURSE_SIGMA, tilt_sigma=np.pi),
         **log.motion_errors(),
         **log.fix_wander(),
@@ -123,6 +128,44 @@ def _place(log: RecordedLog, in_place: bool) -> Knowledge:
         instruments=log.told,
         sensors=log.sensors(in_place=in_place),
     )
+    return Start(known, far)
+
+
+def _bias_at_rest(log: RecordedLog, first: int, latitude: float) -> dict[str, Any]:
+    """The gyro bias of a log that begins at rest, in any heading, and its error: of the mean, by that of the attitude, which is
+    not used further, and by the drift until the end of the log.
+
+    Empty without a rest, and for gyros whose bias the data sheet states better.
+    """
+    rows = _rest_rows(log, first)
+    if len(rows) < LEAST_REST:
+        return {}
+    rest, sensors = rest_of(log, rows, first), log.sensors(in_place=True)
+    tilt_sigma, earth = rest.tilt_sigma(sensors), geodesy.numeric.earth_rate_n(latitude)
+    found = start_at_rest(rest, rest.level, latitude, 0.0, np.pi, sensors, tilt_sigma)
+    by_attitude = found.rest_share * np.hypot(found.heading_sigma * earth[0], tilt_sigma * geodesy.OMEGA_IE)
+    left = float(log.imu_time[-1] - log.imu_time[first])
+    drift = sensors.gyro_bias_sigma * np.sqrt(2 * left / sensors.gyro_correlation_time)
+    error = float(np.linalg.norm([found.gyro_bias_error, by_attitude, drift]))
+    return {} if error >= sensors.gyro_bias_sigma else {"gyro_bias": found.gyro_bias, "gyro_bias_error": error}
+
+
+def _fix_at(gnss: GnssFixes, time: float) -> int:
+    """Number of the fix next to a time (s)."""
+    return int(np.argmin(np.abs(gnss.time - time)))
+
+
+def _far_from_fix(log: RecordedLog, first: int, then: str) -> tuple[str, ...]:
+    """A sentence if [initial] gives a place that contradicts the fix nearest to where sample `first` begins."""
+    gnss = log.gnss
+    if gnss is None:
+        return ()
+    begin = float(log.imu_time[first] - log.dt[first])
+    at = _fix_at(gnss, begin)
+    speed = 0.0 if gnss.velocity_n is None else float(np.hypot(*gnss.velocity_n[at, :2]))
+    fixed = float(gnss.latitude[at]), float(gnss.longitude[at]), float(gnss.height[at])
+    moved = speed * abs(float(gnss.time[at]) - begin)
+    return _far_note(log, fixed, gnss.position_sigma[at], "the fix at the start", then, moved)
 
 
 def _as_stated(log: RecordedLog) -> Knowledge:
@@ -267,14 +310,28 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
             "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
             f"give its limits by [initial] static_from_s and static_until_s{_hint(initial)}"
         )
-    begin = initial.static_from_s if initial.static_from_s is not None else float(log.imu_time[0])
-    rest = np.flatnonzero((log.imu_time >= begin) & (log.imu_time <= until))
-    if len(rest) < 100:
+    rest = _rest_rows(log, first)
+    if len(rest) < LEAST_REST:
         raise InputError(
-            f"[initial] static_from_s = {begin:g} s to static_until_s = {until:g} s: {len(rest)} samples; 100 are needed"
+            f"[initial] static_from_s = {_rest_from(log):g} s to static_until_s = {until:g} s: {len(rest)} samples; "
+            f"{LEAST_REST} are needed"
         )
+    return rest
+
+
+def _rest_from(log: RecordedLog) -> float:
+    given = log.description.initial.static_from_s
+    return float(log.imu_time[0]) if given is None else given
+
+
+def _rest_rows(log: RecordedLog, first: int) -> NDArray[np.intp]:
+    """The samples of `_rest`; none or few if there is no such rest."""
+    until = log.description.initial.static_until_s
+    if until is None:
+        return np.zeros(0, np.intp)
+    rest = np.flatnonzero((log.imu_time >= _rest_from(log)) & (log.imu_time <= until))
     before = rest[rest < first]
-    return before if len(before) >= 100 else rest
+    return before if len(before) >= LEAST_REST else rest
 
 
 def _hint(initial: InitialSection) -> str:
@@ -291,14 +348,20 @@ def _rest_position(log: RecordedLog, rest: NDArray[np.intp]) -> tuple[float, flo
         if still.any():
             latitude, longitude, height = (float(v[still].mean()) for v in (gnss.latitude, gnss.longitude, gnss.height))
             sigma = gnss.position_sigma[still].mean(axis=0)
-            return latitude, longitude, height, sigma, _far_note(log, (latitude, longitude, height), sigma)
+            far = _far_note(log, (latitude, longitude, height), sigma, "the fixes at rest", WITH_FIXES)
+            return latitude, longitude, height, sigma, far
     if initial.latitude_deg is None or initial.longitude_deg is None or initial.height_m is None:
         raise InputError("no fix while the vehicle stands: [initial] must give latitude_deg, longitude_deg and height_m")
     return float(np.radians(initial.latitude_deg)), float(np.radians(initial.longitude_deg)), initial.height_m, np.ones(3), ()
 
 
-def _far_note(log: RecordedLog, fixed: tuple[float, float, float], sigma: Array) -> tuple[str, ...]:
-    """A sentence if [initial] gives a place that contradicts the fixes at rest, `fixed` (rad, rad, m) with `sigma` (3, m)."""
+def _far_note(
+    log: RecordedLog, fixed: tuple[float, float, float], sigma: Array, of_fixes: str, then: str, moved: float = 0.0
+) -> tuple[str, ...]:
+    """A sentence if [initial] gives a place that contradicts `of_fixes`, `fixed` (rad, rad, m) with `sigma` (3, m).
+
+    then: what is done about it.  moved: way between the two (m), of a vehicle that travels.
+    """
     initial = log.description.initial
     if initial.latitude_deg is None or initial.longitude_deg is None:
         return ()
@@ -306,11 +369,11 @@ def _far_note(log: RecordedLog, fixed: tuple[float, float, float], sigma: Array)
     north, east, _ = geodesy.numeric.ned_offset(*given, *fixed)
     stated = (ROUNDED_PLACE, ROUNDED_PLACE) if initial.position_sigma_m is None else initial.position_sigma_m[:2]
     both = float(np.hypot(max(stated), max(sigma[:2])))
-    apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)), 0.0)
+    apart = max(float(np.hypot(north, east)) - float(np.linalg.norm(log.lever_arm_b)) - moved, 0.0)
     if apart <= FAR * both:
         return ()
     size = f"{apart / 1000:.3g} km" if apart >= 1000 else f"{apart:.3g} m"
     return (
         f"the place in [initial], latitude_deg = {initial.latitude_deg:g} and longitude_deg = {initial.longitude_deg:g}, is "
-        f"{size} ({apart / both:.3g} sigma) from the fixes at rest: navigation starts with the fixes",
+        f"{size} ({apart / both:.3g} sigma) from {of_fixes}: {then}",
     )

@@ -16,6 +16,7 @@ from insenv.evaluation.chi_square import bound_polynomial
 from insenv.evaluation.errors import STEEP, TOO_SURE, statistics_from
 from insenv.evaluation.health import models_slow_errors
 from insenv.evaluation.limits import FLOOR, Limit
+from insenv.report.tables import columns_of
 from insenv.scenario import Plant, limit_of, no_limit
 from insenv.web.model import Member
 
@@ -65,11 +66,17 @@ def findings(estimator: Estimator, parameters: Mapping[str, Any]) -> list[dict[s
 
 
 def judged(member: Member, plant: Plant, every: int, limit: Limit | None) -> dict[str, Any]:
-    """Start of its statistics, and the limit over their time by channel, as `insenv.run` prints it."""
+    """Start of its statistics, the limit over their time by channel, and the columns of its table, as `insenv.run` prints them.
+
+    columns: of the scenario as prepared, and of one that is changed, whose limit is unknown.
+    """
     times = np.arange(1, plant.samples // every + 1, dtype=np.float64) * (every * plant.sample_interval)
     from_s = statistics_from(member.estimator.navigates, float(times[-1]))
     found = {} if limit is None else limit.rms(times, from_s)
-    return {"from_s": from_s, "limit": {name: value for name, value in found.items() if name in member.channels}}
+    limits = {name: value for name, value in found.items() if name in member.channels}
+    stated = bool(member.stated)
+    columns = {"prepared": columns_of(stated, bool(limits)), "changed": columns_of(stated, False)}
+    return {"from_s": from_s, "limit": limits, "columns": columns}
 
 
 def limit_along(plain: Plant, progress: Progress | None) -> Limit | None:

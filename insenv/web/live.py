@@ -31,7 +31,7 @@ from insenv.scenario.description import scenario_class
 from insenv.scenario.tuning import Settings, setting_rows
 from insenv.tracks.fmu_section import FmuSection
 from insenv.tracks.section import RecordedSection
-from insenv.web.controls import Control, with_values
+from insenv.web.controls import Control, Option, with_values
 from insenv.web.judging import findings, health_rows, judged, limit_along, limit_document, rule
 from insenv.web.model import PageModel, page_model
 from insenv.web.probing import Prober
@@ -48,7 +48,7 @@ class Live:
     plain: the scenario as it stands.  plant: the same to the bit, with every command that the vehicle can take.
     parameters: of the page's model, with what the estimators are told of the start with the scenario's own seed.
     known: see `insenv.web.start.known_vector`.  seeds (n,): those offered; normals (n, 9): behind their start errors.
-    prober: finds `controls`.
+    prober: finds `controls`.  settings: of the estimators, as given.
     """
 
     plain: Plant
@@ -60,6 +60,7 @@ class Live:
     seeds: tuple[int, ...]
     normals: Vector
     prober: Prober
+    settings: Settings | None
 
     @property
     def values(self) -> Mapping[str, Any]:
@@ -113,6 +114,7 @@ def live(
         seeds=seeds,
         normals=start_normals(known, np.array(seeds)),
         prober=prober,
+        settings=settings,
     )
 
 
@@ -121,15 +123,20 @@ def numbers(values: Mapping[str, Any], page: PageModel, settings: Settings | Non
 
     Raises `InputError` for values that are not allowed, or that another model would run.
     """
+    plant, chosen = _prepared(values, page, settings)
+    known = plant.scenario.knowledge
+    vector = known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed))
+    return page_parameters(page, plant, chosen, setting_rows(settings, chosen)), vector
+
+
+def _prepared(values: Mapping[str, Any], page: PageModel, settings: Settings | None) -> tuple[Plant, list[Estimator]]:
+    """The plant of these values and the estimators as they run on it; errors as of `numbers`."""
     plant = build(validated(scenario_class(), dict(values), "scenario"), driven=True)
     own = [member.estimator for member in page.members]
     chosen = [plant.adapted(estimator, settings, whole=False) for estimator in own]
     if plant.model is not page.plant or any(one.model is not other.model for one, other in zip(chosen, own, strict=True)):
         raise InputError("these values are run by another model than that of the page")
-    rows = setting_rows(settings, chosen)
-    known = plant.scenario.knowledge
-    vector = known_vector(start_sigmas(known), given_errors(known), start_normals(known, plant.seed))
-    return page_parameters(page, plant, chosen, rows), vector
+    return plant, chosen
 
 
 def with_run(scenario: Scenario, plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> Scenario:
@@ -197,10 +204,6 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
                 "health": health_rows(member.estimator, told[member.prefix]),
                 "findings": findings(member.estimator, told[member.prefix]),
                 **judged(member, plant, live.every, limit),
-                "notes": [
-                    *member.estimator.understated(plant.knowledge, plant.tunings),
-                    *_notes_of(member.estimator, told[member.prefix], plant.duration_s),
-                ],
             }
             for member in live.page.members
         ],
@@ -209,14 +212,14 @@ def live_document(live: Live, progress: Progress | None = None) -> dict[str, Any
         "outages": [
             _outages(model.parameters, id) for id in plant.scenario.sensors if f"{id}_outage_start" in model.parameters
         ],
-        "controls": [_control(control) for control in live.controls],
+        "controls": [_control(control, live) for control in live.controls],
         "limit": limit_document(limit, plant.duration_s),
         "rule": rule(),
         "channels": {name: {"label": label(name), "title": NAMES[name], "unit": unit_of(name)} for name in CHANNELS},
         "biases": {"rows": BIASES, "axes": AXES},
         "marked": MARKED,
         "explained": EXPLAINED | {"within": f"{within(1)}."},
-        "notes": _notes(plant),
+        "notes": _notes(plant, [member.estimator for member in live.page.members], live.settings),
     }
 
 
@@ -263,23 +266,39 @@ def _outages(parameters: Table, id: str) -> dict[str, Any]:
     return {"sensor": id, "key": f"{id}.outages_s", "start": begin.start, "end": end.start, "most": begin.stop - begin.start}
 
 
-def _control(control: Control) -> dict[str, Any]:
+def _control(control: Control, live: Live) -> dict[str, Any]:
     shown = {name: getattr(control, name) for name in ("key", "label", "group", "meaning", "value")}
     if control.options:
-        options = [{"value": o.value, "label": o.label, "set": dict(o.setting), "p": o.p} for o in control.options]
-        return shown | {"options": options}
+        return shown | {"options": [_option(option, live) for option in control.options]}
     bounds = {name: getattr(control, name) for name in ("unit", "minimum", "maximum", "low", "high")}
     return shown | bounds | {"targets": [vars(target) for target in control.targets]}
 
 
-def _notes_of(estimator: Estimator, parameters: Mapping[str, Any], duration_s: float) -> list[str]:
-    """What an estimator says of these parameters and this duration, as in a run."""
-    short = estimator.too_short(parameters, duration_s)
-    return [*([short] if short else []), *estimator.notes(parameters, duration_s)]
+def _option(option: Option, live: Live) -> dict[str, Any]:
+    """An option, with the notes of the scenario in which nothing else is changed."""
+    plant, chosen = _prepared(with_values(live.values, option.setting), live.page, live.settings)
+    notes = _notes(plant, chosen, live.settings)
+    return {"value": option.value, "label": option.label, "set": dict(option.setting), "p": option.p, "notes": notes}
 
 
-def _notes(plant: Plant) -> list[str]:
-    """What a reader of the page must know of it."""
+def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None) -> list[str]:
+    """What must be said of a scenario and of the estimators that run on it, as in a run."""
+    rows, notes = setting_rows(settings, chosen), _notes_of_page(plant)
+    for estimator in chosen:
+        given = plant.parameters_of(estimator, rows[estimator.id], whole=False)
+        parameters = estimator.model.parameters.unpack(estimator.model.parameters.pack(given))
+        short = estimator.too_short(parameters, plant.duration_s)
+        said = [
+            *estimator.understated(plant.knowledge, plant.tunings, rows[estimator.id]),
+            *([short] if short else []),
+            *estimator.notes(parameters, plant.duration_s),
+        ]
+        notes += [f"{estimator.id}: {note}" for note in said]
+    return notes
+
+
+def _notes_of_page(plant: Plant) -> list[str]:
+    """What a reader of the page must know of a scenario."""
     notes = [*plant.scenario.notes, no_limit(plant)]
     if file := _track_file(plant):
         notes.append(f"the downloaded scenario reads its track from {file}: keep that file beside it")

@@ -31,8 +31,11 @@ SILENT = 1e-12
 IMPULSES = 1.05, 8 * 0.7
 """A mean square over that of Gaussian noise of the same mean size, above the first plus the second over the root of the number
 of differences, is not that of noise: 8 standard deviations."""
+RARE = 1000
+"""Of so many differences or fewer a handful are knocks; what is frequent, as jumps of a coarse quantum, is Gaussian by then."""
 APART, FACTOR = 4.0, 1.15
-"""Standard deviations, and ratio of observed and fitted deviation, from which on a fit does not explain a curve."""
+"""Standard deviations, and ratio of observed and fitted deviation, from which on a fit does not explain a curve; and ratio
+by which knocks make it larger from which on its figures are not those of the unit."""
 MOVES = "the vehicle moves"
 """Why no figure of a part in motion is trusted."""
 FILTER_S, FILTER_RISE = 1.0, 1.05
@@ -232,9 +235,9 @@ def sensor_noise(name: str, rate: Array, interval: float) -> SensorNoise:
     found = curve(rate, interval)
     use = _unfiltered(found)
     terms = fit(found, use)
-    distrust = _unexplained(found, terms)
-    warnings = (*_spoilt(found, use), *([distrust] if distrust else []))
-    return SensorNoise(name, found, terms, warnings, distrust)
+    (knocks, growth), unexplained = _knocks(found), _unexplained(found, terms)
+    distrust = unexplained or (knocks if growth > FACTOR else "")
+    return SensorNoise(name, found, terms, tuple(filter(None, (_filtered(found, use), knocks, unexplained))), distrust)
 
 
 def _triad(kind: str, axes: list[SensorNoise]) -> SensorNoise:
@@ -264,19 +267,22 @@ def _unfiltered(found: Curve) -> NDArray[np.bool_]:
     return use
 
 
-def _spoilt(found: Curve, use: NDArray[np.bool_]) -> list[str]:
-    """Sentences on what in a curve is not the noise of a unit."""
-    said = []
-    if not use.all():
-        said.append(f"filtered: noise at averaging times below {found.tau[use][0]:.3g} s is too low and is left out")
+def _filtered(found: Curve, use: NDArray[np.bool_]) -> str:
+    """The sentence on averaging times that are not in `use`; empty if all are."""
+    return "" if use.all() else f"filtered: noise at averaging times below {found.tau[use][0]:.3g} s is too low and is left out"
+
+
+def _knocks(found: Curve) -> tuple[str, float]:
+    """The sentence that a curve has knocks, empty if it has none; and the factor by which rare ones make it larger."""
     number = found.samples * found.interval / found.tau
     wild = (found.impulses > IMPULSES[0] + IMPULSES[1] / np.sqrt(number)) & (number > 30)
-    if wild.any():
-        said.append(
-            f"knocks, steps or motion from averaging times of {found.tau[wild][0]:.3g} s on: differences are "
-            f"{np.sqrt(found.impulses[wild].max()):.2g} times as large as their typical size suggests"
-        )
-    return said
+    if not wild.any():
+        return "", 1.0
+    said = (
+        f"knocks, steps or motion from averaging times of {found.tau[wild][0]:.3g} s on: differences are "
+        f"{np.sqrt(found.impulses[wild].max()):.2g} times as large as their typical size suggests"
+    )
+    return said, float(np.sqrt(np.max(found.impulses, where=wild & (number <= RARE), initial=1.0)))
 
 
 def _unexplained(found: Curve, terms: Terms) -> str:

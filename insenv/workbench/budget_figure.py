@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from insenv.evaluation.errors import CHANNELS
-from insenv.report.tables import label
+from insenv.report.tables import label, runs_of
 from insenv.style import COLOURS, DASHED, LIMIT, legend, page, title
 from insenv.workbench.budget_presentation import ranked
 from insenv.workbench.budget_result import Array, Budget
@@ -48,7 +48,7 @@ def draw_budget(found: Budget) -> Figure:
             bottom = panels[-1]
         for axes in bottom:
             axes.set_xlabel("time [s]")
-        title(figure, f"{found.scenario}: error budget of {found.estimator}\n{found.runs} runs of {found.duration_s:g} s")
+        title(figure, f"{found.scenario}: error budget of {found.estimator}\n{runs_of(found.runs)} of {found.duration_s:g} s")
         legend(figure, handles, columns=4)
         return figure
 

@@ -12,7 +12,7 @@ from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
-from insenv.report.tables import number, since, table_of
+from insenv.report.tables import number, runs_of, since, table_of
 from insenv.style import save
 from insenv.workbench.budget_result import Array, Budget
 
@@ -61,7 +61,7 @@ def sentences(found: Budget) -> tuple[str, ...]:
     return (
         f"rms {since(found.from_s)}: change by a source alone; w/o: error without it",
         "method: no source at all; interaction: the rest of all sources, run by run",
-        f"rms of {count} runs over that of many runs: {low:.2f} to {high:.2f} (95 %)",
+        f"rms of {runs_of(count)} over that of many runs: {low:.2f} to {high:.2f} (95 %)",
     )
 
 
@@ -83,7 +83,7 @@ def left_out(found: Budget) -> str:
 def facts(found: Budget) -> str:
     """Runs, duration, seeds and sources in one line."""
     seeds = f"seeds {found.first_seed} to {found.first_seed + found.runs - 1}" if found.runs > 1 else f"seed {found.first_seed}"
-    return f"{found.runs} runs of {found.duration_s:g} s, {seeds}; {len(found.sources)} sources of error"
+    return f"{runs_of(found.runs)} of {found.duration_s:g} s, {seeds}; {len(found.sources)} sources of error"
 
 
 @dataclass(frozen=True)

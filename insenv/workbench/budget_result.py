@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from insenv.evaluation.limits import ratio_bounds
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import require_matplotlib
+from insenv.report.tables import runs_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,4 +141,4 @@ class Budget:
         for place, name in enumerate(self.channels):
             best = int(np.nanargmax(shares[:, place]))
             lines.append(f"{name}: {self.rms(self.whole)[place]:.3g}, most from {self.sources[best]}")
-        return f"Budget of {self.scenario}: {self.estimator}, {self.runs} runs\n  " + "\n  ".join(lines)
+        return f"Budget of {self.scenario}: {self.estimator}, {runs_of(self.runs)}\n  " + "\n  ".join(lines)

@@ -13,6 +13,7 @@ from insenv.estimators.contract import Drive, Knowledge, SensorNotes
 from insenv.estimators.fusion import fusion, odometer
 from insenv.estimators.fusion.available import AIDS, STATES
 from insenv.estimators.fusion.prepared import prepared
+from insenv.estimators.parts.rows import FIX_RESIDUALS
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load, parse
 
@@ -42,6 +43,13 @@ def test_states_and_aids_follow_from_the_unit_the_instruments_and_the_vehicle():
     assert "gyro_scale, gyro_misalignment, accel_scale" in ship and ship.endswith("aids: gnss, dvl")
     hover = titles("multirotor-hover")
     assert "hard_iron" in hover and "gyro_scale" not in hover and hover.endswith("aids: gnss, barometer, magnetometer")
+
+
+@pytest.mark.parametrize("id", ["loosely-coupled", "fusion"])
+def test_residuals_of_fixes_are_in_n(id):
+    outputs = build(load("car-city-drive")).adapted(get(id), {}).model.outputs
+    for row in FIX_RESIDUALS:
+        assert (outputs[row.name].shape, outputs[row.name].unit, outputs[row.name].frame) == (row.shape, row.unit, "n")
 
 
 def test_a_unit_without_such_errors_has_no_states_for_them():

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from simulated_log import simulated_log
 
 from insenv import attitude, geodesy, record, replay, run, write
 from insenv.campaigns.block import run_block
@@ -15,6 +16,7 @@ from insenv.errors import InputError
 from insenv.estimators import get, velocity_integration
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
+from insenv.runs.replay_start import initial_knowledge
 from insenv.scenario import build, load
 
 ID = "velocity-integration"
@@ -195,13 +197,16 @@ def test_gyros_that_lose_the_heading_are_named():
     """0.35 rad at 3600 deg/h, 1 deg/s, take 20 s; a tactical unit keeps the heading for hours and is not named."""
     unknown = {"attitude_sigma": np.array([[0.1, 0.1, np.pi / np.sqrt(3)]])}
 
-    def note(bias):
-        attitude_found, heading = velocity_integration.findings({"gyro_bias_sigma": bias})
+    def note(bias, at_rest=0.0):
+        rows = {"gyro_bias_sigma": bias, "start_gyro_bias_error": at_rest}
+        attitude_found, heading = velocity_integration.findings(rows)
         assert not attitude_found.said(unknown)
         return heading.said(unknown)
 
     assert "a bias of 3600 deg/h (gyro_bias_sigma) lose it again in 20 s" in note(np.radians(1.0))
     assert note(np.radians(1.0) / 3600) and "gyro_bias_sigma" not in note(np.radians(1.0) / 3600)
+    assert "lose it" not in note(np.radians(1.0), np.radians(100.0) / 3600)
+    assert "a bias of 360 deg/h (start_gyro_bias_error)" in note(np.radians(1.0), np.radians(0.1))
 
 
 def test_a_run_without_fixes_gives_no_attitude():
@@ -227,6 +232,27 @@ def test_a_replay_is_told_and_judged_as_the_run(tmp_path):
     assert replayed.from_s == ran.from_s == 90.0
     assert replayed.statistics()["rms"] == pytest.approx(ran.statistics()["rms"], rel=0.01)  # of other records
     assert replayed.sigma["heading_deg"][-1] == pytest.approx(ran.sigma["heading_deg"][-1], rel=1e-6)
+
+
+@pytest.mark.parametrize("grade", ["", "consumer"])
+def test_a_rest_at_the_start_of_a_log_shows_the_bias_of_poor_gyros(grade):
+    """Of a unit without a grade 3600 deg/h are assumed: the heading was stated as unknown, at an error of 3 deg."""
+    scenario = load("car-city-drive")
+    scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": "consumer"})})
+    for seed in (31, 32):
+        log = simulated_log(scenario, seed=seed, duration_s=240.0, grade=grade, initial={"static_until_s": 30.0})
+        result = replay(log, ID).results[0]
+        late = result.time > 120.0
+        for name in ("roll_deg", "pitch_deg", "heading_deg"):
+            assert np.all(np.abs(result.errors[name][late]) < 3 * result.sigma[name][late]), name
+        assert np.max(np.abs(result.errors["heading_deg"][late])) < 2.0  # a bias of the other sign leaves 5 and 13 deg
+        assert result.sigma["heading_deg"][-1] < 10.0 and result.notes == ()
+    good = simulated_log("car-city-drive", seed=31, duration_s=60.0, grade="navigation", initial={"static_until_s": 30.0})
+    known = initial_knowledge(good, get(ID), "coarse", 0).knowledge
+    assert known.gyro_bias_error in (
+        0.0,
+        pytest.approx(known.sensors.gyro_bias_sigma, rel=0.1),
+    )  # the data sheet knows it as well
 
 
 def test_a_vehicle_in_place_is_refused():

@@ -252,6 +252,16 @@ def test_strict_fails_after_the_report_is_written(tmp_path):
     assert call("run", "car-city-drive", "--duration", "30", "--strict")[0] == 0
 
 
+def test_strict_fails_for_whatever_states_too_little(tmp_path):
+    path = written_log(tmp_path, scale_of_sigma=0.4)
+    status, text, said = call("replay", str(path), "-e", "loosely-coupled", "--strict")
+    assert status == 1 and "health: overconfident" in text
+    assert said.startswith("insenv: --strict: overconfident: loosely-coupled about its fixes")
+    status, _, said = call("run", "aircraft-inflight-alignment", "-e", "loosely-coupled", "--duration", "60", "--strict")
+    both = "overconfident: loosely-coupled about its fixes; errors larger than stated: loosely-coupled"
+    assert status == 1 and said == f"insenv: --strict: {both}\n"
+
+
 # --- runs that are too short -----------------------------------------------------------------------------
 
 

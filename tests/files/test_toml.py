@@ -104,6 +104,26 @@ def test_each_wrong_key_has_its_line_up_to_twenty():
     assert len(lines) == 21 and lines[-1] == "and 2 more"
 
 
+def test_allowed_names_stand_once_for_all_entries_of_a_list():
+    class Long(Section):
+        first_leg_begins_with_this_distance_m: Number = key(1.0, "one", "m")
+        first_leg_ends_with_this_distance_m: Number = key(1.0, "two", "m")
+        last_s: Number = key(1.0, "three", "s")
+
+    class Route(Section):
+        legs: tuple[Long, ...] = key((), "legs")
+        short: tuple[Leg, ...] = key((), "legs")
+
+    with pytest.raises(InputError) as caught:
+        validated(Route, {"legs": [{"lasts": 3}, {}, {"lasts": 3}], "short": [{"drive_s": 1, "a": 1}] * 2}, "mine.toml")
+    assert str(caught.value).splitlines() == [
+        f"mine.toml: legs[0].lasts: unknown key; did you mean 'last_s'? (allowed: {', '.join(Long.model_fields)})",
+        "mine.toml: legs[2].lasts: unknown key; did you mean 'last_s'? (allowed: as above)",
+        "mine.toml: short[0].a: unknown key (allowed: drive_s)",
+        "mine.toml: short[1].a: unknown key (allowed: drive_s)",
+    ]
+
+
 class _OfAFile(Section):
     @model_validator(mode="after")
     def _two_faults(self):

@@ -155,6 +155,43 @@ def test_a_given_place_far_from_the_fixes_is_named():
     assert "111 km" in note
 
 
+@pytest.mark.parametrize("id", ["qakf", "analytic"])
+def test_an_alignment_whose_given_place_is_far_from_the_fixes_starts_with_them(id):
+    log = simulated_log("ship-swaying", seed=5, duration_s=30.0, grade="navigation")
+    log = replace(log, gnss=simulated_log("car-city-drive", seed=5, duration_s=29.0).gnss)
+    latitude, longitude = (float(np.degrees(each[0])) for each in (log.gnss.latitude, log.gnss.longitude))
+    near = {"latitude_deg": latitude, "longitude_deg": longitude, "height_m": 20.0}
+
+    def begun(**initial):
+        return initial_knowledge(started(log, **initial), get(id), "coarse", 0)
+
+    assert begun().notes == begun(**near).notes == () and begun(**near).knowledge.height == 20.0
+    far = begun(**{**near, "latitude_deg": latitude + 20.0})
+    (note,) = far.notes
+    assert "sigma) from the fix at the start: the start is that of the fixes" in note
+    assert far.knowledge.latitude == log.gnss.latitude[0] and far.knowledge.height == log.gnss.height[0]
+    (result,) = replay(started(log, **{**near, "latitude_deg": latitude + 20.0}), [id]).results
+    assert note in result.notes
+
+
+def test_a_stated_place_far_from_the_fix_at_the_start_is_named():
+    log = simulated_log("car-city-drive", seed=5, duration_s=60.0, grade="tactical")
+    reference = log.reference
+    at = int(np.searchsorted(log.imu_time, 45.4))  # the car drives, between two fixes
+    given = {
+        "start_s": float(log.imu_time[at] - log.dt[at]), "height_m": float(reference.height[at]),
+        "latitude_deg": float(np.degrees(reference.latitude[at])), "longitude_deg": float(np.degrees(reference.longitude[at])),
+        "velocity_mps": tuple(map(float, reference.velocity_n[at])), "roll_deg": 0.0, "pitch_deg": 0.0, "heading_deg": HEADING,
+        **SIGMAS, "position_sigma_m": (0.5, 0.5, 0.5),
+    }  # fmt: skip
+    assert np.hypot(*reference.velocity_n[at, :2]) > 5.0
+    for id in ("velocity-integration", "loosely-coupled"):
+        assert initial_knowledge(started(log, **given), get(id), "stated", at).notes == ()
+        wrong = started(log, **{**given, "longitude_deg": given["longitude_deg"] + 1.0})
+        (note,) = initial_knowledge(wrong, get(id), "stated", at).notes
+        assert "is 76 km" in note and "from the fix at the start: estimators start with it all the same" in note
+
+
 def test_a_vehicle_that_moves_sideways_keeps_its_heading():
     """A drone flies in any direction: its course does not contradict the heading, whose sigma went to 60 deg."""
     log = simulated_log(car("tactical"), seed=5, duration_s=80.0, grade="tactical", initial={"static_until_s": 30.0})

@@ -153,6 +153,37 @@ def test_a_setting_and_a_seed_give_the_numbers_of_that_scenario_and_the_link_rep
     assert browser.console() == []
 
 
+def test_another_grade_alone_has_the_notes_of_insenv_run(browser, car):
+    notes = "[...document.querySelectorAll('.notes li')].map((one) => one.textContent)"
+    told = "document.getElementById('changed').textContent"
+
+    def choose(key, value):
+        browser.driver.execute_script(
+            "const field = document.getElementById(arguments[0]); field.value = arguments[1];"
+            "field.dispatchEvent(new Event('change'));",
+            f"control-{key}",
+            value,
+        )
+
+    def said(**imu):
+        values = insenv.load("car-city-drive").model_dump(mode="json", exclude_unset=True)
+        values["imu"] |= imu
+        found = insenv.run(values, ["loosely-coupled", "wander-sins"], duration_s=120.0).results
+        of_errors = ("the filter is", "the errors are larger")  # which stand below the table at the end
+        return [f"{one.estimator}: {note}" for one in found for note in one.notes if not note.startswith(of_errors)]
+
+    browser.open(car)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    assert browser.value(notes) == said()
+    choose("imu.grade", "consumer")
+    assert browser.until(told) == "The settings have changed; no limit is known for them."
+    assert browser.value(notes) == said(grade="consumer") != said()
+    choose("start.latitude_deg", "10")
+    browser.until(f"{told}.includes('some may not hold now')")
+    assert browser.value(notes) == said()
+    assert browser.console() == []
+
+
 @pytest.mark.parametrize(
     ("fragment", "message"),
     [
@@ -326,6 +357,20 @@ def test_plots_out_of_sight_are_drawn_at_the_end_and_for_a_print(browser, car):
     )
     assert drawn > 12
     assert browser.console() == []
+
+
+def test_plots_out_of_sight_wait_while_it_runs(browser, car):
+    browser.open(car)
+    browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
+    browser.driver.execute_script("document.getElementById('run').click()")
+    browser.until("document.getElementById('clock').textContent > '0:11.0'")  # from 10 s on the axis grows
+    last = "[...document.querySelectorAll('.plots .panels .plot canvas')].at(-1)"
+    assert browser.value(f"{last}.getBoundingClientRect().top - innerHeight") > 200
+    before = browser.value(f"{last}.toDataURL()")
+    browser.until("document.getElementById('clock').textContent > '0:13.0'")
+    assert browser.value(f"{last}.toDataURL()") == before
+    browser.driver.execute_script("document.getElementById('run').click()")
+    browser.until(f"{last}.toDataURL() !== arguments[0]".replace("arguments[0]", json.dumps(before)))
 
 
 def test_numbers_of_two_estimators_fit_on_a_phone(browser, car):

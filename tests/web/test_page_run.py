@@ -177,6 +177,14 @@ def test_the_page_opens_from_disk(browser, page, size, dark):
 
 
 @browser_needed
+def test_the_table_of_a_navigation_fits_on_a_phone(browser, page):
+    browser.open(page, PHONE)
+    browser.until("document.querySelector('.summary table') !== null")
+    beyond = "[...document.querySelectorAll('.summary .scroll')].map((one) => one.scrollWidth - one.clientWidth)"
+    assert browser.value(beyond) == [0, 0]
+
+
+@browser_needed
 def test_figures_shown_are_those_printed(browser, page, driven):
     browser.open(page)
     cells = browser.until(

@@ -231,6 +231,23 @@ def test_a_knock_is_told():
     assert not sensor_noise("gyro y", rates[:, 1], 1.0 / RATE).warnings
 
 
+@pytest.mark.parametrize(("size", "length"), [(0.3, 1), (1.0, 1), (0.1, 10), (1.0, 10), (0.3, 100)])
+def test_figures_that_knocks_make_are_not_trusted(size, length):
+    """One knock made 1.21 deg/sqrt(h) of 0.34, within 1 %, and a bias instability of 330 deg/h of none."""
+    rates = unit_rates(np.random.default_rng(2), 40000)
+    rates[20000 : 20000 + length, 0] += size
+    found = sensor_noise("gyro x", rates[:, 0], 1.0 / RATE)
+    assert found.distrust and found.distrust in found.warnings and len(set(found.warnings)) == len(found.warnings)
+
+
+@pytest.mark.parametrize("quantum", [0.001, 0.002])
+def test_jumps_of_a_coarse_quantum_are_no_knocks(quantum):
+    rates = unit_rates(np.random.default_rng(2), 40000)[:, 0]
+    assert not sensor_noise("gyro x", np.round(rates / quantum) * quantum, 1.0 / RATE).distrust
+    angles = np.round(np.cumsum(rates) / quantum) * quantum
+    assert not sensor_noise("gyro x", np.diff(angles), 1.0 / RATE).distrust
+
+
 def test_vibration_is_told():
     rates = unit_rates(np.random.default_rng(2), 40000)
     rates[:, 4] += 0.02 * np.sin(2.0 * np.pi * 0.8 * np.arange(40000) / RATE)

@@ -274,3 +274,9 @@ def test_a_data_frame_has_a_row_for_each_source(ship):
     assert list(frame.index) == list(ship.sources)
     assert np.isclose(frame["share_heading_deg"].sum() + ship.shares()[-1, 2], 1.0)
     assert "most from" in repr(ship)
+
+
+def test_one_run_is_no_runs():
+    one = insenv.budget("ship-swaying", "q-method", 1, duration_s=2.0)
+    assert budget_presentation.facts(one).startswith("1 run of 2 s, seed 1;") and "q-method, 1 run\n" in repr(one)
+    assert any(told.startswith("rms of 1 run over") for told in budget_presentation.sentences(one))

@@ -68,7 +68,7 @@ class Aid:
     """A measurement of m scalars.
 
     id: short name, before the names of its rows.  title: what it is, for listings.
-    size: m.  what: the components, for the meaning of rows ("position, then velocity").
+    size: m.  what: the components, for the meaning of rows ("position, then velocity").  frame: in which they are, if in one.
     residual: ``(p, seen, u) -> (m)``: predicted minus measured, of the navigation state `seen` (`navigation.Navigation`).
     variance: ``(p, x, u, spread) -> (m)``: of the measurement noise, and of what linearisation leaves out; spread: the
         variances of an error state by name (`Spread`).
@@ -99,6 +99,7 @@ class Aid:
     variance: Callable[[Any, Any, Any, Spread], Any]
     due: Callable[[Any, Any, Any], Any]
     unit: str = "SI"
+    frame: str = ""
     sensors: tuple[str, ...] = ()
     inputs: Table = field(default_factory=Table)
     parameters: Table = field(default_factory=Table)
@@ -135,8 +136,10 @@ class Aid:
         """State and output rows: its last innovation, and what the gate did so far (sums over all measurements)."""
         parts = (len(self.parts),)
         return Table((
-            Row(self.row("innovation"), f"Last innovation of {self.title}: {self.what}", self.unit, (self.size,)),
-            Row(self.row("test_ratio"), "Innovation over its standard deviation, in the same order", "1", (self.size,)),
+            Row(self.row("innovation"), f"Last innovation of {self.title}: {self.what}", self.unit, (self.size,),
+                self.frame),
+            Row(self.row("test_ratio"), "Innovation over its standard deviation, in the same order", "1", (self.size,),
+                self.frame),
             Row(self.row("count"), f"Measurements of {self.title} so far", "1"),
             Row(self.row("refused_count"), "Those of which the gate refused a component", "1"),
             Row(self.row("nis_used"), "Sum of the squared test ratios of the components used", "1", parts),

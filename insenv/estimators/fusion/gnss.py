@@ -91,6 +91,7 @@ WHITE = Aid(
     size=6,
     what="position, then velocity",
     unit="m, m/s",
+    frame="n",
     residual=_residual,
     variance=_variance,
     due=lambda p, x, u: u.gnss_valid,

@@ -12,8 +12,10 @@ from insenv.core.elementary import maximum, select
 from insenv.estimators.fusion.contract import Aid, ErrorState, Spread
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.fusion.retraction import linear
+from insenv.estimators.parts.counting import counted
 from insenv.estimators.parts.error_model import TILT
 from insenv.estimators.parts.kalman import Scalar, Update, innovation_variance, measure
+from insenv.estimators.parts.rows import COUNTED
 
 
 def update(
@@ -47,7 +49,7 @@ def update(
     reported = {
         aid.row("innovation"): innovation * present,
         aid.row("test_ratio"): test_ratio,
-        **_counted(aid, x, present, accepted, test_ratio),
+        **counted(x, [aid.row(name) for name in COUNTED], aid.parts, present, accepted, test_ratio),
         aid.row("refusals"): select(outside > 0, refusals + 1, 0),
         aid.row("since"): age,
     }
@@ -66,25 +68,3 @@ def spread_of(x: Any, states: Sequence[ErrorState], places: Mapping[str, slice])
         return ca.vertcat(*[x.covariance[symmetric.place(i, i)] for i in range(first, first + sizes[name])])
 
     return variances
-
-
-def _counted(aid: Aid, x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:
-    """The rows of an aid that count, after a measurement.
-
-    present, accept (m each): 1 for a component that is there, and for one that was used.  ratio (m): innovations over their
-    standard deviations, 0 for a component that is not there.
-    """
-    square, refused = ratio * ratio, present - accept
-
-    def sums(name: str, values: Any) -> dict[str, Any]:
-        parts = ca.vertcat(*[ca.sum1(values[part]) for part in aid.parts])
-        return {aid.row(name): getattr(x, aid.row(name)) + parts}
-
-    return {
-        aid.row("count"): getattr(x, aid.row("count")) + 1,
-        aid.row("refused_count"): getattr(x, aid.row("refused_count")) + select(ca.sum1(refused) > 0, 1.0, 0.0),
-        **sums("nis_used", accept * square),
-        **sums("nis_used_count", accept),
-        **sums("nis_refused", refused * square),
-        **sums("nis_refused_count", refused),
-    }

@@ -14,9 +14,9 @@ from typing import Any
 import casadi as ca
 
 from insenv import attitude, geodesy
-from insenv.core.elementary import select
-from insenv.estimators.parts import lever_arm, strapdown
+from insenv.estimators.parts import counting, lever_arm, strapdown
 from insenv.estimators.parts.gauss_markov import correlated_again
+from insenv.estimators.parts.rows import FIX_HEALTH
 
 
 @dataclass(frozen=True)
@@ -85,21 +85,5 @@ def correlated_variance(p: Any, since: Any) -> Any:
 
 
 def counted(x: Any, present: Any, accept: Any, ratio: Any) -> dict[str, Any]:
-    """Rows of `rows.FIX_HEALTH` after a fix.
-
-    present, accept (6 each): 1 for a component that the fix has, and for one that the filter used. ratio (6): innovations
-    over their standard deviations, 0 for a component that the fix has not.
-    """
-    square, refused = ratio * ratio, present - accept
-
-    def groups(values: Any) -> Any:
-        return ca.vertcat(ca.sum1(values[:3]), ca.sum1(values[3:]))
-
-    return {
-        "fix_count": x.fix_count + 1,
-        "fix_refused_count": x.fix_refused_count + select(ca.sum1(refused) > 0, 1.0, 0.0),
-        "nis_used": x.nis_used + groups(accept * square),
-        "nis_used_count": x.nis_used_count + groups(accept),
-        "nis_refused": x.nis_refused + groups(refused * square),
-        "nis_refused_count": x.nis_refused_count + groups(refused),
-    }
+    """Rows of `rows.FIX_HEALTH` after a fix, position and velocity apart; arguments (6 each) as for `counting.counted`."""
+    return counting.counted(x, FIX_HEALTH.names, (slice(0, 3), slice(3, 6)), present, accept, ratio)

@@ -120,10 +120,13 @@ FIX_HEALTH = Table((
 """Outputs, and state, of a filter that reports its health (`insenv.evaluation.health`): sums over all fixes so far."""
 
 
+COUNTED = ("count", "refused_count", "nis_used", "nis_used_count", "nis_refused", "nis_refused_count")
+"""Ends of the names of the outputs of any instrument, in the order of `FIX_HEALTH`."""
+
+
 def aid_health(id: str) -> tuple[str, ...]:
     """Names of the outputs that say the same of an aid other than GNSS, in the order of `FIX_HEALTH`."""
-    counted = ("count", "refused_count", "nis_used", "nis_used_count", "nis_refused", "nis_refused_count")
-    return tuple(f"{id}_{name}" for name in counted)
+    return tuple(f"{id}_{name}" for name in COUNTED)
 
 
 def reported_aids(outputs: Iterable[str]) -> tuple[str, ...]:

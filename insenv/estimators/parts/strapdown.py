@@ -116,16 +116,24 @@ def corrected(x: Any, dr: Any, dv: Any, psi: Any) -> dict[str, Any]:
     The way over the ground is an angle at the height that is reached: of `geodesy.position_error` of the true position from the
     estimated one, which filters measure, 100 km and a height 100 km off leave metres, at the estimated height kilometres.
     """
-    # moving the position turns the computed frame by -theta; platform and velocity are then referred to the new one
-    height = x.height + dr[2]
-    theta = geodesy.transport_rate_w(dr, x.q_ew, height)
+    theta, placed = moved_back(x, dr)
     velocity = x.velocity_w - dv
     return {
         "q_wb": attitude.normalize(attitude.multiply(attitude.from_rotation_vector(psi + theta), x.q_wb)),
         "velocity_w": velocity + ca.cross(theta, velocity),
-        "q_ew": attitude.normalize(attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))),
-        "height": height,
+        **placed,
     }
+
+
+def moved_back(x: Any, dr: Any) -> tuple[Any, dict[str, Any]]:
+    """theta (3, rad, w), and state rows of the position, with an error dr (3, m, w) taken out.
+
+    That turns the computed frame by -theta; platform and velocity are then referred to the new one.
+    """
+    height = x.height + dr[2]
+    theta = geodesy.transport_rate_w(dr, x.q_ew, height)
+    q_ew = attitude.multiply(x.q_ew, attitude.from_rotation_vector(-theta))
+    return theta, {"q_ew": attitude.normalize(q_ew), "height": height}
 
 
 def navigation_outputs(x: Any) -> dict[str, Any]:
