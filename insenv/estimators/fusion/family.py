@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
-from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
+from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.prepared import prepared
-from insenv.estimators.fusion.presets import TURNTABLE, aids_of, states_of, told_of_unit
+from insenv.estimators.fusion.presets import aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 
