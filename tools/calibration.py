@@ -1,7 +1,7 @@
 """What a self-calibration reaches: errors of each error state of `fusion` at the end of a plan, over seeds, beside the bound.
 
     python tools/calibration.py                          turntable-calibration, 64 seeds from 7000
-    python tools/calibration.py SCENARIO [RUNS]
+    python tools/calibration.py SCENARIO [RUNS [STATE]]  STATE: axis by axis
 
 By state: the root mean square over runs and axes of the error before (what the data sheet states) and after, of the stated
 standard deviation after, and the smallest that any method can have.
@@ -45,8 +45,10 @@ def true_errors(state: dict[str, Array], bias: dict[str, Array]) -> dict[str, Ar
     return found
 
 
-def table(name: str = "turntable-calibration", runs: int = RUNS, first_seed: int = FIRST_SEED) -> list[dict[str, float | str]]:
-    """One row per error state, in the units of `UNITS`."""
+def table(
+    name: str = "turntable-calibration", runs: int = RUNS, first_seed: int = FIRST_SEED, apart: str = ""
+) -> list[dict[str, float | str]]:
+    """One row per error state, in the units of `UNITS`; one per axis of the state `apart`, if it is given."""
     scenario = load(name)
     done = ensemble(scenario, ["fusion"], range(first_seed, first_seed + runs), records=2)
     outputs = done.outputs["fusion"]
@@ -62,21 +64,22 @@ def table(name: str = "turntable-calibration", runs: int = RUNS, first_seed: int
         for k, each in enumerate(done.plants)
     ]
     rows: list[dict[str, float | str]] = []
-    for state, (unit, scale) in UNITS.items():
-        if state not in outputs:
-            continue
+    for state in [apart] if apart else [state for state in UNITS if state in outputs]:
+        unit, scale = UNITS[state]
         actual = np.array([each[state] for each in true])
         error = outputs[state][:, -1] - actual
         sigma = outputs[f"{state}_estimate_sigma"][:, -1]
-        rows.append({
-            "state": state,
-            "unit": unit,
-            "before": scale * _rms(actual),
-            "after": scale * _rms(error),
-            "stated": scale * _rms(sigma),
-            "bound": scale * _rms(least[state]),
-            "beyond": float(np.mean(np.abs(error) > 3 * sigma)),
-        })  # fmt: skip
+        parts = {f"{state}[{k}]": [k] for k in range(actual.shape[1])} if apart else {state: slice(None)}
+        for label, part in parts.items():
+            rows.append({
+                "state": label,
+                "unit": unit,
+                "before": scale * _rms(actual[:, part]),
+                "after": scale * _rms(error[:, part]),
+                "stated": scale * _rms(sigma[:, part]),
+                "bound": scale * _rms(least[state][part]),
+                "beyond": float(np.mean(np.abs(error[:, part]) > 3 * sigma[:, part])),
+            })  # fmt: skip
     return rows
 
 
@@ -88,7 +91,7 @@ def main(arguments: list[str]) -> None:
     """Print the table."""
     name = arguments[0] if arguments else "turntable-calibration"
     runs = arguments[1] if len(arguments) > 1 else str(RUNS)
-    rows = table(name, int(runs))
+    rows = table(name, int(runs), apart=arguments[2] if len(arguments) > 2 else "")
     print("| state | unit | before | after: rms | stated | bound | rms/bound | beyond 3 sigma |\n|---" + "|---" * 7 + "|")
     for row in rows:
         numbers = " | ".join(f"{row[key]:.3g}" for key in ("before", "after", "stated", "bound"))

@@ -144,6 +144,8 @@ class Drive:
     fix_velocity: bool = True
 
 
+TURNTABLE = "turntable"
+"""Kind of vehicle that turns the unit in place."""
 Choices = Mapping[str, tuple[str, ...]]
 """Names by key, such as the states and the aids of a fusion filter."""
 Notes = Callable[[Mapping[str, Any], float], tuple[str, ...]]

@@ -264,10 +264,12 @@ MODEL = Model(
     start=frozen_frame.start,
 )
 
-ESTIMATOR = Estimator(
-    MODEL,
-    kind="alignment",
-    prepare=frozen_frame.prepare,
-    needs=lambda parameters: SPAN * BLOCK_S,  # until the first fix
-    applicability=applicability.notes,
+ESTIMATOR = applicability.said_on_turntable(
+    Estimator(
+        MODEL,
+        kind="alignment",
+        prepare=frozen_frame.prepare,
+        needs=lambda parameters: SPAN * BLOCK_S,  # until the first fix
+        applicability=applicability.notes,
+    )
 )

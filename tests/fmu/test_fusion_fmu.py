@@ -1,14 +1,21 @@
 """FMUs of composed filters: the choice of states and aids, and what `insenv fmu run` says of a wrong start."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from command_line import call
 
 from insenv.cli.fmu import _health, _settings
+from insenv.core.batch import make_batch
+from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators.parts.rows import FIX_HEALTH
-from insenv.fmu.running import Outputs
+from insenv.fmu import export_fmu
+from insenv.fmu.running import Outputs, run
 from insenv.fmu.subject import subject
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
 
 
 def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
@@ -19,6 +26,36 @@ def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
     assert "estimator_odometer_count" not in outputs and "estimator_fix_count" in outputs
     with pytest.raises(InputError, match="unknown name 'sonar'"):
         subject("fusion", _settings(['aids=["sonar"]']))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "car-city-drive", "car-survey", "car-odometer", "car-unknown-receiver", "multirotor-hover", "ship-dvl", "ship-at-sea",
+        "turntable-calibration", "aircraft-free-inertial",
+    ],
+)  # fmt: skip
+def test_every_preset_gives_the_same_bits_everywhere(name, tmp_path):
+    """Interpreter, native code, batch and FMU, over 15 s with all its aids."""
+    plant = build(load(name), duration_s=15.0)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    filter = plant.adapted("fusion")
+    filter = replace(filter, model=replace(filter.model, id=f"preset-{name}"))
+    parameters, model = plant.parameters_of(filter), filter.model
+    rows = input_rows(model, columns, plant.samples)
+    native = make_runner(model, parameters, "native").run(plant.samples, rows)
+    assert np.isfinite(native).all()
+    np.testing.assert_array_equal(make_runner(model, parameters, "interpreter").run(plant.samples, rows), native)
+    packed = np.tile(model.parameters.pack(parameters), (3, 1))
+    for row in make_batch(model, 3, packed, threads=1).run(plant.samples, np.tile(rows, (3, 1, 1)), every=1):
+        np.testing.assert_array_equal(row, native)
+    given = {"sample_interval": plant.sample_interval, "step_is_one_increment": True}
+    fmu = export_fmu(filter, tmp_path / "preset.fmu", settings={**parameters, **given})
+    shown = run(fmu, {row.name: columns[row.name] for row in model.inputs if row.name in columns}).named()
+    for row, column in model.outputs.unpack(native).items():
+        np.testing.assert_array_equal(np.ravel(shown[row]), np.ravel(column), row)
 
 
 def test_a_list_that_is_none_is_named():

@@ -32,7 +32,7 @@ else:
 IN_PLACE = {
     "ship-swaying", "ship-irregular-sea", "car-parked", "aircraft-parked", "static-ecef", "turntable-quaternion",
     "large-misalignment", "large-misalignment-extreme", "large-misalignment-training", "ship-moored-paper", "car-parked-paper",
-    "turntable-calibration",
+    "turntable-calibration", "turntable-indexing",
 }  # fmt: skip
 DEG = math.pi / 180.0
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError
-from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
+from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
@@ -21,7 +21,7 @@ from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
 from insenv.estimators.fusion.prepared import prepared, untold_mounting
-from insenv.estimators.fusion.presets import TURNTABLE, aids_of, states_of, told_of_unit
+from insenv.estimators.fusion.presets import aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from insenv.estimators.contract import Drive, Knowledge
+from insenv.estimators.contract import TURNTABLE, Drive, Knowledge
 from insenv.estimators.fusion.available import AIDS, OF_AID, OF_UNIT, STATES
 from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
 from insenv.estimators.fusion.prepared import untold_mounting
@@ -25,8 +25,6 @@ FLOATING = ("ship", "multirotor")
 """Kinds of vehicle that never stand still."""
 HOVERING = ("multirotor",)
 """Kinds of vehicle whose turns and accelerations are too small to show a scale factor or a misalignment."""
-TURNTABLE = "turntable"
-"""Kind of vehicle that turns the unit in place."""
 
 
 def aids_of(drive: Drive) -> tuple[str, ...]:

@@ -30,19 +30,19 @@ from insenv.estimators import velocity_integration as alignment
 from insenv.estimators.contract import Knowledge
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
-from insenv.estimators.fusion.navigation import corrected_increments
 from insenv.estimators.fusion.retraction import corrected
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY
 from insenv.estimators.parts.finding import Finding
+from insenv.estimators.parts.rest_bias import bias_sigma
 
 PREFIX = "alignment_"
 LEVEL, HEADING = radians(3.0), radians(5.0)
 """rad: half of what a linearised filter takes."""
 UNKNOWN_PLACE, UNKNOWN_VELOCITY = 1e4, 1e2
 """m, m/s: standard deviations before the first measurement."""
-SHARED = ("antenna_lever_arm", "angle_random_walk", "velocity_random_walk")
+SHARED = ("antenna_lever_arm", "angle_random_walk", "velocity_random_walk", "start_gyro_bias", "start_gyro_bias_error")
 """Parameters that filter and alignment have in common."""
 
 STATE = Table((
@@ -60,12 +60,8 @@ def wanted(known: Knowledge) -> bool:
 
 
 def prepared(known: Knowledge) -> dict[str, Any]:
-    """Parameter rows of the alignment; the gyro bias that is known is taken out before it."""
-    sheet = known.sensors
-    if known.gyro_bias_error > 0.0:
-        sheet = replace(sheet, gyro_bias_sigma=known.gyro_bias_error)
-    rows = alignment.prepare(replace(known, sensors=sheet))
-    return {PREFIX + name: value for name, value in rows.items() if name not in SHARED}
+    """Parameter rows of the alignment."""
+    return {PREFIX + name: value for name, value in alignment.prepare(known).items() if name not in SHARED}
 
 
 def finding() -> Finding:
@@ -91,7 +87,7 @@ def model_of(filter: Composition) -> Model:
         state=model.state + _prefixed(STATE + alignment.STATE),
         steps={
             **{name: _masked(step, aids.values()) for name, step in model.steps.items() if name not in aids},
-            **{PREFIX + name: _aligning(filter, name, step) for name, step in alignment.MODEL.steps.items()},
+            **{PREFIX + name: _aligning(name, step) for name, step in alignment.MODEL.steps.items()},
             f"{PREFIX}level": Step(_level, when=_FIX),
             f"{PREFIX}start": Step(_started(filter, gnss), when=_LEVEL),
             **{name: model.steps[name] for name in aids},
@@ -133,14 +129,11 @@ def _masked(step: Step, due: Collection[str]) -> Step:
     return replace(step, function=function)
 
 
-def _aligning(filter: Composition, name: str, step: Step) -> Step:
-    """A step of the alignment, on increments without the errors that the filter knows of."""
+def _aligning(name: str, step: Step) -> Step:
+    """A step of the alignment."""
 
     def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        values = {state.name: getattr(x, state.name) for state in filter.states}
-        delta_angle, delta_velocity = corrected_increments(filter.states, values, u)
-        left = Values(**{**vars(u), "delta_angle": delta_angle, "delta_velocity": delta_velocity})
-        changed = {PREFIX + row: value for row, value in step.function(_parameters(p), _state(x), left).items()}
+        changed = {PREFIX + row: value for row, value in step.function(_parameters(p), _state(x), u).items()}
         return changed | ({_FIX: u.gnss_velocity_valid} if name == "sample" else {})
 
     when = {"sample": _SEEKING, "fix": _FIX}.get(name, f"{PREFIX}{step.when}")
@@ -211,7 +204,7 @@ def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any) -> Any:
         P[part, :] = P[:, part] = 0
         P[part, part] = size**2 * ca.SX.eye(3)
     P[TILT, TILT] = stated * (taken @ taken.T) + ca.diag((1 - taken) * known)
-    for part, theirs, counted in ((GYRO, alignment.GYRO, own.gyro_bias_sigma), (ACCEL, alignment.ACCEL, own.accel_bias_sigma)):
+    for part, theirs, counted in ((GYRO, alignment.GYRO, bias_sigma(own)), (ACCEL, alignment.ACCEL, own.accel_bias_sigma)):
         share = minimum(ca.diag(P[part, part]) / maximum(counted, 1e-30) ** 2, 1.0)
         P[TILT, part] = -(taken @ share.T) * shared[:, theirs]
         P[part, TILT] = P[TILT, part].T
