@@ -12,6 +12,8 @@ from insenv.scenario import load
 
 common = pytest.importorskip("pymavlink.dialects.v20.common")
 
+PROGRAM = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from insenv.cli import main; main()"
+"""The command line in a process that hears SIGINT, also where the tests run in the background."""
 SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
 UNSUPPORTED, DENIED, ACCEPTED = 3, 2, 0
 
