@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -71,8 +72,9 @@ def function_source(name: str, function: Any, arguments: str) -> str:
     return _function_text("ONCE ", name, Kernel(function, (slice(0, function.size1_out(0)),)), arguments)
 
 
-def _functions(model: Model) -> dict[str, str]:
-    """C source of the model's functions by name, over the type ``real``.
+@lru_cache(maxsize=8)
+def _functions(model: Model) -> Mapping[str, str]:
+    """C source of the model's functions by name, over the type ``real``: the same for one row, for a block and in an FMU.
 
     ``start(p, r, y)``, ``output(p, x, y)`` and each conditional step ``NAME(p, x, u, r, y)`` write their results to y.
     A step without a condition, ``NAME(p, x, u, r)``, writes its results directly into x.

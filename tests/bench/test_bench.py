@@ -1,4 +1,7 @@
-"""Benchmarks: names, and a floor beside each figure.  Both are measured times on shared machines: no test compares them."""
+"""Benchmarks: names, and a floor beside each figure.  Both are measured times on shared machines: no test compares them.
+
+The figures of drift are measured in tests/project/test_benchmarks.py.
+"""
 
 import pytest
 
@@ -9,9 +12,6 @@ NAMES = {
     "native.propagate15": "us",
     "interpreter.propagate15": "us",
     "batch.propagate15": "ns",
-    "truth.drift.ship": "mm",
-    "truth.drift.car": "mm",
-    "truth.drift.aircraft": "mm",
     "import.insenv": "s",
 }
 

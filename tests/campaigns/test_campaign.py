@@ -26,12 +26,6 @@ has_compiler = shutil.which("cc") is not None
 native = pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
 
 
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """These campaigns are short: compiling would take longer than running them."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-
-
 # --- what a run is ----------------------------------------------------------------------------------
 
 

@@ -27,13 +27,6 @@ from insenv.evaluation.consistency import nees, normalised
 from insenv.evaluation.errors import ATTITUDE
 from insenv.scenario import limit_of, load
 
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """These campaigns are short: compiling would take longer than running them."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-
-
 # --- varied keys --------------------------------------------------------------------------------------
 
 

@@ -17,12 +17,6 @@ from insenv.scenario import load
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 
 
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """These campaigns are short: compiling would take longer than running them."""
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
-
-
 def parked(runs):
     """A plan of `loosely-coupled` on a parked car, at a low rate."""
     data = json.loads(load("car-city-drive").model_dump_json())

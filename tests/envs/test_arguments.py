@@ -226,7 +226,9 @@ def test_an_estimate_of_a_wrong_shape_is_refused():
     refuses(lambda: estimate_action(task, "north"), "estimate_q_nb = 'north'")
 
 
-def test_mypy_finds_a_misspelt_or_mistyped_argument(tmp_path):
+def test_mypy_finds_a_misspelt_or_mistyped_argument(tmp_path, pytestconfig):
+    cache = getattr(pytestconfig, "cache", None)  # what mypy knows of insenv and of its dependencies, from the last run
+    known = tmp_path / "mypy" if cache is None else cache.mkdir("mypy")
     script = tmp_path / "script.py"
     script.write_text(
         "from insenv.envs import AlignmentEnv, AlignmentVectorEnv\n"
@@ -238,7 +240,7 @@ def test_mypy_finds_a_misspelt_or_mistyped_argument(tmp_path):
         encoding="utf-8",
     )
     done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", script],
+        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", known, script],
         cwd=tmp_path, env={**os.environ, "MYPYPATH": str(ROOT)}, capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     errors = [line.split("script.py:")[1] for line in done.stdout.splitlines() if ": error: " in line]

@@ -239,10 +239,9 @@ def unit_errors():
 @cache
 def expected_columns():
     """Errors of position, velocity and psi (9, w) after the flight, by one error of the unit after the other, of size SIZES."""
-    errors, ends = unit_errors(), []
-    for sign in (1, -1):
-        ends.append(earth_fixed.moved(FLIGHT, np.zeros((21, 15)), DURATION, 0.05, False, *(sign * errors)))
-    (r, v, C), (r_, v_, C_) = ends
+    both = np.concatenate([unit_errors(), -unit_errors()], axis=1)
+    ends = earth_fixed.moved(FLIGHT, np.zeros((42, 15)), DURATION, 0.05, False, *both)
+    (r, v, C), (r_, v_, C_) = ((end[:21] for end in ends), (end[21:] for end in ends))
     turn = Rotation.from_matrix(C @ np.swapaxes(C_, 1, 2)).as_rotvec()
     found = np.concatenate([r - r_, v - v_, -turn], axis=1).T / 2
     C_we = truth(FLIGHT, DURATION)[2].T

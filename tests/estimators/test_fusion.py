@@ -58,6 +58,18 @@ def test_a_unit_without_such_errors_has_no_states_for_them():
     assert filter.title == "15 states: navigation, biases; aids: gnss, zero_velocity"
 
 
+def test_the_same_filter_is_the_same_object():
+    """Its model is then written out, compiled and loaded once in a process, and the smoother's both models too."""
+
+    def chosen(estimator, seed):
+        return build(load("car-survey"), seed=seed).adapted(estimator)
+
+    assert chosen("fusion", 1).model is chosen("fusion", 2).model
+    assert chosen("fusion-smoother", 1).smoothing is chosen("fusion-smoother", 2).smoothing
+    assert fusion(UNIT, ["gnss"], "mine").model is fusion(UNIT, ["gnss"], "mine").model
+    assert fusion(UNIT, ["gnss"], "mine").model is not fusion(UNIT[1:], ["gnss"], "mine").model
+
+
 def test_what_a_state_stands_for_is_not_counted_twice():
     sheet = SensorNotes(
         gyro_scale_sigma=3e-4, gyro_misalignment_sigma=4e-4, accel_scale_sigma=1e-3, accel_bias_sigma=0.01,

@@ -79,7 +79,7 @@ PARAMETERS = {
 
 
 def test_the_states_of_the_unit_take_out_what_the_simulated_unit_puts_in():
-    """Each sign and place, by the matrices that tests/sensors/test_sensors.py holds the simulated unit against."""
+    """Each sign and place, by the matrices that tests/sensors/test_imu.py holds the simulated unit against."""
     angle, velocity, dt = np.array([0.01, -0.02, 0.03]), np.array([0.5, 0.1, -0.05]), 0.005
     scale, couplings, constant = np.array([1.0, 2.0, 3.0]) * 1e-6, np.arange(1, 7) * 1e-6, np.array([4.0, -5.0, 6.0]) * 1e-6
     M = np.eye(3) + np.diag(scale)

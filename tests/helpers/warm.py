@@ -24,6 +24,8 @@ from pathlib import Path
 
 MODULES = "insenv.cli.app", "matplotlib.pyplot", "scipy.optimize"
 """What the server imports besides the public names of insenv and what `insenv list` needs."""
+MODELS = {"ship-swaying": ("q-method",), "car-city-drive": ("loosely-coupled",)}
+"""Scenarios, and estimators on them, whose source the server writes out: it would be written again in each process."""
 
 
 class Warm:
@@ -58,6 +60,7 @@ def serve(address: str) -> None:
         importlib.import_module(module)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
         main(["list"])
+    write_out_models()
     gc.freeze()
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(address)
@@ -72,6 +75,19 @@ def serve(address: str) -> None:
                 while os.waitpid(-1, os.WNOHANG)[0]:
                     pass
     attend(connection)
+
+
+def write_out_models() -> None:
+    """Look up the libraries of `MODELS`; none is loaded, and no thread is left behind."""
+    from insenv.core.compile import library_path
+    from insenv.core.runner import resolve_backend
+    from insenv.scenario import build, load
+
+    if resolve_backend() == "native":
+        for name, estimators in MODELS.items():
+            plant = build(load(name))
+            for model in (plant.model, *(plant.adapted(id).model for id in estimators)):
+                library_path(model)
 
 
 def attend(connection: socket.socket) -> None:

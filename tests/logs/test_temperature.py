@@ -25,11 +25,6 @@ accel_scale_factor_slope_ppm_k = 40.0
 """
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Folder:
-    return Folder(tmp_path)
-
-
 def heated() -> np.ndarray:
     """The rows of a unit that goes from 20 to 45 deg C, as its sensors read them (deg/s, g)."""
     rows = imu_rows()

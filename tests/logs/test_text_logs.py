@@ -3,8 +3,6 @@ course, attitude alone; and all faults of a description at once."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from text_logs import Folder, N, as_text, gnss_rows, imu_rows, si
@@ -14,11 +12,6 @@ from insenv.logs.repeats import repeats
 from insenv.logs.sampling import sampling
 
 HEADER = "t,gx,gy,gz,ax,ay,az"
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Folder:
-    return Folder(tmp_path)
 
 
 # --- faults of keys and of files ---

@@ -5,24 +5,33 @@ from importlib.util import find_spec
 import benchmarks
 import pytest
 
+from insenv.bench import figures
 from insenv.bench.figures import _measurements
 
 LAST_DIGIT = 1.01 * 10.0 ** (1 - benchmarks.DIGITS)
 """What rounding to the stored digits, and that of sums on another machine, can change."""
 
 
-def test_the_drifts_are_those_of_the_code():
+@pytest.fixture(scope="module")
+def measured():
+    """The figures of drift by vehicle, each measured once."""
+    return {name: figure for name in benchmarks.DRIFTS for figure in figures(f"truth.drift.{name}")}
+
+
+def test_the_drifts_are_those_of_the_code(measured, monkeypatch):
+    for name, figure in measured.items():
+        assert (figure.name, figure.unit) == (f"truth.drift.{name}", "mm")
+        assert figure.floor > 0 and figure.value > 0 and figure.n > 0
+    monkeypatch.setattr("insenv.bench.truth.drift", measured.__getitem__)
     assert benchmarks.drifts() == pytest.approx(benchmarks.stored()["drift"], rel=LAST_DIGIT), (
         "python tools/benchmarks.py accuracy"
     )
 
 
 @pytest.mark.skipif(find_spec("pyins") is None, reason="pyins is not installed (pip install '.[bench]')")
-def test_the_drifts_of_the_peer():
-    from insenv.bench import truth
-
+def test_the_drifts_of_the_peer(measured):
     for name in benchmarks.DRIFTS:
-        assert truth.drift(name).peer[1] == pytest.approx(benchmarks.stored()["peer"][name], rel=0.05)
+        assert measured[name].peer[1] == pytest.approx(benchmarks.stored()["peer"][name], rel=0.05)
 
 
 @pytest.mark.skipif(find_spec("onavdata") is None, reason="onavdata is not installed (pip install onavdata==0.2.5)")

@@ -8,8 +8,9 @@ differ.  Each block runs in its own folder, empty but for links to the repositor
 block with ``insenv examples`` gets them from there.  ``<!-- not run: reason -->`` on the line before a block
 leaves it out; pytest lists those as skipped, with the reason.
 
-The blocks of README.md and docs/cli.md are run by interpreters that start anew, so that what these import and what they do
-without is seen; those of the other pages, where the system can fork, by processes that have insenv imported (`warm.py`).
+The blocks of README.md are run by interpreters that start anew, so that what these import is seen; those of the other pages,
+where the system can fork, by processes that have insenv imported (`warm.py`).  Both README.md and docs/cli.md do with the
+packages that README.md installs.
 """
 
 import os
@@ -148,6 +149,20 @@ def forked():
         yield warm.python
 
 
+@pytest.fixture(scope="module")
+def forked_as_installed(tmp_path_factory):
+    """The same, without the packages that README.md does not install."""
+    if sys.platform != "linux":
+        yield [sys.executable]
+        return
+    with Warm(environment(as_installed(tmp_path_factory.mktemp("bare")))) as warm:
+        yield warm.python
+
+
+PYTHONS = {"README.md": None, "docs/cli.md": "forked_as_installed"}
+"""The fixtures of the interpreters by page, if it is not `forked`; None: one that starts anew."""
+
+
 @pytest.fixture
 def folder(block, tmp_path):
     """A folder for the block: empty, or with links to the repository's examples and scenarios."""
@@ -166,9 +181,10 @@ ALL = [b for page in PAGES for b in blocks_of(page.relative_to(ROOT).as_posix(),
 def test_block(block, folder, request):
     if block.reason is not None:
         pytest.skip(f"{block.place}: {block.reason}")
-    anew = block.place.startswith(("README.md", "docs/cli.md"))
-    path = as_installed(folder) if anew else str(ROOT)
-    python = [sys.executable] if anew else request.getfixturevalue("forked")
+    page = block.place.partition(":")[0]
+    interpreter = PYTHONS.get(page, "forked")
+    path = as_installed(folder) if page in PYTHONS else str(ROOT)
+    python = [sys.executable] if interpreter is None else request.getfixturevalue(interpreter)
     if block.language == "python":
         (folder / "block.txt").write_text(block.text, encoding="utf-8")
         doctest = ["-m", "doctest"] if block.text.startswith(">>>") else []

@@ -518,10 +518,12 @@ def test_every_key_shows_its_unit() -> None:
 def test_the_schema_accepts_the_scenarios_of_insenv() -> None:
     jsonschema = pytest.importorskip("jsonschema")
     schema = json.loads((ROOT / "scenarios/schema.json").read_text(encoding="utf-8"))
+    of_schema = jsonschema.validators.validator_for(schema)
+    of_schema.check_schema(schema)
     for name in names():
-        jsonschema.validate(data_of(name), schema)
+        of_schema(schema).validate(data_of(name))
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({**data_of(SHIP), "sed": 1}, schema)
+        of_schema(schema).validate({**data_of(SHIP), "sed": 1})
 
 
 def test_the_examples_of_the_page(tmp_path: Path) -> None:

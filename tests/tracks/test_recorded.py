@@ -151,7 +151,7 @@ def drive(tmp_path_factory):
 def test_one_of_several_tracks_is_named(tmp_path):
     """What `insenv run --gpx --kml` writes: the truth and an estimate."""
     pytest.importorskip("gpxpy")
-    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=30.0)
+    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=10.0)
     insenv.write(report, tmp_path, ["gpx", "kml"], name="two")
     for path in (tmp_path / "two.gpx", tmp_path / "two.kml"):
         first = scenario(path)

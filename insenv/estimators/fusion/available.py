@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 from insenv.errors import InputError, nearest
 from insenv.estimators.fusion import barometer, dvl, gnss, heading, in_place, inertial, magnetometer, odometer, zero_velocity
@@ -41,7 +42,8 @@ OF_UNIT = tuple(state.name for state in inertial.STATES if state.name not in ALW
 def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str | Aid], title: str = "") -> Composition:
     """A filter with these states, beside the biases, and these aids, in the order of `STATES` and `AIDS`, own ones last.
 
-    Raises `InputError` for an unknown name, a name that is given twice, no aid, or a state whose aid is missing.
+    The same object for the same parts, so that its model is written out and compiled once.  Raises `InputError` for an
+    unknown name, a name that is given twice, no aid, or a state whose aid is missing.
     """
     chosen = _chosen("state", id, states, STATES, ErrorState)
     used = _chosen("aid", id, aids, AIDS, Aid)
@@ -60,7 +62,10 @@ def composition(id: str, states: Iterable[str | ErrorState], aids: Iterable[str 
     count = 9 + sum(state.size for state in every)
     named = "".join(f", {state.name}" for state in every if state.name not in ALWAYS)
     made = f"{count} states: navigation, biases{named}; aids: {', '.join(aid.id for aid in used)}"
-    return Composition(id, title or made, every, used)
+    return _composed(id, title or made, every, used)
+
+
+_composed = lru_cache(maxsize=64)(Composition)
 
 
 def _chosen(kind: str, id: str, given: Iterable[object], known: Mapping[str, object], wanted: type) -> tuple:

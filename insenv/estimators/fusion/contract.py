@@ -25,7 +25,7 @@ Spread = Callable[[str], Any]
 """Variances (k) of the error of a state, by its name or "attitude"; 0 for a state that the filter does not have."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorState:
     """Errors of one kind, k numbers.
 
@@ -63,7 +63,7 @@ class ErrorState:
         return getattr(p, self.sigma) if self.started_sigma is None else self.started_sigma(p)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Aid:
     """A measurement of m scalars.
 

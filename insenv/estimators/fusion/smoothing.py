@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import casadi as ca
@@ -21,8 +21,9 @@ from insenv.estimators.parts.invariant import covariance_after
 WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)
 
 
+@lru_cache(maxsize=16)
 def smoothing_of(filter: Composition, id: str) -> adjoint.Smoothing:
-    """Both passes of the smoother `id` of a filter."""
+    """Both passes of the smoother `id` of a filter; the same object for the same filter."""
     interval = Table(tuple(replace(row, name=_last(row.name)) for row in filter.interval))
     groups = tuple(
         adjoint.Group(

@@ -1,0 +1,77 @@
+"""The streamed vehicle is driven by the sticks of a client."""
+
+import numpy as np
+import pytest
+from streamed_vehicle import answered, quiet, sent, steps, texts
+
+from insenv import attitude
+from insenv.errors import InputError
+from insenv.mavlink.manual import AXIS_UNUSED, Sticks
+from insenv.scenario import build, load
+from insenv.vehicles import AircraftSection, CarSection, ShipSection
+
+
+def steer(vehicle, x, y, z, r):
+    assert not answered(vehicle, sent("MANUAL_CONTROL", 1, x, y, z, r, 0))
+
+
+def test_a_car_is_driven_by_manual_control_and_stops_without_it():
+    vehicle = quiet()
+    said = []
+    for _ in range(80):  # 10 s at 8 Hz
+        steer(vehicle, 0, 0, 600, 500)
+        said += steps(vehicle, 0.125)
+    truth = vehicle.simulation.truth
+    speed = np.hypot(*truth["velocity_n"][:2])
+    assert speed == pytest.approx(0.6 * vehicle.sticks.full_scale["SPEED"], rel=0.02)
+    turned = np.degrees(float(vehicle.view.values["true_rate_nb_b"][2]))
+    rates = []
+    for _ in range(200):
+        said += vehicle.step()
+        rates.append(np.degrees(float(vehicle.view.values["true_rate_nb_b"][2])))
+    assert abs(np.mean(rates) - 0.5 * vehicle.sticks.full_scale["TURN"]) < 0.5 and abs(turned) < 30
+    said += steps(vehicle, 12.0)
+    assert np.hypot(*truth["velocity_n"][:2]) < 0.05
+    assert [m.text for m in said] == ["manual control: the script has ended", "manual control lost"]
+
+
+def test_an_aircraft_banks_and_climbs():
+    vehicle = quiet("aircraft-inflight-alignment")
+    before = float(vehicle.simulation.truth["height"])
+    for _ in range(40):
+        steer(vehicle, -1000, 500, 1000, AXIS_UNUSED)
+        steps(vehicle, 0.5)
+    roll = np.degrees(float(attitude.numeric.to_euler(vehicle.simulation.truth["q_nb"])[0]))
+    assert 10 < roll < 20 and float(vehicle.simulation.truth["height"]) > before + 50
+
+
+def test_vehicles_that_cannot_be_steered_announce_it_once():
+    for scenario, why in (("ship-swaying", "aligning in place"), ("car-parked", "aligning in place")):
+        vehicle = quiet(scenario)
+        for _ in range(5):
+            steer(vehicle, 0, 0, 1000, 0)
+        assert texts(vehicle) == [f"no manual control: {why}"]
+    prescribed = quiet("large-misalignment")
+    steer(prescribed, 0, 0, 1000, 0)
+    assert texts(prescribed) == ["no manual control: motion is prescribed"]
+    with pytest.raises(InputError, match="prescribed"):
+        prescribed.simulation.command({"speed": 1.0})
+
+
+def test_missing_axes_command_nothing():
+    car, ship, aircraft = (Sticks(section.traits.sticks) for section in (CarSection, ShipSection, AircraftSection))
+    assert car.commanded(0, AXIS_UNUSED, AXIS_UNUSED, AXIS_UNUSED) == {}
+    assert car.commanded(0, 500, 0, 0) == {"speed": 0.0, "yaw_rate": pytest.approx(np.radians(10.0))}
+    assert car.commanded(0, AXIS_UNUSED, AXIS_UNUSED, 0) == {"yaw_rate": 0.0} == car.commanded(0, 0, AXIS_UNUSED, AXIS_UNUSED)
+    assert ship.commanded(0, 500, -300, -1000) == {"speed": 0.0, "turn_rate": pytest.approx(-np.radians(3.0))}
+    full = {"speed": 80.0, "bank": pytest.approx(np.radians(30.0)), "climb_rate": 5.0}
+    assert aircraft.commanded(-32768, 32766, 9999, 0) == full
+    assert aircraft.released() == {"bank": 0.0, "climb_rate": 0.0} and car.released() == {"speed": 0.0, "yaw_rate": 0.0}
+
+
+def test_every_stick_command_is_a_command_of_its_vehicle():
+    for scenario in ("ship-underway", "car-city-drive", "aircraft-survey"):
+        plant = build(load(scenario))
+        sticks = plant.scenario.vehicle.traits.sticks
+        rows = [plant.model.inputs.names.index(f"command_{stick.command}") for stick in sticks]
+        assert rows == sorted(rows)

@@ -1,0 +1,72 @@
+"""Flicker noise by its Allan deviation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+from sensor_plant import CHANCE, simulate
+
+from insenv.sensors import flicker
+
+
+def allan_deviation(rate: Any, times: Any) -> Any:
+    """Overlapping Allan deviation (IEEE Std 952, annex C) of rates at intervals of 1 s, (n, axes), at whole `times` (s)."""
+    angle = np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(rate, axis=0)])
+    found = []
+    for m in times:
+        second = angle[2 * m :] - 2 * angle[m:-m] + angle[: -2 * m]
+        found.append(np.sqrt((second**2).mean(axis=0) / (2.0 * m * m)))
+    return np.array(found)
+
+
+def allan_of_the_processes(time: Any) -> Any:
+    """Allan deviation of the sum of Gauss-Markov processes of floor 1, in closed form."""
+    total = 0.0
+    for T in flicker.TIMES:
+        u = time / T
+        total = total + 2 * flicker.SIGMA**2 / u * (1 - (3 - 4 * np.exp(-u) + np.exp(-2 * u)) / (2 * u))
+    return np.sqrt(total)
+
+
+def test_flicker_noise_is_nearly_flat_from_ten_seconds_to_half_a_day() -> None:
+    time = np.logspace(1, np.log10(5e4), 200)
+    assert 0.92 < allan_of_the_processes(time).min() < allan_of_the_processes(time).max() < 1.01
+
+
+def test_flicker_noise_has_the_floor_that_is_asked_for() -> None:
+    """The Allan deviation of 3 axes of both triads over 55 hours, 4 units, and after white noise has averaged out."""
+    n, floor = 200_000, {"gyro_flicker": (1e-7, 2e-7, 4e-7), "accel_flicker": (1e-4, 2e-4, 5e-5)}
+    times = np.array([10, 30, 100, 300, 1000, 3000])
+    ratios = []
+    for seed in range(4):
+        out = simulate(n, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, **floor})
+        for output, name in (("delta_angle", "gyro_flicker"), ("delta_velocity", "accel_flicker")):
+            ratios.append(allan_deviation(out[output], times) / np.array(floor[name]))
+    mean = np.sqrt(np.mean(np.square(np.concatenate(ratios, axis=1)), axis=1))
+    # 24 axes of n / (2 time) independent differences each
+    bound = 5.0 / np.sqrt(24 * n / times)
+    assert (np.abs(mean / allan_of_the_processes(times) - 1.0) < bound + 0.01).all(), mean
+    assert (np.abs(mean - 1.0) < 0.1).all(), mean
+
+
+def test_flicker_noise_is_stationary_from_the_first_sample_on() -> None:
+    """Over 400 units: the variance of the bias after the first sample, after a minute and after an hour is the same."""
+    floor = np.array([1e-7, 2e-7, 3e-7])
+    biases = []
+    for seed in range(400):
+        out = simulate(40, {"sample_interval": 1.0, "drift_interval": 1.0, "seed": seed, "gyro_flicker": floor})
+        biases.append(out["gyro_bias_true"][[0, 1, 39]] / floor)
+    variance = np.mean(np.square(biases), axis=(0, 2))
+    expected = flicker.PARTS * flicker.SIGMA**2
+    low, high = chi2.ppf([CHANCE, 1 - CHANCE], 1200) / 1200
+    assert (low * expected < variance).all() and (variance < high * expected).all()
+
+
+def test_without_flicker_noise_nothing_changes() -> None:
+    rows = {"sample_interval": 1.0, "gyro_instability_sigma": 1e-7, "gyro_rate_random_walk": 1e-9, "seed": 3}
+    out = simulate(50, rows)
+    other = simulate(50, {**rows, "accel_flicker": 1e-4})
+    assert np.array_equal(out["delta_angle"], other["delta_angle"])
+    assert not out["gyro_flicker_parts"].any() and other["accel_flicker_parts"].any()

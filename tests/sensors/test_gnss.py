@@ -1,0 +1,153 @@
+"""The GNSS receiver: each error against its stated parameter, and the times of its fixes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import binom
+from sensor_plant import CHANCE, LEVEL, assert_mean, assert_variance, simulate
+
+from insenv.errors import InputError
+from insenv.sensors.gnss_section import GnssSection
+
+A, E2 = 6378137.0, (2.0 - 1.0 / 298.257223563) / 298.257223563
+
+
+def ecef(latitude: Any, longitude: Any, height: Any) -> Any:
+    N = A / np.sqrt(1.0 - E2 * np.sin(latitude) ** 2)
+    p = (N + height) * np.cos(latitude)
+    z = (N * (1.0 - E2) + height) * np.sin(latitude)
+    return np.stack([p * np.cos(longitude), p * np.sin(longitude), z], axis=-1)
+
+
+def ned(out: dict[str, Any], fixes: Any = slice(None)) -> Any:
+    """Fixes in metres north, east, down of the IMU position LEVEL."""
+    lat, lon = LEVEL["latitude"], LEVEL["longitude"]
+    s, c, sl, cl = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
+    C_ne = np.array([[-s * cl, -s * sl, c], [-sl, cl, 0.0], [-c * cl, -c * sl, -s]])
+    r = ecef(out["gnss_latitude"][fixes], out["gnss_longitude"][fixes], out["gnss_height"][fixes])
+    return (r - ecef(lat, lon, LEVEL["height"])) @ C_ne.T
+
+
+def test_fixes_come_at_their_rate_late_and_once() -> None:
+    dt, n = 0.1, 105
+    height = np.arange(1, n + 1) * dt  # encodes the time of measurement
+    for latency in (0.0, 0.1, 0.3, 0.9):
+        rows = {"sample_interval": dt, "gnss_interval": 1.0, "gnss_latency": latency}
+        out = simulate(n, rows, {"height": height})
+        arrivals = np.flatnonzero(out["gnss_valid"]) + 1
+        expected = [k for k in (10 * (i + 1) + round(latency / dt) for i in range(10)) if k <= n]
+        assert arrivals.tolist() == expected
+        fixes = arrivals - 1
+        assert np.allclose(out["gnss_age"][fixes], latency, rtol=0, atol=1e-12)
+        assert np.allclose(out["gnss_height"][fixes], arrivals * dt - latency, rtol=0, atol=1e-7)
+        assert np.array_equal(out["gnss_velocity_valid"], out["gnss_valid"])
+        # a fix is invisible before it is delivered
+        changes = np.flatnonzero(np.diff(out["gnss_height"])) + 2
+        assert set(changes) <= set(arrivals)
+    without = simulate(n, {"sample_interval": dt, "gnss_interval": 1.0, "gnss_has_velocity": 0.0})
+    assert without["gnss_valid"].sum() == 10 and not without["gnss_velocity_valid"].any()
+
+
+def test_lever_arm_and_an_epoch_between_samples() -> None:
+    arm, rate = np.array([1.5, -0.7, -2.0]), np.array([0.3, -0.2, 0.5])
+    velocity, acceleration, tau = np.array([20.0, -5.0, 1.0]), np.array([1.0, 2.0, -0.5]), 0.004
+    change = np.array([0.1, -0.15, 0.1])  # rad/s^2: 1.5 mm/s in tau
+    attitude = Rotation.from_rotvec([0.4, -0.2, 1.1])
+    x, y, z, w = attitude.as_quat()
+    truth = {"q_nb": (w, x, y, z), "rate_eb_b": rate, "rate_change_b": change, "velocity_n": velocity}
+    truth["acceleration_n"] = acceleration
+
+    def antenna(t: float) -> Any:
+        turned = attitude * Rotation.from_rotvec(rate * t + change * (t * t / 2))
+        return velocity * t + 0.5 * acceleration * t**2 + turned.apply(arm)
+
+    for offset in (0.0, tau):
+        rows = {"gnss_interval": 0.05, "antenna_lever_arm_b": arm, "gnss_epoch_offset": offset}
+        out = simulate(10, rows, truth)
+        assert out["gnss_age"][9] == offset
+        assert np.allclose(ned(out)[9], antenna(-offset), rtol=0, atol=2e-8)
+        h = 1e-3
+        slope = (antenna(h - offset) - antenna(-h - offset)) / (2 * h)
+        assert np.allclose(out["gnss_velocity_n"][9], slope, rtol=0, atol=1e-5)
+
+
+def test_gnss_noise_wander_and_reported_sigmas() -> None:
+    n, white, wander, time = 12000, np.array([1.0, 2.0, 3.0]), np.array([3.0, 2.0, 1.0]), 0.5
+    rows = {"sample_interval": 0.1, "gnss_interval": 0.1, "gnss_velocity_noise": (0.1, 0.2, 0.3), "seed": 9}
+    out = simulate(n, {**rows, "gnss_position_noise": white})
+    errors = ned(out)
+    for i in range(3):
+        assert_variance(errors[:, i], white[i] ** 2)
+        assert_variance(out["gnss_velocity_n"][:, i], (0.1 * (i + 1)) ** 2)
+    assert np.abs(np.corrcoef(errors.T) - np.eye(3)).max() < 4.5 / math.sqrt(n)
+    assert abs(np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]) < 4.5 / math.sqrt(n)
+    assert np.allclose(out["gnss_position_sigma"][-1], white) and np.allclose(out["gnss_velocity_sigma"][-1, 0], 0.1)
+
+    out = simulate(n, {**rows, "gnss_wander_sigma": wander, "gnss_wander_time": time})
+    errors, decay = ned(out), math.exp(-0.1 / time)
+    for i in range(3):
+        assert_variance(errors[:, i], wander[i] ** 2, n * (1 - decay**2) / (1 + decay**2))
+        assert_variance(errors[1:, i] - decay * errors[:-1, i], wander[i] ** 2 * (1 - decay**2))
+    perfect = simulate(10, {"sample_interval": 0.1, "gnss_interval": 0.1})
+    assert (perfect["gnss_position_sigma"] > 0).all() and (perfect["gnss_velocity_sigma"] > 0).all()
+
+
+def test_outliers_are_as_many_and_as_large_as_stated() -> None:
+    n, probability, size = 8000, 0.05, 40.0
+    rows = {"sample_interval": 0.1, "gnss_interval": 0.1, "seed": 10}
+    out = simulate(n, {**rows, "gnss_outlier_probability": probability, "gnss_outlier_size": size})
+    errors = ned(out)
+    length = np.linalg.norm(errors, axis=1)
+    wrong = length > 1.0
+    low, high = binom.ppf([CHANCE / 2, 1 - CHANCE / 2], n, probability)
+    assert low <= wrong.sum() <= high
+    assert np.allclose(length[wrong], size, rtol=1e-6)
+    assert length[~wrong].max() < 1e-6
+    for i in range(3):  # uniform over the sphere: each component of variance 1/3
+        assert_mean(errors[wrong, i] / size, 0.0, 3**-0.5)
+
+
+def test_outage_windows_take_the_epochs_inside_them() -> None:
+    start, end = np.zeros(16), np.zeros(16)
+    start[:2], end[:2] = (3.0, 7.0), (5.0, 7.5)
+    start[15], end[15] = 9.0, 11.0
+    rows = {"sample_interval": 0.1, "gnss_interval": 0.5, "gnss_outage_start": start, "gnss_outage_end": end}
+    for latency in (0.0, 0.4):
+        arrivals = np.flatnonzero(simulate(140, {**rows, "gnss_latency": latency})["gnss_valid"]) + 1
+        epochs = np.round(arrivals * 0.1 - latency, 6)
+        lost = {3.0, 3.5, 4.0, 4.5, 7.0, 9.0, 9.5, 10.0, 10.5}
+        expected = [t for t in np.arange(1, 28) * 0.5 if t not in lost]
+        assert epochs.tolist()[: len(expected)] == expected
+    # the epoch counts, not the sample: half a sample earlier it precedes the windows
+    early = simulate(140, {**rows, "gnss_epoch_offset": 0.05})
+    times = (np.flatnonzero(early["gnss_valid"]) + 1) * 0.1
+    assert 3.0 in np.round(times, 6) and 5.0 not in np.round(times, 6)
+
+
+def _receiver(interval: float, latency: float, offset: float) -> GnssSection:
+    return GnssSection.model_construct(interval_s=interval, latency_s=latency, epoch_offset_s=offset)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "times", "field"),
+    [
+        (200.0, (1.0, 1.0, 0.0), "gnss.latency_s"),
+        (200.0, (1.0, 0.0033, 0.0), "gnss.latency_s"),
+        (200.0, (0.0, 0.0, 0.0), "gnss.interval_s"),
+        (200.0, (1.0, 0.1, 0.005), "gnss.epoch_offset_s"),
+        (100.0 / 3.0, (1.0, 0.0, 0.0), "gnss.interval_s"),
+    ],
+)
+def test_timing_that_cannot_be_is_refused(rate_hz: float, times: tuple[float, float, float], field: str) -> None:
+    with pytest.raises(InputError, match=field):
+        _receiver(*times).rows(rate_hz)
+
+
+def test_timing_that_can_be_is_not() -> None:
+    assert _receiver(1.0, 0.995, 0.0049).rows(200.0)["gnss_latency"] == 0.995
+    assert _receiver(0.2, 0.0, 0.0).rows(400.0)["gnss_interval"] == 0.2
