@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from math import radians
 from typing import Any
 
@@ -74,8 +75,9 @@ def finding() -> Finding:
     )
 
 
+@lru_cache(maxsize=16)
 def model_of(filter: Composition) -> Model:
-    """The model of `filter`, which has the aid gnss, with the alignment before its aids."""
+    """The model of `filter`, which has the aid gnss, with the alignment before its aids; made once for each filter."""
     model = filter.model
     aids = {aid.id: aid.due_row for aid in filter.aids}
     gnss = next(aid for aid in filter.aids if aid.id == "gnss")
