@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -175,6 +175,7 @@ class Estimator:
     applicability: ``(parameters by row name, duration in s) -> sentences`` about where its estimate may not be trusted.
         While there is one, the estimate does not count as aligned.
     caveats: the same about what its stated standard deviations do not cover.
+    on_turntable: a caveat where a turntable turns the unit, or empty.
     error: ``(state, outputs, truth) -> (error, covariance)``, symbols: what its consistency (NEES) is measured on.  None:
         the attitude, if there is an output ``attitude_covariance`` (3 x 3, rad^2 about n).
     smooths: id of the filter over whose whole run this one goes back, or empty.  It starts and is tuned as that filter is,
@@ -200,6 +201,7 @@ class Estimator:
     needs: Callable[[Mapping[str, Any]], float] | None = None
     applicability: Notes | None = None
     caveats: Notes | None = None
+    on_turntable: str = ""
     error: Callable[[Values, Values, Values], tuple[Any, Any]] | None = None
     smooths: str = ""
     smoothing: Smoothing | None = None
@@ -281,7 +283,11 @@ class Estimator:
 
         Raises `InputError` if there is none.
         """
-        return self if self.adapt is None else self.adapt(known, drive, choices or {})
+        found = self if self.adapt is None else self.adapt(known, drive, choices or {})
+        if not found.on_turntable or drive.vehicle != TURNTABLE:
+            return found
+        caveats = found.caveats or (lambda parameters, duration_s: ())
+        return replace(found, caveats=lambda rows, duration_s: (*caveats(rows, duration_s), found.on_turntable))
 
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""

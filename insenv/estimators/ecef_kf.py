@@ -451,14 +451,13 @@ def needs(parameters: Mapping[str, Any]) -> float:
     return float(parameters["coarse_time"]) * (1.0 - float(parameters["moving"]))
 
 
-ESTIMATOR = applicability.said_on_turntable(
-    Estimator(
-        MODEL,
-        kind="alignment",
-        moving_row="moving",
-        fix_velocity=True,
-        prepare=prepare,
-        needs=needs,
-        applicability=applicability.notes,
-    )
+ESTIMATOR = Estimator(
+    MODEL,
+    kind="alignment",
+    moving_row="moving",
+    fix_velocity=True,
+    prepare=prepare,
+    needs=needs,
+    applicability=applicability.notes,
+    on_turntable=applicability.TURNED,
 )

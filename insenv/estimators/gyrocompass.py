@@ -144,13 +144,12 @@ def needs(parameters: Mapping[str, Any]) -> float:
     return float(parameters["levelling_time"]) + SETTLING * float(parameters["heading_constant"])
 
 
-ESTIMATOR = applicability.said_on_turntable(
-    Estimator(
-        MODEL,
-        kind="alignment",
-        prepare=prepare,
-        needs=needs,
-        applicability=applicability.notes,
-        caveats=applicability.far_heading,
-    )
+ESTIMATOR = Estimator(
+    MODEL,
+    kind="alignment",
+    prepare=prepare,
+    needs=needs,
+    applicability=applicability.notes,
+    caveats=applicability.far_heading,
+    on_turntable=applicability.TURNED,
 )

@@ -264,12 +264,11 @@ MODEL = Model(
     start=frozen_frame.start,
 )
 
-ESTIMATOR = applicability.said_on_turntable(
-    Estimator(
-        MODEL,
-        kind="alignment",
-        prepare=frozen_frame.prepare,
-        needs=lambda parameters: SPAN * BLOCK_S,  # until the first fix
-        applicability=applicability.notes,
-    )
+ESTIMATOR = Estimator(
+    MODEL,
+    kind="alignment",
+    prepare=frozen_frame.prepare,
+    needs=lambda parameters: SPAN * BLOCK_S,  # until the first fix
+    applicability=applicability.notes,
+    on_turntable=applicability.TURNED,
 )

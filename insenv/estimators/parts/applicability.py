@@ -12,11 +12,10 @@ from place to place.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import cos, degrees, hypot, pi, sqrt, tan
 from typing import Any
 
-from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge, Notes
+from insenv.estimators.contract import Notes
 from insenv.geodesy import NOMINAL_GRAVITY, OMEGA_IE, A
 
 DOUBTFUL = 0.1
@@ -151,18 +150,6 @@ TURNED = (
 )
 """Roll and pitch of `ecef-kf` at the end of `turntable-indexing` (24 seeds from 7000): 0.005 deg rms, 0.0006 stated; heading of
 `gyrocompass` 0.55 and 0.07, of `inertial-fir` 0.22 and 0.06.  The sigmas of the q-method and of `qakf` hold."""
-
-
-def said_on_turntable(estimator: Estimator) -> Estimator:
-    """The estimator with the sentence `TURNED` where a turntable turns the unit."""
-
-    def told(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
-        return (*(estimator.caveats(parameters, duration_s) if estimator.caveats else ()), TURNED)
-
-    def adapt(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
-        return replace(estimator, caveats=told) if drive.vehicle == TURNTABLE else estimator
-
-    return replace(estimator, adapt=adapt)
 
 
 def together(*kinds: Notes) -> Notes:
