@@ -185,10 +185,11 @@ def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> 
     """Share of the runs by verdict; mean NIS and share refused of the runs that measured (measurements, refused, NIS)."""
     shares: dict[str, Any] = {verdict: verdicts.count(verdict) / len(verdicts) for verdict in VERDICTS}
     count = sum(number for number, _, _ in measured)
+    means = [nis for _, _, nis in measured if np.isfinite(nis)]  # a run that used none has none
     return {
         "runs": len(verdicts),
         **shares,
-        "nis": float(np.mean([nis for _, _, nis in measured])) if measured else None,
+        "nis": float(np.mean(means)) if means else None,
         "refused": sum(refused for _, refused, _ in measured) / count if count else None,
     }
 

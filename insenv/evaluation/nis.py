@@ -128,7 +128,7 @@ class Counts:
         )
         if refused > MOST * count:
             return "diverged"
-        if of_late >= FEWEST and (refused_late > MOST * of_late or np.any(square > APART**2 * number)):
+        if of_late >= FEWEST and (refused_late > MOST * of_late or np.any(square > APART**2 * np.maximum(number, 1.0))):
             return "diverged"
         nis = (self.nis(), *(self.nis(group) for group in range(self.used.shape[1])))
         return "overconfident" if refused > MANY * count or any(one.above for one in nis) else "consistent"

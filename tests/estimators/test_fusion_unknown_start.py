@@ -61,14 +61,37 @@ def test_a_heading_that_is_roughly_known_is_kept_until_a_better_one_is_found():
     assert any("the heading is not found" in note for note in result.notes)
 
 
+@pytest.mark.parametrize(("grade", "nees"), [("industrial", 9.0 + 3.2), ("consumer", 9.0 + 3.2)])
+def test_gyros_of_low_cost_do_not_make_it_too_sure(grade, nees):
+    """45 deg of heading, gyro biases of 230 and 720 deg/h, 16 runs; to first order alone it is 600."""
+    scenario = _known("car-unknown-heading")
+    unit = scenario.imu.model_copy(update={"grade": grade})
+    summary = insenv.campaign(scenario.model_copy(update={"imu": unit}), "fusion", 16, seed=20000, duration_s=90)
+    assert summary.nees is not None and summary.nees.mean[-1] < nees
+    north = summary.courses["north_m"]
+    assert north.rms[-1] < 1.6 * north.stated[-1] < 5.0
+
+
+def test_each_fix_counts_where_no_attitude_is_found():
+    """Gyros of a degree a second: the heading stays unknown, the place that of the fixes."""
+    scenario = _known("car-unknown-heading", heading_sigma_deg=180.0)
+    unit = scenario.imu.model_copy(update={"grade": "autopilot"})
+    result = insenv.run(scenario.model_copy(update={"imu": unit}), "fusion", duration_s=60).results[0]
+    assert np.hypot(result.errors["north_m"], result.errors["east_m"]).max() < 20.0
+    assert result.sigma["heading_deg"][-1] > 60.0
+    assert result.health is not None and result.health.verdict == "consistent" and result.health.fixes > 50
+    assert any("the heading is not found" in note for note in result.notes)
+    assert not any("no fix came" in note for note in result.notes)
+
+
 def test_no_other_aid_measures_before_and_no_fix_counts():
     scenario = load("ship-at-sea")
     outputs = _outputs(scenario, 1, 20.0)
-    found = int(np.argmax(np.degrees(outputs["attitude_sigma"][:, 2]) < 5.0))
+    found = int(np.argmax(np.degrees(outputs["attitude_sigma"][:, 2]) < 7.0))
     assert 100 < found < 900
-    assert not outputs["dvl_count"][:found].any() and not outputs["fix_count"][: found + 1].any()
-    assert outputs["dvl_count"][-1] > 10 and outputs["fix_count"][-1] > 8
-    assert np.all(outputs["nis_used"][found] < 1e-4) and not outputs["nis_used_count"][found].any()
+    assert not outputs["dvl_count"][:found].any() and not outputs["nis_used_count"][: found + 1].any()
+    assert outputs["dvl_count"][-1] > 10 and outputs["nis_used_count"][-1].min() > 20
+    assert np.all(outputs["nis_used"][: found + 1] < 1e-2)
 
 
 def test_from_a_known_start_it_is_the_filter_itself_to_the_bit():

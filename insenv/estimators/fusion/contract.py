@@ -196,6 +196,15 @@ def noise_variance(sigma: Any, least: float) -> Any:
     return maximum(sigma, least) ** 2
 
 
+def beyond_linear(spread: Spread, square: Any) -> Any:
+    """Variance of what linearisation leaves out of the component along a vector that the attitude turns; square: of its length.
+
+    psi leaves 1 - cos psi = psi^2 / 2 of it, of which the second moment is 3/4 of the square of the variance of psi.
+    """
+    variance: Any = ca.sum1(spread("attitude"))
+    return 0.75 * variance * variance * square
+
+
 def waited(since: Any, u: Any, interval: Any) -> Any:
     """Whether a constraint last used `since` seconds before this sample is due again: to half a sample, at its end."""
     return since + u.dt * 1.5 > interval

@@ -11,7 +11,7 @@ import casadi as ca
 
 from insenv.attitude import skew
 from insenv.core.tables import Table
-from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row, noise_variance
+from insenv.estimators.fusion.contract import Aid, Spread, beyond_linear, constant, drifting, gate_row, noise_variance
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.instruments import DVL
 
@@ -35,6 +35,10 @@ def _residual(p: Any, seen: Navigation, u: Any) -> Any:
     return (1 + seen.value(SCALE.name, 0.0)) * turned - u.dvl_velocity_b
 
 
+def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
+    return ca.repmat(noise_variance(p.dvl_noise, 1e-3) + beyond_linear(spread, ca.sumsqr(x.velocity_w)), 3, 1)
+
+
 AID = Aid(
     id="dvl",
     title="the Doppler velocity log",
@@ -43,7 +47,7 @@ AID = Aid(
     causes="its scale factor, mounting, lever arm and latency, and whether it tracks the ground or the water (current)",
     unit="m/s",
     residual=_residual,
-    variance=lambda p, x, u, spread: ca.repmat(noise_variance(p.dvl_noise, 1e-3), 3, 1),
+    variance=_variance,
     due=lambda p, x, u: u.dvl_new,
     sensors=("dvl",),
     inputs=DVL.measurement,

@@ -22,7 +22,7 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, Spread, constant, gate_row, noise_variance, sigma_row, waited
+from insenv.estimators.fusion.contract import Aid, Spread, beyond_linear, constant, gate_row, noise_variance, sigma_row, waited
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.gauss_markov import correlated_again
 from insenv.instruments import ODOMETER
@@ -61,7 +61,7 @@ AID = Aid(
     unit="m/s",
     causes="its scale factor, lever arm, mounting and latency, wheels that slip or block, and its stated noise",
     residual=_odometer,
-    variance=lambda p, x, u, spread: noise_variance(p.odometer_noise, 1e-3),
+    variance=lambda p, x, u, spread: noise_variance(p.odometer_noise, 1e-3) + beyond_linear(spread, ca.sumsqr(x.velocity_w)),
     due=lambda p, x, u: u.odometer_new,
     sensors=("odometer",),
     inputs=ODOMETER.measurement,
