@@ -378,7 +378,8 @@ def test_an_interruption_says_what_is_kept(tmp_path):
         if done:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match=r"interrupted; [1-4] of 5 blocks are finished and kept(, and \d begun)?: --resume continues"):
+    kept = r"interrupted; [1-4] of 5 blocks are finished and kept(, and \d begun)?: --resume continues"
+    with pytest.raises(KeyboardInterrupt, match=kept):
         run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1), progress=interrupt)
     with pytest.raises(KeyboardInterrupt, match="nothing written: --out DIR keeps finished blocks"):
         run_campaign(plan, workers=threads(1), progress=interrupt)
