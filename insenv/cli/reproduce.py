@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Optional
 
 import typer
@@ -16,7 +17,7 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """Repeat the tests of the papers; print the published values, those of the printed form, insenv's, and the limit."""
-    from insenv.cli.output import print_json, print_line, print_table, working
+    from insenv.cli.output import print_json, print_line, print_parts, working
     from insenv.report import OutputFolder
     from insenv.report.tables import number
     from insenv.reproduce import PAPERS, chosen, conditions, figure, footnotes
@@ -37,19 +38,18 @@ def reproduce(
         print_json([quantity.as_json() for quantities in found.values() for quantity in quantities])
         return
     for name, quantities in found.items():
-        print_line(f"{name}: {PAPERS[name]}")
-        print_line(f"conditions: {conditions(name)}")
         marks, notes = footnotes(q.note for q in quantities)
-        print_table(
-            ("published", "as printed", "ours", "limit", "ours/limit", "seeds", "unit", "quantity"),
-            [
-                (*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds), q.unit, q.quantity + mark)
-                for q, mark in zip(quantities, marks, strict=True)
-            ],
-            right=(0, 1, 2, 3, 4, 5),
-        )
-        for note in notes:
-            print_line(note)
         print_line()
+        print_parts((f"{name}: {PAPERS[name]}", f"conditions: {conditions(name)}", *notes))
+        print_line()
+        print_line(_columns(("published", "as printed", "ours", "limit", "ours/limit", "seeds")))
+        for q, mark in zip(quantities, marks, strict=True):
+            print_parts((f"{q.quantity}{mark}" + (f", {q.unit}" if q.unit else ""),))
+            print_line(_columns((*map(number, (q.published, q.printed_form, q.ours, q.limit, q.ratio)), str(q.seeds))))
     if written:
         print_line(f"written: {', '.join(str(path) for path in written)}")
+
+
+def _columns(cells: Sequence[str]) -> str:
+    """A line of the table; what a row is about stands on the line above it."""
+    return "".join(f"{cell:>12}" for cell in cells)

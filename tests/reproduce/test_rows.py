@@ -54,7 +54,9 @@ def test_the_command_prints_conditions_and_notes(monkeypatch):
     ]
     monkeypatch.setattr(ecef, "quantities", lambda: rows)
     _, shown, _ = call("reproduce", "ecef")
-    assert f"conditions: {conditions('ecef')}\n" in shown and "heading [1]" in shown and "\n[1] at rest\n" in shown
+    lines = shown.splitlines()
+    assert f"conditions: {conditions('ecef')}" in " ".join(lines) and "heading [1], deg" in lines and "[1] at rest" in lines
+    assert max(map(len, lines)) <= 80
     assert "roll [" not in shown
     first, second = json.loads(call("reproduce", "ecef", "--json")[1])
     assert (first["note"], second["note"]) == ("at rest", "") and first["conditions"] == conditions("ecef")
