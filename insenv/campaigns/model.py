@@ -1,9 +1,9 @@
 """The model of a campaign: plant, sensors, estimator and error statistics in one model, of which only summaries are
 read.
 
-Errors are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records them, and their
-squares are summed; the outputs are read after every `evaluations` evaluations.  The statistics are part of the model's
-arithmetic, and therefore bit-identical on every machine.
+Errors and stated variances are evaluated every `evaluation_samples` samples, as often as `insenv.runs.simulated` records
+them, and the squares are summed; the outputs are read after every `evaluations` evaluations.  The statistics are part of the
+model's arithmetic, and therefore bit-identical on every machine.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ class Measured:
 def measured_model(plant: Model, estimator: Estimator) -> Measured:
     """The campaign's model for a plant and an estimator; the same object for the same pair.
 
-    Outputs: `error` (channels), current; `mean_square` (channels), since the previous record; `sigma` (stated channels);
-    `nees`; the rows with which the estimator tells its health.  Added parameters: `evaluation_samples`, `evaluations`.
+    Outputs: `error` (channels) and `sigma` (stated channels), current; the means of their squares since the previous record,
+    `mean_square` and `mean_variance`; `nees`; the rows with which the estimator tells its health.  Added parameters:
+    `evaluation_samples`, `evaluations`.
     """
     loop = loop_model(plant, estimator.model)
     statistics = _Statistics(loop, estimator)
@@ -85,12 +86,16 @@ class _Statistics:
             Row("evaluated", "Evaluations since the last record"),
             Row("squared_error", "Sum of the squared errors of these evaluations", "deg^2, m^2, m^2/s^2", (count,)),
         ]
+        if self.stated:
+            rows.append(Row("squared_sigma", "Sum of the stated variances", "deg^2, m^2, m^2/s^2", (len(self.stated),)))
         shown = [
             Row("error", "Estimate minus truth", "deg, m, m/s", (count,)),
             Row("mean_square", "Mean squared error since the last record", "deg^2, m^2, m^2/s^2", (count,)),
         ]
         if self.stated:
-            shown.append(Row("sigma", "Standard deviation that the estimator states", "deg, m, m/s", (len(self.stated),)))
+            size = (len(self.stated),)
+            shown.append(Row("sigma", "Standard deviation that the estimator states", "deg, m, m/s", size))
+            shown.append(Row("mean_variance", "Mean of its square since the last record", "deg^2, m^2, m^2/s^2", size))
         if self.degrees:
             shown.append(Row("nees", "Normalised estimation error squared"))
         shown.extend(estimator.health_rows)
@@ -103,22 +108,23 @@ class _Statistics:
         return {"evaluation_count": count - due * count, "evaluation_due": due}
 
     def evaluate(self, p: Values, x: Values, u: Values) -> dict[str, Any]:
-        """Add the squared errors; the first evaluation after a record restarts the sum."""
-        error = error_of(self.channels, self._named(self.estimator.model, PREFIX, p, x), x)
+        """Add the squared errors and the stated variances; the first evaluation after a record restarts the sums."""
+        found = self._named(self.estimator.model, PREFIX, p, x)
+        added = {"squared_error": error_of(self.channels, found, x)}
+        if self.stated:
+            added["squared_sigma"] = sigma_of(self.stated, found)
         continues = x.evaluated < p.evaluations
         # selected rather than multiplied by 0: a NaN must not survive the restart
-        squared = select(continues, x.squared_error, 0.0)
-        return {"evaluated": continues * x.evaluated + 1, "squared_error": squared + error * error}
+        sums = {name: select(continues, getattr(x, name), 0.0) + value * value for name, value in added.items()}
+        return {"evaluated": continues * x.evaluated + 1, **sums}
 
     def output(self, p: Values, x: Values) -> dict[str, Any]:
         """The outputs at a record."""
         found = self._named(self.estimator.model, PREFIX, p, x)
-        rows: dict[str, Any] = {
-            "error": error_of(self.channels, found, x),
-            "mean_square": x.squared_error / (x.evaluated + (x.evaluated == 0)),
-        }
+        count = x.evaluated + (x.evaluated == 0)
+        rows: dict[str, Any] = {"error": error_of(self.channels, found, x), "mean_square": x.squared_error / count}
         if self.stated:
-            rows["sigma"] = sigma_of(self.stated, found)
+            rows |= {"sigma": sigma_of(self.stated, found), "mean_variance": x.squared_sigma / count}
         if self.degrees:
             own = SimpleNamespace(**{row.name: getattr(x, PREFIX + row.name) for row in self.estimator.model.state})
             rows["nees"] = nees(self.estimator, own, found, x)[0]

@@ -246,7 +246,7 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
     for place, variation in enumerate(found.plan.variations):
         arrays[f"runs/{variation.key}"] = found.values[:, place]
     for place, name in enumerate(found.channels):
-        for kind in ("final", "rms", "limit"):
+        for kind in ("final", "rms", "limit", "stated"):
             arrays[f"runs/{name}/{kind}"] = getattr(found, kind)[:, place]
     for kind in ("fixes", "refused", "factor") if found.health else ():
         values = [np.nan if one is None else getattr(one, kind) for one in found.health]

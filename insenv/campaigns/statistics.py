@@ -31,7 +31,7 @@ class Course:
     rms: root mean square of all evaluations since the previous record.
     percentiles: (5, records), of the errors.
     limit: root mean square of the limit since the previous record and over the runs, or None.
-    stated: root mean square of the standard deviations that the estimator states, or None.
+    stated: root mean square of the standard deviations that the estimator states, of the same evaluations, or None.
     """
 
     mean: Array
@@ -57,8 +57,8 @@ class Statistics:
 
     time (records,) s; courses by channel; nees or None; from_s: time from which the statistics of a whole run are
     taken.
-    Run by run: seeds; values (runs, variations); final, rms, limit (runs, channels; NaN where there is no
-    limit).
+    Run by run: seeds; values (runs, variations); final, rms, stated, limit (runs, channels; NaN where nothing is stated, or
+    where there is no limit).
     limit_note: what must be said of the limit, or empty.
     diverged: seeds of runs with a number that is not finite.
     far: seeds of runs whose rms is `FAR` times the median.
@@ -75,6 +75,7 @@ class Statistics:
     values: Array
     final: Array
     rms: Array
+    stated: Array
     limit: Array
     diverged: tuple[int, ...]
     far: tuple[int, ...]
@@ -95,25 +96,22 @@ class Statistics:
         return tuple(self.courses)
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """By channel: "mean" and "percentiles" of the errors at the end, "rms" and "limit" from `from_s` on, with intervals,
-        of which an end is None where so few runs do not give it.
+        """By channel: "mean" and "percentiles" of the errors at the end, "rms", "limit" and "stated" from `from_s` on, with
+        intervals, of which an end is None where so few runs do not give it.
 
         The intervals are those of independent runs; a saltelli design has none.
         """
         kept, independent = self.whole, self.plan.design != "saltelli"
         found = {}
         for place, (name, course) in enumerate(self.courses.items()):
-            known = kept & np.isfinite(self.limit[:, place])
-            limit = float(rms_of(self.limit[known, place])) if known.any() else None
-            late = self.time >= self.from_s - 1e-9
             rms = root_mean_square(self.rms[kept, place] ** 2)
             ends = {f"{p:g}": percentile(self.final[kept, place], p) for p in PERCENTILES}
             found[name] = {
                 "mean": float(course.mean[-1]),
                 "rms": float(rms_of(self.rms[kept, place])) if kept.any() else float("nan"),
                 "percentiles": {f"{p:g}": float(v) for p, v in zip(PERCENTILES, course.percentiles[:, -1], strict=True)},
-                "limit": limit,
-                "stated": None if course.stated is None else float(rms_of(course.stated[late])),
+                "limit": _known_rms(self.limit[kept, place]),
+                "stated": _known_rms(self.stated[kept, place]),
                 "rms_95": _interval(rms) if independent else None,
                 "percentiles_95": {level: _interval(end) for level, end in ends.items()} if independent else None,
             }
@@ -197,6 +195,12 @@ def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> 
 def rms_of(values: Array) -> Array:
     """Root mean square along the first axis."""
     return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _known_rms(values: Array) -> float | None:
+    """Root mean square of those that are not NaN; None if all are."""
+    known = values[np.isfinite(values)]
+    return float(rms_of(known)) if known.size else None
 
 
 def _interval(found: Estimate) -> list[float | None]:

@@ -49,7 +49,8 @@ class Summary(Statistics):
         return campaign_frame(self)
 
     def runs_to_dataframe(self) -> DataFrame:
-        """The runs as a pandas DataFrame, indexed by run: seed, varied keys, final error, rms and limit of each channel.
+        """The runs as a pandas DataFrame, indexed by run: seed, varied keys, final error, rms, limit and stated of each
+        channel.
 
         Raises `InsenvError` if pandas is missing.
         """
@@ -80,12 +81,15 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     late = time >= from_s - 1e-9
     seeds, error, square = (np.concatenate(columns(name)) for name in ("seed", "error", "mean_square"))
     limits = limit.course()
-    sigma = np.concatenate(columns("sigma")) if measured.stated else None
-    finite: NDArray[np.bool_] = np.all(np.isfinite(error) & np.isfinite(square), axis=2)
+    variance = np.full(square.shape, np.nan)
+    has_sigma = [measured.channels.index(name) for name in measured.stated]
+    if measured.stated:
+        variance[:, :, has_sigma] = np.concatenate(columns("mean_variance"))
+    finite: NDArray[np.bool_] = np.isfinite(np.concatenate([error, square, variance[:, :, has_sigma]], axis=2)).all(axis=2)
 
     courses = {}
     for place, name in enumerate(measured.channels):
-        stated = sigma[:, :, measured.stated.index(name)] if sigma is not None and name in measured.stated else None
+        stated = variance[:, :, place] if name in measured.stated else None
         own = None if limits is None else limits[:, place]
         courses[name] = _course(error[:, :, place], square[:, :, place], own, stated, finite)
     rms = np.sqrt(np.mean(square[:, late], axis=1))
@@ -102,6 +106,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         values=values,
         final=error[:, -1],
         rms=rms,
+        stated=np.sqrt(np.mean(variance[:, late], axis=1)),
         limit=limit.of_runs(len(seeds), late),
         diverged=tuple(int(seed) for seed in seeds[~whole]),
         far=tuple(int(seed) for seed in seeds[far]),
@@ -123,7 +128,7 @@ def _health(columns: Columns, names: Sequence[str]) -> tuple[Health | None, ...]
 def _course(error: Array, square: Array, limit: Array | None, stated: Array | None, finite: NDArray[np.bool_]) -> Course:
     """Statistics of one channel over the runs (runs, records), at each time over those that are finite there.
 
-    limit (records,): of the channel, or None.
+    limit (records,): of the channel, or None.  stated: the variances that the estimator states, as `square`, or None.
     """
 
     def rms(squares: Array) -> Array:
@@ -134,7 +139,7 @@ def _course(error: Array, square: Array, limit: Array | None, stated: Array | No
         rms=rms(square),
         percentiles=_percentiles(error, finite),
         limit=limit,
-        stated=None if stated is None else rms(stated**2),
+        stated=None if stated is None else rms(stated),
     )
 
 

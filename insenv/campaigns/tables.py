@@ -17,7 +17,7 @@ FORMATS = ("csv", "parquet")
 
 
 def run_columns(found: Statistics) -> dict[str, NDArray[Any]]:
-    """By name: number and seed of the run, its varied keys, then final error, rms and limit of each channel, its health.
+    """By name: number and seed of the run, its varied keys, then final error, rms, limit and stated of each channel, health.
 
     Values of choices are the chosen ones.  Numbers that do not exist are NaN.
     """
@@ -26,7 +26,7 @@ def run_columns(found: Statistics) -> dict[str, NDArray[Any]]:
         numbers = found.values[:, place]
         given = variation.distribution
         columns[variation.key] = numbers if given.kind != "choice" else np.array([given.value(number) for number in numbers])
-    for kind in ("final", "rms", "limit"):
+    for kind in ("final", "rms", "limit", "stated"):
         columns |= {f"{kind}_{name}": getattr(found, kind)[:, place] for place, name in enumerate(found.channels)}
     if found.health:
         columns["health"] = np.array(["" if one is None else one.verdict for one in found.health])

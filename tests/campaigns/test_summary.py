@@ -37,7 +37,7 @@ def drawn(monkeypatch):
             arrays = {name: value.copy() for name, value in first.items()}
             runs = plan.blocks[number]
             arrays["seed"] = np.array([plan.first_seed + run for run in runs], dtype=float)
-            for name in ("error", "mean_square", "sigma", "nees"):
+            for name in ("error", "mean_square", "mean_variance", "nees"):
                 if name in arrays:
                     size = rng.normal(size=arrays[name].shape)
                     arrays[name] = size if name == "error" else np.abs(size) + 0.1
@@ -59,9 +59,11 @@ def test_navigation_over_the_runs(drawn):
         course, error, square = found.courses[name], arrays["error"][:, :, place], arrays["mean_square"][:, :, place]
         assert np.allclose(course.mean, error.mean(axis=0)) and np.allclose(course.rms, np.sqrt(square.mean(axis=0)))
         assert np.allclose(course.percentiles, np.percentile(error, PERCENTILES, axis=0))
-        assert np.allclose(course.stated, np.sqrt(np.mean(arrays["sigma"][:, :, place] ** 2, axis=0)))
+        variance = arrays["mean_variance"][:, :, place]
+        assert np.allclose(course.stated, np.sqrt(variance.mean(axis=0)))
+        assert np.allclose(found.stated[:, place], np.sqrt(variance.mean(axis=1)))
         assert np.allclose(found.rms[:, place], np.sqrt(square.mean(axis=1)))
-        assert found.figures()[name]["stated"] == pytest.approx(np.sqrt(np.mean(arrays["sigma"][:, :, place] ** 2)))
+        assert found.figures()[name]["stated"] == pytest.approx(np.sqrt(variance.mean()))
 
 
 def test_nees_has_the_bounds_of_a_mean_over_the_runs(drawn):
