@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,12 @@ from numpy.typing import NDArray
 from insenv.campaigns.pieces import Begun, in_pieces
 from insenv.campaigns.plan import Plan
 from insenv.core.batch import Batch, make_batch
+from insenv.core.tables import Table
 from insenv.errors import InputError
+from insenv.plant.loop import PREFIX
 from insenv.scenario import Plant
 
-Arrays = dict[str, NDArray[np.float64]]
+Arrays = dict[str, NDArray[Any]]
 Stopped = Callable[[], bool]
 
 
@@ -29,8 +33,9 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
     """Simulate and estimate the runs of block `number` and return their summaries, run by run.
 
     part: what an interruption left of the block: the result is the same, to the bit.
-    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...). Raises
-    `InputError` if the parts of the plant differ between runs, `StoppedError` soon after `stopped` returns true.
+    Arrays: `seed` (runs,); `values` (runs, variations); each output of `measured_model` (runs, records, ...); `held` (runs,):
+    JSON of `Estimator.held` at the end. Raises `InputError` if the parts of the plant differ between runs, `StoppedError`
+    soon after `stopped` returns true.
     """
     runs = plan.blocks[number]
     plants = _plants(plan, runs, stopped)
@@ -51,7 +56,31 @@ def run_block(plan: Plan, number: int, stopped: Stopped = lambda: False, part: A
         "seed": np.array([plan.seed_of(run) for run in runs], dtype=np.float64),
         "values": plan.numbers(runs),
         **{name: np.ascontiguousarray(value) for name, value in shown.items()},
+        "held": np.array([json.dumps(held) for held in _held(plan, batch)]),
     }
+
+
+def _held(plan: Plan, batch: Batch) -> list[dict[str, float]]:
+    """The findings that hold at the end of each run (`Estimator.held`); of one that has diverged none."""
+    estimator = plan.chosen
+    if estimator.findings is None:
+        return [{}] * batch.rows
+    own = estimator.model
+    p, x = (
+        _own(*given) for given in ((own.parameters, batch.model.parameters, batch.p), (own.state, batch.model.state, batch.x))
+    )
+    shown = np.array(own.kernels["output"].function(p.T, x.T)).T
+    return [
+        estimator.held(own.parameters.unpack(p[run]), own.outputs.unpack(shown[run : run + 1]))
+        if np.isfinite(shown[run]).all()
+        else {}
+        for run in range(batch.rows)
+    ]
+
+
+def _own(own: Table, table: Table, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The estimator's part (runs, own.size) of the model's parameters or state."""
+    return np.concatenate([values[:, table.slice(PREFIX + name)] for name in own.names], axis=1)
 
 
 def _part(batch: Batch, done: Begun) -> Arrays:

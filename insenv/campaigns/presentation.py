@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from insenv.campaigns.campaign_figure import draw_campaign
 from insenv.campaigns.sensitivity import Sensitivity
-from insenv.campaigns.statistics import Statistics
+from insenv.campaigns.statistics import Statistics, named
 from insenv.campaigns.tables import check_format, write_runs
 from insenv.campaigns.variation import Variation
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 
 NAME = "campaign"
-NAMED = 10
-"""Largest number of seeds of diverged runs that are printed; the files hold all."""
 
 
 def campaign_document(found: Statistics, files: Sequence[str] = ()) -> dict[str, Any]:
@@ -134,8 +132,7 @@ def failed_lines(found: Statistics) -> Iterator[str]:
     """The runs that diverged, and those that ended far off, by their seeds."""
     for seeds_of, what in ((found.diverged, "diverged and are left out"), (found.far, "ended 10 times worse than the median")):
         if seeds_of:
-            named = ", ".join(str(seed) for seed in seeds_of[:NAMED]) + (", ..." if len(seeds_of) > NAMED else "")
-            yield f"{len(seeds_of)} of {found.plan.runs} runs {what}: seed {named}"
+            yield f"{len(seeds_of)} of {found.plan.runs} runs {what}: {named(seeds_of)}"
 
 
 def consistency_lines(found: Statistics) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -11,14 +12,18 @@ from numpy.typing import NDArray
 from insenv.campaigns.intervals import Estimate, horizontal, percentile, root_mean_square
 from insenv.campaigns.plan import Plan
 from insenv.campaigns.sensitivity import Sensitivity, sensitivity_note
+from insenv.estimators.parts.finding import RATIO
 from insenv.evaluation.health import VERDICTS, AidHealth, Health, Verdict
 from insenv.evaluation.limits import ratio_bounds
+from insenv.report.tables import runs_of
 
 Array = NDArray[np.float64]
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
 FAR = 10.0
 """A run whose error is at least this many times that of the median run is listed as far off."""
+NAMED = 10
+"""Largest number of seeds that are printed; the files hold all."""
 BOUNDS = (0.025, 0.975)
 """Probabilities that bound the mean NEES of a consistent estimator."""
 
@@ -64,6 +69,7 @@ class Statistics:
     far: seeds of runs whose rms is `FAR` times the median.
     whole: runs (runs,) whose numbers are all finite.  sensitivity: of the rms of the runs to the varied keys.
     health: of every run of a filter that reports it (`insenv.evaluation.health`), None where there is none; else empty.
+    held: of every run, what `insenv.run` would say of its end: sentence and ratio (`Estimator.held`).
     """
 
     plan: Plan
@@ -81,6 +87,7 @@ class Statistics:
     far: tuple[int, ...]
     limit_note: str = ""
     health: tuple[Health | None, ...] = ()
+    held: tuple[Mapping[str, float], ...] = ()
     whole: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     sensitivity: tuple[Sensitivity, ...] = ()
     percentile_levels: ClassVar[tuple[float, ...]] = PERCENTILES
@@ -88,7 +95,16 @@ class Statistics:
     @property
     def notes(self) -> tuple[str, ...]:
         """What must be said of the campaign."""
-        return (*self.plan.notes, *filter(None, (self.limit_note, sensitivity_note(self.plan))))
+        return (*self.plan.notes, *self._held_notes, *filter(None, (self.limit_note, sensitivity_note(self.plan))))
+
+    @property
+    def _held_notes(self) -> Iterator[str]:
+        """Each sentence of `held`, with the largest ratio and the number of runs."""
+        for sentence in dict.fromkeys(sentence for one in self.held for sentence in one):
+            ratios = {int(seed): one[sentence] for seed, one in zip(self.seeds, self.held, strict=True) if sentence in one}
+            said = sentence.replace(RATIO, f"up to {max(ratios.values()):.3g}")
+            which = "" if len(ratios) == len(self.held) else f" ({named(tuple(ratios))})"
+            yield f"in {len(ratios)} of {runs_of(len(self.held))}{which}: {said}"
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -195,6 +211,11 @@ def _shares(verdicts: list[Verdict], measured: list[tuple[int, int, float]]) -> 
 def rms_of(values: Array) -> Array:
     """Root mean square along the first axis."""
     return np.sqrt(np.mean(values**2, axis=0))
+
+
+def named(seeds: Sequence[int]) -> str:
+    """Some seeds, the first `NAMED` of them by number."""
+    return f"seed {', '.join(map(str, seeds[:NAMED]))}{', ...' if len(seeds) > NAMED else ''}"
 
 
 def _known_rms(values: Array) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ from insenv.campaigns.statistics import BOUNDS, FAR, PERCENTILES, Course, NeesCo
 from insenv.campaigns.tables import run_columns
 from insenv.evaluation.chi_square import quantile
 from insenv.evaluation.errors import statistics_from
-from insenv.evaluation.health import Health, health
+from insenv.evaluation.health import Health, health, no_fix
 from insenv.report import FilesWritten, OutputFolder
 from insenv.report.notebook import data_frame, require_matplotlib
 
@@ -96,6 +97,11 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     whole = np.all(finite, axis=1)
     far = whole & (rms > FAR * np.median(rms[whole], axis=0)).any(axis=1) if whole.any() else whole
     values = np.concatenate(columns("values"))
+    healths = _health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else ()
+    held = [json.loads(str(text)) for text in np.concatenate(columns("held"))]
+    for run, one in enumerate(healths) if plan.chosen.reports_fixes else ():
+        if whole[run] and (said := no_fix(one)):
+            held[run][said] = 0.0
     return Summary(
         plan=plan,
         time=time,
@@ -113,7 +119,8 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
         limit_note=limit.note,
         whole=whole,
         sensitivity=sensitivities(plan, measured.channels, values, rms, whole),
-        health=_health(columns, plan.chosen.health_rows.names) if plan.chosen.reports_health else (),
+        health=healths,
+        held=tuple(held),
     )
 
 

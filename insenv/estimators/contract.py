@@ -21,7 +21,7 @@ from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators.parts import motion_errors
 from insenv.estimators.parts.adjoint import Smoothing
-from insenv.estimators.parts.finding import Finding
+from insenv.estimators.parts.finding import RATIO, Finding
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.instruments import TOLD
 from insenv.plugins import check_id
@@ -408,12 +408,19 @@ class Estimator:
 
     def found(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:
         """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
-        told: dict[str, str] = {}
+        held = self.held(parameters, outputs)
+        return tuple(sentence.replace(RATIO, f"{ratio:.3g}") for sentence, ratio in held.items())
+
+    def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+        """The findings that hold of such a run: sentence and ratio (`Finding`)."""
+        held: dict[str, tuple[str, float]] = {}
         findings = self.to_find(parameters)
         with naming(f"estimator {self.id!r}, findings"):
             for finding in findings:
-                told[finding.row] = told.get(finding.row) or finding.said(outputs)
-        return tuple(filter(None, told.values()))
+                ratio = finding.ratio(outputs)
+                if ratio >= finding.limit:
+                    held.setdefault(finding.row, (finding.sentence, ratio))
+        return dict(held.values())
 
     def to_find(self, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
         """Its findings with these parameters (by row name)."""

@@ -189,6 +189,13 @@ def _of_aid(counts: Counts) -> AidHealth:
     return AidHealth(int(counts.count[-1]), int(counts.refused[-1]), counts.nis(), verdict, factor)
 
 
+def no_fix(found: Health | None) -> str:
+    """The sentence about a filter with GNSS and this health to which no fix came; empty if one did."""
+    if found is None:
+        return sentences.NO_FIX
+    return "" if found.fixes else sentences.NO_FIX_BUT_AIDS
+
+
 def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:
     """RMS of all test ratios since the previous record, and the fixes refused since then, (records,); NaN without a fix.
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from insenv.core.runner import Runner, make_runner
 from insenv.errors import InsenvError
 from insenv.estimators import Estimator
-from insenv.evaluation import sentences
-from insenv.evaluation.health import Health, health, models_slow_errors
+from insenv.evaluation.health import Health, health, models_slow_errors, no_fix
 from insenv.plant.feeding import input_rows
 
 Array = NDArray[np.float64]
@@ -87,8 +86,8 @@ class Follower:
         told = (*told, *self.estimator.found(parameters, outputs))
         if not self.estimator.reports_health:
             return told
-        if self.estimator.reports_fixes and (found is None or not found.fixes):
-            told = (*told, sentences.NO_FIX if found is None else sentences.NO_FIX_BUT_AIDS)
+        if self.estimator.reports_fixes and (said := no_fix(found)):
+            told = (*told, said)
         if found is None:
             return told
         return (*told, *found.notes(models_slow_errors(parameters), self.estimator.causes))
