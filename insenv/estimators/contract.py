@@ -188,6 +188,7 @@ class Estimator:
         is the same everywhere.
     findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
         about one row, the first that holds counts.
+    finds_attitude: of a navigation, whether its start attitude may be unknown: it finds level and heading.
     causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
     """
 
@@ -211,6 +212,7 @@ class Estimator:
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
     findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
+    finds_attitude: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):

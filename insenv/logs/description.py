@@ -326,7 +326,7 @@ class ReferenceSection(PositionSection):
 class InitialSection(Section):
     """Initial conditions, as far as they are known."""
 
-    start_s: Number | None = key(None, "time at which navigation starts", "s")
+    start_s: Number | None = key(None, "time at which navigation starts, and of the state that the other keys give", "s")
     static_from_s: Number | None = key(None, "start of the time at rest (absent: the first sample)", "s")
     static_until_s: Number | None = key(None, "end of the time at rest", "s")
     latitude_deg: Number | None = key(None, "initial latitude", "deg", ge=-90, le=90)

@@ -1,14 +1,15 @@
 """Initial knowledge of the estimators of a recorded log: from the log itself, or from its reference solution.
 
 From the log: roll and pitch from the mean specific force while the vehicle stands, heading from gyros that sense the
-Earth's rotation (`insenv.runs.rest`) or from its first motion (`insenv.runs.first_motion`).
+Earth's rotation (`insenv.runs.rest`) or from its first motion (`insenv.runs.first_motion`).  Under way: position and velocity
+from the fix at the start, and an unknown attitude.
 
 The standard deviations are those of the log's [initial], or else those stated here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from insenv.errors import InputError
 from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
-from insenv.logs.motion import travel
+from insenv.logs.motion import REST_SPEED, REST_WINDOW_S, travel
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
 from insenv.runs.rest import RestStart, gyrocompass_sigma, rest_of, start_at_rest
 
@@ -32,6 +33,7 @@ LEAST_REST = 100  # samples
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
+PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
 FAR = 3.0  # standard deviations by which a given position and the fixes may differ
 WITH_FIXES = "the start is that of the fixes"
 REFERENCE_SIGMAS = {
@@ -70,10 +72,14 @@ _STATE = (
 
 @dataclass(frozen=True)
 class Start:
-    """What is known where a replay starts, and sentences about it."""
+    """What is known where a replay starts, and sentences about it.
+
+    refusal: the sentence why nobody starts so who does not find the attitude (`Estimator.finds_attitude`); empty: all may.
+    """
 
     knowledge: Knowledge
     notes: tuple[str, ...] = ()
+    refusal: str = ""
 
 
 def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first: int) -> Start:
@@ -85,7 +91,9 @@ def initial_knowledge(log: RecordedLog, estimator: Estimator, start: str, first:
         return Start(_as_stated(log), _far_from_fix(log, first, "estimators start with it all the same"))
     if start == "reference":
         return Start(_from_reference(log, first))
-    return _from_log(log, first) if estimator.navigates else _place(log, estimator.motion != "moving", first)
+    if not estimator.navigates:
+        return _place(log, estimator.motion != "moving", first)
+    return _from_log(log, first) if _stands(log, first) else _under_way(log, first)
 
 
 def _sigmas(initial: InitialSection, **otherwise: Any) -> dict[str, Any]:
@@ -229,6 +237,60 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
     )
 
 
+def _stands(log: RecordedLog, first: int) -> bool:
+    """Whether the vehicle stands where sample `first` begins, by the rest of the log or by the fix there."""
+    until, gnss, begin = log.description.initial.static_until_s, log.gnss, float(log.imu_time[first] - log.dt[first])
+    if until is None:
+        return False
+    if _rest_from(log) - REST_WINDOW_S <= begin <= until + REST_WINDOW_S or gnss is None or gnss.velocity_n is None:
+        return True
+    return float(np.hypot(*gnss.velocity_n[_fix_at(gnss, begin), :2])) <= REST_SPEED
+
+
+def _under_way(log: RecordedLog, first: int) -> Start:
+    """Position and velocity of the fix next to where sample `first` begins, and of the attitude what [initial] gives.
+
+    Raises `InputError` if the fixes have no velocity.
+    """
+    initial, gnss, begin = log.description.initial, log.gnss, float(log.imu_time[first] - log.dt[first])
+    where, rest = f"the vehicle moves at {begin:g} s, where navigation starts", ""
+    if initial.static_until_s is None:
+        where = "the log does not begin at rest"
+        rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
+    refusal = (
+        f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
+        "velocity, if neither magnetometer nor heading is among its aids; others need roll_deg, pitch_deg and heading_deg in "
+        f"[initial]{_hint(initial)}"
+    )
+    if gnss is None or gnss.velocity_n is None:
+        raise InputError(refusal)
+    at, place = _fix_at(gnss, begin), _place(log, False, first)
+    gap, velocity = abs(float(gnss.time[at]) - begin), gnss.velocity_n[at]
+    way = gap * float(np.hypot(*velocity[:2])) + float(np.linalg.norm(log.lever_arm_b))
+    levelled = initial.roll_deg is not None and initial.pitch_deg is not None
+    known = replace(
+        place.knowledge,
+        velocity_n=velocity if initial.velocity_mps is None else np.array(initial.velocity_mps),
+        roll=float(np.radians(initial.roll_deg or 0.0)),
+        pitch=float(np.radians(initial.pitch_deg or 0.0)),
+        **_sigmas(
+            initial,
+            position_sigma=gnss.position_sigma[at] + way,
+            velocity_sigma=(1.0 if gnss.velocity_sigma is None else gnss.velocity_sigma[at]) + gap * PUSH + np.zeros(3),
+            tilt_sigma=LEVEL_SIGMA if levelled else np.pi,
+        ),
+    )
+    level, heading = (
+        "unknown" if sigma >= np.pi else f"known to {np.degrees(sigma):.3g} deg"
+        for sigma in (known.tilt_sigma, known.heading_sigma)
+    )
+    note = (
+        f"{where}: the start has position and velocity of the fix at {gnss.time[at]:.6g} s; its level is {level}, its heading "
+        f"is {heading}"
+    )
+    return Start(known, (*place.notes, note), "" if levelled and initial.heading_deg is not None else refusal)
+
+
 def _from_log(log: RecordedLog, first: int) -> Start:
     """Attitude and gyro bias from the log alone, for a start at rest where sample `first` begins."""
     initial, rows = log.description.initial, _rest(log, first)
@@ -305,11 +367,7 @@ def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     """Samples at rest, by the log's [initial]: those before the start, or all if fewer than 100 are before it."""
     initial = log.description.initial
     until = initial.static_until_s
-    if until is None:
-        raise InputError(
-            "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
-            f"give its limits by [initial] static_from_s and static_until_s{_hint(initial)}"
-        )
+    assert until is not None
     rest = _rest_rows(log, first)
     if len(rest) < LEAST_REST:
         raise InputError(

@@ -160,8 +160,10 @@ def prepared(
         e.adapted(s.knowledge, drive, choices_in(e, {**own_settings(e, description.estimator), **own_settings(e, settings)}))
         for e, s in zip(families, starts, strict=True)
     ]
-    for estimator in chosen:
+    for estimator, begun in zip(chosen, starts, strict=True):
         estimator.check(drive, tunings.get(estimator.id))
+        if begun.refusal and not estimator.finds_attitude:
+            raise InputError(begun.refusal)
     given = {
         e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
     }

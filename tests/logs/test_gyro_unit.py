@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 from places import ROOT
 
+from insenv import record
 from insenv.logs import load
+from insenv.logs.gyro_unit import turn_notes
 
 PLAIN = ROOT / "examples" / "logs"
 
@@ -25,6 +27,12 @@ def test_the_right_unit_has_no_note(tmp_path: Path) -> None:
     assert notes(tmp_path) == []
     assert notes(tmp_path, ('axes = "RFU"', 'axes = "FRD"')) == []  # turns that are not proportional show nothing
     assert notes(tmp_path, ('grade = "tactical"', 'grade = "consumer"')) == []
+
+
+def test_waves_are_no_turns() -> None:
+    """They swing the course of the antenna ten times as far as the ship."""
+    log = record("ship-at-sea", seed=1, duration_s=60.0)
+    assert turn_notes(log, log.gnss) == []
 
 
 @pytest.mark.parametrize(("unit", "ratio"), [("rad/s", "57"), ("rad/h", "0.0158")])

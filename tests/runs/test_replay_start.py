@@ -329,3 +329,30 @@ def test_an_unknown_heading_starts_the_filters_of_large_misalignment():
     assert abs(unscented.errors["heading_deg"][-1]) < 3 * unscented.sigma["heading_deg"][-1] < 3.0
     assert "linearised filter states too small sigmas" in " ".join(linear.notes)
     assert "linearised" not in " ".join(unscented.notes)
+
+
+@pytest.mark.parametrize(("rest", "said"), [(None, "the log does not begin at rest"), (15.0, "the vehicle moves at 40 s")])
+def test_under_way_fusion_starts_from_nothing_and_others_need_an_attitude(rest, said):
+    """Velocity of the fix at the start; level and heading are found.  A rest that ended 25 s before is no start at rest."""
+    log = simulated_log(
+        car("tactical"), seed=5, duration_s=100.0, grade="tactical", initial={"start_s": 40.0, "static_until_s": rest}
+    )
+    result = replay(log, "fusion").results[0]
+    assert said in result.notes[0] and "its level is unknown, its heading is unknown" in result.notes[0]
+    for name in ("roll_deg", "pitch_deg", "heading_deg", "vn_mps", "ve_mps", "vd_mps"):
+        assert abs(result.errors[name][-1]) < 3 * result.sigma[name][-1], name
+        assert beyond(result, name, result.time > 0) < 0.01, name
+    assert result.sigma["heading_deg"][0] > 60 and result.sigma["heading_deg"][-1] < 1
+    assert result.health.verdict == "consistent"
+    for id in ("loosely-coupled", "wander-sins", "fusion-smoother"):
+        with pytest.raises(InputError, match=f"{said}.*others need roll_deg, pitch_deg and heading_deg"):
+            replay(log, id)
+    told = started(log, roll_deg=0.0, pitch_deg=0.0, heading_deg=0.0, tilt_sigma_deg=5.0, heading_sigma_deg=180.0)
+    assert "its level is known to 5 deg, its heading is unknown" in replay(told, "aqe-sukf").results[0].notes[0]
+
+
+def test_fixes_without_a_velocity_do_not_start_under_way():
+    log = simulated_log("ship-at-sea", duration_s=10.0, grade="tactical")
+    log = replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None))
+    with pytest.raises(InputError, match="the log does not begin at rest"):
+        replay(log, "fusion")

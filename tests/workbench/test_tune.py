@@ -233,3 +233,13 @@ def test_the_command_prints_writes_and_is_json(tmp_path, monkeypatch):
     assert status == 0 and document["better"] is False
     assert {"key", "before", "after", "factor"} == set(document["parameters"][0])
     assert tune_module.WEIGHT == 0.5
+
+
+def test_a_filter_that_finds_its_attitude_is_tuned_without_its_alignment():
+    """Whose parameters no section may set: the tuning ended with an error."""
+    plan = make_plan("car-unknown-heading", "fusion", 1, duration_s=2.0)
+    values = plan.chosen.model.parameters.unpack(plan.chosen.model.parameters.start_vector())
+    values |= plan.plant.parameters_of(plan.chosen)
+    assert any(row.startswith("alignment_") for row in values)
+    keys = [parameter.key for parameter in tuned_parameters(plan.chosen, values, None)]
+    assert "gyro_bias_sigma_deg_h" in keys and not any(key.startswith("alignment_") for key in keys)

@@ -71,6 +71,8 @@ def _seeking(estimator: Estimator, filter: Composition) -> Estimator:
         prepare=lambda known: {**prepare(known), **unknown_start.prepared(known)},
         applicability=lambda parameters, duration_s: notes({**parameters, **sure}, duration_s),
         findings=lambda parameters: (*findings(parameters), unknown_start.finding()),
+        finds_attitude=True,
+        settable=estimator.model.parameters,  # not those of the alignment
     )
 
 
