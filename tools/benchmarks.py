@@ -19,6 +19,7 @@ from typing import Any
 
 import reproduced
 
+from insenv.bench import machine_line
 from insenv.reproduce import PAPERS, conditions, footnotes
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -160,7 +161,7 @@ def main(arguments: list[str]) -> None:
             if row["name"] in by_name:
                 found = by_name[row["name"]]
                 row |= {"value": _rounded(found["value"]), "floor": _rounded(found["floor"]), "unit": found["unit"]}
-        table["speed"]["machine"] = ", ".join(str(value) for value in document["machine"].values())
+        table["speed"]["machine"] = machine_line(document["machine"])
     else:
         raise SystemExit(__doc__)
     TABLE.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")

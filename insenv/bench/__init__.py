@@ -5,6 +5,6 @@ a figure that no better code could save.  Times are medians over repetitions.  S
 """
 
 from insenv.bench.figure import Figure
-from insenv.bench.figures import figures, machine
+from insenv.bench.figures import figures, machine, machine_line
 
-__all__ = ["Figure", "figures", "machine"]
+__all__ = ["Figure", "figures", "machine", "machine_line"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -38,6 +38,12 @@ def machine() -> dict[str, str | int]:
         "python": platform.python_version(),
         "compilers": ", ".join(compilers) or "none",
     }
+
+
+def machine_line(found: Mapping[str, str | int]) -> str:
+    """What `machine` returned in one line."""
+    words = {"cores": "1 core" if found["cores"] == 1 else "{} cores", "python": "Python {}", "compilers": "compilers: {}"}
+    return ", ".join(words.get(name, "{}").format(value) for name, value in found.items())
 
 
 def _processor() -> str:

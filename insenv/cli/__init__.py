@@ -9,6 +9,8 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
 
 from insenv import starting
 from insenv.cli.interruptions import Interruptions, ignore_from_now_on
@@ -34,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:  # the reader of the output has closed it, as `head` does
         status = BROKEN_PIPE
     except (KeyboardInterrupt, Exception) as error:
-        status = _report(error, "--json" in arguments, signals.number)
+        status = _report(error, arguments, signals.number)
     ignore_from_now_on()
     drop_unwritten()
     sys.exit(status)
@@ -55,10 +57,10 @@ def _execute(arguments: list[str]) -> int:
         return int(work() or DONE)
 
 
-def _report(error: BaseException, as_json: bool, number: int) -> int:
-    """Print one line on stderr and, if requested, one JSON document on stdout; return the exit status.
+def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
+    """Print one line on stderr and, if requested (--json), one JSON document on stdout; return the exit status.
 
-    number: the signal behind an interruption.
+    arguments: of the command line.  number: the signal behind an interruption.
     """
     from insenv.errors import InputError, InsenvError
 
@@ -66,8 +68,8 @@ def _report(error: BaseException, as_json: bool, number: int) -> int:
     if isinstance(error, KeyboardInterrupt) or kind == "Abort":
         kind, status, message = "Interrupted", 128 + number, str(error) or starting.message(number)
     elif hasattr(error, "format_message"):  # the parser's UsageError, whose module differs between versions of typer
-        kind, status, message = "InputError", WRONG, _plain(error.format_message())
         context = getattr(error, "ctx", None)
+        kind, status, message = "InputError", WRONG, _plain(error.format_message(), arguments, context)
         hint = f" (try '{context.command_path if context else 'insenv'} --help')"
     elif isinstance(error, InsenvError):
         message = str(error)
@@ -81,7 +83,7 @@ def _report(error: BaseException, as_json: bool, number: int) -> int:
         message = f"internal error: {kind}: {error} (INSENV_DEBUG=1 shows the traceback; please report it)"
     try:
         print(f"insenv: {message}{hint}", file=sys.stderr, flush=True)
-        if as_json:
+        if "--json" in arguments:
             from insenv.report.document import to_json
 
             print(to_json({"error": {"type": kind, "message": message}}), flush=True)
@@ -97,8 +99,22 @@ _PARSER_TEXTS = (
 )
 
 
-def _plain(message: str) -> str:
-    """A message of the parser in the words of all other messages."""
+def _plain(message: str, arguments: Sequence[str], context: Any) -> str:
+    """A message of the parser in the words of all other messages.  context: of the parser, or None."""
+    extra = re.match(r"Got unexpected extra argument\S* \((\S+).*\)$", message)
+    if extra and context is not None:
+        return _one_too_many(extra[1], arguments, context)
     for pattern, text in _PARSER_TEXTS:
         message = re.sub(pattern, text, message)
     return message
+
+
+def _one_too_many(given: str, arguments: Sequence[str], context: Any) -> str:
+    """The message about an argument that a command does not take, such as the value of an option that has none."""
+    command = context.command
+    flags = {name: each for each in command.params if getattr(each, "is_flag", False) for name in each.opts}
+    for before, argument in pairwise(arguments):
+        if argument == given and before in flags:
+            return f"{given!r} after {before}, which takes no value: {flags[before].help}"
+    allowed = " ".join([context.command_path, *command.collect_usage_pieces(context)])
+    return f"{given!r} is an argument too many: allowed is {allowed}"

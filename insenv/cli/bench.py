@@ -21,7 +21,7 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Measure speed and accuracy on this machine, each figure beside its floor."""
-    from insenv.bench import figures, machine
+    from insenv.bench import figures, machine, machine_line
     from insenv.cli.output import print_json, print_line, print_table, working
     from insenv.report.tables import number
 
@@ -40,7 +40,7 @@ def bench(
     )
     print_line()
     print_line("floor: the same measurement without any work")
-    print_line("machine: " + ", ".join(str(value) for value in machine().values()))
+    print_line(f"machine: {machine_line(machine())}")
 
 
 def _row(figure: Figure) -> dict[str, Any]:

@@ -5,7 +5,7 @@ The figures of drift are measured in tests/project/test_benchmarks.py.
 
 import pytest
 
-from insenv.bench import figures, machine
+from insenv.bench import figures, machine, machine_line
 from insenv.errors import InputError
 
 NAMES = {
@@ -60,3 +60,5 @@ def test_an_unknown_figure_is_named():
 
 def test_the_machine_is_described():
     assert {"processor", "cores", "system", "python", "compilers"} <= set(machine())
+    found = {"processor": "AMD EPYC", "cores": 2, "system": "Linux x86_64", "python": "3.11.7", "compilers": "cc"}
+    assert machine_line(found) == "AMD EPYC, 2 cores, Linux x86_64, Python 3.11.7, compilers: cc"

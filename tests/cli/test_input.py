@@ -35,6 +35,8 @@ def scenario_file(tmp_path):
         (["run", "ship-swaying", "--duration", "long"], ["allowed is a number", "--duration"]),
         (["run", "ship-swaying", "--seed", "-1"], ["seed", "-1"]),
         (["run", "ship-swaying", "--sed", "1"], ["--sed", "--help"]),
+        (["run", "ship-swaying", "--log", "d1"], ["'d1' after --log, which takes no value: With --out: write", "as a log"]),
+        (["run", "ship-swaying", "more"], ["'more' is an argument too many: allowed is insenv run [OPTIONS]", "SCENARIO"]),
         (["run"], ["SCENARIO"]),
         (["rum"], ["rum", "'run'"]),
         (["replay", "no.toml"], ["-e ID"]),

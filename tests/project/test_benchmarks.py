@@ -58,6 +58,6 @@ def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatc
     benchmarks.main(["speed", str(document)])
     speed = json.loads(table.read_text())["speed"]
     (row,) = [row for row in speed["figures"] if row["name"] == "env.single"]
-    assert (row["value"], row["floor"], row["target"]) == (151000.0, 1e6, 150000) and speed["machine"] == "P, 2"
+    assert (row["value"], row["floor"], row["target"]) == (151000.0, 1e6, 150000) and speed["machine"] == "P, 2 cores"
     with pytest.raises(SystemExit):
         benchmarks.main(["nonesuch"])
