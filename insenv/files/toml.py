@@ -117,6 +117,8 @@ def read_toml(path: str | Path, hints: Mapping[str, str] | None = None) -> dict[
     """
     path = Path(path)
     try:
+        if path.is_dir():
+            raise InputError(f"{path}: a folder, not a TOML file{f'; {hints[OTHER]}' if hints and OTHER in hints else ''}")
         raw = path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: file not found") from None

@@ -25,6 +25,12 @@ def test_run_and_replay_given_the_file_of_the_other():
     refused(run(PLAIN.parent / "px4-takeoff.ulg.gz"), "not a scenario", "insenv replay")
 
 
+def test_a_folder_is_named_with_what_is_allowed(tmp_path):
+    refused(replay(tmp_path), "a folder, not a TOML file; allowed is a .toml file that describes a log, or a flight log")
+    (tmp_path / "mine.toml").mkdir()
+    refused(run(tmp_path / "mine.toml"), "mine.toml: a folder, not a TOML file")
+
+
 def test_a_raw_table_says_what_it_needs(tmp_path):
     for name in ("plain-imu.csv", "plain-gnss.csv"):
         refused(replay(PLAIN.parent / name), name, "a table of numbers", "insenv new log FILE", "docs/logs.md")
