@@ -33,6 +33,7 @@ LEAST_REST = 100  # samples
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
+ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
 FAR = 3.0  # standard deviations by which a given position and the fixes may differ
 WITH_FIXES = "the start is that of the fixes"
@@ -250,7 +251,7 @@ def _stands(log: RecordedLog, first: int) -> bool:
 def _under_way(log: RecordedLog, first: int) -> Start:
     """Position and velocity of the fix next to where sample `first` begins, and of the attitude what [initial] gives.
 
-    Raises `InputError` if the fixes have no velocity.
+    Raises `InputError` without fixes.
     """
     initial, gnss, begin = log.description.initial, log.gnss, float(log.imu_time[first] - log.dt[first])
     where, rest = f"the vehicle moves at {begin:g} s, where navigation starts", ""
@@ -259,14 +260,17 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
-        "velocity, if neither magnetometer nor heading is among its aids; others need roll_deg, pitch_deg and heading_deg in "
-        f"[initial]{_hint(initial)}"
+        "velocity or a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, pitch_deg and "
+        f"heading_deg in [initial]{_hint(initial)}"
     )
-    if gnss is None or gnss.velocity_n is None:
+    if gnss is None:
         raise InputError(refusal)
     at, place = _fix_at(gnss, begin), _place(log, False, first)
-    gap, velocity = abs(float(gnss.time[at]) - begin), gnss.velocity_n[at]
-    way = gap * float(np.hypot(*velocity[:2])) + float(np.linalg.norm(log.lever_arm_b))
+    gap, velocity, sigma = abs(float(gnss.time[at]) - begin), np.zeros(3), np.full(3, ANY_SPEED)
+    if gnss.velocity_n is not None:
+        velocity = gnss.velocity_n[at]
+        sigma = gap * PUSH + (np.ones(3) if gnss.velocity_sigma is None else gnss.velocity_sigma[at])
+    way = gap * float(max(np.hypot(*velocity[:2]), sigma[:2].max())) + float(np.linalg.norm(log.lever_arm_b))
     levelled = initial.roll_deg is not None and initial.pitch_deg is not None
     known = replace(
         place.knowledge,
@@ -276,7 +280,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         **_sigmas(
             initial,
             position_sigma=gnss.position_sigma[at] + way,
-            velocity_sigma=(1.0 if gnss.velocity_sigma is None else gnss.velocity_sigma[at]) + gap * PUSH + np.zeros(3),
+            velocity_sigma=sigma,
             tilt_sigma=LEVEL_SIGMA if levelled else np.pi,
         ),
     )
@@ -285,8 +289,8 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         for sigma in (known.tilt_sigma, known.heading_sigma)
     )
     note = (
-        f"{where}: the start has position and velocity of the fix at {gnss.time[at]:.6g} s; its level is {level}, its heading "
-        f"is {heading}"
+        f"{where}: the start has position{' and velocity' * (gnss.velocity_n is not None)} of the fix at "
+        f"{gnss.time[at]:.6g} s; its level is {level}, its heading is {heading}"
     )
     return Start(known, (*place.notes, note), "" if levelled and initial.heading_deg is not None else refusal)
 

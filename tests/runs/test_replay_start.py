@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from simulated_log import simulated_log
 
-from insenv import attitude, geodesy, replay
+from insenv import attitude, geodesy, record, replay
 from insenv.core import symmetric
 from insenv.errors import InputError
 from insenv.estimators import Knowledge, SensorNotes, get
 from insenv.logs import LogDescription
+from insenv.logs.description import InitialSection
 from insenv.report import document
 from insenv.runs.first_motion import heading_by_force
 from insenv.runs.replay_start import initial_knowledge
@@ -310,7 +311,6 @@ def test_the_sigmas_of_initial_are_those_of_the_start(start):
 )
 def test_a_wrong_sigma_of_initial_is_an_error(key, value):
     from insenv.files.toml import validated
-    from insenv.logs.description import InitialSection
 
     with pytest.raises(InputError, match=key):
         validated(InitialSection, {key: value}, "log.toml")
@@ -351,8 +351,17 @@ def test_under_way_fusion_starts_from_nothing_and_others_need_an_attitude(rest, 
     assert "its level is known to 5 deg, its heading is unknown" in replay(told, "aqe-sukf").results[0].notes[0]
 
 
-def test_fixes_without_a_velocity_do_not_start_under_way():
-    log = simulated_log("ship-at-sea", duration_s=10.0, grade="tactical")
-    log = replace(log, gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None))
+def test_without_a_velocity_of_fixes_a_doppler_log_starts_fusion_under_way(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")  # to compile would take longer
+    log = record("ship-at-sea", duration_s=10.0)
+    log = replace(
+        log,
+        gnss=replace(log.gnss, velocity_n=None, velocity_sigma=None),
+        description=log.description.model_copy(update={"initial": InitialSection()}),
+    )
+    result = replay(log, "fusion").results[0]
+    assert "the start has position of the fix at" in result.notes[0]
+    assert any("the heading is not found" in note for note in result.notes)  # in minutes, by the Earth's rotation
+    assert all(beyond(result, name, result.time > 0) == 0.0 for name in ("heading_deg", "north_m", "vn_mps"))
     with pytest.raises(InputError, match="the log does not begin at rest"):
-        replay(log, "fusion")
+        replay(replace(log, instruments=()), "fusion")
