@@ -260,8 +260,8 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
-        "velocity or a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, pitch_deg and "
-        f"heading_deg in [initial]{_hint(initial)}"
+        "velocity, or by fixes and a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
+        f"pitch_deg and heading_deg in [initial]{_hint(initial)}"
     )
     if gnss is None:
         raise InputError(refusal)
