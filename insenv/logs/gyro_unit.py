@@ -26,12 +26,16 @@ WRONG = 2.0
 
 BEYOND = 10.0
 """Standard deviations of the bias by which the rate at rest differs from the Earth's if the unit is wrong."""
+ROCKED = np.radians(0.5)
+"""Turn of a vehicle at rest (rad): people getting in tilt a car by as much."""
 REST_SAMPLES = 100
 """Fewest samples of a rest that counts."""
 
 
 def rest_rate_notes(log: RecordedLog) -> list[str]:
-    """A note if the mean rate at rest is not that of the Earth and a bias as the data sheet in the description allows it."""
+    """A note if the mean rate at rest is not that of the Earth, a bias as the data sheet in the description allows it, and of a
+    vehicle that rocks.
+    """
     initial = log.description.initial
     if initial.static_until_s is None or not log.states_unit:
         return []
@@ -43,7 +47,7 @@ def rest_rate_notes(log: RecordedLog) -> list[str]:
     sheet = log.sensors(in_place=True)
     rate = float(np.linalg.norm(log.delta_angle[rest].sum(axis=0))) / time
     bias = float(np.sqrt(3.0) * np.hypot(sheet.gyro_bias_sigma, sheet.angle_random_walk / np.sqrt(time)))
-    if abs(rate - OMEGA_IE) <= BEYOND * bias:
+    if abs(rate - OMEGA_IE) <= BEYOND * bias + ROCKED / time:
         return []
     hourly = float(np.degrees(3600.0))
     return [

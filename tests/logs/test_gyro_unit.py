@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from places import ROOT
+from written_logs import written_log
 
 from insenv.logs import load
 
@@ -40,3 +41,11 @@ def test_a_rate_at_rest_that_the_data_sheet_does_not_allow(tmp_path: Path) -> No
     (note,) = notes(tmp_path, *without, ('"deg/s"', '"rad/s"'))
     assert "deg/h at rest" in note and "15 deg/h" in note and "check gyro_unit" in note
     assert notes(tmp_path, *without, ('"deg/s"', '"rad/s"'), ('grade = "tactical"', "")) == []  # nothing is known of the unit
+
+
+def test_a_car_that_rocks_at_rest_does_not_show_a_wrong_unit(tmp_path: Path) -> None:
+    """It measures 23 deg/h instead of 15, which is nothing that gyros of 0.01 deg/h err by."""
+    path = written_log(tmp_path, unit="navigation", grade="navigation", seed=0, duration_s=35.0)
+    assert not any("at rest" in note for note in load(path).notes)
+    path.write_text(path.read_text(encoding="utf-8").replace("[imu]", "[imu]\ngyro_scale = 57.3"), encoding="utf-8")
+    assert any("deg/h at rest" in note for note in load(path).notes)
