@@ -98,6 +98,13 @@ class Plant:
         estimator.check(self.scenario.drive(whole), parameters)
         return parameters
 
+    def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[str, ...]:
+        """What must be said, before it runs, of an estimator that may be stopped at any time; `rows`: see `parameters_of`."""
+        table = estimator.model.parameters
+        parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))
+        tuned = estimator.understated(self.knowledge, self.tunings, rows)
+        return (*tuned, *estimator.notes(parameters, self.duration_s))
+
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None, *, driven: bool = False) -> Plant:
     """The plant of a scenario; `seed` and `duration_s` (None: the scenario's) are checked.
