@@ -273,12 +273,6 @@ def _knowledge(
     )
 
 
-def told_of(scenario: Scenario) -> dict[str, Any]:
-    """`told` of a scenario as it stands."""
-    model, rows = plant_of(scenario)
-    return told(scenario, model.parameters.unpack(model.parameters.pack(rows)))
-
-
 def told(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """What the sensors of a scenario with these parameter rows (SI) tell of their errors: rows of `insenv.instruments.TOLD`."""
     rows: dict[str, Any] = {}
