@@ -21,8 +21,8 @@ STEP_S, LONGEST_S = 1.0, 2.5
 """Turns are compared between fixes that are this far apart, at least and at most (s)."""
 FEWEST = 10
 """Pairs of fixes that are needed."""
-TURN = np.radians(45.0)
-"""Range of courses of a vehicle that turns (rad): waves change that of a slow ship by half as much."""
+TURNED = np.radians(45.0)
+"""Extent of the course (rad) from which the vehicle has turned: waves of 2 m swing that of a ship of 6 m/s by 20 deg."""
 ALIKE = 0.9
 """Correlation of the turns from which the vehicle follows its course: not that of a multirotor."""
 WRONG = 2.0
@@ -66,7 +66,7 @@ def turn_notes(samples: InertialSamples, gnss: GnssFixes | None) -> list[str]:
     if np.count_nonzero(near) < FEWEST:
         return []
     course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    if np.ptp(course) < TURN:
+    if np.ptp(course) < TURNED:
         return []
     down = -np.median(samples.delta_velocity / samples.dt[:, None], axis=0)
     turned = np.cumsum(samples.delta_angle @ down) / max(float(np.linalg.norm(down)), 1e-9)
