@@ -16,6 +16,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge, SensorNotes
 from insenv.geodesy.rows import bounded_place_rows
 from insenv.scenario import Scenario, reported_attitude, start_errors
+from insenv.scenario.sensor_notes import motion_errors
 from insenv.sensors.imu_tables import HUGE
 
 Array = NDArray[np.float64]
@@ -102,9 +103,7 @@ def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:
     values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
     angles = np.asarray(values.pop("attitude"))
     values |= {name: angles[..., k] for k, name in enumerate(("roll", "pitch", "heading"))}
-    for name, triad in (("rotation_error", "gyro"), ("thrust_error", "accel")):
-        values[name] = np.hypot(values[f"{triad}_scale_sigma"], values[f"{triad}_misalignment_sigma"])
-    return values
+    return values | motion_errors(values)
 
 
 _SHEET = tuple(row.name.removeprefix("known_") for row in KNOWN if row.name.removeprefix("known_") in _FIELDS)

@@ -17,7 +17,7 @@ from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.readings import Readings
 from insenv.logs.units import Array
-from insenv.scenario.sensor_notes import motion_error, sensor_notes
+from insenv.scenario.sensor_notes import motion_errors, sensor_notes
 from insenv.sensors.grade_file import grade_of
 
 
@@ -147,8 +147,7 @@ class RecordedLog(InertialSamples):
 
     def motion_errors(self) -> dict[str, Any]:
         """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""
-        rows = self._unit_rows
-        return {"rotation_error": motion_error(rows, "gyro"), "thrust_error": motion_error(rows, "accel")}
+        return motion_errors(vars(self.sensors(in_place=True)))
 
     def fix_wander(self) -> dict[str, Any]:
         """The slowly changing error of the fixes that the description states, as the fields of `Knowledge`."""
