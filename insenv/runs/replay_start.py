@@ -20,8 +20,9 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
 from insenv.logs.motion import travel
+from insenv.logs.rest import rest_of, rest_rows
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
-from insenv.runs.rest import RestStart, gyrocompass_sigma, rest_of, start_at_rest
+from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ LEAST_REST = 100  # samples
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
-FAR = 3.0  # standard deviations by which a given position and the fixes may differ
+FAR = 4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
 WITH_FIXES = "the start is that of the fixes"
 REFERENCE_SIGMAS = {
     "position_sigma": np.full(3, 3.0),
@@ -303,33 +304,23 @@ def _conflict_note(found: RestStart, heading: float) -> tuple[str, ...]:
 
 def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     """Samples at rest, by the log's [initial]: those before the start, or all if fewer than 100 are before it."""
-    initial = log.description.initial
-    until = initial.static_until_s
-    if until is None:
+    if log.rest is None:
         raise InputError(
             "start 'coarse' of a navigation estimator: the log does not begin at rest; if it contains a time at rest, "
-            f"give its limits by [initial] static_from_s and static_until_s{_hint(initial)}"
+            f"give its limits by [initial] static_from_s and static_until_s{_hint(log.description.initial)}"
         )
     rest = _rest_rows(log, first)
     if len(rest) < LEAST_REST:
         raise InputError(
-            f"[initial] static_from_s = {_rest_from(log):g} s to static_until_s = {until:g} s: {len(rest)} samples; "
+            f"[initial] static_from_s = {log.rest[0]:g} s to static_until_s = {log.rest[1]:g} s: {len(rest)} samples; "
             f"{LEAST_REST} are needed"
         )
     return rest
 
 
-def _rest_from(log: RecordedLog) -> float:
-    given = log.description.initial.static_from_s
-    return float(log.imu_time[0]) if given is None else given
-
-
 def _rest_rows(log: RecordedLog, first: int) -> NDArray[np.intp]:
     """The samples of `_rest`; none or few if there is no such rest."""
-    until = log.description.initial.static_until_s
-    if until is None:
-        return np.zeros(0, np.intp)
-    rest = np.flatnonzero((log.imu_time >= _rest_from(log)) & (log.imu_time <= until))
+    rest = rest_rows(log)
     before = rest[rest < first]
     return before if len(before) >= LEAST_REST else rest
 
