@@ -163,10 +163,8 @@ class Plan:
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the scenario, on the estimator in that of the first run (`Estimator.notes`), and on its tuning in all."""
-        short = self.too_short
         found = (
             *self.plant.scenario.notes,
-            *((short,) if short else ()),
             *self.chosen.notes(self._parameters, self.duration_s),
             *self._understated,
         )

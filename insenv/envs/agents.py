@@ -29,7 +29,6 @@ from insenv.errors import InputError
 from insenv.estimators import Estimator
 from insenv.plant.feeding import bridge_lost
 from insenv.scenario import build
-from insenv.scenario.build import told_of
 
 Array = NDArray[np.float64]
 
@@ -78,7 +77,7 @@ class Agent:
             np.inf if declare_after is None else check_number("declare_after_s", declare_after, 0.0, most, "s")
         )
         self._tunings, self._tuned = setup.scenario.tunings, tuned
-        self._told = told_of(setup.scenario)
+        self._same = build(setup.scenario, driven=True).knowledge
         self._layout, self._samples = setup.layout, setup.samples
         model = estimator.model
         self._inputs = np.tile(model.inputs.start_vector(), (rows, setup.samples, 1))
@@ -93,7 +92,7 @@ class Agent:
         raise NotImplementedError
 
     def _parameters(self, known: Mapping[str, Any]) -> Array:
-        rows = self.estimator.parameters(knowledge_of(known, self._told), self._tunings, self._tuned)
+        rows = self.estimator.parameters(knowledge_of(known, self._same), self._tunings, self._tuned)
         return self.estimator.model.parameters.pack(rows)
 
     def _feed(self, seen: Mapping[str, Any]) -> Array:

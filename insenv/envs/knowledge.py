@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from math import pi, radians
 from typing import Any
 
@@ -16,6 +16,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Knowledge, SensorNotes
 from insenv.geodesy.rows import bounded_place_rows
 from insenv.scenario import Scenario, reported_attitude, start_errors
+from insenv.scenario.sensor_notes import motion_errors
 from insenv.sensors.imu_tables import HUGE
 
 Array = NDArray[np.float64]
@@ -86,23 +87,27 @@ def known_rows(scenario: Scenario, model: Model, p: Array, x: Array, sheets: Map
     return found
 
 
-def knowledge_of(known: Mapping[str, Any], instruments: Mapping[str, Any] | None = None) -> Knowledge:
+def knowledge_of(known: Mapping[str, Any], same: Knowledge | None = None) -> Knowledge:
     """Return the `Knowledge` in the rows of `KNOWN` of one episode, by name; other rows are ignored.
 
-    instruments: what is told of the aiding instruments (`Knowledge.instruments`), which is the same in all episodes.
+    same: of the scenario, whose other fields are those of all episodes: errors of the fixes, and what instruments tell.
     """
     told = fields_known(known).items()
     values: dict[str, Any] = {name: np.array(value) if np.ndim(value) else float(value) for name, value in told}
-    sheet = SensorNotes(**{name: values.pop(name) for name in _SHEET})
-    return Knowledge(**values, sensors=sheet, instruments=instruments or {})
+    values["sensors"] = SensorNotes(**{name: values.pop(name) for name in _SHEET})
+    return Knowledge(**values) if same is None else replace(same, **values)
 
 
 def fields_known(known: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of the rows of `KNOWN`, (...) or (..., 3), by the names of the fields of `Knowledge`."""
     values = {row.name.removeprefix("known_"): known[row.name] for row in KNOWN}
     angles = np.asarray(values.pop("attitude"))
-    return {**values, **{name: angles[..., k] for k, name in enumerate(("roll", "pitch", "heading"))}}
+    values |= {name: angles[..., k] for k, name in enumerate(("roll", "pitch", "heading"))}
+    return values | motion_errors(values)
 
 
 _SHEET = tuple(row.name.removeprefix("known_") for row in KNOWN if row.name.removeprefix("known_") in _FIELDS)
 """Fields of `SensorNotes`, in the order of `KNOWN`."""
+
+KNOWN_FIELDS = frozenset(fields_known(KNOWN.unpack(np.zeros(KNOWN.size))))
+"""Fields of `Knowledge` and `SensorNotes` that `KNOWN` tells."""

@@ -291,7 +291,8 @@ class ManoeuvreEnv(InertialEnv):
 
     ## Arguments
     - `scenario`: as for `AlignmentEnv`, of a car or aircraft with GNSS.
-    - `estimator`: "aqe-ekf", "aqe-sukf" (both made for an unknown heading) or "loosely-coupled".
+    - `estimator`: "aqe-ekf", "aqe-sukf" (both made for an unknown heading) or "loosely-coupled". Its parameters are those
+      of `insenv.run`; for a turntable, `rotation_error = 0` in the scenario's [estimator.ID] fits better than the default.
     - `start_speed_mps`: range of the start speed, m/s. None: from 2 to 12 m/s for a car and from 70 to 110 m/s for an
       aircraft, if the vehicle of the scenario moves at the start.
     - `reward`: "error" or "uncertainty". `goal_deg`: goal for the heading, deg. `time_weight`: see Rewards.

@@ -15,12 +15,12 @@ from insenv.core.tables import Table
 from insenv.envs.checks import as_numbers, check_number, check_range, check_type, is_number, refused
 from insenv.envs.episode_limits import between, episode_limits
 from insenv.envs.filter_inside import Inner
-from insenv.envs.knowledge import KNOWN, fields_known, knowledge_of, known_rows
+from insenv.envs.knowledge import KNOWN, KNOWN_FIELDS, fields_known, knowledge_of, known_rows
 from insenv.envs.task import Task
 from insenv.errors import InputError, nearest
 from insenv.plant.loop import PREFIX
 from insenv.scenario import Scenario, plant_of
-from insenv.scenario.build import check_speed_of_sinusoids, told_of
+from insenv.scenario.build import build, check_speed_of_sinusoids
 from insenv.scenario.description import MAX_SEED
 from insenv.scenario.sensor_notes import data_sheets, sensor_notes
 from insenv.sensors.figures import window_rows
@@ -252,29 +252,13 @@ class InnerStarts(Starts):
     ) -> None:  # fmt: skip
         super().__init__(scenario, task, ranges, constants, duration)
         self.mistuning, self._estimator = mistuning, inner.estimator
-        self._tunings, self._told = scenario.tunings, told_of(scenario)
+        self._tunings, self._same = scenario.tunings, build(scenario, driven=True).knowledge
         table = inner.estimator.model.parameters
         self._place = _span(task.model.parameters, [PREFIX + name for name in table.names])
-        self._columns = self._copied(task.model.parameters)
-        self._uncopied: Array | None = None  # with `_columns`: parameters that are the same in all episodes
+        copied = self._estimator.copied(self._tunings)
+        self._copied = None if copied is None else {name: field for name, field in copied.items() if field in KNOWN_FIELDS}
+        self._uncopied: Array | None = None  # parameters that are the same in all episodes
         self._bounds = [np.repeat([getattr(row, b) for row in table], [row.size for row in table]) for b in ("lower", "upper")]
-
-    def _copied(self, parameters: Table) -> tuple[list[int], list[int]] | None:
-        """Places of the filter's parameters that are copies of the initial knowledge, and those of the originals.
-
-        None if a function of the filter computes its parameters: then each episode calls it.
-        """
-        table, copied = self._estimator.model.parameters, self._estimator.copied(self._tunings)
-        if copied is None:
-            return None
-        known = np.arange(float(parameters.size))[_span(parameters, KNOWN.names)]
-        originals, own, told = fields_known(KNOWN.unpack(known)), list[int](), list[int]()
-        for name, field in copied.items():
-            if field in originals:
-                place = table.slice(name)
-                own.extend(range(place.start, place.stop))
-                told.extend(map(int, np.broadcast_to(originals[field], table[name].shape).flat))
-        return own, told
 
     def draw(self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None) -> Array:
         p = super().draw(generators, options)
@@ -285,18 +269,19 @@ class InnerStarts(Starts):
 
     def complete(self, p: Array, x: Array, options: Mapping[str, Any] | None = None) -> Array:
         p = super().complete(p, x, options)
-        own = p[:, self._place]
-        if self._columns is None:
+        own, table = p[:, self._place], self._estimator.model.parameters
+        if self._copied is None:
             for row, given in zip(own, p, strict=True):
                 row[:] = self._told_parameters(given)
         else:
             if self._uncopied is None:
                 self._uncopied = self._told_parameters(p[0])
-            own[:], (places, originals) = self._uncopied, self._columns
-            own[:, places] = p[:, originals]
+            own[:] = self._uncopied
+            values = fields_known(KNOWN.unpack(p[:, _span(self.task.model.parameters, KNOWN.names)]))
+            for name, field in self._copied.items():
+                own[:, table.slice(name)] = values[field].reshape(len(p), -1)
             lower, upper = self._bounds
             if not np.all((own >= lower) & (own <= upper)):
-                table = self._estimator.model.parameters
                 for row in own:
                     table.pack(table.unpack(row))  # raises the error that names the value
         return p
@@ -304,7 +289,7 @@ class InnerStarts(Starts):
     def _told_parameters(self, p: Array) -> Array:
         """The filter's parameters that follow from the initial knowledge in the parameters p of one episode."""
         known = KNOWN.unpack(p[_span(self.task.model.parameters, KNOWN.names)])
-        parameters = self._estimator.parameters(knowledge_of(known, self._told), self._tunings)
+        parameters = self._estimator.parameters(knowledge_of(known, self._same), self._tunings)
         return self._estimator.model.parameters.pack(parameters)
 
 

@@ -402,7 +402,9 @@ class Estimator:
 
     def notes(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """What must be said of its estimate, with these parameters (by row name), after `duration_s` of data."""
-        return (*self.objections(parameters, duration_s), *self._said("caveats", parameters, duration_s))
+        short = self.too_short(parameters, duration_s)
+        said = (*self.objections(parameters, duration_s), *self._said("caveats", parameters, duration_s))
+        return (short, *said) if short else said
 
     def objections(self, parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         """Those of `notes` with which its estimate does not count as aligned."""

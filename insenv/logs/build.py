@@ -141,11 +141,13 @@ def _imu(section: ImuSection, reader: LogReader) -> InertialSamples:
 
 
 def _spans(section: ImuSection, stamps: Array) -> Array:
-    """Factors (m,) from a rate to what a sample holds: 1, or of increments the longer of the steps beside the stamp, s."""
-    steps = np.diff(stamps)
-    if section.kind == "rate" or not steps.size:
+    """Factors (m,) from a rate to what a sample holds: 1, or of increments the longest of the steps beside the stamp and the
+    mean step, s: within a burst of stamps of arrival a sample covers more than the steps beside it.
+    """
+    if section.kind == "rate":
         return np.ones(stamps.size)
-    return np.maximum(np.append(steps, steps[-1]), np.insert(steps, 0, steps[0]))
+    steps = np.diff(stamps)
+    return np.maximum(np.maximum(np.append(steps, 0.0), np.insert(steps, 0, 0.0)), np.mean(steps))
 
 
 def _check_measurable(table: TextTable, triad: str, names: Sequence[Column], unit: str, most: Array) -> None:

@@ -11,7 +11,9 @@ import numpy as np
 from insenv.geodesy import OMEGA_IE
 from insenv.logs.course import NO_INFORMATION
 from insenv.logs.inertial import InertialSamples
+from insenv.logs.motion import REST_SAMPLES
 from insenv.logs.recorded import GnssFixes, RecordedLog
+from insenv.logs.rest import rest_of, rest_rows
 
 SPEED = 3.0
 """Speed over ground (m/s) from which the course counts."""
@@ -28,24 +30,20 @@ WRONG = 2.0
 
 BEYOND = 10.0
 """Standard deviations of the bias by which the rate at rest differs from the Earth's if the unit is wrong."""
-REST_SAMPLES = 100
-"""Fewest samples of a rest that counts."""
+SCATTERED = 3.0
+"""Standard deviations of the mean rate, likewise, of a vehicle that rocks."""
+REST_S = 5.0
+"""Shortest rest that counts (s): the sway of a ship looks steady for a shorter time."""
 
 
 def rest_rate_notes(log: RecordedLog) -> list[str]:
     """A note if the mean rate at rest is not that of the Earth and a bias as the data sheet in the description allows it."""
-    initial = log.description.initial
-    if initial.static_until_s is None or not log.states_unit:
+    rows = rest_rows(log)
+    if not log.states_unit or len(rows) < REST_SAMPLES or log.dt[rows].sum() < REST_S:
         return []
-    begin = -np.inf if initial.static_from_s is None else initial.static_from_s
-    rest = (log.imu_time >= begin) & (log.imu_time <= initial.static_until_s)
-    if np.count_nonzero(rest) < REST_SAMPLES:
-        return []
-    time = float(log.dt[rest].sum())
-    sheet = log.sensors(in_place=True)
-    rate = float(np.linalg.norm(log.delta_angle[rest].sum(axis=0))) / time
-    bias = float(np.sqrt(3.0) * np.hypot(sheet.gyro_bias_sigma, sheet.angle_random_walk / np.sqrt(time)))
-    if abs(rate - OMEGA_IE) <= BEYOND * bias:
+    rest = rest_of(log, rows, 0)
+    rate, bias = float(np.linalg.norm(rest.rate)), float(np.sqrt(3.0) * log.sensors(in_place=True).gyro_bias_sigma)
+    if abs(rate - OMEGA_IE) <= BEYOND * bias + SCATTERED * np.sqrt(3.0) * rest.rate_sigma:
         return []
     hourly = float(np.degrees(3600.0))
     return [

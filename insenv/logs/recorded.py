@@ -17,7 +17,7 @@ from insenv.logs.description import LogDescription
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.readings import Readings
 from insenv.logs.units import Array
-from insenv.scenario.sensor_notes import motion_error, sensor_notes
+from insenv.scenario.sensor_notes import motion_errors, sensor_notes
 from insenv.sensors.grade_file import grade_of
 
 
@@ -122,6 +122,14 @@ class RecordedLog(InertialSamples):
         return float(self.imu_time[-1] - self.imu_time[0] + self.dt[0])
 
     @property
+    def rest(self) -> tuple[float, float] | None:
+        """Begin and end of the time at rest [s], as the description states it or the log shows it; None if there is none."""
+        initial = self.description.initial
+        if initial.static_until_s is None:
+            return None
+        return float(self.imu_time[0]) if initial.static_from_s is None else initial.static_from_s, initial.static_until_s
+
+    @property
     def states_unit(self) -> bool:
         """Whether the description gives the grade of the inertial unit, or the log its parameters."""
         return bool(self.description.imu.grade) or self.unit is not None
@@ -131,11 +139,7 @@ class RecordedLog(InertialSamples):
         """What is assumed of the inertial unit; None if the description gives its grade, or the log its parameters."""
         if self.states_unit:
             return None
-        initial, rest = self.description.initial, None
-        if initial.static_until_s is not None:
-            begin = self.imu_time[0] if initial.static_from_s is None else initial.static_from_s
-            rest = (float(begin), initial.static_until_s)
-        return assumed_unit(self, rest)
+        return assumed_unit(self, self.rest)
 
     def sensors(self, in_place: bool) -> SensorNotes:
         """What estimators are tuned by: the grade of the description, the unit's own rows, or what is assumed of it."""
@@ -143,8 +147,7 @@ class RecordedLog(InertialSamples):
 
     def motion_errors(self) -> dict[str, Any]:
         """Scale factor and misalignment of the unit, 1 sigma, as the fields of `Knowledge` of that name."""
-        rows = self._unit_rows
-        return {"rotation_error": motion_error(rows, "gyro"), "thrust_error": motion_error(rows, "accel")}
+        return motion_errors(vars(self.sensors(in_place=True)))
 
     def fix_wander(self) -> dict[str, Any]:
         """The slowly changing error of the fixes that the description states, as the fields of `Knowledge`."""

@@ -81,9 +81,8 @@ class Follower:
 
     def notes(self, duration_s: float, found: Health | None, outputs: Mapping[str, Array]) -> tuple[str, ...]:
         """Remarks on the estimate after `duration_s` of data, on its health and on what `named` returned."""
-        parameters, short = self._parameters, self.too_short(duration_s)
-        told = (*((short,) if short else ()), *self.estimator.notes(parameters, duration_s))
-        told = (*told, *self.estimator.found(parameters, outputs))
+        parameters = self._parameters
+        told = (*self.estimator.notes(parameters, duration_s), *self.estimator.found(parameters, outputs))
         if not self.estimator.reports_health:
             return told
         if self.estimator.reports_fixes and (said := no_fix(found)):

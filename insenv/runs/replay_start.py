@@ -21,8 +21,9 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
 from insenv.logs.motion import REST_SPEED, REST_WINDOW_S, travel
+from insenv.logs.rest import rest_of, rest_rows
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
-from insenv.runs.rest import RestStart, gyrocompass_sigma, rest_of, start_at_rest
+from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
-FAR = 3.0  # standard deviations by which a given position and the fixes may differ
+FAR = 4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
 WITH_FIXES = "the start is that of the fixes"
 REFERENCE_SIGMAS = {
     "position_sigma": np.full(3, 3.0),
@@ -240,10 +241,10 @@ def _from_reference(log: RecordedLog, first: int) -> Knowledge:
 
 def _stands(log: RecordedLog, first: int) -> bool:
     """Whether the vehicle stands where sample `first` begins, by the rest of the log or by the fix there."""
-    until, gnss, begin = log.description.initial.static_until_s, log.gnss, float(log.imu_time[first] - log.dt[first])
-    if until is None:
+    gnss, begin = log.gnss, float(log.imu_time[first] - log.dt[first])
+    if log.rest is None:
         return False
-    if _rest_from(log) - REST_WINDOW_S <= begin <= until + REST_WINDOW_S or gnss is None or gnss.velocity_n is None:
+    if log.rest[0] - REST_WINDOW_S <= begin <= log.rest[1] + REST_WINDOW_S or gnss is None or gnss.velocity_n is None:
         return True
     return float(np.hypot(*gnss.velocity_n[_fix_at(gnss, begin), :2])) <= REST_SPEED
 
@@ -255,7 +256,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     """
     initial, gnss, begin = log.description.initial, log.gnss, float(log.imu_time[first] - log.dt[first])
     where, rest = f"the vehicle moves at {begin:g} s, where navigation starts", ""
-    if initial.static_until_s is None:
+    if log.rest is None:
         where = "the log does not begin at rest"
         rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
@@ -369,29 +370,19 @@ def _conflict_note(found: RestStart, heading: float) -> tuple[str, ...]:
 
 def _rest(log: RecordedLog, first: int) -> NDArray[np.intp]:
     """Samples at rest, by the log's [initial]: those before the start, or all if fewer than 100 are before it."""
-    initial = log.description.initial
-    until = initial.static_until_s
-    assert until is not None
+    assert log.rest is not None
     rest = _rest_rows(log, first)
     if len(rest) < LEAST_REST:
         raise InputError(
-            f"[initial] static_from_s = {_rest_from(log):g} s to static_until_s = {until:g} s: {len(rest)} samples; "
+            f"[initial] static_from_s = {log.rest[0]:g} s to static_until_s = {log.rest[1]:g} s: {len(rest)} samples; "
             f"{LEAST_REST} are needed"
         )
     return rest
 
 
-def _rest_from(log: RecordedLog) -> float:
-    given = log.description.initial.static_from_s
-    return float(log.imu_time[0]) if given is None else given
-
-
 def _rest_rows(log: RecordedLog, first: int) -> NDArray[np.intp]:
     """The samples of `_rest`; none or few if there is no such rest."""
-    until = log.description.initial.static_until_s
-    if until is None:
-        return np.zeros(0, np.intp)
-    rest = np.flatnonzero((log.imu_time >= _rest_from(log)) & (log.imu_time <= until))
+    rest = rest_rows(log)
     before = rest[rest < first]
     return before if len(before) >= LEAST_REST else rest
 

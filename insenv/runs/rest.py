@@ -3,9 +3,6 @@
 The mean specific force levels. The mean rate is the gyro bias plus the Earth's rate in the attitude: with the bias of the
 unit's grade as prior knowledge it is a measurement of the heading (gyrocompassing) and of the bias at once. Good gyros find
 the heading by it, poor ones their bias; in between both are what the two sources give together.
-
-The error of a mean comes from the scatter of the means of `BLOCKS` parts of the rest, so from noise and from whatever wind,
-people and an engine do to the vehicle.
 """
 
 from __future__ import annotations
@@ -17,57 +14,12 @@ from numpy.typing import NDArray
 
 from insenv import attitude, geodesy
 from insenv.estimators import SensorNotes
-from insenv.logs import RecordedLog
+from insenv.logs.rest import Rest
 
 Array = NDArray[np.float64]
 
-BLOCKS = 8
 CONFLICT = 3.0
 """Standard deviations by which a given heading may differ from that of the gyros."""
-
-
-@dataclass(frozen=True)
-class Rest:
-    """The means of a time at rest, b: rate (3,) rad/s and force (3,) m/s^2, with the standard deviation of each axis' mean rate
-    (the largest, rad/s); rocking: scatter of the direction of the force (rad); duration, age: its length and the time from its
-    end to the start of navigation (s).
-    """
-
-    rate: Array
-    force: Array
-    rate_sigma: float
-    rocking: float
-    duration: float
-    age: float
-
-    @property
-    def level(self) -> tuple[float, float]:
-        """Roll and pitch (rad)."""
-        x, y, z = self.force
-        return float(np.arctan2(-y, -z)), float(np.arctan2(x, np.hypot(y, z)))
-
-    def tilt_sigma(self, sensors: SensorNotes) -> float:
-        """Standard deviation of roll and pitch (rad); sensors: of a unit in place."""
-        return float(np.hypot(sensors.accel_bias_sigma / np.linalg.norm(self.force), self.rocking))
-
-
-def rest_of(log: RecordedLog, rows: NDArray[np.intp], first: int) -> Rest:
-    """The means over the samples `rows` of a log, for a start where sample `first` begins."""
-    dt = log.dt[rows]
-    parts = np.array_split(rows, BLOCKS)
-    rates, forces = (
-        np.array([values[part].sum(axis=0) / log.dt[part].sum() for part in parts])
-        for values in (log.delta_angle, log.delta_velocity)
-    )
-    force = log.delta_velocity[rows].sum(axis=0) / dt.sum()
-    return Rest(
-        rate=log.delta_angle[rows].sum(axis=0) / dt.sum(),
-        force=force,
-        rate_sigma=float(rates.std(axis=0, ddof=1).max() / np.sqrt(BLOCKS)),
-        rocking=float(forces.std(axis=0, ddof=1).max() / np.linalg.norm(force)),
-        duration=float(dt.sum()),
-        age=max(float(log.imu_time[first] - log.dt[first] - log.imu_time[rows[-1]]), 0.0),
-    )
 
 
 @dataclass(frozen=True)

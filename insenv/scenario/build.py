@@ -23,7 +23,7 @@ from insenv.instruments import TOLD
 from insenv.plant import plant_model
 from insenv.scenario.commands import DRIVEN, Commanded, commanded, input_rows
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
-from insenv.scenario.sensor_notes import motion_error, sensor_notes
+from insenv.scenario.sensor_notes import motion_errors, sensor_notes
 from insenv.scenario.tuning import Settings, choices_in, own_settings
 from insenv.sensors import IMU, Sensor
 from insenv.sensors.contract import Place
@@ -97,6 +97,13 @@ class Plant:
         parameters = estimator.parameters(self.knowledge, self.tunings, rows)
         estimator.check(self.scenario.drive(whole), parameters)
         return parameters
+
+    def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[str, ...]:
+        """What must be said, before it runs, of an estimator that may be stopped at any time; `rows`: see `parameters_of`."""
+        table = estimator.model.parameters
+        parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))
+        tuned = estimator.understated(self.knowledge, self.tunings, rows)
+        return (*tuned, *estimator.notes(parameters, self.duration_s))
 
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None, *, driven: bool = False) -> Plant:
@@ -237,7 +244,7 @@ def _true_start(model: Model, vector: Vector, seed: int) -> dict[str, Any]:
 def _knowledge(
     scenario: Scenario, true: Mapping[str, Any], parameters: Mapping[str, Any], told_rows: Mapping[str, Any], seed: int
 ) -> Knowledge:
-    known = scenario.knowledge
+    known, sheet = scenario.knowledge, sensor_notes(parameters, scenario.vehicle.in_place)
     error = start_errors(known, seed)
     roll, pitch, heading = reported_attitude(np.array(attitude.numeric.to_euler(true["q_nb"])), error[0:3])
     latitude, longitude, height = geodesy.numeric.geodetic_from_ned_offset(
@@ -256,20 +263,13 @@ def _knowledge(
         velocity_sigma=np.array(known.velocity_sigma_mps),
         tilt_sigma=radians(known.tilt_sigma_deg),
         heading_sigma=radians(known.heading_sigma_deg),
-        rotation_error=motion_error(parameters, "gyro"),
-        thrust_error=motion_error(parameters, "accel"),
+        **motion_errors(vars(sheet)),
         fix_wander_sigma=np.broadcast_to(np.asarray(parameters.get("gnss_wander_sigma", 0.0), dtype=float), 3),
         fix_wander_time=float(parameters.get("gnss_wander_time", 60.0)),
         antenna_lever_arm=np.array(scenario.gnss.lever_arm_m if scenario.gnss else (0.0, 0.0, 0.0)),
-        sensors=sensor_notes(parameters, scenario.vehicle.in_place),
+        sensors=sheet,
         instruments=told_rows,
     )
-
-
-def told_of(scenario: Scenario) -> dict[str, Any]:
-    """`told` of a scenario as it stands."""
-    model, rows = plant_of(scenario)
-    return told(scenario, model.parameters.unpack(model.parameters.pack(rows)))
 
 
 def told(scenario: Scenario, parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -90,12 +90,12 @@ def _course(rows: Mapping[str, Any], count: int) -> tuple[Vector, Vector, Vector
     return off, np.abs(final - initial), np.abs(of("ramp", 0.0)) * units.HOUR, of("time", 600.0)
 
 
-def motion_error(rows: Mapping[str, Any], triad: str) -> float:
-    """Scale factor and misalignment of a triad ("gyro", "accel"), 1 sigma, from a unit's rows: error per measured motion."""
-    names = ("scale_factor_sigma", "misalignment_sigma", "scale_factor_slope")
-    scale, coupled, slope = (float(np.max(np.abs(rows.get(f"{triad}_{name}", 0.0)))) for name in names)
-    off, _, ramp, _ = _course({name: np.ravel(value) for name, value in rows.items() if name.startswith("imu_temp")}, 1)
-    return float(np.hypot(np.hypot(scale, coupled), slope * float(off[0] + ramp[0])))
+def motion_errors(sheets: Mapping[str, Any]) -> dict[str, Any]:
+    """Scale factor and misalignment together, 1 sigma, by field of `Knowledge`; sheets: fields of `SensorNotes` by name."""
+    return {
+        name: np.hypot(sheets[f"{triad}_scale_sigma"], sheets[f"{triad}_misalignment_sigma"])
+        for name, triad in (("rotation_error", "gyro"), ("thrust_error", "accel"))
+    }
 
 
 CONSTANT = 1e9

@@ -285,15 +285,7 @@ def _notes(plant: Plant, chosen: Sequence[Estimator], settings: Settings | None)
     """What must be said of a scenario and of the estimators that run on it, as in a run."""
     rows, notes = setting_rows(settings, chosen), _notes_of_page(plant)
     for estimator in chosen:
-        given = plant.parameters_of(estimator, rows[estimator.id], whole=False)
-        parameters = estimator.model.parameters.unpack(estimator.model.parameters.pack(given))
-        short = estimator.too_short(parameters, plant.duration_s)
-        said = [
-            *estimator.understated(plant.knowledge, plant.tunings, rows[estimator.id]),
-            *([short] if short else []),
-            *estimator.notes(parameters, plant.duration_s),
-        ]
-        notes += [f"{estimator.id}: {note}" for note in said]
+        notes += [f"{estimator.id}: {note}" for note in plant.notes_of(estimator, rows[estimator.id])]
     return notes
 
 

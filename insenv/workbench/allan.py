@@ -244,7 +244,7 @@ def _triad(kind: str, axes: list[SensorNoise]) -> SensorNoise:
     """The three axes together: the mean of their variances has three times the degrees of freedom."""
     live = [axis.curve for axis in axes if axis.terms is not None]
     if not live:
-        return replace(axes[0], name=kind)
+        return replace(axes[0], name=kind, distrust=axes[0].warnings[0])
     variance = np.mean([each.variance for each in live], axis=0)
     impulses = np.max([each.impulses for each in live], axis=0)
     together = replace(live[0], deviation=np.sqrt(variance), impulses=impulses, axes=len(live))

@@ -127,7 +127,7 @@ def _explained(rows: Sequence[SensorNoise]) -> Iterator[str]:
     """What the entries mean that the tables have."""
     if any(noise.terms is not None and not noise.distrust for noise in rows):
         yield "±: half the width of the 95 % bounds"
-    if any(noise.distrust for noise in rows):
+    if any(noise.terms is not None and noise.distrust for noise in rows):
         yield "not trusted: not the figures of the unit alone; a grade file has those of a coarse class instead"
     shown = {name for noise in rows for name, key, _ in _slow_keys(noise.kind) if key in noise.figures()}
     if shown:

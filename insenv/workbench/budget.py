@@ -218,12 +218,9 @@ def _budget(case: _Case, errors: Array, limit: dict[str, Array], refusal: str) -
         )
     nothing = np.full(whole.shape[1:], np.nan)
     squares = np.stack([np.mean(one[kept] ** 2, axis=0) if good else nothing for one, good in zip(series, usable, strict=True)])
-    table = case.estimator.model.parameters
-    parameters = table.unpack(table.pack(case.plant.parameters_of(case.estimator, case.rows, whole=False)))
-    short = case.estimator.too_short(parameters, case.plant.duration_s)
     seeds = np.array([plant.seed for plant in case.plants])
     from_s = statistics_from(case.estimator.navigates, float(case.times[-1]))
-    notes = [*case.plant.scenario.notes, *((short,) if short else ()), *case.estimator.notes(parameters, case.plant.duration_s)]
+    notes = [*case.plant.scenario.notes, *case.plant.notes_of(case.estimator, case.rows)]
     unknown = unknown_errors(case.plant.scenario)
     if unknown:
         notes.append(f"the errors of {', '.join(unknown)} are not known: they are on in all runs, as part of the method")

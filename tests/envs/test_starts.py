@@ -6,10 +6,11 @@ import gymnasium
 import numpy as np
 import pytest
 
-from insenv.envs import knowledge_of
+from insenv.envs import ManoeuvreEnv, TuningEnv, knowledge_of
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.starts import InnerStarts
 from insenv.errors import InputError
+from insenv.scenario import build
 from insenv.scenario.sensor_notes import CONSTANT, _power, data_sheets, sensor_notes
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
@@ -33,10 +34,23 @@ def test_the_filter_of_each_row_starts_from_the_knowledge_of_that_row(id):
     done = starts.complete(p.copy(), x)
     assert len(np.unique(done[:, starts._place], axis=0)) == len(p)
     for i, row in enumerate(done):
-        known = knowledge_of(parameters.unpack(row, KNOWN.names))
+        known = knowledge_of(parameters.unpack(row, KNOWN.names), starts._same)
         told = filter.model.parameters.pack(filter.parameters(known, starts._tunings))
         assert np.array_equal(row[starts._place], told)
         assert np.array_equal(row, starts.complete(p[i : i + 1].copy(), x[i : i + 1])[0])
+
+
+@pytest.mark.parametrize(("kind", "given"), [(ManoeuvreEnv, {}), (TuningEnv, {"scenario": "ship-underway"})])
+def test_the_filter_knows_what_that_of_a_run_knows(kind, given):
+    """Also the errors of the unit that grow with motion, and the part of a fix's error that lasts."""
+    env = kind(**given, backend="interpreter")
+    env.reset(seed=0, options={"run_seed": 3})
+    starts, plant = env.setup.starts, build(env.setup.scenario, seed=3, driven=True)
+    wanted = plant.parameters_of(starts._estimator, whole=False)
+    assert np.all(wanted["rotation_error"] > 0.0) and np.all(wanted["fix_wander_sigma"] > 0.0)
+    found = env.setup.task.model.parameters.unpack(env.snapshot().parameters)
+    for name, value in wanted.items():
+        assert found[f"estimator_{name}"] == pytest.approx(value, rel=1e-12), name
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -50,7 +64,7 @@ def test_a_filter_that_computes_its_parameters_is_asked_row_by_row(id):
         return known.rows_of(starts._estimator.model.parameters)
 
     asking = replace(starts._estimator, prepare=prepare)
-    starts._estimator, starts._columns = asking, None
+    starts._estimator, starts._copied = asking, None
     assert asking.copied({}) is None
     assert np.array_equal(starts.complete(p.copy(), x), copied)
     assert len(calls) == len(p)

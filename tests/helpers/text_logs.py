@@ -78,6 +78,11 @@ class Folder:
             assert old in self.toml
             self.toml = self.toml.replace(old, new, 1)
 
+    def hold_increments(self, angle: str) -> None:
+        """Describe the samples as increments: angles in the unit `angle`, velocities in m/s."""
+        for old, new in (('"rate"', '"increment"'), ('"deg/s"', f'"{angle}"'), ('accel_unit = "g"', 'accel_unit = "m/s"')):
+            self.change(old, new)
+
     def line(self, name: str, number: int, text: str) -> None:
         lines = (self.path / name).read_text().split("\n")
         lines[number - 1] = text

@@ -5,10 +5,11 @@ from __future__ import annotations
 import gzip
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from text_logs import Folder, N
+from text_logs import Folder, N, as_text, imu_rows
 
 from insenv.errors import InputError
 from insenv.logs import load
@@ -58,11 +59,18 @@ def test_bad_rows(folder: Folder, name: str, line: int, text: str, expected: str
 
 
 def test_an_increment_that_no_gyro_measures(folder: Folder) -> None:
-    folder.change('"rate"', '"increment"')
-    folder.change('"deg/s"', '"deg"')
-    folder.change('accel_unit = "g"', 'accel_unit = "m/s"')
+    folder.hold_increments("deg")
     folder.line("imu.csv", 5, "10.08,0,0,2001,0,0,-1")
     assert "line 5, column 'gz': gyro is 2001 deg, allowed -2000 to 2000 deg" in folder.error()  # in 20 ms
+
+
+def test_increments_whose_stamps_come_in_bursts_are_measurable(folder: Folder) -> None:
+    folder.hold_increments("deg")
+    rows = imu_rows()
+    rows[:, 0] = 10.0 + np.repeat(np.arange(N // 5), 5) / 10.0 + np.tile(np.arange(5) * 5e-6, N // 5)
+    rows[:, 1:4] = 2.0  # 100 deg/s; within the 5 us between two stamps it would be 4e5 deg/s
+    folder.write("imu.csv", as_text(rows, "t,gx,gy,gz,ax,ay,az"))
+    np.testing.assert_allclose(folder.load().delta_angle, np.radians(2.0))
 
 
 @pytest.mark.parametrize("cut", [3, 20, 31])

@@ -87,9 +87,7 @@ def test_merged_increments_cover_their_time_and_show_the_rest(folder: Folder, sh
     counts[0] = 2
     full, rows = merged(counts)
     folder.write("imu.csv", as_text(rows, HEADER))
-    folder.change('"rate"', '"increment"')
-    folder.change('"deg/s"', '"rad"')
-    folder.change('accel_unit = "g"', 'accel_unit = "m/s"')
+    folder.hold_increments("rad")
     log = folder.load()
     assert log.gaps.count == 0 and len(log.imu_time) == len(rows) - 1
     np.testing.assert_allclose(log.dt, 0.01 * counts[1:], atol=1e-9)
@@ -103,9 +101,7 @@ def test_lost_increments_are_still_bridged(folder: Folder) -> None:
     keep = np.random.default_rng(3).random(3000) > 0.1
     keep[:2] = keep[-1] = True
     folder.write("imu.csv", as_text(full[keep], HEADER))
-    folder.change('"rate"', '"increment"')
-    folder.change('"deg/s"', '"rad"')
-    folder.change('accel_unit = "g"', 'accel_unit = "m/s"')
+    folder.hold_increments("rad")
     log = folder.load()
     assert log.gaps.samples == np.count_nonzero(~keep) and len(log.imu_time) == 3000
     assert log.delta_velocity[:, 2].sum() == pytest.approx(-0.0980665 * 3000, rel=1e-3)

@@ -12,10 +12,11 @@ from insenv.errors import InputError
 from insenv.estimators import Knowledge, SensorNotes, get
 from insenv.logs import LogDescription
 from insenv.logs.description import InitialSection
+from insenv.logs.rest import Rest, rest_of
 from insenv.report import document
 from insenv.runs.first_motion import heading_by_force
 from insenv.runs.replay_start import initial_knowledge
-from insenv.runs.rest import Rest, rest_of, start_at_rest
+from insenv.runs.rest import start_at_rest
 from insenv.scenario import load
 
 WANDER = {"loosely-coupled": {"fix_wander_sigma_m": [1.5, 1.5, 3.05], "fix_wander_time_s": 60.0}}

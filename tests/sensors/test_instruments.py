@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from exactness import inexact_operations
 from scipy.spatial.transform import Rotation
-from scipy.stats import binom, chi2
+from scipy.stats import binom
+from sensor_plant import CHANCE, assert_variance
 
 from insenv.core import noise
 from insenv.core.batch import make_batch
@@ -26,7 +27,6 @@ from insenv.scenario import build, load
 from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 from insenv.sensors.registry import registered
 
-CHANCE = 1e-5
 MODULES = {"barometer": barometer, "magnetometer": magnetometer, "odometer": odometer, "dvl": dvl, "heading": heading}
 TRUTH = {
     "true_delta_velocity": (3,),
@@ -76,15 +76,6 @@ def starts(id: str, parameters: dict[str, Any], seeds: int) -> dict[str, Any]:
     model = plant(id)
     r = np.array([noise.uniforms(s, 0, noise.START_STREAM, model.start_uniforms) for s in range(seeds)])
     return model.state.unpack(np.asarray(model.functions["start"](model.parameters.pack(parameters)[:, None], r.T)).T)
-
-
-def assert_variance(samples: Any, variance: float, freedom: float | None = None) -> None:
-    """Assert that the mean square of zero-mean samples is within chi-square bounds (`freedom`: by default all samples)."""
-    samples = np.ravel(samples)
-    freedom = freedom or samples.size
-    ratio = float(np.mean(samples**2)) / variance
-    low, high = chi2.ppf([CHANCE / 2, 1 - CHANCE / 2], freedom) / freedom
-    assert low < ratio < high, (ratio, low, high)
 
 
 def assert_gauss_markov(samples: Any, sigma: float, time: float) -> None:

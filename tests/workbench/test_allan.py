@@ -483,6 +483,16 @@ def test_noise_in_motion_is_not_written_as_measured():
     assert "# measured" not in grade_text(insenv.allan(log, from_s=100.0, to_s=400.0))
 
 
+def test_samples_that_show_no_noise_are_not_written_as_without_noise():
+    """A gyro whose noise is below its resolution, or one that is switched off."""
+    rates = unit_rates(np.random.default_rng(1), 6000)
+    rates[:, :3] = [0.0, 0.0, 1e-4]
+    unit = insenv.allan(log_of(rates))
+    assert unit.grade().gyro_arw_deg_sqrt_h == unit.assumed.gyro_arw_deg_sqrt_h > 0.0
+    assert "# Not trusted, and so the noise of the gyros is assumed too: the samples are constant" in grade_text(unit)
+    assert "trusted" not in printed(unit) and "constant" in printed(unit)
+
+
 def test_the_command_says_what_is_not_measured(tmp_path):
     rates = vibrating(np.random.default_rng(2))
     table = np.column_stack([np.arange(1, len(rates) + 1) / RATE, rates])

@@ -165,7 +165,9 @@ def test_a_sensor_of_another_package_is_part_of_the_method(monkeypatch):
     )
     monkeypatch.setattr(error_sources, "sensors_of", patched)
     monkeypatch.setattr(budget_module, "sensors_of", patched)
-    found = insenv.budget(changed("car-city-drive", rate_hz=100.0), "loosely-coupled", 4, duration_s=10.0)
+    settings = {"loosely-coupled": {"rotation_error": 0.0}}
+    found = insenv.budget(changed("car-city-drive", rate_hz=100.0), "loosely-coupled", 4, duration_s=10.0, settings=settings)
+    assert any(note.startswith("rotation_error = 0 mrad is set") for note in found.notes)
     assert not any(name.startswith("GNSS") for name in found.sources)
     assert any("the errors of gnss are not known" in note for note in found.notes)
     assert found.rms(found.none)[found.channels.index("north_m")] > 0.1
