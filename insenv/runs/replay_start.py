@@ -252,7 +252,7 @@ def _stands(log: RecordedLog, first: int) -> bool:
 def _under_way(log: RecordedLog, first: int) -> Start:
     """Position and velocity of the fix next to where sample `first` begins, and of the attitude what [initial] gives.
 
-    Raises `InputError` without fixes.
+    Without fixes the position is that of [initial], for a log that has a Doppler log.  Raises `InputError` without both.
     """
     initial, gnss, begin = log.description.initial, log.gnss, float(log.imu_time[first] - log.dt[first])
     where, rest = f"the vehicle moves at {begin:g} s, where navigation starts", ""
@@ -261,17 +261,22 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         rest = "; if it contains a time at rest, give its limits by [initial] static_from_s and static_until_s"
     refusal = (
         f"start 'coarse' of a navigation estimator: {where}{rest}. Under way fusion finds the attitude by fixes with a "
-        "velocity, or by fixes and a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
+        "velocity, or by a Doppler log, if neither magnetometer nor heading is among its aids; others need roll_deg, "
         f"pitch_deg and heading_deg in [initial]{_hint(initial)}"
     )
-    if gnss is None:
+    if gnss is None and all(each.id != "dvl" for each in log.instruments):
         raise InputError(refusal)
-    at, place = _fix_at(gnss, begin), _place(log, False, first)
-    gap, velocity, sigma = abs(float(gnss.time[at]) - begin), np.zeros(3), np.full(3, ANY_SPEED)
-    if gnss.velocity_n is not None:
-        velocity = gnss.velocity_n[at]
-        sigma = gap * PUSH + (np.ones(3) if gnss.velocity_sigma is None else gnss.velocity_sigma[at])
-    way = gap * float(max(np.hypot(*velocity[:2]), sigma[:2].max())) + float(np.linalg.norm(log.lever_arm_b))
+    place, velocity, velocity_sigma = _place(log, False, first), np.zeros(3), np.full(3, ANY_SPEED)
+    source, position_sigma = "the position of [initial]", np.full(3, ROUNDED_PLACE)
+    if gnss is not None:
+        at = _fix_at(gnss, begin)
+        gap = abs(float(gnss.time[at]) - begin)
+        if gnss.velocity_n is not None:
+            velocity = gnss.velocity_n[at]
+            velocity_sigma = gap * PUSH + (np.ones(3) if gnss.velocity_sigma is None else gnss.velocity_sigma[at])
+        way = gap * float(max(np.hypot(*velocity[:2]), velocity_sigma[:2].max())) + float(np.linalg.norm(log.lever_arm_b))
+        position_sigma = gnss.position_sigma[at] + way
+        source = f"position{' and velocity' * (gnss.velocity_n is not None)} of the fix at {gnss.time[at]:.6g} s"
     levelled = initial.roll_deg is not None and initial.pitch_deg is not None
     known = replace(
         place.knowledge,
@@ -280,8 +285,8 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         pitch=float(np.radians(initial.pitch_deg or 0.0)),
         **_sigmas(
             initial,
-            position_sigma=gnss.position_sigma[at] + way,
-            velocity_sigma=sigma,
+            position_sigma=position_sigma,
+            velocity_sigma=velocity_sigma,
             tilt_sigma=LEVEL_SIGMA if levelled else np.pi,
         ),
     )
@@ -289,10 +294,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
         "unknown" if sigma >= np.pi else f"known to {np.degrees(sigma):.3g} deg"
         for sigma in (known.tilt_sigma, known.heading_sigma)
     )
-    note = (
-        f"{where}: the start has position{' and velocity' * (gnss.velocity_n is not None)} of the fix at "
-        f"{gnss.time[at]:.6g} s; its level is {level}, its heading is {heading}"
-    )
+    note = f"{where}: the start has {source}; its level is {level}, its heading is {heading}"
     return Start(known, (*place.notes, note), "" if levelled and initial.heading_deg is not None else refusal)
 
 

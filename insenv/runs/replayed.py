@@ -151,7 +151,8 @@ def prepared(
         tunings[id] = {**tunings.get(id, {}), **tuning(id, table)}
     drive = _drive(log, begin_s)
     for estimator in families:
-        estimator.check(drive, tunings.get(estimator.id))
+        if estimator.adapt is None:  # a family is what `adapted` makes of it
+            estimator.check(drive, tunings.get(estimator.id))
 
     columns, dropped = sample_columns(log, slice(first, None))
     chosen_settings = setting_rows(settings, families)

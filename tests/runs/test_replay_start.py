@@ -366,3 +366,15 @@ def test_without_a_velocity_of_fixes_a_doppler_log_starts_fusion_under_way(monke
     assert all(beyond(result, name, result.time > 0) == 0.0 for name in ("heading_deg", "north_m", "vn_mps"))
     with pytest.raises(InputError, match="the log does not begin at rest"):
         replay(replace(log, instruments=()), "fusion")
+
+
+def test_a_log_without_fixes_starts_by_its_doppler_log_at_the_place_of_initial(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")  # to compile would take longer
+    log = record("ship-log-alignment", duration_s=5.0)
+    filter, alignment = replay(log, ["fusion", "velocity-integration"]).results
+    assert "the start has the position of [initial]" in filter.notes[0]
+    assert any("the heading is not found" in note for note in filter.notes)
+    assert alignment.sigma["roll_deg"][-1] < 5.0 and alignment.sigma["heading_deg"][-1] > 90.0
+    nowhere = replace(log, description=log.description.model_copy(update={"initial": InitialSection()}))
+    with pytest.raises(InputError, match="alignment needs the place"):
+        replay(nowhere, "fusion")
