@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import functools
+import hashlib
 import os
 import shutil
 import stat
@@ -42,6 +43,12 @@ def is_private(path: Path) -> bool:
     return (
         status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not stat.S_ISLNK(status.st_mode)
     )
+
+
+def source_digest(file: str) -> str:
+    """Hash of the Python sources in a module's folder, on which what they make and the cache keeps depends."""
+    paths = sorted(Path(file).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 
 
 @functools.cache
