@@ -10,6 +10,7 @@ import shutil
 import stat
 import tempfile
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 
 _PREFIX = "insenv-"
@@ -45,10 +46,9 @@ def is_private(path: Path) -> bool:
     )
 
 
-def source_digest(file: str) -> str:
-    """Hash of the Python sources in a module's folder, on which what they make and the cache keeps depends."""
-    paths = sorted(Path(file).parent.glob("*.py"))
-    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+def source_digest(paths: Iterable[Path]) -> str:
+    """Hash of Python sources; what they make is kept in the cache under it."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths) if path.exists())).hexdigest()
 
 
 @functools.cache

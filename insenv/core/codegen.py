@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from insenv.core.cache import source_digest
@@ -42,8 +43,9 @@ _EXPRESSIONS = {
 """The operations that IEEE 754 rounds in exactly one way; no others are allowed."""
 
 
-WRITER = source_digest(__file__)
-"""Hash of the code that writes C, as it was imported."""
+WRITERS = "codegen", "instructions", "lookup", "pieces"
+WRITER = source_digest(Path(__file__).with_name(f"{name}.py") for name in WRITERS)
+"""Hash of the modules that write the functions of a model as C, taken when they are imported."""
 
 
 def native_source(model: Model, functions: Mapping[str, str] | None = None) -> str:

@@ -137,4 +137,4 @@ def _write(path: Path, found: Limit) -> None:
 @cache
 def _version() -> str:
     """Hash of the source of the limits."""
-    return source_digest(limits.__file__)
+    return source_digest(Path(limits.__file__).parent.glob("*.py"))
