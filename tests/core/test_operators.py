@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from insenv.core.elementary import select
 from insenv.core.operators import quick_operators
 
 X, V, W, M = ca.SX.sym("x"), ca.SX.sym("v", 3), ca.SX.sym("w", 3), ca.SX.sym("m", 3, 3)
@@ -53,3 +54,10 @@ def test_operators_are_the_usual_ones_afterwards():
         assert all(getattr(ca.SX, f"__{name}__") is not function for name, function in usual.items())
         raise ZeroDivisionError
     assert all(getattr(ca.SX, f"__{name}__") is function for name, function in usual.items())
+
+
+@pytest.mark.parametrize("values", [(X, V), (V, 0.0), (0.0, X), (1, W), (1.0, 2.0), (0.0, 0.0), (ca.DM([1, 2, 3]), V)], ids=str)
+@pytest.mark.parametrize("condition", [ca.SX.sym("c"), X < 1.0, V > W], ids=["symbol", "comparison", "elements"])
+def test_select_is_if_else(condition, values):
+    usual, found = ca.if_else(condition, *values), select(condition, *values)
+    assert found.shape == usual.shape and ca.is_equal(found, usual, 9) and str(found) == str(usual)
