@@ -44,9 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _execute(arguments: list[str]) -> int:
     """Parse, then work outside the parser, which handles errors in its own way.  Return the exit status."""
-    from insenv.cli.app import app
+    from insenv.cli.app import parser
 
-    work = app(arguments, prog_name="insenv", standalone_mode=False)
+    work = parser()(arguments, prog_name="insenv", standalone_mode=False)
     if work == INTERRUPTED:  # by a signal during parsing, which the parser converts to a status
         raise KeyboardInterrupt
     if not callable(work):  # --help and --version are done

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import functools
+from typing import Annotated, Any
 
 import typer
 
@@ -32,6 +33,12 @@ app.command("list")(list_all)
 for command in (run, replay, allan, page, examples, new, campaign, budget, tune, reproduce, train, stream, bench, schema):
     app.command()(command)
 app.add_typer(fmu.app, name="fmu")
+
+
+@functools.cache
+def parser() -> Any:
+    """The parser of the command lines, made once in a process."""
+    return typer.main.get_command(app)
 
 
 @app.callback(invoke_without_command=True)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import atexit
 import functools
+import hashlib
 import os
 import shutil
 import stat
 import tempfile
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 
 _PREFIX = "insenv-"
@@ -42,6 +44,11 @@ def is_private(path: Path) -> bool:
     return (
         status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not stat.S_ISLNK(status.st_mode)
     )
+
+
+def source_digest(paths: Iterable[Path]) -> str:
+    """Hash of Python sources; what they make is kept in the cache under it."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths) if path.exists())).hexdigest()
 
 
 @functools.cache

@@ -9,8 +9,10 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
+from insenv.core.cache import source_digest
 from insenv.core.instructions import Instruction, instructions, ordering
 from insenv.core.lookup import table_loop
 from insenv.core.model import Kernel, Model
@@ -41,9 +43,14 @@ _EXPRESSIONS = {
 """The operations that IEEE 754 rounds in exactly one way; no others are allowed."""
 
 
-def native_source(model: Model) -> str:
-    """C source of the model for one row."""
-    return _source(model, "scalar.h", '#define EXPORT __attribute__((visibility("default")))')
+WRITERS = "codegen", "instructions", "lookup", "pieces"
+WRITER = source_digest(Path(__file__).with_name(f"{name}.py") for name in WRITERS)
+"""Hash of the modules that write the functions of a model as C, taken when they are imported."""
+
+
+def native_source(model: Model, functions: Mapping[str, str] | None = None) -> str:
+    """C source of the model for one row.  functions: text by name, if not that of the model's equations."""
+    return _source(model, "scalar.h", '#define EXPORT __attribute__((visibility("default")))', functions)
 
 
 def embedded_source(model: Model) -> str:
@@ -51,10 +58,10 @@ def embedded_source(model: Model) -> str:
     return _source(model, "scalar.h", "#define EXPORT static inline")
 
 
-def batch_source(model: Model, lanes: int | None = None) -> str:
-    """C source of the model for blocks of `lanes` rows (None: as many as a vector register holds)."""
+def batch_source(model: Model, lanes: int | None = None, functions: Mapping[str, str] | None = None) -> str:
+    """`native_source` for blocks of `lanes` rows (None: as many as a vector register holds)."""
     define = f"#define LANES {lanes}\n" if lanes else ""
-    return _source(model, "lanes.h", define + '#define EXPORT __attribute__((visibility("default")))')
+    return _source(model, "lanes.h", define + '#define EXPORT __attribute__((visibility("default")))', functions)
 
 
 def module_source(model: Model) -> str:

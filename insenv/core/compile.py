@@ -22,13 +22,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 from insenv.core.cache import cache_folder, is_lasting, is_private, process_folder
-from insenv.core.codegen import batch_source, native_source
+from insenv.core.codegen import WRITER, batch_source, native_source
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.errors import InsenvError
@@ -56,6 +56,7 @@ POLLING_S = 0.02
 LOG = logging.getLogger(__name__)
 """Tells, at level INFO, when a compilation begins (`COMPILING`, or `COMPILING_HERE` for this process alone) and ends."""
 COMPILING, COMPILING_HERE, COMPILED = "compiling, once", "compiling", "compiled"
+LIBRARY = "model.so"
 SMALLEST_ROOM = 2**20
 """Free bytes below which a failed compilation is put down to a full disk: compilers die in many ways of it."""
 
@@ -104,32 +105,45 @@ def find_compiler() -> Compiler | None:
     return None
 
 
-def compile_library(source: str, compiler: Compiler) -> Path:
+def compile_library(source: str, compiler: Compiler, origin: str = "") -> Path:
     """Path of the shared library of `source`, taken from the cache or compiled.
 
-    If the disk of the cache is full, the library is kept in a folder of this process; a warning says so.  Raises
-    `CompileError`, `NoRoomError` if there is no room anywhere.
+    origin: text that is the same only for the same source, which names the entry in its place (`kept_library`).  If the disk
+    of the cache is full, the library is kept in a folder of this process; a warning says so.  Raises `CompileError`,
+    `NoRoomError` if there is no room anywhere.
     """
+    key = _key(origin or source, compiler)
     try:
         cache = cache_folder()
         try:
-            return _library_in(cache, source, compiler)
+            return _library_in(cache, key, source, compiler)
         except OSError as error:
-            return _library_in(process_folder(cache, error.strerror or str(error)), source, compiler)
+            return _library_in(process_folder(cache, error.strerror or str(error)), key, source, compiler)
     except OSError as error:
         raise NoRoomError(f"no folder to compile models in: {error.strerror or error}") from None
 
 
-def _library_in(cache: Path, source: str, compiler: Compiler) -> Path:
+def kept_library(origin: str, compiler: Compiler) -> Path | None:
+    """Path of the library that `compile_library` has kept in the cache for this origin; None if there is none."""
+    with contextlib.suppress(OSError):
+        entry = cache_folder() / _key(origin, compiler)
+        if _is_intact(entry):
+            return entry / LIBRARY
+    return None
+
+
+def _key(origin: str, compiler: Compiler) -> str:
+    parts = (origin, *compiler.flags, *compiler.linker, compiler.identity)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+def _library_in(cache: Path, key: str, source: str, compiler: Compiler) -> Path:
     """Path of the library in this cache folder, compiled if it is not there.  Raises `CompileError`, OSError."""
-    parts = (source, *compiler.flags, *compiler.linker, compiler.identity)
-    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
     entry = cache / key
-    library = entry / "model.so"
     with _alone(cache / f"{key}.lock", entry):
         if not _is_intact(entry):
             _build(source, compiler, cache, entry)
-    return library
+    return entry / LIBRARY
 
 
 @contextlib.contextmanager
@@ -156,7 +170,7 @@ def _build(source: str, compiler: Compiler, cache: Path, entry: Path) -> None:
             _compile(source, compiler, build)
         finally:
             LOG.info(COMPILED)
-        digest = hashlib.sha256((build / "model.so").read_bytes()).hexdigest()
+        digest = hashlib.sha256((build / LIBRARY).read_bytes()).hexdigest()
         (build / "model.sha256").write_text(digest)
         # a folder cannot be renamed onto an existing one: move a broken entry away first
         for _ in range(10):
@@ -173,7 +187,7 @@ def _build(source: str, compiler: Compiler, cache: Path, entry: Path) -> None:
 def _compile(source: str, compiler: Compiler, build: Path) -> None:
     text = build / "model.c"
     text.write_text(source)
-    for command in compiler.commands(text, build / "model.so"):
+    for command in compiler.commands(text, build / LIBRARY):
         try:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
         except OSError as error:
@@ -187,10 +201,10 @@ def _compile(source: str, compiler: Compiler, build: Path) -> None:
 def _is_intact(entry: Path) -> bool:
     """Whether only this user can write the entry and its library has the hash stored beside it."""
     try:
-        if not (is_private(entry) and is_private(entry / "model.so")):
+        if not (is_private(entry) and is_private(entry / LIBRARY)):
             return False
         noted = (entry / "model.sha256").read_text()
-        return hashlib.sha256((entry / "model.so").read_bytes()).hexdigest() == noted
+        return hashlib.sha256((entry / LIBRARY).read_bytes()).hexdigest() == noted
     except OSError:
         return False
 
@@ -215,13 +229,13 @@ class _Library:
     def begin(self) -> None:
         """Start the compiler unless it has been started."""
         if not self._path and self._begun is None:
-            self._begun = _pool().submit(_compiled, native_source(self._model))
+            self._begun = _pool().submit(_looked_up(self._model, native_source))
 
     def path(self) -> str:
         """Path of the library, once it is compiled."""
         if not self._path:
             begun, self._begun = self._begun, None  # after a failure the next call tries again
-            self._path = begun.result() if begun is not None else _compiled(native_source(self._model))
+            self._path = begun.result() if begun is not None else _looked_up(self._model, native_source)()
         return self._path
 
 
@@ -247,14 +261,24 @@ def _pool() -> ThreadPoolExecutor:
 @functools.lru_cache(maxsize=64)
 def batch_library_path(model: Model, lanes: int | None) -> str:
     """Path of a model's library for blocks of `lanes` rows (None: as many as suit the processor)."""
-    return _compiled(batch_source(model, lanes))
+    return _looked_up(model, functools.partial(batch_source, lanes=lanes))()
 
 
-def _compiled(source: str) -> str:
+def _looked_up(model: Model, source: Callable[..., str]) -> Callable[[], str]:
+    """A function that gives the path of a model's library, by the compiler if it is not in the cache.
+
+    The functions of the source, which take long to write, are written only for the compiler: they follow from the model's
+    equations and the code that writes them.
+    """
     compiler = find_compiler()
     if compiler is None:
         raise CompileError("no C compiler found")
-    return str(compile_library(source, compiler))
+    origin = "\0".join([WRITER, model.fingerprint, source(model, functions={})])
+    kept = kept_library(origin, compiler)
+    if kept is not None:
+        return lambda: str(kept)
+    written = source(model)
+    return lambda: str(compile_library(written, compiler, origin))
 
 
 @functools.cache

@@ -63,7 +63,10 @@ def polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
 
 def select(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
     """a where the condition holds, b elsewhere; both are evaluated."""
-    if isinstance(condition, (ca.SX, ca.DM, ca.MX)):
+    if isinstance(condition, ca.SX):  # the nodes of ca.if_else, without the search for its overload
+        keep, other = ca.OP_IF_ELSE_ZERO, ca.SX.unary(ca.OP_NOT, condition)
+        return ca.SX.binary(keep, condition, a) + ca.SX.binary(keep, other, b)
+    if isinstance(condition, (ca.DM, ca.MX)):
         return ca.if_else(condition, a, b)
     return a if condition else b
 

@@ -110,6 +110,12 @@ class Model:
         if no random numbers are used.  Raises `InputError` that names the model and the step if a function fails or
         gives rows that are wrong.
         """
+        from insenv.core.operators import quick_operators
+
+        with quick_operators():
+            return self._kernels()
+
+    def _kernels(self) -> dict[str, Kernel]:
         import casadi as ca
 
         p, x, u = (ca.SX.sym(n, t.size) for n, t in zip("pxu", (self.parameters, self.state, self.inputs), strict=True))

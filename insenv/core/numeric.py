@@ -10,6 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from insenv.core.operators import quick_operators
+
 
 def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> Callable[..., Any]:
     """A NumPy version of a function of SX, broadcasting over leading axes.
@@ -30,7 +32,8 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     @cache
     def traced() -> tuple[ca.Function, list[tuple[int, ...]], bool]:
         flat = [ca.SX.sym(f"x{i}", prod(shape)) for i, shape in enumerate(own)]
-        returned = function(*(_from_row_major(x, shape) for x, shape in zip(flat, own, strict=True)))
+        with quick_operators():
+            returned = function(*(_from_row_major(x, shape) for x, shape in zip(flat, own, strict=True)))
         is_tuple = isinstance(returned, (tuple, list))
         results = [ca.SX(result) for result in (returned if is_tuple else (returned,))]
         # CasADi stores by columns, NumPy by rows

@@ -14,7 +14,7 @@ from insenv.core.instructions import Instruction
 
 LONGEST = 1500
 """Instructions of a piece."""
-LONG = 6000
+LONG = 3000
 """Instructions from which a function is written in pieces."""
 
 

@@ -211,10 +211,11 @@ class Table:
         parts = []
         for row in self.rows:
             shape = (row.shape + (1, 1))[:2]
+            value = values[row.name]
             try:
-                value = ca.SX(values[row.name])
+                value = value if isinstance(value, ca.SX) else ca.SX(value)
             except NotImplementedError:
-                given = type(values[row.name]).__name__
+                given = type(value).__name__
                 raise InputError(f"row {row.name!r} is of type {given}: allowed is a CasADi expression or a number") from None
             if value.shape != shape:
                 raise InputError(f"row {row.name!r} has the shape {value.size1()} x {value.size2()}: allowed is {row.shape}")

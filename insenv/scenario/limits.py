@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from insenv.core.cache import cache_folder
+from insenv.core.cache import cache_folder, source_digest
 from insenv.core.model import Model
 from insenv.core.progress import Progress, check_progress
 from insenv.core.tables import Vector
@@ -137,5 +137,4 @@ def _write(path: Path, found: Limit) -> None:
 @cache
 def _version() -> str:
     """Hash of the source of the limits."""
-    files = sorted(Path(limits.__file__).parent.glob("*.py"))
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    return source_digest(Path(limits.__file__).parent.glob("*.py"))

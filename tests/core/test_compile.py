@@ -9,10 +9,13 @@ import subprocess
 import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from insenv.core import codegen
 from insenv.core import compile as compiling
 from insenv.core.codegen import native_source
 from insenv.core.compile import CompileError, Compiler, NoRoomError, compile_library, find_compiler
@@ -166,6 +169,48 @@ def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
     assert [p.name for p in cache.iterdir()] == [found.pop().parent.name]  # no lock is left
 
 
+@pytest.fixture
+def written(monkeypatch):
+    """The sources that are written for the compiler, by model."""
+    names, write = [], compiling.native_source
+    monkeypatch.setattr(
+        compiling, "native_source", lambda m, functions=None: (functions is None and names.append(m.id), write(m, functions))[1]
+    )
+    return names
+
+
+def test_no_source_is_written_for_a_library_in_the_cache(cache, toy, written):
+    libraries = [compiling._looked_up(replace(toy), compiling.native_source)() for _ in range(2)]
+    assert libraries[0] == libraries[1] and written == ["toy"]
+    Path(libraries[0]).write_bytes(b"damaged")
+    assert compiling._looked_up(replace(toy), compiling.native_source)() == libraries[0] and written == ["toy", "toy"]
+
+
+def test_other_equations_conditions_and_code_that_writes_are_other_entries(cache, toy, monkeypatch):
+    def library(**changes):
+        return compiling._looked_up(replace(toy, **changes), compiling.native_source)()
+
+    rare, kick = toy.steps["rare"], toy.steps["kick"]
+    found = [
+        library(),
+        library(steps={**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}),
+        library(steps={**toy.steps, "kick": replace(kick, when=None)}),
+        library(steps={**toy.steps, "kick": replace(kick, when="rare_due")}),
+        library(start=lambda p, r: {"rare": r[0] * p.gain}),
+        compiling._looked_up(toy, compiling.batch_source)(),
+        compiling._looked_up(toy, partial(compiling.batch_source, lanes=2))(),
+    ]
+    monkeypatch.setattr(compiling, "WRITER", "other")
+    found.append(library())
+    assert len(set(found)) == len(found)
+
+
+def test_all_code_that_writes_functions_as_c_names_the_entries():
+    modules = {getattr(value, "__module__", None) for value in vars(codegen).values()}
+    own = {name.removeprefix("insenv.core.") for name in modules if name and name.startswith("insenv.core.")}
+    assert own == {*codegen.WRITERS, "model", "cache"}  # model: its result is in the fingerprint
+
+
 def test_two_processes_compiling_at_once_do_no_harm(cache):
     code = (
         "from conftest import TOY; from insenv.core.runner import make_runner;"
@@ -180,6 +225,7 @@ def test_two_processes_compiling_at_once_do_no_harm(cache):
     printed = [process.communicate(timeout=120)[0] for process in started]
     assert [process.returncode for process in started] == [0, 0]
     assert printed[0] == printed[1] != ""
+    assert len(list(cache.iterdir())) == 1  # both name the same entry
 
 
 def test_a_failing_compiler_is_reported_and_leaves_nothing(cache):

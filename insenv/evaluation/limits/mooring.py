@@ -42,11 +42,13 @@ class Mooring:
         count = 6 * len(self.frequencies)
         return constants("place", np.full(3, PLACE_SIGMA**2)), constants("sway", np.full(count, self.sigma**2))
 
-    def rows(self, time: float) -> Array:
-        """The displacement by the states of `sources`, (3, 3 + 6 k)."""
-        angle = self.frequencies * time
-        waves = np.stack([np.cos(angle), np.sin(angle)], axis=1).ravel()
-        return np.concatenate([np.eye(3), np.kron(waves, np.eye(3))], axis=1)
+    def rows(self, time: Array) -> Array:
+        """The displacement by the states of `sources`, (m, 3, 3 + 6 k), at times (m,)."""
+        angle = time[:, None] * self.frequencies
+        waves = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(time), 1, -1, 1)
+        axes = np.eye(3)
+        sway = (waves * axes[:, None]).reshape(len(time), 3, -1)
+        return np.concatenate([np.broadcast_to(axes, (len(time), 3, 3)), sway], axis=2)
 
 
 def mooring_of(rows: Mapping[str, Any]) -> Mooring | None:

@@ -153,13 +153,14 @@ class CovarianceFilter:
         moves = self._moves(steps, C_en, rest)
         still = np.eye(len(self.P))[DV]
         antenna = None if layout.fixes is None else _antenna(steps, layout.fixes.lever_arm)
+        moored = None if layout.mooring is None else layout.mooring.rows(steps.time)
         begins = np.concatenate([[self.last], steps.end[:-1]])
         self.last = int(steps.end[-1])
         aided = [(aid.epochs(begins, steps.end), *self._aid(aid, steps, C_en)) for aid in layout.aids]
         for k in range(count):
             self.move(moves, k)
-            if layout.mooring is not None:
-                self._moored(float(steps.time[k]), C_en[k])
+            if moored is not None:
+                self._moored(moored[k], C_en[k])
             elif rest[k]:
                 self.measure(still, np.full(3, REST_SIGMA**2))
             for number, H, variance in aided:
@@ -230,11 +231,8 @@ class CovarianceFilter:
             begin = span.stop
         return np.asarray(found + A @ found / 2)
 
-    def _moored(self, time: float, C_en: Array) -> None:
-        """Measure: the displacement is that of the place and the sway."""
-        mooring = self.layout.mooring
-        assert mooring is not None
-        rows = mooring.rows(time)
+    def _moored(self, rows: Array, C_en: Array) -> None:
+        """Measure: the displacement is that of the place and the sway, `rows` of `Mooring.rows`."""
         for P in self._all():
             begin = len(P) - rows.shape[1]
             crossed = P[:, DR] @ C_en - P[:, begin:] @ rows.T
@@ -277,7 +275,7 @@ def _propagate(P: Array, both: Array, drive: Array) -> None:
 def _measure(P: Array, crossed: Array, inside: Array, variance: Array) -> None:
     """Measure with white noise, in place.  crossed (n, k): P H^T.  inside (k, k): H P H^T.  variance (k,)."""
     inside = (inside + inside.T) / 2
-    inside[np.diag_indices(len(variance))] += variance
+    inside.flat[:: len(variance) + 1] += variance
     P -= crossed @ np.linalg.solve(inside, crossed.T)
     P += P.T
     P *= 0.5
