@@ -5,8 +5,9 @@ in body axes, seem to show a heading near the one it assumes.  `insenv.estimator
 and states its accuracy.  So until level and heading are known to `LINEAR_TILT` and `FOUND`,
 
 - no aid measures;
-- each fix with a velocity starts the filter anew: its attitude, with the covariance, is that of the alignment where that is
-  better than what is known, its position and velocity are unknown, and the fix is its first measurement.
+- each fix with a velocity starts the filter anew: its level, with the covariance, is that of the alignment once that is known
+  to `LINEAR_TILT` or better than before, its heading where that is better than what is known; its position and velocity
+  are unknown, and the fix is its first measurement.
 
 The rows of the alignment have the names of `velocity-integration` behind `PREFIX`; after the start its steps do not run.
 """
