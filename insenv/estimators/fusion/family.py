@@ -64,7 +64,7 @@ def _seeking(estimator: Estimator, filter: Composition) -> Estimator:
     """The same filter where its start attitude is not known: it finds it first."""
     assert estimator.prepare is not None and estimator.applicability is not None and estimator.findings is not None
     prepare, notes, findings = estimator.prepare, estimator.applicability, estimator.findings
-    sure = {"tilt_sigma": 0.0, "heading_sigma": 0.0}
+    sure = {"tilt_sigma": 0.0, "heading_sigma": 0.0}  # no note says that the start is too uncertain
     return replace(
         estimator,
         model=unknown_start.model_of(filter),

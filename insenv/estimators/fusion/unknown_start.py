@@ -57,7 +57,12 @@ _SEEKING, _FIX = (PREFIX + row.name for row in STATE)
 
 def wanted(known: Knowledge) -> bool:
     """Whether the start attitude is too uncertain for a linearised filter."""
-    return known.heading_sigma > LINEAR_HEADING or known.tilt_sigma > LINEAR_TILT
+    return bool(_uncertain(known))
+
+
+def _uncertain(told: Any) -> Any:
+    """The same of whatever has the fields or rows `heading_sigma` and `tilt_sigma`, numbers or symbols."""
+    return ca.logic_or(told.heading_sigma > LINEAR_HEADING, told.tilt_sigma > LINEAR_TILT)
 
 
 def prepared(known: Knowledge) -> dict[str, Any]:
@@ -113,9 +118,8 @@ def _state(x: Any) -> Values:
 
 def _start(filter: Composition) -> Callable[[Any], Mapping[str, Any]]:
     def start(p: Any) -> dict[str, Any]:
-        unknown = ca.logic_or(p.heading_sigma > LINEAR_HEADING, p.tilt_sigma > LINEAR_TILT)
         aligning = {PREFIX + name: value for name, value in alignment.start(_parameters(p)).items()}
-        return {**filter.start(p), **aligning, _SEEKING: select(unknown, 1.0, 0.0)}
+        return {**filter.start(p), **aligning, _SEEKING: select(_uncertain(p), 1.0, 0.0)}
 
     return start
 
