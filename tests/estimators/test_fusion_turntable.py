@@ -90,3 +90,13 @@ def test_a_run_and_a_replay_show_the_errors_of_the_unit():
 
 def test_only_a_calibration_shows_the_errors_of_the_unit():
     assert insenv.run("car-city-drive", "fusion", duration_s=5.0).results[0].unit == ()
+
+
+def test_a_campaign_has_no_limit_of_roll_and_heading_near_90_deg_of_pitch():
+    upright = _table("tactical")
+    upright["vehicle"] = {"kind": "turntable", "legs": [*LEGS[:1], {"duration_s": 30.0, "pitch_deg": 90.0}]}
+    assert insenv.limit(upright).unjudged == ("roll_deg", "heading_deg") and insenv.limit(_table("tactical")).unjudged == ()
+    summary = insenv.campaign(upright, "fusion", 2, seed=10000)
+    without = {name for name, row in summary.figures().items() if row["limit"] is None}
+    assert without == {"roll_deg", "heading_deg"} and summary.courses["heading_deg"].limit is None
+    assert any("the pitch comes near 90 deg" in note for note in summary.notes)
