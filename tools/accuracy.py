@@ -53,14 +53,14 @@ PRINTED_QAKF = ("qakf-printed", "qakf-improved-printed")
 FAR = ("car-unknown-heading", "aircraft-inflight-alignment")
 LARGE = ("large-misalignment", "large-misalignment-extreme", "aircraft-inflight-alignment", "car-unknown-heading")
 CASES = (
-    *(Case("fusion", name) for name in ("car-city-drive", "car-survey", *FAR, "ship-at-sea")),
+    *(Case("fusion", name) for name in ("car-city-drive", "car-survey", *FAR, "ship-at-sea", "ship-log-alignment")),
     *(Case("analytic", name) for name in ("static-ecef", "car-parked", "aircraft-parked", "ship-swaying")),
     *(Case("gyrocompass", name) for name in ("car-parked-paper", "ship-moored-paper", "ship-irregular-sea")),
     Case("gyrocompass", "ship-irregular-sea", settings=(("heading_constant_s", 100.0),)),
     *(Case("q-method", name) for name in (*IN_PLACE, "turntable-quaternion")),
     *(Case("velocity-integration", name) for name in ("car-unknown-heading", "car-city-drive", "aircraft-inflight-alignment")),
     Case("velocity-integration", "aircraft-survey", 900.0),
-    *(Case("velocity-integration", name) for name in ("ship-underway", "ship-at-sea")),
+    *(Case("velocity-integration", name) for name in ("ship-underway", "ship-at-sea", "ship-log-alignment")),
     *(Case(id, name) for id in ("qakf", "qakf-improved") for name in (*IN_PLACE, "turntable-quaternion")),
     *(Case(id, name) for id in PRINTED_QAKF for name in ("static-ecef", "car-parked", "turntable-quaternion")),
     *(Case("inertial-fir", name) for name in (*IN_PLACE, "car-parked-paper")),

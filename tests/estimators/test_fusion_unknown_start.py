@@ -12,11 +12,13 @@ from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.available import composition
+from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
 from insenv.plant.feeding import input_rows
 from insenv.scenario import Scenario, build, load
 
 STATES, AIDS = ("gnss_wander", "dvl_scale", "dvl_misalignment"), ("gnss", "dvl")
 FEW = composition("few", STATES, AIDS)
+LOGGED = composition("logged", STATES[1:], AIDS[1:])
 
 
 def _known(name: str, **knowledge: Any) -> Scenario:
@@ -101,19 +103,20 @@ def test_from_a_known_start_it_is_the_filter_itself_to_the_bit():
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
     known = plant.knowledge
-    parameters = {**insenv.fusion(STATES, AIDS).parameters(known), **unknown_start.prepared(known)}
+    parameters = {**insenv.fusion(STATES, AIDS).parameters(known), **unknown_start.prepared(BY_FIXES, known)}
     both = []
-    for model in (FEW.model, unknown_start.model_of(FEW)):
+    for model in (FEW.model, unknown_start.model_of(FEW, BY_FIXES)):
         own = {name: value for name, value in parameters.items() if name in model.parameters}
         both.append(make_runner(model, own).run(plant.samples, input_rows(model, columns, plant.samples), 50))
     np.testing.assert_array_equal(*both)
 
 
-def test_all_runners_give_the_same_bits():
-    plant = build(load("ship-at-sea"), seed=3, duration_s=15.0)
+@pytest.mark.parametrize(("filter", "way", "name"), [(FEW, BY_FIXES, "ship-at-sea"), (LOGGED, BY_LOG, "ship-log-alignment")])
+def test_all_runners_give_the_same_bits(filter, way, name):
+    plant = build(load(name), seed=3, duration_s=15.0)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    model = unknown_start.model_of(FEW)
+    model = unknown_start.model_of(filter, way)
     estimator = plant.adapted("fusion")
     parameters = {n: v for n, v in plant.parameters_of(estimator).items() if n in model.parameters}
     rows = input_rows(model, columns, plant.samples)

@@ -13,7 +13,9 @@ from insenv.campaigns.plan import make_plan
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
-from insenv.estimators import get, velocity_integration
+from insenv.estimators import get
+from insenv.estimators.velocity_integration import estimator as velocity_integration
+from insenv.estimators.velocity_integration.estimator import BY_FIXES
 from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
 from insenv.runs.replay_start import initial_knowledge
@@ -199,7 +201,7 @@ def test_gyros_that_lose_the_heading_are_named():
 
     def note(bias, at_rest=0.0):
         rows = {"gyro_bias_sigma": bias, "start_gyro_bias_error": at_rest}
-        attitude_found, heading = velocity_integration.findings(rows)
+        attitude_found, heading = velocity_integration.findings(BY_FIXES, rows)
         assert not attitude_found.said(unknown)
         return heading.said(unknown)
 

@@ -33,6 +33,7 @@ def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
     "name",
     [
         "car-city-drive", "car-survey", "car-odometer", "car-unknown-receiver", "multirotor-hover", "ship-dvl", "ship-at-sea",
+        "ship-log-alignment",
         "turntable-calibration", "aircraft-free-inertial",
     ],
 )  # fmt: skip

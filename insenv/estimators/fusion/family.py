@@ -5,8 +5,9 @@ Where nobody names states and aids, `presets` chooses them by the unit, the inst
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
+from math import cos, radians
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from insenv.estimators.fusion.prepared import prepared, untold_mounting
 from insenv.estimators.fusion.presets import aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration
+from insenv.geodesy import OMEGA_IE
 
 ID = "fusion"
 _SECTIONS = tuple(f"[{sensor}]" for aid in AIDS.values() for sensor in aid.sensors)
@@ -55,22 +58,21 @@ def fusion(
 def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledge, drive: Drive) -> Estimator:
     """The estimator that `make` makes of a filter for a drive."""
     made = make(filter, _uncounted(filter, known, drive))
-    ids = {aid.id for aid in filter.aids}
-    finds = "gnss" in ids and drive.fix_velocity and not ids & {"heading", "magnetometer"} and not made.smooths
-    return _seeking(made, filter) if finds and unknown_start.wanted(known) else made
+    way = None if made.smooths else unknown_start.way_of(filter, known, drive)
+    return made if way is None else _seeking(made, filter, way)
 
 
-def _seeking(estimator: Estimator, filter: Composition) -> Estimator:
+def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration) -> Estimator:
     """The same filter where its start attitude is not known: it finds it first."""
     assert estimator.prepare is not None and estimator.applicability is not None and estimator.findings is not None
     prepare, notes, findings = estimator.prepare, estimator.applicability, estimator.findings
     sure = {"tilt_sigma": 0.0, "heading_sigma": 0.0}  # no note says that the start is too uncertain
     return replace(
         estimator,
-        model=unknown_start.model_of(filter),
-        prepare=lambda known: {**prepare(known), **unknown_start.prepared(known)},
+        model=unknown_start.model_of(filter, way),
+        prepare=lambda known: {**prepare(known), **unknown_start.prepared(way, known)},
         applicability=lambda parameters, duration_s: notes({**parameters, **sure}, duration_s),
-        findings=lambda parameters: (*findings(parameters), unknown_start.finding()),
+        findings=lambda parameters: (*findings(parameters), unknown_start.finding(way)),
     )
 
 
@@ -84,7 +86,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
             *applicability.linear_start(parameters, duration_s),
             *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
             *(() if _holds(filter, _HORIZONTAL) else applicability.free_start(parameters, duration_s)),
-            *(() if _holds(filter, _HEADING) else (NO_HEADING,)),
+            *(() if _holds(filter, _HEADING) or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
             *(applicability.drifting_heading(parameters, duration_s) if IN_PLACE in ids else ()),
             *uncounted,
             *_without_sigma(filter, parameters),
@@ -113,6 +115,15 @@ NO_HEADING = (
     "none of the aids shows the heading: a linearised filter takes turns for information on it, and its sigmas of heading and "
     "position come out too small, by a factor of 1.2 to 3 after some minutes of a car's drive, and by more on a turntable"
 )
+
+
+GYROCOMPASS = radians(1.0)
+"""rad: heading error by a gyro bias up to which the rotation of the Earth shows the heading to a filter with a Doppler log."""
+
+
+def _gyrocompasses(ids: Collection[str], parameters: Mapping[str, Any]) -> bool:
+    horizontal = OMEGA_IE * cos(parameters["start_latitude"])
+    return "dvl" in ids and float(parameters["gyro_bias_sigma"]) < GYROCOMPASS * horizontal
 
 
 def _holds(filter: Composition, ids: tuple[str, ...]) -> bool:

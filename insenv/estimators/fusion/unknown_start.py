@@ -5,17 +5,18 @@ in body axes, seem to show a heading near the one it assumes.  `insenv.estimator
 and states its accuracy.  So until level and heading are known to `LINEAR_TILT` and `FOUND`,
 
 - no aid measures;
-- each fix with a velocity starts the filter anew: its level, with the covariance, is that of the alignment once that is known
-  to `LINEAR_TILT` or better than before, its heading where that is better than what is known; its position and velocity
-  are unknown, and the fix is its first measurement.
+- each velocity that the alignment measures, of GNSS or of a Doppler log, starts the filter anew: its level, with the
+  covariance, is that of the alignment once that is known to `LINEAR_TILT` or better than before, its heading where that is
+  better than what is known; its velocity is unknown, and the measurement is its first.  So is its position if that is
+  a fix; by a log it is that of the alignment.
 
 The rows of the alignment have the names of `velocity-integration` behind `PREFIX`; after the start its steps do not run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import radians
 from typing import Any
@@ -23,13 +24,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from insenv import attitude
+from insenv import attitude, geodesy
+from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
-from insenv.estimators import velocity_integration as alignment
-from insenv.estimators.contract import Knowledge
+from insenv.estimators.contract import Drive, Knowledge
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
 from insenv.estimators.fusion.retraction import corrected
@@ -38,26 +39,45 @@ from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.parts.rest_bias import bias_sigma
+from insenv.estimators.velocity_integration import estimator as alignment
+from insenv.estimators.velocity_integration import source, wahba
+from insenv.estimators.velocity_integration.errors import q_ni
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 PREFIX = "alignment_"
 FOUND = radians(7.0)
 """rad of heading: of an aircraft with centimetre fixes that starts with 10 deg the NEES was 16 of 9, with 7 deg it was 10."""
-UNKNOWN_PLACE, UNKNOWN_VELOCITY = 1e4, 1e2
-"""m, m/s: standard deviations before the first measurement."""
-SHARED = ("antenna_lever_arm", "angle_random_walk", "velocity_random_walk", "start_gyro_bias", "start_gyro_bias_error")
+UNKNOWN_PLACE = 1e4
+"""m: standard deviation before the first fix."""
+UNKNOWN_VELOCITY = {alignment.BY_FIXES: 1e2, alignment.BY_LOG: 1e4}
+"""m/s: the same before the first velocity.  One in body axes shows the heading if the unknown is not far above the speed."""
+SHARED = (
+    "angle_random_walk", "velocity_random_walk", "start_gyro_bias", "start_gyro_bias_error", "antenna_lever_arm",
+    "dvl_lever_arm_b", "dvl_noise", "start_latitude", "start_longitude", "start_height",
+)  # fmt: skip
 """Parameters that filter and alignment have in common."""
 
 STATE = Table((
     Row("seeking", "1 until the attitude is known well enough to start from"),
-    Row("fix_due", "1 at a fix with a velocity"),
+    Row("velocity_due", "1 at a measured velocity"),
+    Row("gone", "Way over the ground that a log has shown", "m"),
 ))  # fmt: skip
 """Rows beside those of the alignment, behind `PREFIX` too."""
-_SEEKING, _FIX = (PREFIX + row.name for row in STATE)
+_SEEKING, _VELOCITY, _GONE = (PREFIX + row.name for row in STATE)
+_AID = {alignment.BY_FIXES: "gnss", alignment.BY_LOG: "dvl"}
+"""The aid whose measurement starts the filter."""
+_SHOWN = {
+    alignment.BY_FIXES: "turns, changes of speed and waves show it",
+    alignment.BY_LOG: "the rotation of the Earth shows it, in minutes, to gyros with a bias far below 15 deg/h",
+}
 
 
-def wanted(known: Knowledge) -> bool:
-    """Whether the start attitude is too uncertain for a linearised filter."""
-    return bool(_uncertain(known))
+def way_of(filter: Composition, known: Knowledge, drive: Drive) -> VelocityIntegration | None:
+    """The alignment to start a filter by; None: it starts as told, or no aid of it allows one."""
+    ids = {aid.id for aid in filter.aids}
+    if not _uncertain(known) or ids & {"heading", "magnetometer"}:
+        return None
+    return alignment.available(ids, drive.fix_velocity, known)
 
 
 def _uncertain(told: Any) -> Any:
@@ -65,63 +85,138 @@ def _uncertain(told: Any) -> Any:
     return ca.logic_or(told.heading_sigma > LINEAR_HEADING, told.tilt_sigma > LINEAR_TILT)
 
 
-def prepared(known: Knowledge) -> dict[str, Any]:
+def prepared(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
     """Parameter rows of the alignment."""
-    return {PREFIX + name: value for name, value in alignment.prepare(known).items() if name not in SHARED}
+    return {PREFIX + name: value for name, value in alignment.prepare(way, known).items() if name not in SHARED}
 
 
-def finding() -> Finding:
+def finding(way: VelocityIntegration) -> Finding:
     """What is said of a run that has not found its heading at its end."""
     return Finding(
         "attitude_sigma",
-        "the heading is not found: until it is, each fix starts the filter anew, and no other aid is used; turns, changes of "
-        "speed and waves show it",
-        scale=(np.inf, np.inf, alignment.LARGEST_LINEAR),
+        "the heading is not found: until it is, each measured velocity starts the filter anew, and no other aid is used; "
+        f"{_SHOWN[way]}",
+        scale=(np.inf, np.inf, source.LARGEST_LINEAR),
     )
 
 
 @lru_cache(maxsize=16)
-def model_of(filter: Composition) -> Model:
-    """The model of `filter`, which has the aid gnss, with the alignment before its aids; made once for each filter."""
-    model = filter.model
-    aids = {aid.id: aid.due_row for aid in filter.aids}
-    gnss = next(aid for aid in filter.aids if aid.id == "gnss")
-    own = Table(tuple(row for row in alignment.PARAMETERS if row.name not in SHARED))
-    return replace(
-        model,
-        title=f"{model.title}; attitude at the start by {alignment.MODEL.id}",
-        parameters=model.parameters + _prefixed(own),
-        state=model.state + _prefixed(STATE + alignment.STATE),
-        steps={
-            **{name: _masked(step, aids.values()) for name, step in model.steps.items() if name not in aids},
-            **{PREFIX + name: _aligning(name, step) for name, step in alignment.MODEL.steps.items()},
-            f"{PREFIX}start": Step(_started(filter, gnss), when=_FIX),
-            **{name: model.steps[name] for name in aids},
-        },
-        start=_start(filter),
-    )
+def model_of(filter: Composition, way: VelocityIntegration) -> Model:
+    """The model of `filter` with the alignment before its aids; made once for each filter."""
+    return _Seeking(filter, way).model()
 
 
 def _prefixed(table: Table) -> Table:
     return Table(tuple(replace(row, name=PREFIX + row.name) for row in table))
 
 
-def _parameters(p: Any) -> Values:
-    """The parameters as the alignment names them."""
-    return Values(**{name: getattr(p, name if name in SHARED else PREFIX + name) for name in alignment.PARAMETERS.names})
+@dataclass(frozen=True)
+class _Seeking:
+    """A filter with the alignment that it starts by."""
 
+    filter: Composition
+    way: VelocityIntegration
 
-def _state(x: Any) -> Values:
-    """The state as the alignment names it."""
-    return Values(**{name: getattr(x, PREFIX + name) for name in alignment.STATE.names})
+    @property
+    def aid(self) -> Aid:
+        """The one whose measurement starts the filter."""
+        return next(aid for aid in self.filter.aids if aid.id == _AID[self.way])
 
+    def model(self) -> Model:
+        model = self.filter.model
+        aids = {aid.id: aid.due_row for aid in self.filter.aids}
+        own = Table(tuple(row for row in self.way.parameters if row.name not in SHARED))
+        return replace(
+            model,
+            title=f"{model.title}; attitude at the start by {self.way.model.id}",
+            parameters=model.parameters + _prefixed(own),
+            state=model.state + _prefixed(STATE + self.way.model.state),
+            steps={
+                **{name: _masked(step, aids.values()) for name, step in model.steps.items() if name not in aids},
+                **{PREFIX + name: self.aligning(name, step) for name, step in self.way.model.steps.items()},
+                f"{PREFIX}start": Step(self.started, when=_VELOCITY),
+                **{name: model.steps[name] for name in aids},
+            },
+            start=self.start,
+        )
 
-def _start(filter: Composition) -> Callable[[Any], Mapping[str, Any]]:
-    def start(p: Any) -> dict[str, Any]:
-        aligning = {PREFIX + name: value for name, value in alignment.start(_parameters(p)).items()}
-        return {**filter.start(p), **aligning, _SEEKING: select(_uncertain(p), 1.0, 0.0)}
+    def parameters(self, p: Any) -> Values:
+        """The parameters as the alignment names them."""
+        return Values(**{name: getattr(p, name if name in SHARED else PREFIX + name) for name in self.way.parameters.names})
 
-    return start
+    def state(self, x: Any) -> Values:
+        """The state as the alignment names it."""
+        return Values(**{name: getattr(x, PREFIX + name) for name in self.way.model.state.names})
+
+    def start(self, p: Any) -> dict[str, Any]:
+        aligning = {PREFIX + name: value for name, value in self.way.start(self.parameters(p)).items()}
+        return {**self.filter.start(p), **aligning, _SEEKING: select(_uncertain(p), 1.0, 0.0)}
+
+    def aligning(self, name: str, step: Step) -> Step:
+        """A step of the alignment."""
+
+        def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
+            changed = {PREFIX + row: value for row, value in step.function(self.parameters(p), self.state(x), u).items()}
+            return changed | ({_VELOCITY: getattr(u, self.way.source.arrives)} if name == "sample" else {})
+
+        when = {"sample": _SEEKING, wahba.MEASURED: _VELOCITY}.get(name, f"{PREFIX}{step.when}")
+        return Step(function, when=when)
+
+    def started(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
+        """Start the filter anew, from the answer of the alignment where that is better than what is known."""
+        own, state, n = self.parameters(p), self.state(x), self.filter.n
+        found = self.way.output(own, state)
+        sigma, P = found["attitude_sigma"], symmetric.full(x.covariance, n)
+        known = ca.diag(P)[TILT]
+        # the level that is known turns with gyro biases whose direction an unknown heading hides
+        levelled = ca.logic_and(sigma[0] < LINEAR_TILT, sigma[1] < LINEAR_TILT)
+        levelled = ca.logic_or(levelled, ca.sumsqr(sigma[:2]) < ca.sum1(known[:2]))
+        headed = ca.logic_and(sigma[2] < wahba.UNKNOWN, sigma[2] ** 2 < known[2])
+        taken = ca.vertcat(*[select(better, 1.0, 0.0) for better in (levelled, levelled, headed)])
+        left = ca.sqrt(taken * sigma**2 + (1 - taken) * known)
+        unknown = ca.logic_or(left[2] > FOUND, ca.logic_or(left[0] > LINEAR_TILT, left[1] > LINEAR_TILT))
+
+        q_wb = attitude.multiply(attitude.conjugate(strapdown.wander_quaternion(x.q_ew)), found["q_nb"])
+        apart = attitude.error_rotation_vector(q_wb, x.q_wb)
+        q_wb = attitude.multiply(attitude.from_rotation_vector((taken - 1) * apart), q_wb)
+        wrong = ca.SX.zeros(n)
+        wrong[TILT] = attitude.error_rotation_vector(q_wb, x.q_wb)
+        covariance = _covariance(P, x, own, state, taken)
+        wrong[POSITION], by_tilt, place, gone = self.placed(p, own, x, state, u, covariance[TILT, TILT])
+        if self.way is alignment.BY_LOG:  # what the velocity in body axes shows of the attitude depends on the velocity
+            wrong[VELOCITY] = x.velocity_w - attitude.rotate(q_wb, u.dvl_velocity_b)
+        covariance[VELOCITY, VELOCITY] = UNKNOWN_VELOCITY[self.way] ** 2 * ca.SX.eye(3)
+        covariance[POSITION, :] = by_tilt @ covariance[TILT, :]
+        covariance[:, POSITION] = covariance[POSITION, :].T
+        covariance[POSITION, POSITION] = by_tilt @ covariance[TILT, TILT] @ by_tilt.T + place
+        return {
+            **corrected(x, wrong, self.filter.states, self.filter.places),
+            "covariance": symmetric.triangle(covariance),
+            **_uncounted(self.aid, p, x, u),
+            self.aid.due_row: 1.0,
+            **gone,
+            _VELOCITY: 0.0,
+            _SEEKING: select(unknown, 1.0, 0.0),
+            f"{PREFIX}covariance_due": 0.0,
+        }
+
+    def placed(self, p: Any, own: Values, x: Any, state: Values, u: Any, tilt: Any) -> tuple[Any, Any, Any, dict[str, Any]]:
+        """Error of the position (3, m, w), its derivative (3x3) by psi, its covariance without that (3x3, w); row of the way.
+
+        A fix will tell it.  A log has shown a way in body axes, which turns with the attitude.  tilt (3x3): covariance of psi.
+        """
+        if self.way is alignment.BY_FIXES:
+            return ca.SX.zeros(3), ca.SX(3, 3), UNKNOWN_PLACE**2 * ca.SX.eye(3), {}
+        C_wn = strapdown.C_nw(x.q_ew).T
+        latitude, longitude, _ = geodesy.geodetic_from_q_ew(x.q_ew)
+        error_n = geodesy.position_error(latitude, longitude, x.height, state.latitude, state.longitude, state.height)
+        way_n = attitude.rotate(q_ni(state, state.q_i0i), state.way)
+        since = minimum(getattr(x, self.aid.row("since")), state.time)  # of the first measurement: since the start
+        gone = getattr(x, _GONE) + ca.norm_2(u.dvl_velocity_b) * since
+        mounting = own.dvl_misalignment_sigma**2
+        level = own.dvl_scale_factor_sigma**2 + mounting + minimum(ca.trace(tilt) ** 2, 1.0)
+        variance = p.position_sigma**2 + gone**2 * ca.vertcat(level, level, mounting)
+        return C_wn @ (error_n - way_n), skew(C_wn @ way_n), C_wn @ ca.diag(variance) @ C_wn.T, {_GONE: gone}
 
 
 def _masked(step: Step, due: Collection[str]) -> Step:
@@ -134,80 +229,33 @@ def _masked(step: Step, due: Collection[str]) -> Step:
     return replace(step, function=function)
 
 
-def _aligning(name: str, step: Step) -> Step:
-    """A step of the alignment."""
-
-    def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        changed = {PREFIX + row: value for row, value in step.function(_parameters(p), _state(x), u).items()}
-        return changed | ({_FIX: u.gnss_velocity_valid} if name == "sample" else {})
-
-    when = {"sample": _SEEKING, "fix": _FIX}.get(name, f"{PREFIX}{step.when}")
-    return Step(function, when=when)
-
-
-def _started(filter: Composition, gnss: Aid) -> Callable[[Any, Any, Any], dict[str, Any]]:
-    """The step that starts the filter anew, from the answer of the alignment where that is better than what is known."""
-
-    def step(p: Any, x: Any, u: Any) -> dict[str, Any]:
-        own, state = _parameters(p), _state(x)
-        found = alignment.output(own, state)
-        sigma, P = found["attitude_sigma"], symmetric.full(x.covariance, filter.n)
-        known = ca.diag(P)[TILT]
-        # the level that is known turns with gyro biases whose direction an unknown heading hides
-        levelled = ca.logic_and(sigma[0] < LINEAR_TILT, sigma[1] < LINEAR_TILT)
-        levelled = ca.logic_or(levelled, ca.sumsqr(sigma[:2]) < ca.sum1(known[:2]))
-        headed = ca.logic_and(sigma[2] < alignment.UNKNOWN, sigma[2] ** 2 < known[2])
-        taken = ca.vertcat(*[select(better, 1.0, 0.0) for better in (levelled, levelled, headed)])
-        left = ca.sqrt(taken * sigma**2 + (1 - taken) * known)
-        unknown = ca.logic_or(left[2] > FOUND, ca.logic_or(left[0] > LINEAR_TILT, left[1] > LINEAR_TILT))
-
-        q_wb = attitude.multiply(attitude.conjugate(strapdown.wander_quaternion(x.q_ew)), found["q_nb"])
-        apart = attitude.error_rotation_vector(q_wb, x.q_wb)
-        q_wb = attitude.multiply(attitude.from_rotation_vector((taken - 1) * apart), q_wb)
-        turn = ca.SX.zeros(filter.n)
-        turn[TILT] = attitude.error_rotation_vector(q_wb, x.q_wb)
-        return {
-            **corrected(x, turn, filter.states, filter.places),
-            "covariance": symmetric.triangle(_covariance(P, x, own, state, taken)),
-            **_uncounted(gnss, p, x, u),
-            gnss.due_row: 1.0,
-            _FIX: 0.0,
-            _SEEKING: select(unknown, 1.0, 0.0),
-            f"{PREFIX}covariance_due": 0.0,
-        }
-
-    return step
-
-
-def _uncounted(gnss: Aid, p: Any, x: Any, u: Any) -> dict[str, Any]:
-    """The sums of test ratios before the fix that the filter starts from: after it they are 0."""
-    assert gnss.present is not None
-    present = gnss.present(p, x, u)
-    zero = {gnss.row(name): ca.SX.zeros(len(gnss.parts)) for name in ("nis_used", "nis_refused", "nis_refused_count")}
-    return {**zero, gnss.row("nis_used_count"): -ca.vertcat(*[ca.sum1(present[part]) for part in gnss.parts])}
+def _uncounted(aid: Aid, p: Any, x: Any, u: Any) -> dict[str, Any]:
+    """The sums of test ratios before the measurement that the filter starts from: after it they are 0."""
+    present = ca.SX.ones(aid.size) if aid.present is None else aid.present(p, x, u)
+    zero = {aid.row(name): ca.SX.zeros(len(aid.parts)) for name in ("nis_used", "nis_refused", "nis_refused_count")}
+    return {**zero, aid.row("nis_used_count"): -ca.vertcat(*[ca.sum1(present[part]) for part in aid.parts])}
 
 
 def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any) -> Any:
-    """Covariance (n x n, w) after that.  P: before it.  taken (3): 1 for the components of psi that the alignment gives.
+    """Covariance (n x n, w) after that, but for position and velocity.  P: before it.  taken (3): 1 for the components of psi
+    that the alignment gives.
 
     Their covariance, that with the biases too, is the one that the alignment states; its rotation vector has the other sign
     than psi.  A bias that is smaller than the one that the alignment counts, because the filter has states for the rest, has
     the share of the covariance that its variance has.
     """
-    C_wi = strapdown.C_nw(x.q_ew).T @ attitude.to_dcm(alignment.q_ni(state, state.q_i0i))
-    turn = ca.SX(3, alignment.N)
-    turn[:, alignment.KEPT] = turn[:, alignment.DRIFT] = C_wi
-    shared = turn @ symmetric.full(state.covariance, alignment.N)
+    C_wi = strapdown.C_nw(x.q_ew).T @ attitude.to_dcm(q_ni(state, state.q_i0i))
+    turn = ca.SX(3, source.N)
+    turn[:, source.KEPT] = turn[:, source.DRIFT] = C_wi
+    shared = turn @ symmetric.full(state.covariance, source.N)
     stated = (shared @ turn.T + own.thrust_error**2 * ca.SX.eye(3)) * (taken @ taken.T)
     stated += ca.trace(stated) ** 2 * ca.diag(taken)  # products of two errors, which linearisation leaves out
-    for part, size in ((POSITION, UNKNOWN_PLACE), (VELOCITY, UNKNOWN_VELOCITY)):
-        P[part, :] = P[:, part] = 0
-        P[part, part] = size**2 * ca.SX.eye(3)
+    P[VELOCITY, :] = P[:, VELOCITY] = 0
     kept = 1 - taken
     before = P[TILT, :]
     P[TILT, :] = ca.repmat(kept, 1, P.shape[1]) * before
     by_bias = ca.SX(3, 3)
-    for part, theirs, counted in ((GYRO, alignment.GYRO, bias_sigma(own)), (ACCEL, alignment.ACCEL, own.accel_bias_sigma)):
+    for part, theirs, counted in ((GYRO, source.GYRO, bias_sigma(own)), (ACCEL, source.ACCEL, own.accel_bias_sigma)):
         variance = ca.diag(P[part, part])
         share = minimum(variance / maximum(counted, 1e-30) ** 2, 1.0)
         found = -(taken @ share.T) * shared[:, theirs]

@@ -1,0 +1,126 @@
+"""The estimator `velocity-integration`: by the velocity of GNSS, or by a Doppler log where GNSS gives none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from insenv import geodesy
+from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
+from insenv.estimators.parts.finding import Finding
+from insenv.estimators.velocity_integration.fixes import FIXES
+from insenv.estimators.velocity_integration.log import LOG
+from insenv.estimators.velocity_integration.source import LARGEST_LINEAR
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration
+
+SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
+FIX_NOISE = 0.05  # m/s, once a second: typical of receivers that measure velocity by Doppler shift
+SHORTEST, LONGEST = 5.0, 3600.0  # s of memory
+
+BY_FIXES = VelocityIntegration(
+    FIXES, "alignment on the move by the velocity of GNSS, from an unknown attitude (Wahba's problem)"
+)
+BY_LOG = VelocityIntegration(LOG, "alignment on the move by a Doppler log, from an unknown attitude (Wahba's problem)")
+
+
+def available(sensors: Collection[str], fix_velocity: bool, known: Knowledge) -> VelocityIntegration | None:
+    """The alignment that these sensors allow, or None; a log that shows the velocity through water that flows allows none."""
+    if "gnss" in sensors and fix_velocity:
+        return BY_FIXES
+    return BY_LOG if "dvl" in sensors and known.rows["dvl_current_sigma"] == 0 else None
+
+
+def memory_time(gyro_bias: float, angle_random_walk: float) -> float:
+    """Memory (s) that balances the noise of fixes and the drift of the gyros (rad/s, rad/s^0.5), `SHORTEST` to `LONGEST`.
+
+    Over a time T a drift b bends alpha by g b t^2 / 2, of which a straight line leaves g b T^2 / (12 sqrt 5) rms. Noise of
+    density S in the fixes leaves S / sqrt(T) of a mean. A random walk bends alpha 1.29 times as much as a drift of its
+    mean rate. Exponential weights of memory m spread as equal ones over sqrt(12) m.
+    """
+    bend = geodesy.NOMINAL_GRAVITY / (12 * math.sqrt(5))
+    by_bias = (FIX_NOISE / max(bend * gyro_bias, 1e-30)) ** 0.4
+    by_walk = (FIX_NOISE / max(1.29 * bend * angle_random_walk, 1e-30)) ** 0.5
+    return min(max(min(by_bias, by_walk) / math.sqrt(12), SHORTEST), LONGEST)
+
+
+def prepare(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
+    """Parameters from what is known."""
+    sheet = known.sensors
+    bias = known.gyro_bias_error or sheet.gyro_bias_sigma
+    # by a log a drift turns the heading by the same angle after any time, and noise by less after a longer one
+    memory = memory_time(bias, sheet.angle_random_walk) if way is BY_FIXES else LONGEST
+    return {**known.rows_of(way.parameters), "memory_time": memory}
+
+
+def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """A sentence where a run has not found the attitude, or its heading, at its end."""
+    needs, shows = _SHOWN[way]
+    return (
+        Finding(
+            "attitude_sigma",
+            f"no attitude was found: this alignment needs {needs}, at least three of them",
+            scale=(LARGEST_LINEAR, np.inf, np.inf),
+        ),
+        Finding(
+            "attitude_sigma",
+            f"the heading is unknown at the end: {shows(parameters)}",
+            scale=(np.inf, np.inf, LARGEST_LINEAR),
+        ),
+    )
+
+
+def _bias(parameters: Mapping[str, Any]) -> tuple[str, float]:
+    """Name and value (rad/s) of the row that tells the bias of the gyros."""
+    row = "start_gyro_bias_error" if parameters["start_gyro_bias_error"] > 0 else "gyro_bias_sigma"
+    return row, float(parameters[row])
+
+
+def _by_motion(parameters: Mapping[str, Any]) -> str:
+    row, bias = _bias(parameters)
+    kept = LARGEST_LINEAR / max(bias, 1e-30)
+    lost = (
+        f". Gyros with a bias of {math.degrees(bias) * 3600:.0f} deg/h ({row}) lose it again in {kept:.2g} s: if the "
+        "unit is better, state its grade"
+    )
+    return "turns or changes of speed show it, a straight line at constant speed does not" + (lost if kept < SHORT else "")
+
+
+def _by_rotation(parameters: Mapping[str, Any]) -> str:
+    row, bias = _bias(parameters)
+    earth = math.degrees(geodesy.OMEGA_IE * math.cos(parameters["start_latitude"])) * 3600
+    return (
+        f"by a Doppler log the rotation of the Earth alone shows it, {earth:.2g} deg/h about north, in some minutes and to "
+        f"gyros with a bias far below that; here {row} is {math.degrees(bias) * 3600:.2g} deg/h"
+    )
+
+
+_SHOWN: Mapping[VelocityIntegration, tuple[str, Callable[[Mapping[str, Any]], str]]] = {
+    BY_FIXES: ("fixes with a velocity", _by_motion),
+    BY_LOG: ("velocities of a Doppler log", _by_rotation),
+}
+
+
+def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
+    return Estimator(
+        way.model,
+        kind="alignment",
+        sensors=(sensor,),
+        motion="moving",
+        fix_velocity=way is BY_FIXES,
+        prepare=partial(prepare, way),
+        findings=partial(findings, way),
+        adapt=_adapted,
+    )
+
+
+def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
+    way = available(drive.sensors, drive.fix_velocity, known)
+    return _LOGGING if way is BY_LOG else ESTIMATOR
+
+
+ESTIMATOR = _estimator(BY_FIXES, "gnss")
+_LOGGING = _estimator(BY_LOG, "dvl")
