@@ -10,39 +10,21 @@ standard deviation after, and the smallest that any method can have.
 from __future__ import annotations
 
 import sys
-from math import degrees
 
 import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.runner import make_runner
 from insenv.evaluation.limits.bound import bound_of_unit
+from insenv.evaluation.unit_errors import UNITS
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import build, load
 from insenv.scenario.limits import TRAJECTORY_SEED, prior_of
+from insenv.sensors.unit_errors import true_unit_errors
 
 Array = NDArray[np.float64]
 
 FIRST_SEED, RUNS = 7000, 64
-UNITS = {
-    "gyro_bias": ("deg/h", degrees(1.0) * 3600.0),
-    "accel_bias": ("ug", 1e6 / 9.80665),
-    "gyro_scale": ("ppm", 1e6),
-    "accel_scale": ("ppm", 1e6),
-    "gyro_misalignment": ("urad", 1e6),
-    "accel_misalignment": ("urad", 1e6),
-}
-_COUPLINGS = np.array([1, 2, 3, 5, 6, 7])  # xy, xz, yx, yz, zx, zy in a 3 x 3 matrix by rows
-
-
-def true_errors(state: dict[str, Array], bias: dict[str, Array]) -> dict[str, Array]:
-    """The errors of a unit by the names of the error states, from a plant's state and its true biases by row name."""
-    found = {}
-    for triad in ("gyro", "accel"):
-        matrix = (state[f"{triad}_error_matrix"] - np.eye(3)).ravel()
-        found[f"{triad}_bias"] = bias[f"{triad}_bias_true"]
-        found[f"{triad}_scale"], found[f"{triad}_misalignment"] = matrix[[0, 4, 8]], matrix[_COUPLINGS]
-    return found
 
 
 def table(
@@ -57,14 +39,15 @@ def table(
         plant.model, plant.parameters, prior_of(scenario.knowledge), plant.samples, in_place=bool(plant.in_place)
     )
     true = [
-        true_errors(
-            make_runner(each.model, each.parameters).state,
-            {row: done.truth[row][k, -1] for row in ("gyro_bias_true", "accel_bias_true")},
+        true_unit_errors(
+            make_runner(each.model, each.parameters).state
+            | {row: done.truth[row][k, -1] for row in ("gyro_bias_true", "accel_bias_true", "imu_temperature")},
+            each.model.parameters.unpack(each.model.parameters.pack(each.parameters)),
         )
         for k, each in enumerate(done.plants)
     ]
     rows: list[dict[str, float | str]] = []
-    for state in [apart] if apart else [state for state in UNITS if state in outputs]:
+    for state in [apart] if apart else [state for state in UNITS if state in outputs and state in least]:
         unit, scale = UNITS[state]
         actual = np.array([each[state] for each in true])
         error = outputs[state][:, -1] - actual

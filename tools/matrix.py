@@ -43,7 +43,7 @@ class Judged:
     """One estimator on one scenario.
 
     time (records,) s.  error, sigma: (runs, records, channels), channels as `CHANNELS`.  limit: at the last record, by channel.
-    notes: what `run` prints of the estimate.
+    notes: what `run` prints of the estimate.  unjudged: channels that are left out (`insenv.evaluation.limits.Limit.unjudged`).
     """
 
     scenario: str
@@ -53,6 +53,7 @@ class Judged:
     sigma: Array
     limit: dict[str, float]
     notes: tuple[str, ...]
+    unjudged: tuple[str, ...] = ()
 
     def beyond(self, begin: int) -> tuple[float, float] | None:
         """Share of errors beyond `BEYOND` stated sigmas of that of three channels from `begin` on which has most, and its
@@ -60,7 +61,7 @@ class Judged:
         """
         if self.error.shape[2] <= begin:
             return None
-        part = slice(begin, begin + 3)
+        part = [place for place in range(begin, begin + 3) if CHANNELS[place] not in self.unjudged]
         shares = np.mean(np.abs(self.error[:, :, part]) > BEYOND * self.sigma[:, :, part], axis=1)
         worst = shares[:, np.argmax(shares.mean(axis=0))]
         return float(worst.mean()), float(worst.std(ddof=1) / np.sqrt(len(worst)))
@@ -78,11 +79,12 @@ def judge(scenario: str, estimator: str, runs: int = RUNS, first_seed: int = FIR
         return None
     if estimators.get(estimator).smooths:
         return _smoothed(scenario, estimator, range(first_seed, first_seed + runs))
+    limit = insenv.limit(scenario)
     plan = make_plan(scenario, estimator, runs, first_seed=first_seed)
     blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
     error, sigma = (np.concatenate([block[name] for block in blocks]) for name in ("error", "sigma"))
-    at_end = {name: float(values[-1]) for name, values in insenv.limit(scenario).at(plan.times[-1:]).items()}
-    return Judged(scenario, estimator, plan.times, error, sigma, at_end, plan.notes)
+    at_end = {name: float(values[-1]) for name, values in limit.at(plan.times[-1:]).items()}
+    return Judged(scenario, estimator, plan.times, error, sigma, at_end, plan.notes, limit.unjudged)
 
 
 def _smoothed(scenario: str, estimator: str, seeds: Sequence[int]) -> Judged:
@@ -92,7 +94,7 @@ def _smoothed(scenario: str, estimator: str, seeds: Sequence[int]) -> Judged:
         np.array([np.stack([found[name] for name in CHANNELS], axis=1) for found in each])
         for each in ([r.errors for r in results], [r.sigma for r in results])
     )
-    return Judged(scenario, estimator, results[0].time, error, sigma, {}, results[0].notes)
+    return Judged(scenario, estimator, results[0].time, error, sigma, {}, results[0].notes, results[0].unjudged)
 
 
 HEADER = "\n".join((

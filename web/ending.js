@@ -1,7 +1,7 @@
 /** The end of a live run: the tables that `insenv run` prints. */
 
 import { fill, h } from "./dom.js";
-import { healthNow, notesAtEnd, statisticsOf } from "./judge.js";
+import { healthNow, notesAtEnd, statisticsOf, unjudged } from "./judge.js";
 import { number, significant } from "./numbers.js";
 import { summaryTable } from "./tables.js";
 
@@ -43,11 +43,13 @@ function endTable(live, estimator, group, at, history, changes) {
   const columns = estimator.columns[prepared ? "prepared" : "changed"];
   const [ratio] = columns.filter((name) => name.startsWith("rms/"));
   const yardstick = ratio?.slice("rms/".length);
+  const left = unjudged(live, estimator, at, history).channels;
   const rows = statistics.map((one) => {
-    const kinds = { ...one, limit: limit[one.channel] ?? null };
+    const judged = !left.includes(one.channel);
+    const kinds = { ...one, limit: judged ? (limit[one.channel] ?? null) : null };
     const cells = columns.slice(1).filter((name) => name !== ratio).map((kind) => /** @type {any} */ (kinds)[kind]);
     const own = yardstick && /** @type {any} */ (kinds)[yardstick];
-    const known = own && settled && !(yardstick === "limit" && own < live.limit.floor[one.channel]);
+    const known = own && settled && judged && !(yardstick === "limit" && own < live.limit.floor[one.channel]);
     return { channel: one.channel, cells: [...cells, ...(ratio ? [known ? one.rms / own : null] : [])] };
   });
   const health = healthNow(live, estimator, at, history);

@@ -41,16 +41,28 @@ export function notesAtEnd(live, estimator, at, history, known) {
   const health = healthNow(live, estimator, at, history);
   if (estimator.health?.fixes && !health?.own) notes.push(health ? sentences.no_fix_but_aids : sentences.no_fix);
   if (health) notes.push(...healthNotes(live.rule, health, !known || estimator.health.slow, estimator.health.causes));
-  const pitch = largest(at("attitude").at + 1, at, history, estimator.from_s);
-  const steep = estimator.channels.includes("pitch_deg") && pitch > live.rule.steep;
-  if (steep) notes.push(filled(sentences.steep, { pitch: significant(pitch, 3) }));
+  const left = unjudged(live, estimator, at, history);
+  if (left.channels.length) notes.push(filled(sentences.steep, { pitch: significant(left.pitch, 3) }));
   if (!estimator.settled) return notes;
   const ratios = statisticsOf(estimator, at, history)
-    .filter(({ channel }) => !steep || !["roll_deg", "heading_deg"].includes(channel))
+    .filter(({ channel }) => !left.channels.includes(channel))
     .filter(({ rms, stated }) => stated && rms > live.rule.too_sure * stated)
     .map(({ channel, rms, stated }) => `${channel.replace(/_.*/, "")} ${significant(rms / (stated ?? NaN), 3)}`);
   if (ratios.length) notes.push(filled(sentences.too_sure, { ratios: ratios.join(", ") }));
   return notes;
+}
+
+/**
+ * The largest pitch of a run in degrees, and the errors that are none of the attitude because it comes near 90 deg.
+ * @param {any} live
+ * @param {any} estimator
+ * @param {(name: string) => any} at
+ * @param {import("./history.js").Recorded} history
+ * @returns {{pitch: number, channels: string[]}} */
+export function unjudged(live, estimator, at, history) {
+  const pitch = largest(at("attitude").at + 1, at, history, estimator.from_s);
+  const steep = estimator.channels.includes("pitch_deg") && pitch > live.rule.steep;
+  return { pitch, channels: steep ? ["roll_deg", "heading_deg"] : [] };
 }
 
 /** The findings of an estimator that hold: of those about one row, the first (insenv/estimators/contract.py).

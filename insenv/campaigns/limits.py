@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from insenv.campaigns.plan import Plan
 from insenv.core.progress import Progress
+from insenv.evaluation.sentences import STEEP_LIMIT
 from insenv.scenario import limit_of, no_limit
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | N
         return CampaignLimit(np.zeros(0, dtype=np.int64), np.zeros((0, len(plan.times), len(channels))), False, refusal)
     same = not plan.variations
     runs = np.unique(np.linspace(0, plan.runs - 1, 1 if same else VARIED_RUNS).round().astype(np.int64))
-    squares = []
+    squares, steep = [], False
     for place, run in enumerate(runs):
 
         def report(done: int, total: int, before: int = place) -> None:
@@ -59,12 +60,15 @@ def campaign_limit(plan: Plan, channels: tuple[str, ...], progress: Progress | N
                 progress(before * total + done, len(runs) * total)
 
         plant = plan.plant if same else plan.plant_of(int(run))
-        limit = limit_of(plant, report).at(_evaluations(plan))
+        found = limit_of(plant, report)
+        limit = found.at(_evaluations(plan))
         own = np.stack([limit[name] for name in channels], axis=-1) ** 2
+        own[:, [name in found.unjudged for name in channels]] = np.nan
+        steep = steep or bool(found.unjudged)
         squares.append(own.reshape(len(plan.times), plan.evaluations, len(channels)).mean(axis=1))
     some = len(runs) < plan.runs and not same
-    note = f"limit: the root mean square over {len(runs)} of the {plan.runs} runs, evenly spaced" if some else ""
-    return CampaignLimit(runs, np.array(squares), same, note)
+    notes = [f"limit: the root mean square over {len(runs)} of the {plan.runs} runs, evenly spaced"] if some else []
+    return CampaignLimit(runs, np.array(squares), same, "; ".join([*notes, *([STEEP_LIMIT] if steep else [])]))
 
 
 def _evaluations(plan: Plan) -> Array:

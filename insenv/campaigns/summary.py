@@ -91,7 +91,7 @@ def summarise(plan: Plan, measured: Measured, columns: Columns, limit: CampaignL
     courses = {}
     for place, name in enumerate(measured.channels):
         stated = variance[:, :, place] if name in measured.stated else None
-        own = None if limits is None else limits[:, place]
+        own = None if limits is None or np.isnan(limits[:, place]).all() else limits[:, place]
         courses[name] = _course(error[:, :, place], square[:, :, place], own, stated, finite)
     rms = np.sqrt(np.mean(square[:, late], axis=1))
     whole = np.all(finite, axis=1)

@@ -166,5 +166,10 @@ MODEL = Model(
 )
 
 ESTIMATOR = Estimator(
-    MODEL, kind="alignment", prepare=inertial_vectors.prepare, needs=inertial_vectors.needs, applicability=applicability.notes
+    MODEL,
+    kind="alignment",
+    prepare=inertial_vectors.prepare,
+    needs=inertial_vectors.needs,
+    applicability=applicability.notes,
+    on_turntable=applicability.TURNED,
 )

@@ -223,6 +223,7 @@ def _estimator(
         prepare=inertial_vectors.prepare,
         needs=inertial_vectors.needs,
         applicability=applicability.notes,
+        on_turntable=applicability.TURNED,
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from insenv import attitude, geodesy
 from insenv.evaluation import sentences
 from insenv.evaluation.health import Health
+from insenv.evaluation.unit_errors import UnitError
 
 Array = NDArray[np.float64]
 
@@ -80,6 +81,7 @@ class Result:
     settled: False for a run shorter than the estimator needs: its errors are then not compared with a limit.
     health: how well a filter fits its fixes; None if it does not report it, or if no fix came.
     limit_sigma: the limit at the recorded times, (n,) by channel; empty if there is none.
+    unit: on a turntable, the errors of the inertial unit that the estimator found.
     """
 
     estimator: str
@@ -94,6 +96,7 @@ class Result:
     health: Health | None = None
     settled: bool = True
     limit_sigma: dict[str, Array] = field(default_factory=dict)
+    unit: tuple[UnitError, ...] = ()
 
     def statistics(self) -> dict[str, dict[str, float]]:
         """Final error, rms and max (largest magnitude) by channel; rms and max over the times from `from_s` on."""
@@ -109,8 +112,14 @@ class Result:
         return rms({name: self.sigma[name] for name in self.errors if name in self.sigma}, self._late)
 
     def judged(self) -> Result:
-        """The result with the notes that follow from its errors."""
-        return replace(self, notes=(*self.notes, *self.steep(), *self.too_sure()))
+        """The result with the notes that follow from its errors, and without a limit of `unjudged` ones."""
+        limit = {name: value for name, value in self.limit.items() if name not in self.unjudged}
+        return replace(self, limit=limit, notes=(*self.notes, *self.steep(), *self.too_sure()))
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """Errors that are none of the attitude: roll and heading, where the pitch comes near 90 deg."""
+        return ("roll_deg", "heading_deg") if self.steep() else ()
 
     def steep(self) -> tuple[str, ...]:
         """A sentence if the pitch comes near 90 deg, where a small turn changes roll and heading by any angle."""
@@ -127,9 +136,8 @@ class Result:
         if not self.settled:
             return ()
         found, stated = self.statistics()["rms"], self.stated()
-        if self.steep():
-            stated = {name: own for name, own in stated.items() if name not in ("roll_deg", "heading_deg")}
-        worst = {name: found[name] / own for name, own in stated.items() if 0.0 < own * TOO_SURE < found[name]}
+        judged = {name: own for name, own in stated.items() if name not in self.unjudged}
+        worst = {name: found[name] / own for name, own in judged.items() if 0.0 < own * TOO_SURE < found[name]}
         if not worst:
             return ()
         listed = ", ".join(f"{name.rpartition('_')[0]} {ratio:.3g}" for name, ratio in worst.items())

@@ -37,3 +37,6 @@ STEEP = (
     "the pitch comes to {pitch} deg: errors of roll and heading are differences of Euler angles, which near 90 deg are large "
     "without an error of the attitude, and are not judged here"
 )
+STEEP_LIMIT = (
+    "no limit of roll and heading: the pitch comes near 90 deg, where their errors are large without an error of the attitude"
+)

@@ -42,6 +42,7 @@ class RunData:
                     "limit_ratio_95": list(ratio_bounds(1)) if r.limit and self.seed is not None else None,
                     "stated": r.stated(),
                     "health": None if r.health is None else r.health.as_json(),
+                    "unit": [error.as_json() for error in r.unit],
                     "us_per_sample": r.us_per_sample,
                     "statistics_from_s": r.from_s,
                     "notes": list(r.notes),

@@ -10,7 +10,16 @@ from insenv.report.figures import draw, drawable
 from insenv.report.files import NOTHING_TO_DRAW, FilesWritten, OutputFolder, write_files
 from insenv.report.notebook import HtmlTable, data_frame, html_document, require_matplotlib
 from insenv.report.run_data import RunData
-from insenv.report.tables import ESTIMATE_COLUMNS, error_columns, error_rows, estimate_rows, facts, number
+from insenv.report.tables import (
+    ESTIMATE_COLUMNS,
+    error_columns,
+    error_rows,
+    estimate_rows,
+    facts,
+    number,
+    unit_columns,
+    unit_rows,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,6 +81,8 @@ class Report(RunData):
                 tables.append((result.estimator, error_columns(result), rows))
             else:
                 tables.append((result.estimator, ESTIMATE_COLUMNS, estimate_rows(result)))
+            if result.unit:
+                tables.append((result.estimator, unit_columns(result), unit_rows(result)))
         health = [f"{r.estimator}, health: {line}" for r in self.results if r.health is not None for line in r.health.lines]
         told = [*health, *(f"{r.estimator}: {note}" for r in self.results for note in r.notes), *self.notes]
         return html_document(

@@ -111,17 +111,35 @@ def columns_of(stated: bool, limit: bool) -> tuple[str, ...]:
 
 
 def error_rows(result: Result) -> list[tuple[str, dict[str, float | None]]]:
-    """By error, its label and the values by column; no ratio for a run that is too short for the estimator."""
+    """By error, its label and the values by column; no ratio of what is not judged, as a run too short for the estimator."""
     kinds, rows = {**result.statistics(), "stated": result.stated(), "limit": result.limit}, []
     _, *columns = error_columns(result)
     for name in (name for name in CHANNELS if name in result.errors):
         values = {column: kinds[column].get(name) for column in columns if column in kinds}
         if columns[-1].startswith("rms/"):
             error, own = kinds["rms"][name], values[columns[-2]]
-            known = own if result.settled else None
+            known = own if result.settled and name not in result.unjudged else None
             values[columns[-1]] = None if not known else limit_ratio(error, known, name) if result.limit else error / known
         rows.append((label(name), values))
     return rows
+
+
+UNIT_COLUMNS = ("error of the unit at the end", "estimate", "stated", "true", "error")
+"""Columns of the errors of the inertial unit that a calibration finds; the last two where the truth is known."""
+
+
+def unit_columns(result: Result) -> tuple[str, ...]:
+    """Those of `UNIT_COLUMNS` that a result has."""
+    return UNIT_COLUMNS if any(one.true is not None for one in result.unit) else UNIT_COLUMNS[:3]
+
+
+def unit_rows(result: Result) -> list[tuple[str, ...]]:
+    """By error of the unit: its label, then the cells of `unit_columns`."""
+    count = len(unit_columns(result)) - 1
+    return [
+        (f"{one.name} {one.component} [{one.unit}]", *map(number, (one.estimate, one.sigma, one.true, one.error)[:count]))
+        for one in result.unit
+    ]
 
 
 def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
@@ -163,6 +181,12 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
             yield Text(f"{'  ' if place else 'health: '}{told}", "" if healthy else "yellow")
     for note in result.notes:
         yield Text(f"note: {note}")
+    if result.unit:
+        yield Text()
+        unit = table_of(*unit_columns(result))
+        for cells_of in unit_rows(result):
+            unit.add_row(*cells_of)
+        yield unit
 
 
 def estimate_rows(result: Result) -> list[tuple[str, str, str]]:

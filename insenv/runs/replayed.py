@@ -17,6 +17,7 @@ from insenv.estimators import Drive, Estimator, EstimatorsLike, get_all
 from insenv.evaluation.contradiction import contradiction_notes
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
 from insenv.evaluation.sideways import sideways_notes
+from insenv.evaluation.unit_errors import unit_errors
 from insenv.files.output import as_path
 from insenv.logs import GnssFixes, RecordedLog, Reference, instruments, load
 from insenv.logs.description import EvaluationSection
@@ -90,6 +91,7 @@ def replay(
             _evaluated(f.estimator, evaluation, ready.begin_s, times),
             (*begun.notes, *_understated(f.estimator, begun, given), *_unseen(log, f.estimator, ready.begin_s)),
             duration,
+            description.vehicle_kind,
         )
         for f, begun in zip(followers, starts, strict=True)
     )
@@ -308,6 +310,7 @@ def _result(
     evaluated_s: tuple[float, float],
     of_start: tuple[str, ...],
     duration_s: float,
+    vehicle: str,
 ) -> Result:
     from_s, to_s = evaluated_s
     outputs = follower.named()
@@ -339,5 +342,6 @@ def _result(
         ),
         health=health,
         settled=not follower.too_short(duration_s),
+        unit=unit_errors(vehicle, outputs),
     )
     return result.judged()

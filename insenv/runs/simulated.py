@@ -15,6 +15,7 @@ from insenv.estimators import Estimator, EstimatorsLike, get_all
 from insenv.evaluation.errors import Result, Track, errors, stated_sigma, statistics_from, track_of
 from insenv.evaluation.health import Health
 from insenv.evaluation.limits import Limit
+from insenv.evaluation.unit_errors import UnitError, unit_errors
 from insenv.plant.feeding import bridge_lost, chunks, recording_interval
 from insenv.report import Report
 from insenv.runs.follower import Follower
@@ -24,6 +25,7 @@ from insenv.scenario import Plant, ScenarioLike, build, limit_of, load, no_limit
 from insenv.scenario.choice import named_estimators
 from insenv.scenario.tuning import Settings, setting_rows
 from insenv.sensors import IMU
+from insenv.sensors.unit_errors import true_unit_errors
 
 Array = NDArray[np.float64]
 
@@ -100,7 +102,8 @@ def run(
     refusal = no_limit(plant)
     limit = limit_of(plant, progress) if followers and not refusal else None
     of_tuning = {e.id: e.understated(plant.knowledge, plant.tunings, rows[e.id]) for e in chosen}
-    results = tuple(_result(f, plant, track, limit, of_tuning.get(f.estimator.id, ())) for f in followers)
+    true = true_unit_errors(runner.state, plant.model.parameters.unpack(runner.p))
+    results = tuple(_result(f, plant, track, limit, true, of_tuning.get(f.estimator.id, ())) for f in followers)
     notes = [*scenario.notes, *members(families, chosen)]
     notes += [f"{bridged} lost inertial samples bridged by interpolation"] if bridged else []
     notes += [refusal] if refusal else []
@@ -113,7 +116,12 @@ def members(families: Sequence[Estimator], chosen: Sequence[Estimator]) -> list[
 
 
 def _result(
-    follower: Follower | FunctionFollower, plant: Plant, track: Track, limit: Limit | None, of_tuning: tuple[str, ...]
+    follower: Follower | FunctionFollower,
+    plant: Plant,
+    track: Track,
+    limit: Limit | None,
+    true: Mapping[str, Array],
+    of_tuning: tuple[str, ...],
 ) -> Result:
     outputs = follower.named()
     health = follower.health(outputs)
@@ -126,6 +134,7 @@ def _result(
         notes=(*of_tuning, *follower.notes(plant.duration_s, health, outputs)),
         health=health,
         settled=not follower.too_short(plant.duration_s),
+        unit=unit_errors(plant.scenario.vehicle.kind, outputs, true),
     )
 
 
@@ -140,10 +149,12 @@ def result_of(
     health: Health | None = None,
     settled: bool = True,
     sigma: dict[str, Array] | None = None,
+    unit: tuple[UnitError, ...] = (),
 ) -> Result:
     """The result of estimates by row name against the truth at the same times.
 
     limit: None: there is none.  sigma: stated standard deviations by channel; None: those in the estimates.
+    unit: `Result.unit`.
     """
     found = errors(track_of(track.time, outputs), track)
     if estimator.smooths:  # the limit is that of what is known by the time; a smoother knows the whole run
@@ -162,5 +173,6 @@ def result_of(
         notes=notes,
         health=health,
         settled=settled,
+        unit=unit,
     )
     return result.judged()

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import insenv
+from insenv.report.page.of_run import run_document
+from insenv.report.tables import unit_columns, unit_rows
 
 LEGS = [{"duration_s": 30.0}, {"duration_s": 30.0, "roll_deg": 90.0, "rate_deg_s": 20.0}, {"duration_s": 30.0, "roll_deg": 0.0}]
 OF_UNIT = ("gyro_g_sensitivity", "gyro_scale", "gyro_misalignment", "accel_scale", "accel_misalignment")
@@ -62,3 +64,39 @@ def test_a_turntable_without_the_fixed_place_is_named():
 def test_a_bias_that_turns_the_heading_far_is_named():
     assert "a gyro bias of 720 deg/h may turn the heading by 24 deg in the 120 s" in _notes(_table("industrial"))
     assert "may turn the heading" not in _notes(_table("tactical"))
+
+
+def test_a_run_and_a_replay_show_the_errors_of_the_unit():
+    """The result of a calibration: 27 components within 4 stated sigmas; all interfaces have them from the result."""
+    report = insenv.run(_table("tactical"))
+    (result,) = report.results
+    assert [error.name for error in result.unit[::3]] == [
+        "gyro_bias", "accel_bias", "gyro_g_sensitivity", "gyro_scale", "accel_scale",
+        "gyro_misalignment", "gyro_misalignment", "accel_misalignment", "accel_misalignment",
+    ]  # fmt: skip
+    assert all(abs(error.error) < 4.0 * error.sigma for error in result.unit)
+    scale = next(error for error in result.unit if error.name == "accel_scale" and error.component == "z")
+    assert abs(scale.true) > 1.0 and scale.sigma < 300.0  # ppm, of 300 told
+    assert report.as_json()["results"][0]["unit"] == [error.as_json() for error in result.unit]
+    _, shown = run_document(report)["tables"]
+    assert shown["columns"][1:] == ["estimate", "stated", "true", "error"] and len(shown["rows"]) == 27
+    assert "accel_misalignment zy [urad]" in report._repr_html_()
+
+    replayed = insenv.replay(insenv.record(_table("tactical")), "fusion", start="stated").results[0]
+    assert [error.estimate for error in replayed.unit] == [error.estimate for error in result.unit]
+    assert all(error.true is None is error.error for error in replayed.unit)
+    assert unit_columns(replayed)[1:] == ("estimate", "stated") and {len(row) for row in unit_rows(replayed)} == {3}
+
+
+def test_only_a_calibration_shows_the_errors_of_the_unit():
+    assert insenv.run("car-city-drive", "fusion", duration_s=5.0).results[0].unit == ()
+
+
+def test_a_campaign_has_no_limit_of_roll_and_heading_near_90_deg_of_pitch():
+    upright = _table("tactical")
+    upright["vehicle"] = {"kind": "turntable", "legs": [*LEGS[:1], {"duration_s": 30.0, "pitch_deg": 90.0}]}
+    assert insenv.limit(upright).unjudged == ("roll_deg", "heading_deg") and insenv.limit(_table("tactical")).unjudged == ()
+    summary = insenv.campaign(upright, "fusion", 2, seed=10000)
+    without = {name for name, row in summary.figures().items() if row["limit"] is None}
+    assert without == {"roll_deg", "heading_deg"} and summary.courses["heading_deg"].limit is None
+    assert any("the pitch comes near 90 deg" in note for note in summary.notes)

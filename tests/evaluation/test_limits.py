@@ -82,6 +82,18 @@ def test_a_limit_is_asked_only_for_times_that_it_has():
             limit.rms(times, from_s)
 
 
+# --- pitch near 90 deg ---
+
+
+@pytest.mark.parametrize(("pitch_deg", "unjudged"), [(0.0, ()), (79.0, ()), (85.0, ("roll_deg", "heading_deg"))])
+def test_a_heading_that_exceeds_what_the_axes_cause_is_not_judged(pitch_deg, unjudged):
+    """0.02 deg about level axes, none about down: a heading error of tan(pitch) times that."""
+    level = np.radians(0.02)
+    heading = 0.02 * np.tan(np.radians(pitch_deg))
+    limit = Limit(np.zeros(1), np.array([[level, 0.0, 0.0]]), {"heading_deg": np.array([heading])})
+    assert limit.unjudged == unjudged
+
+
 # --- against an independent program ----------------------------------------------------------------------------------
 
 NINE = ("roll_deg", "pitch_deg", "heading_deg", *VELOCITY, *POSITION)

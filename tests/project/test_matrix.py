@@ -1,5 +1,6 @@
 """The table of every estimator on every scenario: shares beyond three sigmas, and the part of the page that it writes."""
 
+from dataclasses import replace
 from datetime import date
 
 import matrix
@@ -21,6 +22,7 @@ def test_the_share_is_that_of_the_worst_component_with_the_scatter_between_runs(
     assert share == pytest.approx(0.25) and scatter == pytest.approx(np.std([1, 0, 0, 0], ddof=1) / 2)
     assert judged(error).beyond(3) is None
     assert judged(error, np.full((4, 10, 3), 2.0)).beyond(0) == (0.0, 0.0)
+    assert replace(judged(error), unjudged=("roll_deg", "pitch_deg")).beyond(0) == (0.0, 0.0)
 
 
 def test_rows_replace_those_of_the_same_pair(tmp_path):

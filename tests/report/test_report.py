@@ -18,7 +18,7 @@ from insenv.installing import install_extra
 from insenv.report import OutputFolder, Report, comparison, document, to_json, write_files
 from insenv.report.figures import draw
 from insenv.report.files import collect, file_name
-from insenv.report.tables import number
+from insenv.report.tables import error_rows, number
 from insenv.style import save
 
 TIME = np.linspace(0.5, 100.0, 200)
@@ -130,6 +130,15 @@ def test_roll_and_heading_near_90_deg_of_pitch_are_not_judged():
     wrong = replace(made, errors={**made.errors, "pitch_deg": np.full(200, 0.1)}).judged().notes
     assert any("larger than this estimator states" in note and "pitch" in note for note in wrong)
     assert result().judged().notes == ()
+
+
+def test_roll_and_heading_near_90_deg_of_pitch_have_no_limit():
+    upright = np.array([attitude.numeric.from_euler(0.3, np.radians(89.99), 1.0)] * 200)
+    made = result(channels=ATTITUDE, outputs={"q_nb": upright}).judged()
+    assert set(made.limit) == {"pitch_deg"} == set(report(made).as_json()["results"][0]["limit"])
+    for shown in (made, replace(made, limit={})):  # with a limit, and with the stated sigmas alone
+        ratios = [list(values.values())[-1] for _, values in error_rows(shown)]
+        assert ratios[0] is None and ratios[1] > 0.0 and ratios[2] is None
 
 
 def test_table_without_limits_or_errors():

@@ -106,6 +106,20 @@ def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browse
 
 
 @long
+def test_roll_and_heading_near_90_deg_of_pitch_have_no_limit(browser, tmp_path):
+    legs = [{"duration_s": 10.0}, {"duration_s": 20.0, "pitch_deg": 90.0, "rate_deg_s": 20.0}]
+    table = {
+        "title": "table", "estimators": ["fusion"], "duration_s": 30.0, "imu": {"grade": "tactical"},
+        "start": {"latitude_deg": 47.0, "longitude_deg": 15.0}, "vehicle": {"kind": "turntable", "legs": legs},
+    }  # fmt: skip
+    browser.open(web.page(table, tmp_path / "table.html"))
+    fast(browser)
+    report = insenv.run(table)
+    assert [row[1:] for row in shown(browser)] == printed(report)
+    assert [row[5] for row in shown(browser)][:3:2] == ["-", "-"]
+
+
+@long
 def test_what_is_said_below_a_table_is_what_insenv_run_says(browser, tmp_path):
     """Findings, the notes of health, errors larger than stated: of a filter that trusts its odometer far too much."""
     settings = {"fusion": {"odometer_scale_factor_sigma": 1e-6, "odometer_noise_mps": 1e-3}}

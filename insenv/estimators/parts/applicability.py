@@ -146,10 +146,11 @@ def far_heading(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, 
 
 TURNED = (
     "the vehicle is a turntable: the stated sigmas leave out what turns of the unit do with its errors, and can be several "
-    "times too small once it turns; use fusion, or q-method"
+    "times too small once it turns; use fusion"
 )
 """Roll and pitch of `ecef-kf` at the end of `turntable-indexing` (24 seeds from 7000): 0.005 deg rms, 0.0006 stated; heading of
-`gyrocompass` 0.55 and 0.07, of `inertial-fir` 0.22 and 0.06.  The sigmas of the q-method and of `qakf` hold."""
+`gyrocompass` 0.55 and 0.07, of `inertial-fir` 0.22 and 0.06.  Heading of the q-method at 540 s, four minutes after the first
+half turn (64 seeds from 7000): 0.73 and 0.24, of `qakf` at 630 s 0.36 and 0.17, of `qakf-improved` at 1830 s 0.17 and 0.08."""
 
 
 def together(*kinds: Notes) -> Notes:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from insenv.core.model import Model
 from insenv.errors import InputError
 from insenv.evaluation.chi_square import quantile
-from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY
+from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, STEEP, VELOCITY
 from insenv.evaluation.limits.aids import aids_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mooring import mooring_of
@@ -61,6 +61,16 @@ class Limit:
             what = f"{asked.size} times, from_s = {from_s:g} s"
             raise InputError(f"limit: {what}: none of the times is at or after from_s; allowed is at least one")
         return {name: float(np.sqrt(np.mean(values**2))) for name, values in self.at(late).items()}
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """Channels that show no error of the attitude: roll and heading of a run whose pitch comes near 90 deg.
+
+        An error of the heading is at most that about down and tan(pitch) times that about a level axis.
+        """
+        north, east, down = np.degrees(self.rotation).T
+        most = down + np.tan(np.radians(STEEP)) * np.hypot(north, east)
+        return ("roll_deg", "heading_deg") if np.any(self.sigma["heading_deg"] > 1.001 * most) else ()
 
     def _checked(self, times: Array) -> Array:
         """Times as an array (m,) of floats within those of the limit."""

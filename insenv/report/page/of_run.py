@@ -18,7 +18,17 @@ from insenv.report.page.html import assembled
 from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table, track_panel
 from insenv.report.run_data import RunData
 from insenv.report.scales import threshold_of
-from insenv.report.tables import ESTIMATE_COLUMNS, error_columns, error_rows, estimate_rows, facts, number, within
+from insenv.report.tables import (
+    ESTIMATE_COLUMNS,
+    error_columns,
+    error_rows,
+    estimate_rows,
+    facts,
+    number,
+    unit_columns,
+    unit_rows,
+    within,
+)
 from insenv.sensors import units
 
 NAMES = {
@@ -69,12 +79,19 @@ def run_document(report: RunData, budget: int = BYTES) -> dict[str, Any]:
         "facts": facts(report),
         "truth": "truth" if report.seed is not None else "reference",
         "legend": [{"name": r.estimator} for r in report.results],
-        "tables": [_summary(result, place, report) for place, result in enumerate(report.results)],
+        "tables": [one for place, result in enumerate(report.results) for one in _tables(result, place, report)],
         "explained": _explained(report),
         "notes": [*report.notes, *thinned],
         "sections": sections,
         "arrays": drawn.pool.as_json(),
     }
+
+
+def _tables(result: Result, place: int, report: RunData) -> Iterator[dict[str, Any]]:
+    """The tables of one estimator: its errors and, of a calibration, those of the unit."""
+    yield _summary(result, place, report)
+    if result.unit:
+        yield table(result.estimator, unit_columns(result), unit_rows(result), group=place)
 
 
 def _summary(result: Result, place: int, report: RunData) -> dict[str, Any]:
