@@ -35,6 +35,7 @@ LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
 ANY_SPEED = 30.0  # m/s: standard deviation of the velocity of a vehicle under way whose fixes have none
+SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever its inertial unit shows
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
 FAR = 4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
 WITH_FIXES = "the start is that of the fixes"
@@ -244,9 +245,11 @@ def _stands(log: RecordedLog, first: int) -> bool:
     gnss, begin = log.gnss, float(log.imu_time[first] - log.dt[first])
     if log.rest is None:
         return False
-    if log.rest[0] - REST_WINDOW_S <= begin <= log.rest[1] + REST_WINDOW_S or gnss is None or gnss.velocity_n is None:
+    inside = log.rest[0] - REST_WINDOW_S <= begin <= log.rest[1] + REST_WINDOW_S
+    if gnss is None or gnss.velocity_n is None:
         return True
-    return float(np.hypot(*gnss.velocity_n[_fix_at(gnss, begin), :2])) <= REST_SPEED
+    speed = float(np.hypot(*gnss.velocity_n[_fix_at(gnss, begin), :2]))
+    return speed <= (SURE_SPEED if inside else REST_SPEED)  # a steady drive on a straight road looks like a rest
 
 
 def _under_way(log: RecordedLog, first: int) -> Start:

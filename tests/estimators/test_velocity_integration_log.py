@@ -169,6 +169,42 @@ def test_gyros_that_cannot_find_north_are_told(id):
         assert np.mean(np.abs(result.errors["east_m"]) > 3 * result.sigma["east_m"]) == 0.0
 
 
+def test_a_heading_known_to_12_deg_is_that_of_the_way():
+    """The way was laid in the heading of the alignment before that was known: 28 sigma off."""
+    scenario = load(SCENARIO)
+    scenario = scenario.model_copy(update={"knowledge": scenario.knowledge.model_copy(update={"heading_sigma_deg": 12.0})})
+    result = run(scenario, "fusion", seed=502, duration_s=40.0).results[0]
+    for name in ("north_m", "east_m"):
+        assert np.all(np.abs(result.errors[name]) < 4.0 * result.sigma[name])
+
+
+def test_velocities_a_minute_apart_leave_the_way_uncertain():
+    scenario = load(SCENARIO)
+    scenario = scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update={"interval_s": 60.0})})
+    result = run(scenario, "fusion", seed=500).results[0]
+    for name in ("north_m", "east_m", "down_m"):
+        assert np.all(np.abs(result.errors[name]) < 4.0 * result.sigma[name])
+
+
+def test_a_place_that_is_hardly_known_is_told():
+    scenario = load(SCENARIO)
+
+    def notes(sigma):
+        known = scenario.knowledge.model_copy(update={"position_sigma_m": (sigma, sigma, 100.0)})
+        return run(scenario.model_copy(update={"knowledge": known}), "fusion", duration_s=5.0).results[0].notes
+
+    assert any("the place at the start is uncertain by 20 km: from 1 km on" in note for note in notes(2e4))
+    assert not any("place at the start" in note for note in notes(1e3))
+
+
+def test_poor_gyros_still_show_the_level_by_a_log():
+    scenario = load(SCENARIO)
+    scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": "industrial"})})
+    result = run(scenario, ID, duration_s=300.0).results[0]
+    assert result.sigma["roll_deg"][-1] < 10.0 and any("the rotation of the Earth" in note for note in result.notes)
+    assert abs(result.errors["roll_deg"][-1]) < 3.0 * result.sigma["roll_deg"][-1]
+
+
 def test_a_log_that_sees_the_water_only_is_refused():
     scenario = load(SCENARIO)
     dvl = scenario.dvl.model_copy(update={"water_track": True, "current_sigma_mps": 0.3})

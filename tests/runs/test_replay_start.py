@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated_log import simulated_log
 
-from insenv import attitude, geodesy, record, replay
+from insenv import attitude, geodesy, record, replay, write
 from insenv.core import symmetric
 from insenv.errors import InputError
 from insenv.estimators import Knowledge, SensorNotes, get
@@ -378,3 +378,13 @@ def test_a_log_without_fixes_starts_by_its_doppler_log_at_the_place_of_initial(m
     nowhere = replace(log, description=log.description.model_copy(update={"initial": InitialSection()}))
     with pytest.raises(InputError, match="alignment needs the place"):
         replay(nowhere, "fusion")
+
+
+def test_a_steady_drive_at_the_start_of_a_part_is_no_rest(tmp_path):
+    """20 m/s on a straight road: its inertial unit shows what one at rest does, and the fix there does not."""
+    (path, *_) = write(record("car-city-drive", duration_s=330.0), tmp_path, ["log"])
+    text = path.read_text()
+    begin, end = text.index("\n[initial]"), text.index("\n[imu]")
+    path.write_text((text[:begin] + text[end:]).replace("vehicle_kind", "start_s = 300.0\nvehicle_kind", 1))
+    result = replay(path, "fusion").results[0]
+    assert "the vehicle moves at 299.995 s" in result.notes[0] and result.sigma["heading_deg"][0] > 90.0

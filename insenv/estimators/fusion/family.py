@@ -71,7 +71,10 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
         estimator,
         model=unknown_start.model_of(filter, way),
         prepare=lambda known: {**prepare(known), **unknown_start.prepared(way, known)},
-        applicability=lambda parameters, duration_s: notes({**parameters, **sure}, duration_s),
+        applicability=lambda parameters, duration_s: (
+            *notes({**parameters, **sure}, duration_s),
+            *unknown_start.far_place(way, parameters),
+        ),
         findings=lambda parameters: (*findings(parameters), unknown_start.finding(way)),
         finds_attitude=True,
         settable=estimator.model.parameters,  # not those of the alignment

@@ -47,5 +47,5 @@ FIXES = Source(
     parameters=rows.LEVER_ARM + GNSS_TOLD,
     sigma=lambda p: ca.vertcat(p.antenna_lever_arm_sigma, p.gnss_delay_sigma),
     seen=_seen,
-    exact=lambda of_alpha, of_beta: of_alpha,
+    exact=lambda p, of_alpha, of_beta: of_alpha,
 )

@@ -64,9 +64,13 @@ def _seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
     )
 
 
-def _largest_heading(p: Any) -> Any:
-    horizontal = geodesy.OMEGA_IE * sin_cos(p.start_latitude)[1]
-    return select(bias_sigma(p) < LARGEST_HEADING * horizontal, LARGEST_HEADING, 0.0)
+def _finds_north(p: Any) -> Any:
+    return bias_sigma(p) < LARGEST_HEADING * geodesy.OMEGA_IE * sin_cos(p.start_latitude)[1]
+
+
+def _exact(p: Any, of_alpha: Any, of_beta: Any) -> Any:
+    """That of beta; for gyros that turn alpha more than the Earth does that of alpha, which shows the level alone then."""
+    return select(_finds_north(p), of_beta, of_alpha)
 
 
 _TOLD = ("dvl_lever_arm_b", "dvl_noise", "dvl_scale_factor_sigma", "dvl_misalignment_sigma")
@@ -78,7 +82,7 @@ LOG = Source(
     sigma=lambda p: ca.vertcat(ca.repmat(p.dvl_misalignment_sigma, 3, 1), p.dvl_scale_factor_sigma),
     seen=_seen,
     state=Table((Row("way", "Way over the ground before the heading was known", "m", (3,), "i"),)),
-    exact=lambda of_alpha, of_beta: of_beta,
-    largest_heading=_largest_heading,
+    exact=_exact,
+    largest_heading=lambda p: select(_finds_north(p), LARGEST_HEADING, 0.0),
     start=lambda p: {"latitude": p.start_latitude, "longitude": p.start_longitude, "height": p.start_height},
 )

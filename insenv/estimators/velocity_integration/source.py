@@ -48,7 +48,7 @@ class Source:
     seen: ``(p, x, u, kept) -> Seen``; kept: ``(p, x) -> (4), 1 or 0``, takes i components to n components by the answer kept,
         and whether its heading is known.
     largest_heading: ``p -> rad``; a larger standard deviation of the heading is stated as unknown.
-    exact: ``(that of alpha and i, that of beta and i0) -> the one that has no noise of measurements``.
+    exact: ``(p, that of alpha and i, that of beta and i0) -> the one that has no noise of measurements``.
     """
 
     arrives: str
@@ -57,7 +57,7 @@ class Source:
     parameters: Table
     sigma: Callable[[Any], Any]
     seen: Callable[[Any, Any, Any, Callable[[Any, Any], tuple[Any, Any]]], Seen]
-    exact: Callable[[Any, Any], Any]
+    exact: Callable[[Any, Any, Any], Any]
     largest_heading: Callable[[Any], Any] = field(default=lambda p: LARGEST_LINEAR)
     state: Table = field(default_factory=Table)
     start: Callable[[Any], dict[str, Any]] = field(default=lambda p: {})

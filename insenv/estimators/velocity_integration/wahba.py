@@ -175,7 +175,7 @@ class VelocityIntegration:
         share = 1 / (seen.variance * weight)
         dalpha, dbeta = seen.alpha - x.mean_alpha, seen.velocity + pull - x.mean_beta
         product = before * share
-        exact = self.source.exact(dalpha, dbeta)
+        exact = self.source.exact(p, dalpha, dbeta)
         return {
             "covariance": collected(x.covariance, dalpha, keep, share, product, seen.error, seen.variance),
             "epoch": epoch,
@@ -197,7 +197,7 @@ class VelocityIntegration:
         q_found = largest_eigenvector(davenport(x.profile))
         found, kept = attitude.normalize(q_ni(x, q_found)), q_ni(x, x.q_i0i)
         C_ni = attitude.to_dcm(found)
-        C_moment = self.source.exact(C_ni, C_ni @ attitude.to_dcm(q_found).T)
+        C_moment = self.source.exact(p, C_ni, C_ni @ attitude.to_dcm(q_found).T)
         # with what is known of an unknown attitude, and more than rounding, so that there is an inverse
         known = 1 / UNKNOWN**2 + LEAST * ca.trace(x.moment)
         information = (ca.trace(x.moment) + known) * ca.SX.eye(3) - x.moment
