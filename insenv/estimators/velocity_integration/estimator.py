@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from insenv import geodesy
+from insenv.errors import InputError
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.velocity_integration.fixes import FIXES
@@ -120,6 +121,11 @@ def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
 
 def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
     way = available(drive.sensors, drive.fix_velocity, known)
+    if way is None and "dvl" in drive.sensors:
+        raise InputError(
+            f"estimator {ESTIMATOR.id!r} needs the velocity of GNSS or of a Doppler log that tracks the ground: that of "
+            f"{drive.where} is through water that flows, with a current of {known.rows['dvl_current_sigma']:.3g} m/s"
+        )
     return _LOGGING if way is BY_LOG else ESTIMATOR
 
 
