@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
@@ -45,7 +46,8 @@ class Processes(ProcessPoolExecutor):
             return super().submit(*call, **options)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            return super().submit(*call, **options)
+            with _held_back():
+                return super().submit(*call, **options)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
@@ -56,6 +58,27 @@ class Processes(ProcessPoolExecutor):
         """
         for process in list((self._processes or {}).values()):
             process.terminate()
+
+
+@contextmanager
+def _held_back() -> Iterator[None]:
+    """Hold SIGTERM and SIGHUP back while a process starts, which would read half of what it is told and print a traceback.
+
+    Blocked they would be in the process too, which could not be ended then.
+    """
+    held: list[int] = []
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    in_main = threading.current_thread() is threading.main_thread()
+    own = {number: handler for number, handler in handlers.items() if in_main and callable(handler)}
+    for number in own:
+        signal.signal(number, lambda arrived, frame: held.append(arrived))
+    try:
+        yield
+    finally:
+        for number, handler in own.items():
+            signal.signal(number, handler)
+        for arrived in held:
+            signal.raise_signal(arrived)
 
 
 def cluster(address: str) -> Workers:

@@ -208,5 +208,5 @@ def test_poor_gyros_still_show_the_level_by_a_log():
 def test_a_log_that_sees_the_water_only_is_refused():
     scenario = load(SCENARIO)
     dvl = scenario.dvl.model_copy(update={"water_track": True, "current_sigma_mps": 0.3})
-    with pytest.raises(InputError, match="through water that flows, with a current of 0.3 m/s"):
+    with pytest.raises(InputError, match=r"through water that flows, with a current of 0\.3 m/s"):
         run(scenario.model_copy(update={"dvl": dvl}), ID, duration_s=20.0)
