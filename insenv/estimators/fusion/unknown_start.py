@@ -83,7 +83,10 @@ def way_of(filter: Composition, known: Knowledge, drive: Drive) -> VelocityInteg
 
 
 def _uncertain(told: Any) -> Any:
-    """The same of whatever has the fields or rows `heading_sigma` and `tilt_sigma`, numbers or symbols."""
+    """Whether a start attitude is too uncertain for a linearised filter.
+
+    told: has the fields or rows `heading_sigma` and `tilt_sigma`, numbers or symbols.
+    """
     return ca.logic_or(told.heading_sigma > LINEAR_HEADING, told.tilt_sigma > LINEAR_TILT)
 
 
