@@ -14,7 +14,7 @@ from insenv.errors import InputError
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
 from insenv.estimators.parts.finding import Finding
 from insenv.estimators.velocity_integration.fixes import FIXES
-from insenv.estimators.velocity_integration.log import LARGEST_HEADING, LOG
+from insenv.estimators.velocity_integration.log import LOG, finds_north
 from insenv.estimators.velocity_integration.source import LARGEST_LINEAR
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
@@ -53,8 +53,8 @@ def prepare(way: VelocityIntegration, known: Knowledge) -> dict[str, Any]:
     sheet = known.sensors
     bias = known.gyro_bias_error or sheet.gyro_bias_sigma
     # by a log a drift turns the heading by the same angle after any time, and noise by less after a longer one
-    finds_north = way is BY_LOG and bias < LARGEST_HEADING * geodesy.OMEGA_IE * math.cos(known.latitude)
-    memory = LONGEST if finds_north else memory_time(bias, sheet.angle_random_walk)
+    endless = way is BY_LOG and finds_north(bias, known.latitude)
+    memory = LONGEST if endless else memory_time(bias, sheet.angle_random_walk)
     return {**known.rows_of(way.parameters), "memory_time": memory}
 
 

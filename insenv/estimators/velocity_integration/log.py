@@ -64,8 +64,13 @@ def _seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
     )
 
 
+def finds_north(gyro_bias: Any, latitude: Any) -> Any:
+    """Whether gyros with a bias (rad/s, 1 sigma) show the heading at a latitude (rad), numbers or symbols."""
+    return gyro_bias < LARGEST_HEADING * geodesy.OMEGA_IE * sin_cos(latitude)[1]
+
+
 def _finds_north(p: Any) -> Any:
-    return bias_sigma(p) < LARGEST_HEADING * geodesy.OMEGA_IE * sin_cos(p.start_latitude)[1]
+    return finds_north(bias_sigma(p), p.start_latitude)
 
 
 def _exact(p: Any, of_alpha: Any, of_beta: Any) -> Any:
