@@ -13,7 +13,7 @@ from insenv.campaigns import make_plan, run_campaign
 from insenv.campaigns.executors import cores
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
-from insenv.estimators import get
+from insenv.estimators import Estimator, get
 from insenv.plant.feeding import chunks, input_rows, recording_interval
 from insenv.reproduce import update_time
 from insenv.runs.simulated import run
@@ -22,21 +22,22 @@ from insenv.scenario import build, load
 
 REPETITIONS = 5
 DURATION_S = 120.0
-SCENARIOS = {
-    ("alignment", False): "car-parked",
-    ("alignment", True): "large-misalignment",
-    ("navigation", False): "car-city-drive",
-    ("navigation", True): "car-city-drive",
-}
-"""By kind of estimator, and whether it takes fixes."""
 BLOCKS_PER_CORE = 2
 CAMPAIGNS = 3  # repetitions
 
 
+def scenario_of(estimator: Estimator) -> str:
+    """The scenario that one sample of an estimator is measured on."""
+    if estimator.navigates:
+        return "car-city-drive"
+    if estimator.motion == "moving":
+        return "car-unknown-heading"
+    return "large-misalignment" if estimator.aided else "car-parked"
+
+
 def step(id: str) -> Figure:
-    """One inertial sample of an estimator on the scenario of its kind, in the native loop, outputs at the recorded times."""
-    estimator = get(id)
-    name = SCENARIOS[estimator.kind, estimator.aided]
+    """One inertial sample of an estimator on a scenario that suits it, in the native loop, outputs at the recorded times."""
+    name = scenario_of(get(id))
     reports = [run(load(name), [id], duration_s=DURATION_S) for _ in range(REPETITIONS)]
     samples = reports[0].imu_samples
     value = statistics.median(report.results[0].us_per_sample for report in reports)

@@ -6,7 +6,10 @@ import benchmarks
 import pytest
 
 from insenv.bench import figures
+from insenv.bench.estimators import scenario_of
 from insenv.bench.figures import _measurements
+from insenv.estimators import registered
+from insenv.scenario import build, load
 
 LAST_DIGIT = 1.01 * 10.0 ** (1 - benchmarks.DIGITS)
 """What rounding to the stored digits, and that of sums on another machine, can change."""
@@ -45,6 +48,12 @@ def test_the_errors_on_the_recorded_log_are_those_of_the_code():
 def test_the_times_are_of_figures_that_are_measured():
     names = [row["name"] for row in benchmarks.stored()["speed"]["figures"]]
     assert names and set(names) <= set(_measurements()) and len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("estimator", [e for e in registered().values() if not e.smooths], ids=lambda e: e.id)
+def test_each_estimator_can_run_on_the_scenario_that_it_is_measured_on(estimator):
+    plant = build(load(scenario_of(estimator)))
+    assert plant.parameters_of(plant.adapted(estimator))
 
 
 def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatch):
