@@ -13,7 +13,7 @@ from insenv.logs.course import NO_INFORMATION
 from insenv.logs.inertial import InertialSamples
 from insenv.logs.motion import REST_SAMPLES
 from insenv.logs.recorded import GnssFixes, RecordedLog
-from insenv.logs.rest import rest_of, rest_rows
+from insenv.logs.rest import STEADY_S, rest_of, rest_rows
 
 SPEED = 3.0
 """Speed over ground (m/s) from which the course counts."""
@@ -32,14 +32,12 @@ BEYOND = 10.0
 """Standard deviations of the bias by which the rate at rest differs from the Earth's if the unit is wrong."""
 SCATTERED = 3.0
 """Standard deviations of the mean rate, likewise, of a vehicle that rocks."""
-REST_S = 5.0
-"""Shortest rest that counts (s): the sway of a ship looks steady for a shorter time."""
 
 
 def rest_rate_notes(log: RecordedLog) -> list[str]:
     """A note if the mean rate at rest is not that of the Earth and a bias as the data sheet in the description allows it."""
     rows = rest_rows(log)
-    if not log.states_unit or len(rows) < REST_SAMPLES or log.dt[rows].sum() < REST_S:
+    if not log.states_unit or len(rows) < REST_SAMPLES or log.dt[rows].sum() < STEADY_S:
         return []
     rest = rest_of(log, rows, 0)
     rate, bias = float(np.linalg.norm(rest.rate)), float(np.sqrt(3.0) * log.sensors(in_place=True).gyro_bias_sigma)

@@ -16,6 +16,10 @@ from insenv.logs.recorded import RecordedLog
 from insenv.logs.units import Array
 
 BLOCKS = 8
+LEAST_REST = 100
+"""Samples below which a rest is too short for its means."""
+STEADY_S = 5.0
+"""Shortest rest (s) whose rate is the Earth's: the sway of a ship looks steady for a shorter time."""
 
 
 def rest_rows(log: RecordedLog) -> NDArray[np.intp]:
@@ -26,17 +30,23 @@ def rest_rows(log: RecordedLog) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class Rest:
-    """The means of a time at rest, b: rate (3,) rad/s and force (3,) m/s^2, with the standard deviation of each axis' mean rate
-    (the largest, rad/s); rocking: scatter of the direction of the force (rad); duration, age: its length and the time from its
-    end to the start of navigation (s).
+    """The means of a time at rest, b: rate (3,) rad/s and force (3,) m/s^2.
+
+    rate_sigmas (3,): standard deviations of the mean rate, rad/s.  rocking: scatter of the direction of the force (rad).
+    duration, age: its length and the time from its end to the start of navigation (s).
     """
 
     rate: Array
     force: Array
-    rate_sigma: float
+    rate_sigmas: Array
     rocking: float
     duration: float
     age: float
+
+    @property
+    def rate_sigma(self) -> float:
+        """The largest of `rate_sigmas`."""
+        return float(self.rate_sigmas.max())
 
     @property
     def level(self) -> tuple[float, float]:
@@ -61,7 +71,7 @@ def rest_of(log: RecordedLog, rows: NDArray[np.intp], first: int) -> Rest:
     return Rest(
         rate=log.delta_angle[rows].sum(axis=0) / dt.sum(),
         force=force,
-        rate_sigma=float(rates.std(axis=0, ddof=1).max() / np.sqrt(BLOCKS)),
+        rate_sigmas=rates.std(axis=0, ddof=1) / np.sqrt(BLOCKS),
         rocking=float(forces.std(axis=0, ddof=1).max() / np.linalg.norm(force)),
         duration=float(dt.sum()),
         age=max(float(log.imu_time[first] - log.dt[first] - log.imu_time[rows[-1]]), 0.0),

@@ -21,16 +21,16 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.logs import GnssFixes, RecordedLog
 from insenv.logs.description import InitialSection
 from insenv.logs.motion import REST_SPEED, REST_WINDOW_S, travel
-from insenv.logs.rest import rest_of, rest_rows
+from insenv.logs.rest import LEAST_REST, rest_of, rest_rows
 from insenv.runs.first_motion import COURSE_SIGMA, checked_by_motion, heading_by_course
 from insenv.runs.rest import RestStart, gyrocompass_sigma, start_at_rest
+from insenv.runs.told_latitude import named
 
 Array = NDArray[np.float64]
 
 STARTS = ("coarse", "reference", "stated")
 """Sources of the initial state: the log alone, its reference solution (of navigation), or its [initial]."""
 ON_ITS_BACK = 0.5  # share of gravity that points down at rest
-LEAST_REST = 100  # samples
 LEVEL_SIGMA = float(np.radians(0.5))  # of given roll and pitch
 REST_VELOCITY_SIGMA = 0.05  # m/s
 ROUNDED_PLACE = 100.0  # m: of a horizontal position that [initial] gives without a standard deviation
@@ -270,7 +270,7 @@ def _under_way(log: RecordedLog, first: int) -> Start:
     if gnss is None and all(each.id != "dvl" for each in log.instruments):
         raise InputError(refusal)
     place, velocity, velocity_sigma = _place(log, False, first), np.zeros(3), np.full(3, ANY_SPEED)
-    source, position_sigma = "the position of [initial]", np.full(3, ROUNDED_PLACE)
+    source, position_sigma = f"the position of [initial], latitude {named(place.knowledge.latitude)}", np.full(3, ROUNDED_PLACE)
     if gnss is not None:
         at = _fix_at(gnss, begin)
         gap = abs(float(gnss.time[at]) - begin)

@@ -28,6 +28,7 @@ from insenv.report import Report
 from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of, members
+from insenv.runs.told_latitude import OtherHemisphere, at_rest, named
 from insenv.scenario import tuning
 from insenv.scenario.tuning import Settings, choices_in, own_settings, setting_rows
 
@@ -71,11 +72,14 @@ def replay(
     followers = [
         follower_of(e, e.parameters(s.knowledge, rows=given[e.id]), every) for e, s in zip(chosen, starts, strict=True)
     ]
+    others = [OtherHemisphere.started(log, e, s.knowledge, given[e.id], every) for e, s in zip(chosen, starts, strict=True)]
     columns = {**columns, "time": log.imu_time[first:]}  # for messages
     for begin, size in chunks(total, every):
         part = {name: column[begin : begin + size] for name, column in columns.items()}
         for follower in followers:
             follower.follow(part, size)
+        for other in others:
+            other.follow(part, size)
         if progress is not None:
             progress(begin + size, total)
 
@@ -89,13 +93,18 @@ def replay(
             reference,
             times,
             _evaluated(f.estimator, evaluation, ready.begin_s, times),
-            (*begun.notes, *_understated(f.estimator, begun, given), *_unseen(log, f.estimator, ready.begin_s)),
+            (
+                *begun.notes,
+                *_understated(f.estimator, begun, given),
+                *_unseen(log, f.estimator, ready.begin_s, begun.knowledge.latitude),
+                *other.contradiction(f),
+            ),
             duration,
             description.vehicle_kind,
         )
-        for f, begun in zip(followers, starts, strict=True)
+        for f, begun, other in zip(followers, starts, others, strict=True)
     )
-    notes = [*log.notes, *members(ready.families, chosen)]
+    notes = [*log.notes, *members(ready.families, chosen), *at_rest(log, first, starts[0].knowledge.latitude)]
     if log.assumed is not None and any(_takes_sensors(e, given[e.id]) for e in chosen):
         notes.append(log.assumed.sentence)
     if log.gaps.count:
@@ -256,8 +265,8 @@ def _understated(estimator: Estimator, begun: Start, given: Mapping[str, Mapping
     return estimator.understated(begun.knowledge, rows=rows) if _takes_sensors(estimator, rows) else ()
 
 
-def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float) -> tuple[str, ...]:
-    """The remark that nothing shows whether the vehicle of an alignment in place stays there."""
+def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: float) -> tuple[str, ...]:
+    """The remark that nothing shows whether the vehicle of an alignment in place stays there, at that latitude (rad)."""
     end_s = float(log.imu_time[-1])
     if estimator.motion != "in place" or shows_travel(log, begin_s, end_s):
         return ()
@@ -266,8 +275,8 @@ def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float) -> tuple[str
     if until is not None and end_s - until < 2 * REST_WINDOW_S:
         return ()
     return (
-        "an alignment in place on a log without fixes: nothing in it shows whether the vehicle stays where it is, "
-        "and the estimate is wrong if it moves",
+        "an alignment in place on a log without fixes: nothing in it shows whether the vehicle stays where it is, at "
+        f"latitude {named(latitude)}, and the estimate is wrong if it moves or is elsewhere",
     )
 
 

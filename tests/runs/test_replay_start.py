@@ -236,7 +236,7 @@ def test_gyros_that_sense_the_earth_need_neither_heading_nor_motion():
 def rest(heading, bias, roll=0.02, pitch=-0.05, rate_sigma=1e-9):
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(roll, pitch, heading))
     rate = C_nb.T @ geodesy.numeric.earth_rate_n(LATITUDE) + bias
-    return Rest(rate, C_nb.T @ np.array([0.0, 0.0, -9.8]), rate_sigma, 0.0, 100.0, 0.0)
+    return Rest(rate, C_nb.T @ np.array([0.0, 0.0, -9.8]), np.full(3, rate_sigma), 0.0, 100.0, 0.0)
 
 
 POOR = SensorNotes(1e-6, 1e-4, np.radians(100.0) / 3600, 1e-2, 1e9, 1e9)

@@ -1,0 +1,55 @@
+"""A log without fixes whose told latitude is wrong says so; one whose latitude is right says nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import insenv
+from insenv import geodesy
+from insenv.logs import load
+from insenv.runs.told_latitude import at_rest
+
+
+def told(log, latitude_deg):
+    initial = log.description.initial.model_copy(update={"latitude_deg": latitude_deg})
+    return replace(log, description=log.description.model_copy(update={"initial": initial}))
+
+
+def said(log, estimator="q-method"):
+    report = insenv.replay(log, estimator)
+    return [note for note in (*report.notes, *report.results[0].notes) if "latitude" in note]
+
+
+@pytest.fixture(scope="module")
+def parked(tmp_path_factory):
+    """As a file, of which reading finds the time at rest."""
+    files = insenv.write(insenv.record("car-parked", duration_s=60.0), tmp_path_factory.mktemp("log"), ["log"])
+    return load(next(file for file in files if file.suffix == ".toml"))
+
+
+def test_gyros_at_rest_show_the_latitude(parked):
+    assert said(parked) == said(told(parked, 39.9)) == []
+    (note,) = said(told(parked, -40.0))
+    assert note == (
+        "the gyros at rest contradict the latitude, 40 deg S: the rotation of the Earth that they measure is that at about "
+        "38 deg N"
+    )
+    assert len(said(told(parked, 55.0))) == 1
+
+
+def test_rates_that_are_not_the_earths_show_none(parked):
+    """Rates ten times as large as the Earth's: another note tells of it."""
+    fast = replace(parked, delta_angle=parked.delta_angle + np.array([0.0, 0.0, 10 * geodesy.OMEGA_IE]) * parked.dt[:, None])
+    assert at_rest(fast, 0, np.radians(-40.0)) == ()
+
+
+def test_a_filter_by_a_doppler_log_finds_the_hemisphere():
+    """With the wrong one the heading is 3 deg off, 50 of the stated sigmas, and each innovation passes its gate."""
+    log = insenv.record("ship-log-alignment")
+    right = insenv.replay(log, "fusion").results[0]
+    assert not [note for note in right.notes if "does not fit" in note]
+    wrong = insenv.replay(told(log, -54.2), "fusion").results[0]
+    assert abs(wrong.errors["heading_deg"][-1]) > 2.0 > 30 * wrong.sigma["heading_deg"][-1]
+    (note,) = [note for note in wrong.notes if "does not fit" in note]
+    assert note.startswith("the latitude, 54.2 deg S, does not fit the log: ") and note.endswith("its sign is wrong")
