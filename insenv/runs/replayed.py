@@ -266,8 +266,12 @@ def _understated(estimator: Estimator, begun: Start, given: Mapping[str, Mapping
 
 
 def _unseen(log: RecordedLog, estimator: Estimator, begin_s: float, latitude: float) -> tuple[str, ...]:
-    """The remark that nothing shows whether the vehicle of an alignment in place stays there, at that latitude (rad)."""
+    """The remark that nothing shows whether the vehicle of an alignment is at that latitude (rad), and stays in place."""
     end_s = float(log.imu_time[-1])
+    if estimator.motion == "moving" and log.gnss is None:
+        return (
+            f"nothing in the log shows whether the vehicle is at latitude {named(latitude)}; elsewhere the heading is wrong",
+        )
     if estimator.motion != "in place" or shows_travel(log, begin_s, end_s):
         return ()
     dt = log.dt[:, None]
