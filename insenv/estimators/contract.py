@@ -21,7 +21,7 @@ from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators.parts import motion_errors
 from insenv.estimators.parts.adjoint import Smoothing
-from insenv.estimators.parts.finding import RATIO, Finding
+from insenv.estimators.parts.finding import RATIO, Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.instruments import TOLD
 from insenv.plugins import check_id
@@ -188,6 +188,8 @@ class Estimator:
         is the same everywhere.
     findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
         about one row, the first that holds counts.
+    reaches: ``(parameters by row name) -> Reached, ...``: standard deviations of which a run says when they became small.
+    lacks: of one that `adapt` gave, what it needs of the drive and does not find there, for the refusal; or empty.
     finds_attitude: of a navigation, whether its start attitude may be unknown: it finds level and heading.
     causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
     """
@@ -212,7 +214,9 @@ class Estimator:
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
     findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
+    reaches: Callable[[Mapping[str, Any]], tuple[Reached, ...]] | None = None
     finds_attitude: bool = False
+    lacks: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):
@@ -294,6 +298,8 @@ class Estimator:
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
         this = f"estimator {self.id!r}"
+        if self.lacks:
+            return f"{this} needs {self.lacks}"
         follows = bool(self.moving_row) and float((rows or {}).get(self.moving_row, 0.0)) != 0.0
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
@@ -414,6 +420,15 @@ class Estimator:
         """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
         held = self.held(parameters, outputs)
         return tuple(sentence.replace(RATIO, f"{ratio:.3g}") for sentence, ratio in held.items())
+
+    def reached(
+        self, parameters: Mapping[str, Any], time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]
+    ) -> tuple[str, ...]:
+        """When what `reaches` names was reached in such a run; time (k,): of its records since its start, s."""
+        if self.reaches is None:
+            return ()
+        with naming(f"estimator {self.id!r}, reaches"):
+            return tuple(said for each in self.reaches(parameters) if (said := each.said(time, outputs)))
 
     def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
         """The findings that hold of such a run: sentence and ratio (`Finding`)."""

@@ -76,6 +76,7 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
             *unknown_start.far_place(way, parameters),
         ),
         findings=lambda parameters: (*findings(parameters), unknown_start.finding(way)),
+        reaches=lambda parameters: unknown_start.reached(way, parameters),
         finds_attitude=True,
         settable=estimator.model.parameters,  # not those of the alignment
     )
