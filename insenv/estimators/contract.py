@@ -133,6 +133,7 @@ class Drive:
     vehicle: its kind ("car", "ship", ...); empty: unknown.
     motion: where it does not stay, what shows that, for messages.
     fix_velocity: whether the fixes of its GNSS, if it has one, have a velocity.
+    ages: largest age (s) of the measurements of sensors when they arrive, by id, where it is not 0.
     """
 
     where: str
@@ -142,8 +143,11 @@ class Drive:
     vehicle: str = ""
     motion: str = ""
     fix_velocity: bool = True
+    ages: Mapping[str, float] = field(default_factory=dict, hash=False)
 
 
+_ROUNDED = 1e-6
+"""s: by which a stated age may be rounded."""
 TURNTABLE = "turntable"
 """Kind of vehicle that turns the unit in place."""
 Choices = Mapping[str, tuple[str, ...]]
@@ -189,6 +193,7 @@ class Estimator:
     findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
         about one row, the first that holds counts.
     reaches: ``(parameters by row name) -> Reached, ...``: standard deviations of which a run says when they became small.
+    oldest_s: the largest age (s) of measurements with which its estimate and its standard deviations are right.
     lacks: of one that `adapt` gave, what it needs of the drive and does not find there, for the refusal; or empty.
     finds_attitude: of a navigation, whether its start attitude may be unknown: it finds level and heading.
     causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
@@ -216,6 +221,7 @@ class Estimator:
     findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
     reaches: Callable[[Mapping[str, Any]], tuple[Reached, ...]] | None = None
     finds_attitude: bool = False
+    oldest_s: float = math.inf
     lacks: str = ""
 
     def __post_init__(self) -> None:
@@ -304,6 +310,13 @@ class Estimator:
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
                 return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
+        for sensor in self.sensors:
+            if (age := drive.ages.get(sensor, 0.0)) > self.oldest_s + _ROUNDED:
+                return (
+                    f"{this} uses measurements that are up to {self.oldest_s:g} s old when they arrive, because it does not "
+                    f"know the motion before that well enough: those of {shown_name(sensor)} of {drive.where} are up to "
+                    f"{age:.3g} s old"
+                )
         if self.fix_velocity and (follows or self.motion != "in place") and not drive.fix_velocity:
             return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
         if self.motion == "in place" and drive.in_place is False and not follows:

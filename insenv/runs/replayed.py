@@ -192,7 +192,15 @@ def _drive(log: RecordedLog, begin_s: float) -> Drive:
     in_place = log.description.in_place if found is None else False
     measured = log.gnss is None or log.gnss.velocity_n is not None
     kind = log.description.vehicle_kind
-    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured)
+    timed = {each.id: (each.arrival, each.age) for each in log.instruments}
+    if log.gnss is not None:
+        timed["gnss"] = log.gnss.arrival, log.gnss.age
+    ages = {
+        id: float(np.max(age[arrival >= begin_s], initial=0.0))
+        for id, (arrival, age) in timed.items()
+        if arrival is not None and age is not None
+    }
+    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured, ages=ages)
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:

@@ -20,6 +20,11 @@ from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
 FIX_NOISE = 0.05  # m/s, once a second: typical of receivers that measure velocity by Doppler shift
+OLDEST = 1.0
+"""s: of a measurement, over which acceleration and angular acceleration are taken as constant.
+
+Heading errors of a ship in waves are as stated with 1 s, and four to seven times as large with 3 s.
+"""
 SHORTEST, LONGEST = 5.0, 3600.0  # s of memory
 
 BY_FIXES = VelocityIntegration(
@@ -129,6 +134,7 @@ def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
         prepare=partial(prepare, way),
         findings=partial(findings, way),
         reaches=partial(reached, way),
+        oldest_s=OLDEST,
         adapt=_adapted,
     )
 
