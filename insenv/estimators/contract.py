@@ -437,11 +437,16 @@ class Estimator:
     def reached(
         self, parameters: Mapping[str, Any], time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]
     ) -> tuple[str, ...]:
-        """When what `reaches` names was reached in such a run; time (k,): of its records since its start, s."""
+        """When what `reaches` names was reached in such a run, unless a finding says that it does not hold at the end.
+
+        time (k,): of its records since its start, s.
+        """
         if self.reaches is None:
             return ()
+        lost = {finding.row for finding in self.to_find(parameters) if finding.ratio(outputs) >= finding.limit}
         with naming(f"estimator {self.id!r}, reaches"):
-            return tuple(said for each in self.reaches(parameters) if (said := each.said(time, outputs)))
+            named = [each for each in self.reaches(parameters) if each.row not in lost]
+            return tuple(said for each in named if (said := each.said(time, outputs)))
 
     def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
         """The findings that hold of such a run: sentence and ratio (`Finding`)."""
