@@ -19,6 +19,7 @@ from insenv.errors import InputError
 from insenv.scenario import Scenario, ScenarioLike, load
 from insenv.scenario.commands import DRIVEN
 from insenv.scenario.description import MAX_DURATION_S
+from insenv.scenario.poles import check_reach
 
 Array = NDArray[np.float64]
 FLOAT64 = np.dtype(np.float64)
@@ -99,6 +100,7 @@ def make_setup(
     decisions = int(duration / step * (1.0 + 1e-12)) if is_number(duration) and 0.0 < duration <= MAX_DURATION_S else 0
     if decisions < 1:
         raise refused("duration_s", duration, f"a number from one step, {step:g} s, to {MAX_DURATION_S:g} s", "s")
+    check_reach(scenario, task.model, decisions * step)
     starts = make_starts(scenario, task, ranges, {"decision_limit": float(decisions), **constants}, decisions * step)
     return Setup(scenario, task, starts, samples, decisions, 1.0 / scenario.rate_hz, np.dtype(dtype))
 

@@ -379,6 +379,7 @@ def _estimator(id: str, title: str, spread: Spread, applicability: Notes | None,
         error=consistency_error,
         applicability=applicability,
         caveats=caveats,
+        oldest_s=gnss_fix.OLDEST,
     )
 
 

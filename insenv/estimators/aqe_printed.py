@@ -130,4 +130,5 @@ ESTIMATOR = Estimator(
     error=aqe.consistency_error,
     applicability=for_comparison,
     caveats=together(unseen_heading, unmodelled_motion),
+    oldest_s=gnss_fix.OLDEST,
 )

@@ -21,7 +21,7 @@ from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
 from insenv.estimators.parts import motion_errors
 from insenv.estimators.parts.adjoint import Smoothing
-from insenv.estimators.parts.finding import RATIO, Finding
+from insenv.estimators.parts.finding import RATIO, Finding, Reached
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health, reported_aids
 from insenv.instruments import TOLD
 from insenv.plugins import check_id
@@ -133,6 +133,7 @@ class Drive:
     vehicle: its kind ("car", "ship", ...); empty: unknown.
     motion: where it does not stay, what shows that, for messages.
     fix_velocity: whether the fixes of its GNSS, if it has one, have a velocity.
+    ages: largest age (s) of the measurements of sensors when they arrive, by id, where it is not 0.
     """
 
     where: str
@@ -142,8 +143,11 @@ class Drive:
     vehicle: str = ""
     motion: str = ""
     fix_velocity: bool = True
+    ages: Mapping[str, float] = field(default_factory=dict, hash=False)
 
 
+_ROUNDED = 1e-6
+"""s: by which a stated age may be rounded."""
 TURNTABLE = "turntable"
 """Kind of vehicle that turns the unit in place."""
 Choices = Mapping[str, tuple[str, ...]]
@@ -188,6 +192,9 @@ class Estimator:
         is the same everywhere.
     findings: ``(parameters by row name) -> Finding, ...``: what the outputs at the end of a run may show; of those
         about one row, the first that holds counts.
+    reaches: ``(parameters by row name) -> Reached, ...``: standard deviations of which a run says when they became small.
+    oldest_s: the largest age (s) of measurements with which its estimate and its standard deviations are right.
+    lacks: of one that `adapt` gave, what it needs of the drive and does not find there, for the refusal; or empty.
     finds_attitude: of a navigation, whether its start attitude may be unknown: it finds level and heading.
     causes: by id of an aid, what to look at where its measurements do not fit (``{"odometer": "its scale factor"}``).
     """
@@ -212,7 +219,10 @@ class Estimator:
     adapt: Callable[[Knowledge, Drive, Choices], Estimator] | None = None
     causes: Mapping[str, str] = field(default_factory=dict, hash=False)
     findings: Callable[[Mapping[str, Any]], tuple[Finding, ...]] | None = None
+    reaches: Callable[[Mapping[str, Any]], tuple[Reached, ...]] | None = None
     finds_attitude: bool = False
+    oldest_s: float = math.inf
+    lacks: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.model, Model):
@@ -294,10 +304,19 @@ class Estimator:
     def refusal(self, drive: Drive, rows: Mapping[str, Any] | None = None) -> str:
         """The one sentence why it cannot run on `drive` with the parameters `rows`; empty if it can."""
         this = f"estimator {self.id!r}"
+        if self.lacks:
+            return f"{this} needs {self.lacks}"
         follows = bool(self.moving_row) and float((rows or {}).get(self.moving_row, 0.0)) != 0.0
         for sensor in (*self.sensors, *(("gnss",) if follows else ())):
             if sensor not in drive.sensors:
                 return f"{this} needs {shown_name(sensor)}: {drive.where} has no [{sensor}]"
+        for sensor in self.sensors:
+            if (age := drive.ages.get(sensor, 0.0)) > self.oldest_s + _ROUNDED:
+                return (
+                    f"{this} uses measurements that are up to {self.oldest_s:g} s old when they arrive, because it does not "
+                    f"know the motion before that well enough: those of {shown_name(sensor)} of {drive.where} are up to "
+                    f"{age:.3g} s old"
+                )
         if self.fix_velocity and (follows or self.motion != "in place") and not drive.fix_velocity:
             return f"{this} needs the velocity of GNSS: the fixes of {drive.where} have none"
         if self.motion == "in place" and drive.in_place is False and not follows:
@@ -414,6 +433,20 @@ class Estimator:
         """What must be said of a run with these parameters and outputs (by row name): see `findings`."""
         held = self.held(parameters, outputs)
         return tuple(sentence.replace(RATIO, f"{ratio:.3g}") for sentence, ratio in held.items())
+
+    def reached(
+        self, parameters: Mapping[str, Any], time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]
+    ) -> tuple[str, ...]:
+        """When what `reaches` names was reached in such a run, unless a finding says that it does not hold at the end.
+
+        time (k,): of its records since its start, s.
+        """
+        if self.reaches is None:
+            return ()
+        lost = {finding.row for finding in self.to_find(parameters) if finding.ratio(outputs) >= finding.limit}
+        with naming(f"estimator {self.id!r}, reaches"):
+            named = [each for each in self.reaches(parameters) if each.row not in lost]
+            return tuple(said for each in named if (said := each.said(time, outputs)))
 
     def held(self, parameters: Mapping[str, Any], outputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
         """The findings that hold of such a run: sentence and ratio (`Finding`)."""

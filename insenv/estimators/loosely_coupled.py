@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from insenv.core.tables import Row
 from insenv.estimators.contract import Estimator
+from insenv.estimators.fusion import history
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.gnss import WHITE
 from insenv.estimators.fusion.inertial import ACCEL_BIAS, GYRO_BIAS
@@ -37,4 +38,5 @@ ESTIMATOR = Estimator(
     applicability=applicability.linear_start,
     caveats=applicability.together(applicability.unmodelled_motion, applicability.noiseless),
     causes=FILTER.causes,
+    oldest_s=history.OLDEST,
 )

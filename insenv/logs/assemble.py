@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from insenv.errors import InputError, nearest
-from insenv.logs.columns import FileSection, MeasurementSection
+from insenv.logs.columns import FileSection, MeasurementSection, window_words
 from insenv.logs.description import PositionSection
 from insenv.logs.faults import all_of
 from insenv.logs.joining import join
@@ -122,8 +122,8 @@ class LogReader:
         inside = (time >= low) & (time <= high)
         if not inside.any():
             raise InputError(
-                f"{table.label}: no {name} rows between start_s = {self.start_s} s and stop_s = {self.stop_s} s:"
-                f" its times are {time[0]:.3f} to {time[-1]:.3f} s"
+                f"{table.label}: no {name} rows {window_words(self.start_s, self.stop_s)}: its times are {time[0]:.3f} to"
+                f" {time[-1]:.3f} s"
             )
         return table.select(inside), time[inside]
 

@@ -68,3 +68,10 @@ class MeasurementSection(FileSection):
         None,
         "column of the time from the measurement to its stamp [s], where stamps are of arrival; absent: stamps are of validity",
     )
+
+
+def window_words(start_s: float | None, stop_s: float | None) -> str:
+    """The part of a log that its keys start_s and stop_s choose, for a message; those that are not given are left out."""
+    begin = "" if start_s is None else f"from start_s = {start_s:g} s"
+    end = "" if stop_s is None else f"to stop_s = {stop_s:g} s"
+    return " ".join(filter(None, (begin, end))) or "in the whole log"

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, ValidationInfo, field_validator, model_validator
 
 from insenv import attitude
+from insenv.errors import nearest
 from insenv.files.toml import Number, Parameter, Positive, Section, Vector3, key
 from insenv.files.values import NotNegative as PerAxis
 from insenv.files.values import PerAxis as Signed
@@ -25,6 +26,7 @@ from insenv.logs.units import ACCEL_UNITS, GYRO_UNITS, Array, axes_matrix
 from insenv.sensors import ImuSection as UnitSection
 from insenv.sensors.bounds import largest
 from insenv.sensors.grade_file import grade_of
+from insenv.vehicles import registry as vehicle_registry
 
 
 def _check_grade(value: str) -> str:
@@ -389,6 +391,13 @@ class AnyLog(Section):
         {},
         'parameters by estimator id, e.g. [estimator."loosely-coupled"] arw_deg_sqrt_h = 0.3; checked by the estimator',
     )
+
+    @field_validator("vehicle_kind")
+    @classmethod
+    def _known_kind(cls, value: str) -> str:
+        if value and value not in vehicle_registry.registered():
+            raise ValueError(f"unknown{nearest(value, vehicle_registry.registered())}")
+        return value
 
     @field_validator("stop_s")
     @classmethod

@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv import geodesy
 from insenv.logs.course import NO_INFORMATION
+from insenv.logs.readings import Readings
 from insenv.logs.recorded import GnssFixes, RecordedLog
 from insenv.logs.units import Array
 
@@ -112,7 +113,9 @@ def _left_at(gnss: GnssFixes, since: float, begin: float, end: float) -> float |
 
 
 def travel(log: RecordedLog, begin_s: float, end_s: float) -> Travel | None:
-    """The first travel over the ground between two times (s), by the fixes or else by the reference; None if there is none.
+    """The first travel over the ground between two times (s); None if there is none.
+
+    It shows in the fixes, or else in the reference, an odometer or a Doppler log that tracks the ground.
 
     The speed is that of the median velocity over `TRAVEL_WINDOW_S`, or of the way between median places; what their
     standard deviations explain does not count.
@@ -127,7 +130,7 @@ def travel(log: RecordedLog, begin_s: float, end_s: float) -> Travel | None:
 
 
 def shows_travel(log: RecordedLog, begin_s: float, end_s: float) -> bool:
-    """Whether fixes or reference would show travel between two times (s)."""
+    """Whether what `travel` looks at would show travel between two times (s)."""
     return _ground_track(log, begin_s, end_s) is not None
 
 
@@ -144,7 +147,19 @@ def _ground_track(log: RecordedLog, begin_s: float, end_s: float) -> tuple[Array
             return found
     if reference is not None and reference.velocity_n is not None:
         return _by_velocity(reference.time, reference.velocity_n, np.zeros(reference.velocity_n.shape), begin_s, end_s)
+    for each in log.instruments:
+        velocity = _over_ground(log, each)
+        if velocity is not None:
+            return _by_velocity(each.time, velocity, np.zeros(velocity.shape), begin_s, end_s)
     return None
+
+
+def _over_ground(log: RecordedLog, readings: Readings) -> Array | None:
+    """Velocity over the ground (m, 2) m/s, b, that an odometer or a Doppler log shows; None of other instruments."""
+    if readings.id == "odometer":
+        return np.column_stack([readings.values[:, 0], np.zeros(len(readings.time))])
+    tracks_ground = readings.id == "dvl" and not np.any(log.told.get("dvl_current_sigma", 0.0))
+    return readings.values[:, :2] if tracks_ground else None
 
 
 def _by_velocity(time: Array, velocity: Array, sigma: Array, begin_s: float, end_s: float) -> tuple[Array, Array, Array] | None:

@@ -20,7 +20,7 @@ from insenv.estimators import Estimator, Knowledge
 from insenv.evaluation.live_health import LiveHealth
 from insenv.mavlink.interference import Interference
 from insenv.mavlink.surroundings import defaults
-from insenv.scenario import Plant, Scenario, build
+from insenv.scenario import Plant, Scenario, build, poles
 from insenv.scenario.choice import named_estimators
 
 _POSE = ("q_nb", "velocity_n", "latitude", "longitude", "height")
@@ -126,7 +126,10 @@ class Simulation:
         return not bool(np.isfinite(self._z).all())
 
     def advance(self) -> None:
-        """Advance by one inertial sample: the plant, then the estimator with the measurements."""
+        """Advance by one inertial sample: the plant, then the estimator with the measurements.
+
+        Raises `InputError` near a pole.
+        """
         self._plant.advance(self._commands if self._commanded else None)
         if self._commanded and self._commands is not None:  # the command is valid for one sample
             valid = self.plant.model.inputs.slice("command_valid")
@@ -135,6 +138,8 @@ class Simulation:
         self.samples += 1
         self._y[:] = self._plant.output()
         truth, u = self.truth, self._u
+        if poles.too_near(latitude := float(truth["latitude"])):
+            raise poles.refusal(self.plant.scenario, latitude, self.time)
         for id in self.readings:
             self.readings[id] += int(truth[f"{id}_new"] != 0.0)
         self.lost_in_a_row += 1

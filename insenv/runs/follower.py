@@ -79,10 +79,14 @@ class Follower:
         """The sentence that `duration_s` of data are too few for the estimator; empty if they suffice."""
         return self.estimator.too_short(self._parameters, duration_s)
 
-    def notes(self, duration_s: float, found: Health | None, outputs: Mapping[str, Array]) -> tuple[str, ...]:
-        """Remarks on the estimate after `duration_s` of data, on its health and on what `named` returned."""
-        parameters = self._parameters
-        told = (*self.estimator.notes(parameters, duration_s), *self.estimator.found(parameters, outputs))
+    def notes(self, time: Array, duration_s: float, found: Health | None, outputs: Mapping[str, Array]) -> tuple[str, ...]:
+        """Remarks on the estimate after `duration_s` of data, on its health and on what `named` returned.
+
+        time (records,): of these outputs, s since the start.
+        """
+        parameters, estimator = self._parameters, self.estimator
+        told = (*estimator.notes(parameters, duration_s), *estimator.found(parameters, outputs))
+        told = (*told, *estimator.reached(parameters, time, outputs))
         if not self.estimator.reports_health:
             return told
         if self.estimator.reports_fixes and (said := no_fix(found)):

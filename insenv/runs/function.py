@@ -150,7 +150,7 @@ class FunctionFollower:
         """Empty: how long a function needs is not known."""
         return ""
 
-    def notes(self, duration_s: float, found: Health | None, outputs: Mapping[str, Any]) -> tuple[str, ...]:
+    def notes(self, time: Array, duration_s: float, found: Health | None, outputs: Mapping[str, Any]) -> tuple[str, ...]:
         """How slow the function is."""
         each, pace = self.seconds / max(self.calls, 1), self.covered_s / max(self.seconds, 1e-9)
         return (

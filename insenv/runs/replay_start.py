@@ -39,6 +39,7 @@ SURE_SPEED = 3.0  # m/s: of a fix, above which a vehicle does not stand whatever
 PUSH = 3.0  # m/s^2: acceleration of a vehicle under way between the start and the fix next to it
 FAR = 4.0  # standard deviations by which a given position and the fixes may differ: 3 are exceeded by 1 in 90 right ones
 WITH_FIXES = "the start is that of the fixes"
+EARLY = 0.1  # s: a stated time this much before the first sample is that of the sample, rounded
 REFERENCE_SIGMAS = {
     "position_sigma": np.full(3, 3.0),
     "velocity_sigma": np.full(3, 0.5),
@@ -49,9 +50,14 @@ REFERENCE_SIGMAS = {
 
 
 def start_time(log: RecordedLog, start: str) -> float:
-    """Start of the estimators, s: the log's start_s, or the first sample (that the reference covers, if used)."""
+    """Start of the estimators, s: the log's start_s, or the first sample (that the reference covers, if used).
+
+    Raises `InputError` where [initial] gives a state that may be of another time, because the log is used from a later one on.
+    """
     given = log.description.initial.start_s
     first = float(log.imu_time[0] - log.dt[0])
+    if start != "reference":
+        _check_time_of_state(log, first)
     if given is not None or start != "reference" or log.reference is None:
         return first if given is None else given
     return max(first, float(log.reference.time[0]))
@@ -71,6 +77,25 @@ _STATE = (
     "heading_sigma_deg",
 )
 """Keys of [initial] that a start "stated" needs."""
+
+
+def _check_time_of_state(log: RecordedLog, first: float) -> None:
+    """Raise `InputError` unless the state in [initial] is of the time at which the used part begins (`first`, s), or later."""
+    initial, cut = log.description.initial, log.description.start_s
+    given = [name for name in _STATE[: _STATE.index("position_sigma_m")] if getattr(initial, name) is not None]
+    if not given or log.description.in_place:
+        return
+    state = f"the state in [initial] ({', '.join(given)})"
+    if initial.start_s is None and cut is not None and cut > first - EARLY:
+        raise InputError(
+            f"start_s = {cut:g} s leaves out what was recorded before, and nothing tells of which time {state} is: [initial] "
+            "start_s says it, and navigation starts then; without these keys the log itself gives the start"
+        )
+    if initial.start_s is not None and initial.start_s < first - EARLY:
+        raise InputError(
+            f"[initial] start_s = {initial.start_s:g} s: {state} is of that time, and the log is used from {first:.6g} s on: "
+            "allowed is that time or a later one"
+        )
 
 
 @dataclass(frozen=True)

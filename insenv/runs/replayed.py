@@ -183,17 +183,33 @@ def prepared(
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:
-    """What estimators check of a log, on the way that it shows from `begin_s` on."""
+    """What estimators check of a log, on the way that it shows from `begin_s` on.
+
+    Raises `InputError` where the description says that a vehicle stays in place which travels.
+    """
     end_s = float(log.imu_time[-1])
     found = travel(log, begin_s, end_s)
     motion = ""
+    if found is not None and log.description.in_place:
+        raise InputError(
+            f"in_place = true, and the log shows that the vehicle moves, at {found.speed:.3g} m/s about {found.time:.0f} s: "
+            "allowed is in_place = false, or a part of the log in which it stays, by start_s and stop_s"
+        )
     if found is not None:
         motion = f"at {found.speed:.3g} m/s about {found.time:.0f} s; start_s and stop_s select the part in which it stays"
     sensors = {each.id for each in log.instruments} | (set() if log.gnss is None else {"gnss"})
     in_place = log.description.in_place if found is None else False
     measured = log.gnss is None or log.gnss.velocity_n is not None
     kind = log.description.vehicle_kind
-    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured)
+    timed = {each.id: (each.arrival, each.age) for each in log.instruments}
+    if log.gnss is not None:
+        timed["gnss"] = log.gnss.arrival, log.gnss.age
+    ages = {
+        id: float(np.max(age[arrival >= begin_s], initial=0.0))
+        for id, (arrival, age) in timed.items()
+        if arrival is not None and age is not None
+    }
+    return Drive("the log", frozenset(sensors), in_place, vehicle=kind, motion=motion, fix_velocity=measured, ages=ages)
 
 
 def sample_columns(log: RecordedLog, window: slice) -> tuple[dict[str, Array], int]:
@@ -349,7 +365,7 @@ def _result(
         us_per_sample=follower.seconds / (len(times) * follower.every) * 1e6,
         notes=(
             *of_start,
-            *follower.notes(duration_s, health, outputs),
+            *follower.notes(times - (times[-1] - duration_s), duration_s, health, outputs),
             *contradiction_notes(times, outputs),
             *sideways_notes(times, outputs),
         ),

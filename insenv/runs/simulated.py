@@ -124,14 +124,14 @@ def _result(
     of_tuning: tuple[str, ...],
 ) -> Result:
     outputs = follower.named()
-    health = follower.health(outputs)
+    health, own = follower.health(outputs), track.since(follower.first)
     return result_of(
         follower.estimator,
         outputs,
-        track.since(follower.first),
+        own,
         limit,
         us_per_sample=follower.seconds / (len(track.time) * follower.every) * 1e6,
-        notes=(*of_tuning, *follower.notes(plant.duration_s, health, outputs)),
+        notes=(*of_tuning, *follower.notes(own.time, plant.duration_s, health, outputs)),
         health=health,
         settled=not follower.too_short(plant.duration_s),
         unit=unit_errors(plant.scenario.vehicle.kind, outputs, true),

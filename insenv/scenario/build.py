@@ -23,6 +23,7 @@ from insenv.instruments import TOLD
 from insenv.plant import plant_model
 from insenv.scenario.commands import DRIVEN, Commanded, commanded, input_rows
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
+from insenv.scenario.poles import check_course
 from insenv.scenario.sensor_notes import motion_errors, sensor_notes
 from insenv.scenario.tuning import Settings, choices_in, own_settings
 from insenv.sensors import IMU, Sensor
@@ -132,7 +133,7 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
     """The plant with the parameters `rows` and the seed; `vector` is both packed."""
     parameters = {**rows, "seed": float(seed)}
     told_rows = told(scenario, model.parameters.unpack(vector.copy()))
-    return Plant(
+    plant = Plant(
         scenario=scenario,
         model=model,
         parameters=parameters,
@@ -143,6 +144,8 @@ def _plant(scenario: Scenario, model: Model, rows: Mapping[str, Any], vector: Ve
         knowledge=_knowledge(scenario, _true_start(model, vector, seed), parameters, told_rows, seed),
         commands=commanded(model, scenario.commands, scenario.rate_hz),
     )
+    check_course(plant)
+    return plant
 
 
 def plant_of(scenario: Scenario) -> tuple[Model, dict[str, Any]]:

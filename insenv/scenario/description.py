@@ -120,8 +120,8 @@ class Scenario(Section):
         """The conditions that estimators check.  whole: whether a smoother can run backward over the whole run."""
         where = f"scenario {self.name!r}" if self.name else "the scenario"
         measured = self.gnss is None or self.gnss.velocity
-        sensors = frozenset(self.sensors)
-        return Drive(where, sensors, self.vehicle.in_place, whole, self.vehicle.kind, fix_velocity=measured)
+        ages = {id: section.oldest_s for id, section in self.sensors.items()}
+        return Drive(where, frozenset(ages), self.vehicle.in_place, whole, self.vehicle.kind, fix_velocity=measured, ages=ages)
 
     @model_validator(mode="before")
     @classmethod

@@ -85,6 +85,11 @@ class SensorSection(Section):
 
     sensor: ClassVar[Sensor]
 
+    @property
+    def oldest_s(self) -> float:
+        """Largest age of a measurement when it arrives, s."""
+        return 0.0
+
     def notes(self, rate_hz: float) -> tuple[str, ...]:
         """Sentences on what the simulation does not do as the keys state it, for a reader of the results."""
         return ()

@@ -106,6 +106,11 @@ class TimedSection(SensorSection):
     latency_s: Number = key(0.0, "delay of a measurement, a whole number of samples, below the interval", "s", ge=0, le=3600)
     outages_s: tuple[Window, ...] = key((), "intervals without measurements, pairs of begin and end", "s", max_length=OUTAGES)
 
+    @property
+    def oldest_s(self) -> float:
+        """Largest age of a measurement when it arrives, s."""
+        return self.latency_s
+
     @field_validator("outages_s")
     @classmethod
     def _windows(cls, value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:

@@ -51,6 +51,13 @@ class GnssSection(TimedSection):
         gnss_grade(value)
         return value
 
+    @property
+    def oldest_s(self) -> float:
+        """Largest age of a fix when it arrives, s; of a drawn delay `SHOWN_SIGMAS`, as far as the interval allows it."""
+        drawn = self.delay_error_s + SHOWN_SIGMAS * self.delay_sigma_s
+        stated = self.latency_s + self.epoch_offset_s
+        return max(stated, min(stated + drawn, self.interval_s))
+
     def _delays(self, sample: float) -> tuple[float, float]:
         """Smallest and largest delay that `_start` of the receiver does not cut, s, at samples of `sample` (s)."""
         stated = self.latency_s + self.epoch_offset_s

@@ -16,7 +16,7 @@ from insenv.tracks.fingerprint import fingerprint
 from insenv.tracks.points import Points, checked
 from insenv.tracks.readers import Column, Columns, formats, points_of
 from insenv.tracks.shape import Shape, shaped, start_of
-from insenv.vehicles.section import StartSection, VehicleSection
+from insenv.vehicles.section import MARGIN_MPS, StartSection, VehicleSection
 from insenv.vehicles.splines import DEGREE
 from insenv.vehicles.track import SIZES, track
 from insenv.vehicles.truth import Vehicle
@@ -24,6 +24,7 @@ from insenv.vehicles.truth import Vehicle
 SHORTEST_KNOT_S = 0.05
 LONGEST_GAP = 200
 """Knots between two points: with more, rounding decides what the smoothest spline between them is."""
+EARTH_RADIUS = 6.4e6  # m: of the largest curvature of a meridian
 TURN = 0.25
 """Largest rotation in a sample, rad, that the truth of a vehicle allows."""
 _MOST = SIZES[-1] - DEGREE - 1
@@ -52,6 +53,12 @@ class TrackSection(VehicleSection):
     def lasts_s(self) -> float | None:
         """Duration of the track, s."""
         return self.shape.duration_s
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed towards a pole that it does not exceed: a derivative of a spline is a mean of differences of its points."""
+        steps = np.abs(np.diff(self.shape.points[:, 0]))
+        return float(steps.max(initial=0.0)) / self.shape.interval * EARTH_RADIUS + MARGIN_MPS
 
     @property
     def notes(self) -> tuple[str, ...]:

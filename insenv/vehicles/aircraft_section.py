@@ -13,7 +13,7 @@ from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
 from insenv.vehicles.aircraft import AIRCRAFT_TRAITS, aircraft
 from insenv.vehicles.routes import flight_plan, survey_pattern
-from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, dumped, in_legs
+from insenv.vehicles.section import MAX_LEGS, GustsSection, StartSection, dumped, fastest, in_legs
 from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
@@ -56,6 +56,11 @@ class AircraftSection(GustsSection):
     def in_place(self) -> bool:
         """Whether it is parked."""
         return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground that it does not exceed, unless it is steered."""
+        return fastest(self.start_speed_mps, self.legs, "speed_mps") + self.gusting_mps
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""

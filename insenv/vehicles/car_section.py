@@ -9,7 +9,17 @@ from typing import Any, ClassVar, Literal
 from insenv.files.toml import Number, Section, key
 from insenv.vehicles.car import CAR_TRAITS, car
 from insenv.vehicles.routes import car_route
-from insenv.vehicles.section import MAX_LEGS, Engine, StartSection, VehicleSection, dumped, engine_rows, in_legs
+from insenv.vehicles.section import (
+    MARGIN_MPS,
+    MAX_LEGS,
+    Engine,
+    StartSection,
+    VehicleSection,
+    dumped,
+    engine_rows,
+    fastest,
+    in_legs,
+)
 from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
@@ -58,6 +68,11 @@ class CarSection(VehicleSection):
     def in_place(self) -> bool:
         """Whether it is parked."""
         return self.start_speed_mps == 0.0 and all(leg.wait_s is not None for leg in self.legs)
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground that it does not exceed, unless it is steered."""
+        return fastest(self.start_speed_mps, self.legs, "accelerate_to_mps") + MARGIN_MPS
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 from insenv.errors import InputError
 from insenv.files.toml import Number, Section, key
 from insenv.vehicles.multirotor import MULTIROTOR_TRAITS, SCRIPT, multirotor
-from insenv.vehicles.section import MAX_LEGS, Engine, GustsSection, StartSection, in_legs
+from insenv.vehicles.section import MAX_LEGS, Engine, GustsSection, StartSection, fastest, in_legs
 from insenv.vehicles.traits import VehicleTraits
 from insenv.vehicles.truth import Vehicle
 
@@ -53,6 +53,11 @@ class MultirotorSection(GustsSection):
     def in_place(self) -> bool:
         """False: gusts move it by more than metres."""
         return False
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground that it does not exceed, unless it is steered."""
+        return fastest(0.0, self.legs, "forward_mps", "right_mps") + self.gusting_mps
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""

@@ -16,6 +16,10 @@ from insenv.vehicles.truth import Vehicle
 
 MAX_WAVES = 16
 MAX_LEGS = 64
+FASTEST_MPS = 400.0
+"""No vehicle of insenv is faster over the ground."""
+MARGIN_MPS = 5.0
+"""Of lever arms, sway and overshoot, on average over some minutes."""
 
 
 class PlaceSection(Section):
@@ -66,6 +70,11 @@ class VehicleSection(Section):
         return None
 
     @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground, or at least towards the poles, that it does not exceed, unless it is steered."""
+        return FASTEST_MPS
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on what the keys leave open, for a reader of the results."""
         return ()
@@ -90,6 +99,12 @@ class VehicleSection(Section):
 
 
 Made = TypeVar("Made")
+
+
+def fastest(start_mps: float, legs: tuple[Section, ...], *keys: str) -> float:
+    """The largest of a start speed and of the speeds that the legs name by `keys`, m/s; of several keys, their sum in a leg."""
+    speeds = (sum(abs(getattr(leg, name) or 0.0) for name in keys) for leg in legs)
+    return max(start_mps, *speeds, 0.0)
 
 
 def dumped(legs: tuple[Section, ...]) -> list[dict[str, float]]:
@@ -142,6 +157,11 @@ class GustsSection(VehicleSection):
         (0.0, 0.0, 0.0), "velocity due to gusts, north, east, down, standard deviations", "m/s"
     )
     gust_correlation_s: Number = key(3.0, "correlation time of the gusts", "s", ge=0.01, le=1e6)
+
+    @property
+    def gusting_mps(self) -> float:
+        """A speed over the ground that gusts do not exceed."""
+        return MARGIN_MPS + 10.0 * sum(self.gust_velocity_sigma_mps)
 
     def air_rows(self) -> dict[str, Any]:
         """Parameter rows (SI) of these keys."""

@@ -11,7 +11,7 @@ from pydantic import Strict, model_validator
 from insenv.files.toml import Number, Section, key
 from insenv.vehicles import surroundings
 from insenv.vehicles.routes import ship_course
-from insenv.vehicles.section import MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, in_legs
+from insenv.vehicles.section import MARGIN_MPS, MAX_LEGS, MAX_WAVES, StartSection, VehicleSection, dumped, fastest, in_legs
 from insenv.vehicles.ship import SHIP_TRAITS, regular_sway, ship
 from insenv.vehicles.traits import StickCommand, VehicleTraits
 from insenv.vehicles.truth import Vehicle
@@ -140,6 +140,11 @@ class ShipSection(VehicleSection):
         sway = self.sway or SwaySection()
         waves = ((name, wave) for name in SwaySection.model_fields for wave in getattr(sway, name))
         return regular_sway([{"motion": name, **wave.model_dump(exclude_none=True)} for name, wave in waves])
+
+    @property
+    def fastest_mps(self) -> float:
+        """A speed over the ground that it does not exceed, unless it is steered."""
+        return fastest(self.start_speed_mps, self.legs, "speed_mps") + MARGIN_MPS
 
     def vehicle(self) -> Vehicle:
         """Equations of motion."""

@@ -51,7 +51,37 @@ def test_a_car_and_an_aircraft_find_their_attitude():
         for angle in ("roll_deg", "pitch_deg", "heading_deg"):
             assert np.all(np.abs(result.errors[angle]) < 4.5 * result.sigma[angle])
         assert result.sigma["heading_deg"][-1] < sigma
-        assert not any("heading" in note for note in result.notes)
+        assert [note.split(" after")[0] for note in result.notes if "heading" in note] == ["heading found"]
+
+
+def test_a_run_and_a_replay_say_when_the_heading_was_found():
+    """The time of the note is that at which the filter stopped seeking, to one record."""
+    scenario, duration_s = _known("ship-at-sea"), 60.0
+    report = insenv.run(scenario, ["fusion", "velocity-integration"], seed=20001, duration_s=duration_s)
+    (said,) = [note for note in report.results[0].notes if "heading found" in note]
+    assert said.endswith("by the velocity of GNSS; from then on the filter runs with all its aids")
+    (found,) = [note for note in report.results[1].notes if "heading found" in note]
+    plant = build(scenario, seed=20001, duration_s=duration_s)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    filter = plant.adapted("fusion")
+    runner, rows = make_runner(filter.model, plant.parameters_of(filter)), input_rows(filter.model, columns, plant.samples)
+    sought = 0
+    while runner.state["alignment_seeking"]:
+        runner.run(1, rows[sought : sought + 1])
+        sought += 1
+    stated_s = float(said.split("after ")[1].split(" s")[0])
+    record_s = float(np.diff(report.results[0].time)[0])
+    assert 0.0 <= stated_s - sought * plant.sample_interval < record_s + 0.01
+    assert float(found.split("after ")[1].split(" s")[0]) <= stated_s
+    replayed = insenv.replay(insenv.record(scenario, seed=20001, duration_s=duration_s), "fusion", start="stated")
+    (again,) = [note for note in replayed.results[0].notes if "heading found" in note]
+    assert abs(float(again.split("after ")[1].split(" s")[0]) - stated_s) < record_s + 0.01
+
+
+def test_a_known_start_has_no_note_of_a_heading_found():
+    result = insenv.run(_known("ship-at-sea", heading_sigma_deg=2.0, tilt_sigma_deg=0.5), "fusion", duration_s=5.0).results[0]
+    assert not any("heading found" in note for note in result.notes)
 
 
 def test_a_heading_that_is_roughly_known_is_kept_until_a_better_one_is_found():

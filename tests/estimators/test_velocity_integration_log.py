@@ -210,3 +210,18 @@ def test_a_log_that_sees_the_water_only_is_refused():
     dvl = scenario.dvl.model_copy(update={"water_track": True, "current_sigma_mps": 0.3})
     with pytest.raises(InputError, match=r"through water that flows, with a current of 0\.3 m/s"):
         run(scenario.model_copy(update={"dvl": dvl}), ID, duration_s=20.0)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "gnss", "said"),
+    [
+        ("ship-swaying", None, r"'ship-swaying' has no \[gnss\], and there is no \[dvl\]"),
+        ("car-city-drive", {"velocity": False}, r"the fixes of .* have no velocity, and there is no \[dvl\]"),
+    ],
+)
+def test_a_refusal_names_both_instruments_that_would_do(scenario, gnss, said):
+    chosen = load(scenario)
+    if gnss is not None:
+        chosen = chosen.model_copy(update={"gnss": chosen.gnss.model_copy(update=gnss)})
+    with pytest.raises(InputError, match=f"needs the velocity of GNSS or of a Doppler log that tracks the ground: .*{said}"):
+        run(chosen, ID, duration_s=20.0)

@@ -216,6 +216,9 @@ def test_a_plant_that_loses_samples_is_refused(tmp_path):
 
 def test_a_combination_that_is_not_allowed_is_named(tmp_path):
     refused(call("fmu", "ssp", "car-city-drive", "-e", ID, "-o", tmp_path / "x.ssp"), ID, "car-city-drive", "moves")
+    refused(
+        call("fmu", "ssp", "car-city-drive", "-e", "smoother", "-o", tmp_path / "x.ssp"), "smooths a whole run from its end"
+    )
     refused(call("fmu", "ssp", SCENARIO, "-e", "qakf-improve", "-o", tmp_path / "x.ssp"), "qakf-improved")
     refused(call("fmu", "ssp", "ship-swayin", "-e", ID, "-o", tmp_path / "x.ssp"), SCENARIO)
     assert not list(tmp_path.iterdir())

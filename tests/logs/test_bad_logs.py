@@ -131,7 +131,9 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
     folder.toml = good.replace("[imu]", '[imu]\ntime_unit = "ms"')
     assert "imu: 100 samples in 0.00198 s are 50000 Hz: allowed is up to 10000 Hz" in folder.error()
     folder.toml = good.replace('title = "test"', 'title = "test"\nstart_s = 99.0')
-    assert "no imu rows between start_s = 99.0 s" in folder.error()
+    assert "no imu rows from start_s = 99 s: its times are" in folder.error()
+    folder.toml = good.replace('title = "test"', 'title = "test"\nstop_s = -99.0')
+    assert "no imu rows to stop_s = -99 s: its times are" in folder.error()
     folder.toml = good.replace("[gnss]", "[gnss]\nkeep_where = { h = 7 }")
     assert "no row is left by gnss.keep_where" in folder.error()
     folder.toml = good.replace('position_unit = "deg"', 'position_unit = "rad"')
@@ -168,6 +170,8 @@ def test_spans_rates_and_windows_that_do_not_fit(folder: Folder) -> None:
         ),
         ('title = "test"', "", "title is missing"),
         ('title = "test"', 'title = "test"\nwidth = 3', "width: unknown key"),
+        ('title = "test"', 'title = "test"\nvehicle_kind = "boat"', "vehicle_kind = 'boat': unknown"),
+        ('title = "test"', 'title = "test"\nvehicle_kind = "shop"', "did you mean 'ship'?"),
         (
             'title = "test"',
             'title = "test"\nstart_s = 5\nstop_s = 4',

@@ -388,3 +388,46 @@ def test_a_steady_drive_at_the_start_of_a_part_is_no_rest(tmp_path):
     path.write_text((text[:begin] + text[end:]).replace("vehicle_kind", "start_s = 300.0\nvehicle_kind", 1))
     result = replay(path, "fusion").results[0]
     assert "the vehicle moves at 299.995 s" in result.notes[0] and result.sigma["heading_deg"][0] > 90.0
+
+
+def cut(log, from_s, /, **initial):
+    """The log from `from_s` on, with other values in [initial]."""
+    kept, fixed = log.imu_time - log.dt >= from_s - 1e-6, log.gnss.time >= from_s
+    names = ("imu_time", "delta_angle", "delta_velocity", "dt", "bridged")
+    of_fixes = {name: value[fixed] for name, value in vars(log.gnss).items() if value is not None}
+    parts = {name: getattr(log, name)[kept] for name in names}
+    log = replace(log, **parts, gnss=replace(log.gnss, **of_fixes), temperature=None)
+    log = started(log, **initial)
+    return replace(log, description=log.description.model_copy(update={"start_s": from_s}))
+
+
+def test_a_state_of_the_beginning_is_not_taken_for_that_of_a_later_start():
+    """A car 250 m on and turned by 60 deg: the state at time 0 with its sigma of a metre and of 0.5 deg says nothing of it."""
+    log = record(car("tactical"), seed=4, duration_s=90.0)
+    for start in ("coarse", "stated"):
+        with pytest.raises(
+            InputError, match=r"start_s = 60 s leaves out .* \(latitude_deg, longitude_deg, height_m, velocity_mps"
+        ):
+            replay(cut(log, 60.0), "fusion", start=start)
+        with pytest.raises(InputError, match=r"\[initial\] start_s = 0 s: .* the log is used from 60 s on: allowed is that"):
+            replay(cut(log, 60.0, start_s=0.0), "fusion", start=start)
+    assert replay(cut(log, 60.0, start_s=60.0), "fusion", start="stated").results[0].time[0] > 60.0  # said to be of 60 s
+    assert replay(cut(log, 60.0), "fusion", start="reference").results[0].time[0] > 60.0  # which does not use it
+    nothing = dict.fromkeys(InitialSection.model_fields)
+    assert "its heading is unknown" in replay(cut(log, 60.0, **nothing), "fusion").results[0].notes[0]
+
+
+def test_a_vehicle_in_place_has_the_same_state_later():
+    log = record("car-parked", seed=4, duration_s=90.0)
+    assert replay(replace(log, description=log.description.model_copy(update={"start_s": 60.0})), "q-method").results
+
+
+@pytest.mark.parametrize("shown_by", ["gnss", "reference", "dvl"])
+def test_in_place_is_refused_for_a_ship_that_moves(shown_by):
+    log = record("ship-dvl", seed=4, duration_s=30.0)
+    kept = {"gnss": log.gnss if shown_by == "gnss" else None, "reference": log.reference if shown_by == "reference" else None}
+    log = replace(log, **kept, instruments=log.instruments if shown_by == "dvl" else ())
+    log = replace(log, description=log.description.model_copy(update={"in_place": True}))
+    for id in ("fusion", "q-method"):
+        with pytest.raises(InputError, match=r"in_place = true, and the log shows that the vehicle moves, at .* m/s about"):
+            replay(log, id)

@@ -14,7 +14,7 @@ import numpy as np
 
 from insenv.errors import InputError
 from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
-from insenv.estimators.fusion import unknown_start
+from insenv.estimators.fusion import history, unknown_start
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
@@ -25,6 +25,7 @@ from insenv.estimators.fusion.prepared import prepared, untold_mounting
 from insenv.estimators.fusion.presets import aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
+from insenv.estimators.velocity_integration.estimator import OLDEST
 from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 from insenv.geodesy import OMEGA_IE
 
@@ -76,7 +77,9 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
             *unknown_start.far_place(way, parameters),
         ),
         findings=lambda parameters: (*findings(parameters), unknown_start.finding(way)),
+        reaches=lambda parameters: unknown_start.reached(way, parameters),
         finds_attitude=True,
+        oldest_s=min(estimator.oldest_s, OLDEST),
         settable=estimator.model.parameters,  # not those of the alignment
     )
 
@@ -106,6 +109,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
         applicability=notes,
         findings=lambda parameters: surprising(filter.states, parameters),
         causes=filter.causes,
+        oldest_s=history.OLDEST,
     )
 
 

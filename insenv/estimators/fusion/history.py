@@ -22,7 +22,9 @@ from insenv.geodesy import NOMINAL_GRAVITY
 
 SLOTS = 14
 SPACING = 0.08
-"""s; together at least 1.04 s, the longest age at which a measurement is compared with the motion of its own time."""
+"""s"""
+OLDEST = SPACING * (SLOTS - 1)
+"""s: the largest age at which a measurement is compared with the motion of its own time."""
 _KINDS = (("way", 3), ("velocity", 3), ("attitude", 4), ("rate", 3))
 """What a slot holds: m, m/s (w), quaternion from b to w, rad/s (b)."""
 

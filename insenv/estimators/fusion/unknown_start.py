@@ -37,7 +37,7 @@ from insenv.estimators.fusion.retraction import corrected
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY
-from insenv.estimators.parts.finding import Finding
+from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
 from insenv.estimators.parts.rest_bias import bias_sigma
 from insenv.estimators.velocity_integration import estimator as alignment
 from insenv.estimators.velocity_integration import source, wahba
@@ -115,6 +115,17 @@ def finding(way: VelocityIntegration) -> Finding:
         f"{_SHOWN[way]}",
         scale=(np.inf, np.inf, source.LARGEST_LINEAR),
     )
+
+
+def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Reached, ...]:
+    """What is said of the time at which the filter has its start; nothing where the attitude that is told suffices."""
+    if not _uncertain(Values(**parameters)):
+        return ()
+    sentence = (
+        f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {alignment.MEANS[way]}; from then on the filter runs with "
+        "all its aids"
+    )
+    return (Reached("attitude_sigma", sentence, (LINEAR_TILT, LINEAR_TILT, FOUND)),)
 
 
 @lru_cache(maxsize=16)

@@ -1,4 +1,4 @@
-"""What a run shows at its end: an output that is far from where it belongs, and the sentence about that."""
+"""What a run shows: at its end an output that is far from where it belongs, or the time at which a sigma has become small."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-RATIO = "{ratio}"
+RATIO, TIME, SIGMA = "{ratio}", "{time}", "{sigma}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,3 +30,26 @@ class Finding:
     def ratio(self, outputs: Mapping[str, NDArray[np.float64]]) -> float:
         """The largest distance over its scale of outputs (by row name, time along the first axis) at their end."""
         return float(np.max(np.abs(np.ravel(outputs[self.row][-1]) - self.about) / self.scale))
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """A sentence about the first time at which standard deviations are small enough.
+
+    row: of the outputs, rad.  scale: the largest that is small enough, one number for each element of the row.  sentence:
+    `TIME` in it stands for that time in s, `SIGMA` for the last element of the row then, in deg.
+    """
+
+    row: str
+    sentence: str
+    scale: ArrayLike
+
+    def said(self, time: NDArray[np.float64], outputs: Mapping[str, NDArray[np.float64]]) -> str:
+        """The sentence about outputs (by row name) at times (k,) s since the start; empty if they never are small enough."""
+        sigma = outputs[self.row]
+        small = (sigma <= np.asarray(self.scale)).all(axis=1)
+        if not small.any():
+            return ""
+        first = int(np.argmax(small))
+        of_heading = f"{np.degrees(sigma[first, -1]):.2g}"
+        return self.sentence.replace(TIME, f"{time[first]:.4g}").replace(SIGMA, of_heading)

@@ -18,6 +18,12 @@ from insenv.estimators.parts import counting, lever_arm, strapdown
 from insenv.estimators.parts.gauss_markov import correlated_again
 from insenv.estimators.parts.rows import FIX_HEALTH
 
+OLDEST = 0.5
+"""s: of a fix, over which acceleration and angular acceleration are taken as constant.
+
+Velocity errors of a car in a city are up to 1.6 times as large as stated with 0.5 s, and four times with 1 s.
+"""
+
 
 @dataclass(frozen=True)
 class Antenna:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from insenv import geodesy
-from insenv.errors import InputError
 from insenv.estimators.contract import Choices, Drive, Estimator, Knowledge
-from insenv.estimators.parts.finding import Finding
+from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
 from insenv.estimators.velocity_integration.fixes import FIXES
 from insenv.estimators.velocity_integration.log import LOG, finds_north
 from insenv.estimators.velocity_integration.source import LARGEST_LINEAR
@@ -20,6 +20,11 @@ from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 SHORT = 300.0  # s: gyros that lose a heading in less need turns all the time
 FIX_NOISE = 0.05  # m/s, once a second: typical of receivers that measure velocity by Doppler shift
+OLDEST = 1.0
+"""s: of a measurement, over which acceleration and angular acceleration are taken as constant.
+
+Heading errors of a ship in waves are as stated with 1 s, and four to seven times as large with 3 s.
+"""
 SHORTEST, LONGEST = 5.0, 3600.0  # s of memory
 
 BY_FIXES = VelocityIntegration(
@@ -75,6 +80,12 @@ def findings(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[F
     )
 
 
+def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Reached, ...]:
+    """What is said of the time at which the heading is known."""
+    sentence = f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {MEANS[way]}"
+    return (Reached("attitude_sigma", sentence, np.full(3, LARGEST_LINEAR)),)
+
+
 def _bias(parameters: Mapping[str, Any]) -> tuple[str, float]:
     """Name and value (rad/s) of the row that tells the bias of the gyros."""
     row = "start_gyro_bias_error" if parameters["start_gyro_bias_error"] > 0 else "gyro_bias_sigma"
@@ -106,6 +117,13 @@ _SHOWN: Mapping[VelocityIntegration, tuple[str, Callable[[Mapping[str, Any]], st
 }
 
 
+MEANS: Mapping[VelocityIntegration, str] = {
+    BY_FIXES: "by the velocity of GNSS",
+    BY_LOG: "by the Doppler log and the rotation of the Earth",
+}
+"""By what each finds the heading."""
+
+
 def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
     return Estimator(
         way.model,
@@ -115,18 +133,22 @@ def _estimator(way: VelocityIntegration, sensor: str) -> Estimator:
         fix_velocity=way is BY_FIXES,
         prepare=partial(prepare, way),
         findings=partial(findings, way),
+        reaches=partial(reached, way),
+        oldest_s=OLDEST,
         adapt=_adapted,
     )
 
 
 def _adapted(known: Knowledge, drive: Drive, choices: Choices) -> Estimator:
     way = available(drive.sensors, drive.fix_velocity, known)
-    if way is None and "dvl" in drive.sensors:
-        raise InputError(
-            f"estimator {ESTIMATOR.id!r} needs the velocity of GNSS or of a Doppler log that tracks the ground: that of "
-            f"{drive.where} is through water that flows, with a current of {known.rows['dvl_current_sigma']:.3g} m/s"
-        )
-    return _LOGGING if way is BY_LOG else ESTIMATOR
+    if way is not None:
+        return _LOGGING if way is BY_LOG else ESTIMATOR
+    fixes = f"the fixes of {drive.where} have no velocity" if "gnss" in drive.sensors else f"{drive.where} has no [gnss]"
+    log = "and there is no [dvl]"
+    if "dvl" in drive.sensors:
+        current = known.rows["dvl_current_sigma"]
+        log = f"and its Doppler log is through water that flows, with a current of {current:.3g} m/s"
+    return replace(ESTIMATOR, lacks=f"the velocity of GNSS or of a Doppler log that tracks the ground: {fixes}, {log}")
 
 
 ESTIMATOR = _estimator(BY_FIXES, "gnss")

@@ -13,6 +13,7 @@ import numpy as np
 
 from insenv.errors import InputError, nearest
 from insenv.files.toml import validated
+from insenv.logs.columns import window_words
 from insenv.logs.description import LogDescription
 from insenv.logs.flight import rosbag
 from insenv.logs.flight.description import FlightDescription
@@ -167,8 +168,9 @@ def _imu(
     inside = np.asarray(finite & (imu.time >= low) & (imu.time <= high))
     if np.count_nonzero(inside) < 3:
         raise InputError(
-            f"{label}: {np.count_nonzero(inside)} samples of {imu.name} between start_s = {description.start_s} and stop_s ="
-            f" {description.stop_s} s: its times are {imu.time.min():.3f} to {imu.time.max():.3f} s"
+            f"{label}: {np.count_nonzero(inside)} samples of {imu.name}"
+            f" {window_words(description.start_s, description.stop_s)}: its times are {imu.time.min():.3f} to"
+            f" {imu.time.max():.3f} s"
         )
     return longest(imu, inside, description.max_gap_s, notes)
 

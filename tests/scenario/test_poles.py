@@ -1,0 +1,86 @@
+"""Near a pole, where vehicles that steer relative to north cannot be simulated: exact up to 100 m, refused beyond."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+import insenv
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.estimators import get
+from insenv.mavlink.simulation import Simulation
+from insenv.plant.feeding import input_rows
+from insenv.scenario import build, load
+from insenv.scenario.build import reseeded
+
+
+def ship(latitude_deg=89.98, heading_deg=0.0, duration_s=900.0, speed=6.0, **more):
+    return load({
+        "title": "near a pole", "duration_s": duration_s, "rate_hz": 20.0, **more,
+        "estimators": ["loosely-coupled"], "gnss": {},
+        "start": {"latitude_deg": latitude_deg, "longitude_deg": 10.0, "heading_deg": heading_deg},
+        "vehicle": {"kind": "ship", "start_speed_mps": speed},
+    })  # fmt: skip
+
+
+def first_time(scenario):
+    """Time at which the way along the meridian has 100 m left."""
+    return ((90.0 - abs(scenario.start.latitude_deg)) * np.pi / 180 * 6.3996e6 - 100.0) / 6.0
+
+
+@pytest.mark.parametrize(("latitude", "heading", "pole"), [(89.98, 0.0, "north"), (-89.98, 180.0, "south")])
+def test_a_course_over_a_pole_is_refused_everywhere_with_the_time(latitude, heading, pole):
+    scenario = ship(latitude, heading)
+    said = rf"starts at latitude_deg = {latitude:g}, comes within 100 m of the {pole} pole at {first_time(scenario):.1f}"[:-1]
+    for use in (
+        build,
+        lambda s: insenv.run(s, "loosely-coupled"),
+        insenv.record,
+        lambda s: insenv.campaign(s, "loosely-coupled", 2),
+        lambda s: reseeded(build(s, duration_s=300.0), [1, 2]) and build(s),
+        lambda s: insenv.export_fmu(s, "never.fmu"),
+        Simulation,
+    ):
+        with pytest.raises(InputError, match=said):
+            use(scenario)
+
+
+def test_a_course_that_stays_away_is_simulated():
+    for scenario in (ship(duration_s=340.0), ship(heading_deg=180.0), ship(heading_deg=90.0), ship(speed=0.0)):
+        assert build(scenario).samples > 0
+
+
+def test_an_environment_refuses_a_start_from_which_the_vehicle_may_come_there():
+    with pytest.raises(InputError, match=r"is 2\.23 km from the north pole, and in 60 s at up to .* m/s it may come"):
+        gymnasium.make("insenv/ShipNavigation-v0", scenario=ship(heading_deg=180.0), duration_s=60.0)
+    gymnasium.make("insenv/ShipNavigation-v0", scenario=ship(89.0, heading_deg=180.0), duration_s=60.0)
+
+
+def test_a_stream_that_goes_on_ends_there():
+    simulation = Simulation(ship(89.9985, duration_s=5.0))
+    with pytest.raises(InputError, match=r"comes within 100 m of the north pole at 1[01]\.[0-9]+ s"):
+        for _ in range(400):
+            simulation.advance()
+
+
+@pytest.mark.parametrize(("latitude", "heading", "largest"), [(89.98, 90.0, 1e-7), (89.999, 90.0, 1e-5), (89.999, 200.0, 1e-5)])
+def test_the_truth_is_exact_as_near_as_it_is_allowed(latitude, heading, largest):
+    """Against a mechanization in a frame that does not turn at the pole, fed with the increments; m in 60 s.
+
+    The error goes with the square of the sample interval.
+    """
+    plant = build(ship(latitude, heading, 60.0, rate_hz=100.0, knowledge={"draw_errors": False}))
+    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns = {**shown, "dt": np.full(plant.samples, plant.sample_interval)}
+    free = get("wander-sins")
+    runner = make_runner(free.model, free.parameters(plant.knowledge))
+    found = free.model.outputs.unpack(runner.run(plant.samples, input_rows(free.model, columns, plant.samples)))
+
+    def level(place):
+        """Coordinates (k, 2) in the plane of the equator, m."""
+        away = (np.pi / 2 - place["latitude"]) * 6.3996e6
+        return np.stack([away * np.cos(place["longitude"]), away * np.sin(place["longitude"])], axis=1)
+
+    assert np.linalg.norm(level(found) - level(shown), axis=1).max() < largest
