@@ -52,4 +52,4 @@ class Reached:
             return ""
         first = int(np.argmax(small))
         of_heading = f"{np.degrees(sigma[first, -1]):.2g}"
-        return self.sentence.replace(TIME, f"{time[first]:.4g}").replace(SIGMA, of_heading)
+        return self.sentence.replace(TIME, f"{time[first]:.1f}").replace(SIGMA, of_heading)
