@@ -147,13 +147,32 @@ def smoother_outputs(smoothing: Smoothing, nominal: Array, corrections: Array, c
 
 
 def _smoothed_errors(smoothing: Smoothing, nominal: Array, adjoint: Array, information: Array) -> tuple[Array, Array]:
-    P = symmetric.full_array(smoothing.nominal.unpack(nominal)["covariance"], smoothing.n)
+    values = smoothing.nominal.unpack(nominal)
+    P = symmetric.full_array(values["covariance"], smoothing.n)
     L = symmetric.full_array(information, smoothing.n)
-    return np.einsum("nij,nj->ni", P, adjoint), P - P @ L @ P
+    if smoothing.seeking:
+        before = values[smoothing.seeking][:, None] != 0
+        adjoint, L = np.where(before, 0.0, adjoint), np.where(before[:, None], 0.0, L)
+    explained = P @ L @ P  # covariance of the correction P s
+    left = P - explained
+    if smoothing.seeking:
+        for part in (POSITION, VELOCITY, TILT):
+            left[:, part, part] += _of_products(P[:, TILT, TILT], explained[:, part, part])
+    return np.einsum("nij,nj->ni", P, adjoint), left
+
+
+def _of_products(A: Array, B: Array) -> Array:
+    """Covariance (m, 3, 3) of psi x e: what a correction e leaves out to second order while the attitude error psi is large.
+
+    A, B: covariances (m, 3, 3) of psi and e, which count as independent.  To turn by two corrections one after the other, and
+    not by their sum, is half that product; what the specific force of the interval after it does is about as much.
+    """
+    a, b, both = (np.trace(part, axis1=1, axis2=2)[:, None, None] for part in (A, B, A @ B))
+    return (a * b - both) * np.eye(3) - a * B - b * A + A @ B + B @ A
 
 
 def _state_names(smoothing: Smoothing) -> tuple[str, ...]:
-    return tuple(name for name in smoothing.nominal.names if name != "covariance")
+    return tuple(name for name in smoothing.nominal.names if name not in ("covariance", smoothing.seeking))
 
 
 @lru_cache(maxsize=8)

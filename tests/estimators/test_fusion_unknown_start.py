@@ -84,6 +84,20 @@ def test_a_known_start_has_no_note_of_a_heading_found():
     assert not any("heading found" in note for note in result.notes)
 
 
+def test_a_smoother_has_its_heading_from_where_the_filter_begins():
+    """16 runs of a ship: the filter begins with degrees, the smoother states what the whole run shows, and keeps to it."""
+    smoother = insenv.fusion((), ("gnss",), "few", smoother=True)
+    ratios = []
+    for seed in range(20000, 20016):
+        result = insenv.run("ship-at-sea", smoother, seed=seed, duration_s=60).results[0]
+        sigma = result.sigma["heading_deg"]
+        found = int(np.argmax(sigma < 5.0))
+        assert found > 0 and np.all(sigma[:found] > 7.0) and np.all(sigma[found:] < 2.5)
+        ratios.append([result.errors[name][found] / result.sigma[name][found] for name in result.sigma])
+    square = np.mean(np.square(ratios), axis=0)
+    assert np.all(square < 2.5) and np.mean(square) < 1.4  # of 16 independent ones 2.5 is the bound at 99.9 %
+
+
 def test_a_heading_that_is_roughly_known_is_kept_until_a_better_one_is_found():
     """A straight line shows none: 45 deg stay 45 deg, and level, velocity and place are known all the while."""
     result = insenv.run(_known("car-unknown-heading", heading_sigma_deg=45.0), "fusion", seed=20002, duration_s=29).results[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated_log import simulated_log
 
-from insenv import attitude, geodesy, record, replay, write
+from insenv import attitude, fusion, geodesy, record, replay, write
 from insenv.core import symmetric
 from insenv.errors import InputError
 from insenv.estimators import Knowledge, SensorNotes, get
@@ -345,11 +345,23 @@ def test_under_way_fusion_starts_from_nothing_and_others_need_an_attitude(rest, 
         assert beyond(result, name, result.time > 0) < 0.01, name
     assert result.sigma["heading_deg"][0] > 60 and result.sigma["heading_deg"][-1] < 1
     assert result.health.verdict == "consistent"
-    for id in ("loosely-coupled", "wander-sins", "fusion-smoother"):
+    for id in ("loosely-coupled", "wander-sins"):
         with pytest.raises(InputError, match=f"{said}.*others need roll_deg, pitch_deg"):
             replay(log, id)
     told = started(log, roll_deg=0.0, pitch_deg=0.0, heading_deg=0.0, tilt_sigma_deg=5.0, heading_sigma_deg=180.0)
     assert "its level is known to 5 deg, its heading is unknown" in replay(told, "aqe-sukf").results[0].notes[0]
+
+
+def test_under_way_a_smoother_starts_from_nothing():
+    log = record("ship-at-sea", seed=5, duration_s=30.0)
+    log = replace(log, description=log.description.model_copy(update={"initial": InitialSection()}))
+    result = replay(log, fusion((), ("gnss",), "few", smoother=True)).results[0]
+    assert "its level is unknown, its heading is unknown" in result.notes[0]
+    sigma = result.sigma["heading_deg"]
+    found = int(np.argmax(sigma < 5.0))
+    assert 2.0 < result.time[found] < 20.0 and np.all(sigma[:found] > 7.0) and np.all(sigma[found:] < 3.5)
+    for name in ("roll_deg", "pitch_deg", "heading_deg", "north_m", "vn_mps"):
+        assert np.all(np.abs(result.errors[name]) < 4.5 * result.sigma[name]), name
 
 
 def test_without_a_velocity_of_fixes_a_doppler_log_starts_fusion_under_way(monkeypatch):

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from smoothers import Pass, Scalars, bryson_frazier, rts, two_filter
 
+import insenv
 from insenv import geodesy, replay
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
@@ -135,10 +136,10 @@ def drive(scenario="car-city-drive", duration_s=40.0, outages=((15.0, 25.0),), s
     return plant, columns, {**get("smoother").parameters(plant.knowledge), **unmoved}
 
 
-def kept_pass(kept, p):
-    """The record of a forward pass, every instant smoothed, as a `Pass`; transitions from the error model."""
-    flat = ca.SX.sym("i", SMOOTHING.interval.size)
-    rows = SMOOTHING.interval.symbols(flat)
+def kept_pass(kept, p, own=SMOOTHING):
+    """The record of a forward pass of 15 states, every instant smoothed, as a `Pass`; transitions from the error model."""
+    flat = ca.SX.sym("i", own.interval.size)
+    rows = own.interval.symbols(flat)
     interval = Interval(rows.last_stretch, rows.last_stretch_velocity_w, rows.last_omega_ie_w, rows.last_omega_ew_w)
     A = ca.SX(15, 15)
     A[:9, :9] = navigation_transition(interval, geodesy.NOMINAL_GRAVITY)
@@ -152,12 +153,12 @@ def kept_pass(kept, p):
     times = np.repeat([p["gyro_correlation_time"], p["accel_correlation_time"]], 3)
     transition, noise, covariance, scalars = [], [], [], []
     for block, instants, nominal in reversed(list(kept.backward())):
-        covariance += list(symmetric.full_array(SMOOTHING.nominal.unpack(nominal)["covariance"], 15))
-        first = np.flatnonzero(block[:, SMOOTHING.backward.inputs.slice("carried").start])
+        covariance += list(symmetric.full_array(own.nominal.unpack(nominal)["covariance"], 15))
+        first = np.flatnonzero(block[:, own.backward.inputs.slice("carried").start])
         assert len(instants) == len(first)
         for begin, last in zip(first, instants, strict=True):
-            rows = SMOOTHING.backward.inputs.unpack(block[begin : last + 1])
-            given = function(block[begin, -SMOOTHING.interval.size :]).full()
+            rows = own.backward.inputs.unpack(block[begin : last + 1])
+            given = function(block[begin, -own.interval.size :]).full()
             Phi = np.eye(15)
             for i in range(15):  # row after row, as kalman.propagate applies them
                 E = np.eye(15)
@@ -166,7 +167,7 @@ def kept_pass(kept, p):
                 Phi = E @ Phi
             duration = rows["last_stretch"][0]
             Q = np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)])
-            used = (rows["scalar_0_used"] == 1) | (rows["scalar_1_used"] == 1)
+            used = np.any([rows[name] == 1 for name in rows if name.startswith("scalar_")], axis=0)
             # all in the axes after the turns of this instant, so that the forms need not know of any
             T, H, gain = np.eye(15), rows["H"].copy(), rows["gain"].copy()
             for k in reversed(np.flatnonzero(used)):
@@ -196,6 +197,36 @@ def test_all_forms_agree_on_a_drive_with_an_outage_and_a_stop():
         assert np.abs((other - states) / sigma).max() < bound, form
         unit = sigma[:, :, None] * sigma[:, None, :]
         assert np.abs((other_covariances - covariances) / unit).max() < bound, form
+
+
+def test_from_an_unknown_start_all_forms_agree_from_where_the_attitude_is_found():
+    """Before that the states are the filter's; after it the covariance also holds what is of second order."""
+    plant = build(load("ship-at-sea"), seed=4, duration_s=15.0)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    few = plant.adapted(insenv.fusion((), ("gnss",), "few", smoother=True))
+    p = {**plant.parameters_of(few), "rotation_error": 0.0, "thrust_error": 0.0}
+    run_ = Smoother(p, few.smoothing)
+    run_.take(columns, np.ones(plant.samples, dtype=bool))
+    states, covariances, nominal = run_.error_states()
+    values = few.smoothing.nominal.unpack(nominal)
+    P = symmetric.full_array(values["covariance"], 15)
+    begin = int(np.argmin(values["alignment_seeking"]))
+    assert 200 < begin < 600 and not values["alignment_seeking"][begin:].any()
+    assert not states[:begin].any() and np.array_equal(covariances[:begin], P[:begin])
+
+    whole = kept_pass(run_.record, p, few.smoothing)
+    later = Pass(*(part[begin:] for part in (whole.transition, whole.noise, whole.covariance, whole.scalars)))
+    sigma = np.sqrt(np.einsum("kii->ki", covariances[begin:]))
+    cross = np.cross(np.eye(3)[:, None], np.eye(3))  # a x b = cross[i, j] a_i b_j
+    for form in FORMS.values():
+        other, expected = form(later)
+        explained = P[begin:] - expected
+        for part in (slice(0, 3), DV, TILT):
+            both = np.einsum("kab,kcd->kacbd", P[begin:, TILT, TILT], explained[:, part, part])
+            expected[:, part, part] += np.einsum("aci,bdj,kacbd->kij", cross, cross, both)
+        assert np.abs((other - states[begin:]) / sigma).max() < 1e-6
+        assert np.abs((expected - covariances[begin:]) / (sigma[:, :, None] * sigma[:, None, :])).max() < 1e-6
 
 
 def test_the_forward_pass_is_bit_identical_to_the_filter():

@@ -58,19 +58,18 @@ def fusion(
 
 def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledge, drive: Drive) -> Estimator:
     """The estimator that `make` makes of a filter for a drive."""
-    made = make(filter, _uncounted(filter, known, drive))
-    way = None if made.smooths else unknown_start.way_of(filter, known, drive)
+    way = unknown_start.way_of(filter, known, drive)
+    made = make(filter, _uncounted(filter, known, drive), way)
     return made if way is None else _seeking(made, filter, way)
 
 
 def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration) -> Estimator:
-    """The same filter where its start attitude is not known: it finds it first."""
+    """The estimator whose model finds its start attitude first, with what that needs and says."""
     assert estimator.prepare is not None and estimator.applicability is not None and estimator.findings is not None
     prepare, notes, findings = estimator.prepare, estimator.applicability, estimator.findings
     sure = {"tilt_sigma": 0.0, "heading_sigma": 0.0}  # no note says that the start is too uncertain
     return replace(
         estimator,
-        model=unknown_start.model_of(filter, way),
         prepare=lambda known: {**prepare(known), **unknown_start.prepared(way, known)},
         applicability=lambda parameters, duration_s: (
             *notes({**parameters, **sure}, duration_s),
@@ -80,12 +79,12 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
         reaches=lambda parameters: unknown_start.reached(way, parameters),
         finds_attitude=True,
         oldest_s=min(estimator.oldest_s, OLDEST),
-        settable=estimator.model.parameters,  # not those of the alignment
+        settable=filter.parameters,  # not those of the alignment
     )
 
 
-def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
-    """The filter; uncounted: sentences about errors that it does not count."""
+def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: VelocityIntegration | None = None) -> Estimator:
+    """The filter; uncounted: sentences about errors that it does not count; way: the alignment that it starts by."""
     names, ids = [state.name for state in filter.states], [aid.id for aid in filter.aids]
     sensors = tuple(dict.fromkeys(sensor for aid in filter.aids for sensor in aid.sensors))
 
@@ -101,7 +100,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimato
         )
 
     return Estimator(
-        filter.model,
+        filter.model if way is None else unknown_start.model_of(filter, way),
         kind="navigation",
         sensors=sensors,
         error=filter.consistency_error,
@@ -190,9 +189,9 @@ def _without_sigma(filter: Composition, parameters: Mapping[str, Any]) -> tuple[
     )
 
 
-def _smoother(filter: Composition, uncounted: tuple[str, ...] = ()) -> Estimator:
-    smoothing = smoothing_of(filter, f"{filter.id}-smoother")
-    return replace(_estimator(filter, uncounted), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
+def _smoother(filter: Composition, uncounted: tuple[str, ...] = (), way: VelocityIntegration | None = None) -> Estimator:
+    smoothing = smoothing_of(filter, f"{filter.id}-smoother", way)
+    return replace(_estimator(filter, uncounted, way), model=smoothing.forward, smooths=filter.id, smoothing=smoothing)
 
 
 def _composed(known: Knowledge, drive: Drive, choices: Choices) -> Composition:

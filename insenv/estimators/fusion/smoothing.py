@@ -9,21 +9,30 @@ from typing import Any
 
 import casadi as ca
 
+from insenv import attitude
 from insenv.core.elementary import select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
+from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
 from insenv.estimators.fusion.retraction import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
+from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.estimators.parts.invariant import covariance_after
+from insenv.estimators.velocity_integration.wahba import VelocityIntegration
 
 WANTED = Row("smoothed", "1 when the smoothed state is wanted at this sample's end", lower=0, upper=1, flag=True)
 
 
 @lru_cache(maxsize=16)
-def smoothing_of(filter: Composition, id: str) -> adjoint.Smoothing:
-    """Both passes of the smoother `id` of a filter; the same object for the same filter."""
+def smoothing_of(filter: Composition, id: str, way: VelocityIntegration | None = None) -> adjoint.Smoothing:
+    """Both passes of the smoother `id` of a filter; the same object for the same filter.
+
+    way: the alignment that the filter starts by; None: it starts as told.
+    """
+    if way is not None:
+        return _aligned_first(smoothing_of(filter, id), filter, way)
     interval = Table(tuple(replace(row, name=_last(row.name)) for row in filter.interval))
     groups = tuple(
         adjoint.Group(
@@ -85,6 +94,38 @@ def _forward(filter: Composition, id: str, interval: Table, groups: tuple[adjoin
         steps={name: replace(step, function=changed.get(name, step.function)) for name, step in model.steps.items()},
         output=lambda p, x: {**filter.output(p, x), **{row.name: getattr(x, row.name) for row in more}},
     )
+
+
+def _aligned_first(told: adjoint.Smoothing, filter: Composition, way: VelocityIntegration) -> adjoint.Smoothing:
+    """The smoother of a filter that finds its attitude first; told: that of the filter which starts as told."""
+    model, seeking = unknown_start.aligned_first(told.forward, filter, way), unknown_start.SEEKING
+    shown = rows.chosen(model.state, seeking)
+    forward = replace(
+        model,
+        title=f"{model.title}, smoothed from there on",
+        outputs=model.outputs + shown,
+        output=lambda p, x: {**told.forward.output(p, x), seeking: getattr(x, seeking)},
+    )
+    return replace(
+        told,
+        forward=forward,
+        nominal=told.nominal + shown,
+        corrected=lambda x, error: navigation_corrected(x, _along_arc(error), filter.states, filter.places),
+        seeking=seeking,
+    )
+
+
+def _along_arc(error: Any) -> Any:
+    """An error (n) with position and velocity turned by half its attitude error, which is one of degrees.
+
+    Position and velocity that are known along the body, by a lever arm, a log or the specific force, turn with it: their
+    corrections follow the arc, not its tangent.
+    """
+    found = ca.SX(error)
+    half = attitude.from_rotation_vector(error[TILT] / 2)
+    for part in (POSITION, VELOCITY):
+        found[part] = attitude.rotate(half, error[part])
+    return found
 
 
 def _nominal(filter: Composition) -> Table:

@@ -65,7 +65,7 @@ STATE = Table((
     Row("gone", "Way over the ground that a log has shown", "m"),
 ))  # fmt: skip
 """Rows beside those of the alignment, behind `PREFIX` too."""
-_SEEKING, _VELOCITY, _GONE = (PREFIX + row.name for row in STATE)
+SEEKING, _VELOCITY, _GONE = (PREFIX + row.name for row in STATE)
 _AID = {alignment.BY_FIXES: "gnss", alignment.BY_LOG: "dvl"}
 """The aid whose measurement starts the filter."""
 _SHOWN = {
@@ -131,7 +131,12 @@ def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Re
 @lru_cache(maxsize=16)
 def model_of(filter: Composition, way: VelocityIntegration) -> Model:
     """The model of `filter` with the alignment before its aids; made once for each filter."""
-    return _Seeking(filter, way).model()
+    return aligned_first(filter.model, filter, way)
+
+
+def aligned_first(model: Model, filter: Composition, way: VelocityIntegration) -> Model:
+    """The same for a model with the steps of `filter`: its own, or that of the forward pass of its smoother."""
+    return _Seeking(filter, way).model(model)
 
 
 def _prefixed(table: Table) -> Table:
@@ -150,8 +155,7 @@ class _Seeking:
         """The one whose measurement starts the filter."""
         return next(aid for aid in self.filter.aids if aid.id == _AID[self.way])
 
-    def model(self) -> Model:
-        model = self.filter.model
+    def model(self, model: Model) -> Model:
         aids = {aid.id: aid.due_row for aid in self.filter.aids}
         own = Table(tuple(row for row in self.way.parameters if row.name not in SHARED))
         return replace(
@@ -178,7 +182,7 @@ class _Seeking:
 
     def start(self, p: Any) -> dict[str, Any]:
         aligning = {PREFIX + name: value for name, value in self.way.start(self.parameters(p)).items()}
-        return {**self.filter.start(p), **aligning, _SEEKING: select(_uncertain(p), 1.0, 0.0)}
+        return {**self.filter.start(p), **aligning, SEEKING: select(_uncertain(p), 1.0, 0.0)}
 
     def aligning(self, name: str, step: Step) -> Step:
         """A step of the alignment."""
@@ -187,7 +191,7 @@ class _Seeking:
             changed = {PREFIX + row: value for row, value in step.function(self.parameters(p), self.state(x), u).items()}
             return changed | ({_VELOCITY: getattr(u, self.way.source.arrives)} if name == "sample" else {})
 
-        when = {"sample": _SEEKING, wahba.MEASURED: _VELOCITY}.get(name, f"{PREFIX}{step.when}")
+        when = {"sample": SEEKING, wahba.MEASURED: _VELOCITY}.get(name, f"{PREFIX}{step.when}")
         return Step(function, when=when)
 
     def started(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
@@ -225,7 +229,7 @@ class _Seeking:
             self.aid.due_row: 1.0,
             **gone,
             _VELOCITY: 0.0,
-            _SEEKING: select(unknown, 1.0, 0.0),
+            SEEKING: select(unknown, 1.0, 0.0),
             f"{PREFIX}covariance_due": 0.0,
         }
 
@@ -262,7 +266,7 @@ def _masked(step: Step, due: Collection[str]) -> Step:
 
     def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
         changed = dict(step.function(p, x, u))
-        return changed | {name: select(getattr(x, _SEEKING), 0.0, changed[name]) for name in due if name in changed}
+        return changed | {name: select(getattr(x, SEEKING), 0.0, changed[name]) for name in due if name in changed}
 
     return replace(step, function=function)
 

@@ -65,6 +65,8 @@ class Smoothing:
     transition.  nominal: output rows of the filter's state and covariance.  backward: the model that goes back.
     corrected: ``(state by name, error (n)) -> state rows``.  estimates: names of the estimated errors in `nominal`.
     reported: output rows that count what the measurements were worth, shown as the filter has them.
+    seeking: row of `nominal` that is 1 until the filter has started for the last time, or empty: it starts once.  No later
+    measurement tells of the state before that, which is not smoothed.
     """
 
     forward: Model
@@ -77,6 +79,7 @@ class Smoothing:
     corrected: Callable[[Any, Any], Mapping[str, Any]]
     estimates: tuple[str, ...]
     reported: Table
+    seeking: str = ""
 
     @property
     def events(self) -> Table:
