@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 NAME = "campaign"
+NOT_JUDGED = "not judged: each measurement started the filter anew, and none was compared with an estimate"
 
 
 def campaign_document(found: Statistics, files: Sequence[str] = ()) -> dict[str, Any]:
@@ -143,7 +144,8 @@ def consistency_lines(found: Statistics) -> Iterator[str]:
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := found.verdicts()) is not None:
-        yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"
+        of_aids = {"used": any(one["nis"] is not None for one in (of_runs, *of_runs["aids"].values()))}
+        yield f"health of {runs_of(of_runs['runs'])}: {_health_of({**of_runs, **of_aids}, 'fixes')}"
         for id, of_aid in of_runs["aids"].items():
             yield f"  {id}: {_health_of(of_aid, 'measurements')}"
 
@@ -256,6 +258,9 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
 
 
 def _health_of(shares: Mapping[str, Any], what: str) -> str:
+    """Shares by verdict; "used", if it is there, is whether any instrument has a NIS."""
+    if shares["consistent"] == 1.0 and not shares.get("used", shares["nis"] is not None):
+        return NOT_JUDGED
     verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
     if shares["nis"] is None:
         return verdicts

@@ -10,11 +10,16 @@ from typing import Any
 import casadi as ca
 
 from insenv.attitude import skew
+from insenv.core import symmetric
+from insenv.core.elementary import maximum, select
 from insenv.core.tables import Table
 from insenv.estimators.fusion.contract import Aid, Spread, beyond_linear, constant, drifting, gate_row, noise_variance
 from insenv.estimators.fusion.navigation import Navigation
+from insenv.estimators.parts.error_model import TILT, VELOCITY
 from insenv.instruments import DVL
 
+TAKEN = 100.0
+"""m/s: a larger standard deviation is that of a filter that starts from this measurement."""
 _TOLD = DVL.told
 SCALE = constant("dvl_scale", "scale factor of the Doppler velocity log", "1", 1, _TOLD["dvl_scale_factor_sigma"])
 MISALIGNMENT = constant(
@@ -36,7 +41,23 @@ def _residual(p: Any, seen: Navigation, u: Any) -> Any:
 
 
 def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
-    return ca.repmat(noise_variance(p.dvl_noise, 1e-3) + beyond_linear(spread, ca.sumsqr(x.velocity_w)), 3, 1)
+    noise = noise_variance(p.dvl_noise, 1e-3) + beyond_linear(spread, ca.sumsqr(x.velocity_w))
+    return ca.repmat(maximum(noise, _product(x)), 3, 1)
+
+
+def _product(x: Any) -> Any:
+    """Mean square (m^2/s^2) of psi x xi, which linearisation leaves out of the velocity in body axes.
+
+    xi is the error of velocity (w) beside that of the axes.  It is large after a time without velocities; a filter that starts
+    from this measurement, or has not used the log before, has none.
+    """
+    P = symmetric.full(x.covariance, TILT.stop)
+    by_axes = ca.horzcat(ca.SX.eye(3), -skew(x.velocity_w))
+    errors = [*range(VELOCITY.start, VELOCITY.stop), *range(TILT.start, TILT.stop)]
+    shared = by_axes @ P[errors, errors]  # of xi with velocity and psi
+    square = ca.trace(shared @ by_axes.T)
+    product = square * ca.trace(P[TILT, TILT]) + 2 * ca.sumsqr(shared[:, 3:])
+    return select(ca.logic_and(x.dvl_count > 0, square < TAKEN**2), product, 0.0)
 
 
 AID = Aid(

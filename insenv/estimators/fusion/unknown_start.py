@@ -53,6 +53,12 @@ UNKNOWN_VELOCITY = {alignment.BY_FIXES: 1e2, alignment.BY_LOG: 1e4}
 """m/s: the same before the first velocity.  One in body axes shows the heading if the unknown is not far above the speed."""
 LARGEST_PLACE = 1e3
 """m: errors of place and heading count to first order; of a place known to 3 km one run in eight ended 5 sigma off."""
+MEASURED_OFTEN = 2.0
+"""s: the omitted part of an uncertain heading counts from so long after a measured velocity on; before that it is small."""
+BY_RATE = 5 / 3
+"""A constant rate of the level moves the place by T^3 / 6 in the time T, a random walk that ends with the same level by
+T^3 / sqrt 60.
+"""
 SHARED = (
     "angle_random_walk", "velocity_random_walk", "start_gyro_bias", "start_gyro_bias_error", "antenna_lever_arm",
     "dvl_lever_arm_b", "dvl_noise", "start_latitude", "start_longitude", "start_height",
@@ -165,6 +171,7 @@ class _Seeking:
             state=model.state + _prefixed(STATE + self.way.model.state),
             steps={
                 **{name: _masked(step, aids.values()) for name, step in model.steps.items() if name not in aids},
+                "covariance": self.propagating(model.steps["covariance"]),
                 **{PREFIX + name: self.aligning(name, step) for name, step in self.way.model.steps.items()},
                 f"{PREFIX}start": Step(self.started, when=_VELOCITY),
                 **{name: model.steps[name] for name in aids},
@@ -183,6 +190,28 @@ class _Seeking:
     def start(self, p: Any) -> dict[str, Any]:
         aligning = {PREFIX + name: value for name, value in self.way.start(self.parameters(p)).items()}
         return {**self.filter.start(p), **aligning, SEEKING: select(_uncertain(p), 1.0, 0.0)}
+
+    def propagating(self, step: Step) -> Step:
+        """The step that propagates the covariance, with what the filter leaves out while nothing measures the velocity.
+
+        An error psi of the heading turns the Earth rate and the way.  The filter has the part sin psi of it; the part
+        1 - cos psi stays for as long as the heading is uncertain, and adds up with the time, not with its root.
+        """
+
+        def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
+            changed = dict(step.function(p, x, u))
+            begun = getattr(x, self.aid.row("count")) > 0
+            since = select(begun, getattr(x, self.aid.row("since")), getattr(x, f"{PREFIX}time"))
+            unmeasured = maximum(since - MEASURED_OFTEN, 0.0)
+            heading = x.covariance[symmetric.place(TILT.stop - 1, TILT.stop - 1)]
+            growth = 2 * unmeasured * x.stretch * minimum(0.75 * heading * heading, 1.5)  # the second moment of 1 - cos psi
+            rate, speed = (x.omega_ie_w + x.omega_ew_w)[:2], x.velocity_w[:2]
+            for part, square in ((POSITION, ca.sumsqr(speed)), (TILT, BY_RATE * ca.sumsqr(rate))):
+                for axis in (part.start, part.start + 1):
+                    changed["covariance"][symmetric.place(axis, axis)] += growth * square
+            return changed
+
+        return replace(step, function=function)
 
     def aligning(self, name: str, step: Step) -> Step:
         """A step of the alignment."""
@@ -210,10 +239,11 @@ class _Seeking:
 
         q_wb = attitude.multiply(attitude.conjugate(strapdown.wander_quaternion(x.q_ew)), found["q_nb"])
         apart = attitude.error_rotation_vector(q_wb, x.q_wb)
-        q_wb = attitude.multiply(attitude.from_rotation_vector((taken - 1) * apart), q_wb)
+        back = attitude.from_rotation_vector((taken - 1) * apart)
+        q_wb = attitude.multiply(back, q_wb)
         wrong = ca.SX.zeros(n)
         wrong[TILT] = attitude.error_rotation_vector(q_wb, x.q_wb)
-        covariance = _covariance(P, x, own, state, taken)
+        covariance = _covariance(P, x, own, state, taken, back)
         covariance[VELOCITY, VELOCITY] = UNKNOWN_VELOCITY[self.way] ** 2 * ca.SX.eye(3)
         gone: dict[str, Any] = {}
         if self.way is alignment.BY_FIXES:
@@ -246,7 +276,8 @@ class _Seeking:
         since = minimum(getattr(x, self.aid.row("since")), state.time)  # of the first measurement: since the start
         step = ca.norm_2(u.dvl_velocity_b) * since
         gone = getattr(x, _GONE) + step
-        mounting = own.dvl_misalignment_sigma**2
+        # a drift of the gyros bends the way, by half of its angle in the mean
+        mounting = maximum(own.dvl_misalignment_sigma**2, minimum((bias_sigma(own) * state.time / 2) ** 2, 1.0))
         level = own.dvl_scale_factor_sigma**2 + mounting + minimum(ca.trace(P[TILT, TILT]) ** 2, 1.0)
         # of the velocity between two measurements half is not known
         variance = p.position_sigma**2 + gone**2 * ca.vertcat(level, level, mounting) + (step / 2) ** 2
@@ -278,15 +309,16 @@ def _uncounted(aid: Aid, p: Any, x: Any, u: Any) -> dict[str, Any]:
     return {**zero, aid.row("nis_used_count"): -ca.vertcat(*[ca.sum1(present[part]) for part in aid.parts])}
 
 
-def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any) -> Any:
+def _covariance(P: Any, x: Any, own: Values, state: Values, taken: Any, back: Any) -> Any:
     """Covariance (n x n, w) after that, but for position and velocity.  P: before it.  taken (3): 1 for the components of psi
-    that the alignment gives.
+    that the alignment gives.  back (4): the turn from its attitude to the one that is taken, with which its errors turn: those
+    of the level belong to biases in body axes.
 
     Their covariance, that with the biases too, is the one that the alignment states; its rotation vector has the other sign
     than psi.  A bias that is smaller than the one that the alignment counts, because the filter has states for the rest, has
     the share of the covariance that its variance has.
     """
-    C_wi = strapdown.C_nw(x.q_ew).T @ attitude.to_dcm(q_ni(state, state.q_i0i))
+    C_wi = attitude.to_dcm(back) @ strapdown.C_nw(x.q_ew).T @ attitude.to_dcm(q_ni(state, state.q_i0i))
     turn = ca.SX(3, source.N)
     turn[:, source.KEPT] = turn[:, source.DRIFT] = C_wi
     shared = turn @ symmetric.full(state.covariance, source.N)
