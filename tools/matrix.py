@@ -28,6 +28,7 @@ from insenv.campaigns.plan import make_plan
 from insenv.errors import InputError
 from insenv.evaluation.errors import ATTITUDE, CHANNELS
 from insenv.evaluation.limits import ratio
+from insenv.scenario import build, load
 from insenv.scenario.files import names
 
 Array = NDArray[np.float64]
@@ -94,7 +95,10 @@ def _smoothed(scenario: str, estimator: str, seeds: Sequence[int]) -> Judged:
         np.array([np.stack([found[name] for name in CHANNELS], axis=1) for found in each])
         for each in ([r.errors for r in results], [r.sigma for r in results])
     )
-    return Judged(scenario, estimator, results[0].time, error, sigma, {}, results[0].notes, results[0].unjudged)
+    plant = build(load(scenario))
+    chosen = plant.adapted(estimator)
+    notes = (*plant.scenario.notes, *chosen.notes(plant.parameters_of(chosen), plant.duration_s))  # those of `make_plan`
+    return Judged(scenario, estimator, results[0].time, error, sigma, {}, notes, results[0].unjudged)
 
 
 HEADER = "\n".join((
