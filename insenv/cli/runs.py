@@ -101,7 +101,7 @@ def replay(
     ],
     estimators: Estimators = None,
     start: Annotated[
-        Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its [initial].")
+        Start, typer.Option(help="Start from the log alone, from the state of its reference, or from that of its \\[initial].")
     ] = Start.coarse,
     settings: Settings = None,
     out: Out = None,

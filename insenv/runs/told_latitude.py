@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 FAR = 8.0
 """Standard deviations by which a mean rate at rest may differ: its own is the scatter of few means."""
+FITTING = 1.5
+"""Largest mean square of test ratios of a filter that fits: of another wrong latitude neither hemisphere does."""
 LESS = 50.0
 """Sum of squared test ratios by which the other hemisphere must do better; at times when neither can tell, it differs by 2."""
 
@@ -90,8 +92,8 @@ class OtherHemisphere:
         """A sentence if `told`, the filter with the latitude that is told, fits the log less well."""
         if self.follower is None:
             return ()
-        here, there = misfit(told.named()), misfit(self.follower.named())
-        if here - there <= LESS:
+        (here, _), (there, count) = misfit(told.named()), misfit(self.follower.named())
+        if here - there <= LESS or there > FITTING * count:
             return ()
         return (
             f"the latitude, {named(self.latitude)}, does not fit the log: the squared test ratios of this filter sum up to "
@@ -99,10 +101,13 @@ class OtherHemisphere:
         )
 
 
-def misfit(outputs: Mapping[str, Array]) -> float:
-    """Sum of the squared test ratios of a run's measurements, refused ones too."""
-    rows = [dict(zip(("used", "refused"), aid_health(id)[2::2], strict=True)) for id in reported_aids(outputs)]
-    return float(sum(np.sum(outputs[name][-1]) for row in rows for name in row.values()))
+def misfit(outputs: Mapping[str, Array]) -> tuple[float, float]:
+    """Sum of the squared test ratios of a run's measurements, refused ones too, and their number."""
+    sums = np.zeros(2)
+    for id in reported_aids(outputs):
+        used, used_count, refused, refused_count = (float(np.sum(outputs[name][-1])) for name in aid_health(id)[2:])
+        sums += used + refused, used_count + refused_count
+    return float(sums[0]), float(sums[1])
 
 
 def named(latitude: float, digits: int = 4) -> str:

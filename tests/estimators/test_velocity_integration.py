@@ -274,3 +274,14 @@ def test_the_memory_balances_fixes_and_gyros():
     assert velocity_integration.memory_time(bias, 1e-3) < memory
     assert velocity_integration.memory_time(0.0, 0.0) == velocity_integration.LONGEST
     assert velocity_integration.memory_time(1.0, 0.0) == velocity_integration.SHORTEST
+
+
+@pytest.mark.parametrize("outage", [(60.0, 160.0), (100.0, 110.0)])
+def test_an_outage_in_a_turn_makes_no_error_that_is_not_stated(outage):
+    """8 runs of an aircraft that turns: with one integral over 100 s and the last fix's place the level was 8 sigma off."""
+    scenario = load("aircraft-inflight-alignment")
+    gnss = scenario.gnss.model_copy(update={"outages_s": (outage,)})
+    plan = make_plan(scenario.model_copy(update={"gnss": gnss}), ID, 8, first_seed=10000, duration_s=190.0)
+    blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
+    error, sigma = (np.concatenate([block[part] for block in blocks])[:, plan.times > outage[0]] for part in ("error", "sigma"))
+    assert (np.abs(error) < 4.0 * sigma).all() and sigma[:, -1].max() < 0.2  # deg

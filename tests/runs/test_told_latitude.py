@@ -53,5 +53,7 @@ def test_a_filter_by_a_doppler_log_finds_the_hemisphere():
     assert abs(wrong.errors["heading_deg"][-1]) > 2.0 > 30 * wrong.sigma["heading_deg"][-1]
     (note,) = [note for note in wrong.notes if "does not fit" in note]
     assert note.startswith("the latitude, 54.2 deg S, does not fit the log: ") and note.endswith("its sign is wrong")
+    # of a latitude that is wrong otherwise neither hemisphere fits
+    assert not [note for note in insenv.replay(told(log, 57.2), "fusion").results[0].notes if "sign" in note]
     aligned = insenv.replay(told(log, -54.2), "velocity-integration").results[0]
     assert aligned.notes[0].startswith("nothing in the log shows whether the vehicle is at latitude 54.2 deg S")

@@ -76,7 +76,7 @@ _AID = {alignment.BY_FIXES: "gnss", alignment.BY_LOG: "dvl"}
 """The aid whose measurement starts the filter."""
 _SHOWN = {
     alignment.BY_FIXES: "turns, changes of speed and waves show it",
-    alignment.BY_LOG: "the rotation of the Earth shows it, in minutes, to gyros with a bias far below 15 deg/h",
+    alignment.BY_LOG: "the rotation of the Earth shows it, in minutes, to gyros with a bias far below its horizontal part",
 }
 
 
@@ -129,7 +129,7 @@ def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Re
         return ()
     sentence = (
         f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {alignment.MEANS[way]}; from then on the filter runs with "
-        "all its aids"
+        "all its aids; before, the sigmas of velocity and position may be several times too small"
     )
     return (Reached("attitude_sigma", sentence, (LINEAR_TILT, LINEAR_TILT, FOUND)),)
 

@@ -21,6 +21,9 @@ from insenv.estimators.velocity_integration.source import (
 )
 from insenv.instruments import GNSS_TOLD
 
+LONGEST_GAP = 20.0
+"""s: beta is then wrong by g a T^3 / (12 R) and by the Coriolis term of what a turn adds: for an aircraft by 0.05 m/s."""
+
 
 def _seen(p: Any, x: Any, u: Any, kept: Any) -> Seen:
     q_i0e = earth_turn(x, u.gnss_age)
@@ -48,4 +51,5 @@ FIXES = Source(
     sigma=lambda p: ca.vertcat(p.antenna_lever_arm_sigma, p.gnss_delay_sigma),
     seen=_seen,
     exact=lambda p, of_alpha, of_beta: of_alpha,
+    longest_gap=LONGEST_GAP,
 )

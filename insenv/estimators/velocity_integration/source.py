@@ -48,6 +48,7 @@ class Source:
     seen: ``(p, x, u, kept) -> Seen``; kept: ``(p, x) -> (4), 1 or 0``, takes i components to n components by the answer kept,
         and whether its heading is known.
     largest_heading: ``p -> rad``; a larger standard deviation of the heading is stated as unknown.
+    longest_gap: longest time (s) between two measurements that the integral of beta, a trapezoid, spans; None: any.
     exact: ``(p, that of alpha and i, that of beta and i0) -> the one that has no noise of measurements``.
     """
 
@@ -60,6 +61,7 @@ class Source:
     exact: Callable[[Any, Any, Any], Any]
     largest_heading: Callable[[Any], Any] = field(default=lambda p: LARGEST_LINEAR)
     state: Table = field(default_factory=Table)
+    longest_gap: float | None = None
     start: Callable[[Any], dict[str, Any]] = field(default=lambda p: {})
 
 

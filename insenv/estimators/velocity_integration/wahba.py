@@ -28,6 +28,10 @@ linear recursions with the noises of the data sheets; that of the attitude is th
 that of alpha and beta which has no noise of measurements, so that noise is not taken for information: along a straight
 line at constant speed N by GNSS is zero about the vertical, and the heading is stated as unknown.
 
+Over a stretch without measurements longer than `Source.longest_gap` the sums would miss the turns of the way: they begin anew
+after it, and the answer kept carries on.  While none comes, the place that turns e to n is the one that the last velocity
+gives, and the error that a vehicle makes of it by turning is stated: the way since then over the radius of the Earth.
+
 Heading and level of the answer of a measurement replace those that are kept where they are stated to be better, each for
 itself. So the gyros carry the heading over a stretch that shows none, which the weights would forget.
 """
@@ -40,9 +44,9 @@ from typing import Any
 
 import casadi as ca
 
-from insenv import attitude
+from insenv import attitude, geodesy
 from insenv.core import symmetric
-from insenv.core.elementary import exp, select
+from insenv.core.elementary import exp, maximum, select, sin_cos
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.parts import frozen_frame, lever_arm, rest_bias, rows
@@ -54,6 +58,8 @@ from insenv.estimators.velocity_integration.source import KEPT, LARGEST_LINEAR, 
 
 COVARIANCE_S = 1.0  # s: longest step of the covariance
 UNKNOWN = LARGEST_HEADING_SIGMA  # rad
+SOON = 3.0
+"""s: after a measurement, for which its velocity gives the place well enough; intervals and ages are shorter."""
 MEASURED = "measured"
 """The step of a measurement."""
 LEAST = 1e-13  # information about the heading over that about the level, below which there is none
@@ -170,6 +176,8 @@ class VelocityIntegration:
         pull = x.pull + (x.pull_rate + seen.pull_rate) * (since / 2)
 
         keep = exp(-since / p.memory_time)
+        if self.source.longest_gap is not None:
+            keep = select(since > self.source.longest_gap, 0.0, keep)
         before = keep * x.weight
         weight = before + 1 / seen.variance
         share = 1 / (seen.variance * weight)
@@ -230,10 +238,18 @@ class VelocityIntegration:
         variance = variance_n(symmetric.full(x.covariance, N), attitude.to_dcm(q))[2]
         return q, select(variance < self.source.largest_heading(p) ** 2, 1.0, 0.0)
 
+    def place_sigma(self, x: Any) -> Any:
+        """Standard deviation (3, rad about n) of the attitude by a place that the velocity of the last measurement gives."""
+        sine, cosine = sin_cos(x.latitude)
+        unmeasured = select(x.count == 0, 0.0, maximum(x.time - x.epoch - SOON, 0.0))
+        angle = ca.norm_2(x.velocity_n[:2]) * unmeasured / geodesy.A
+        return angle * ca.vertcat(1.0, 1.0, sine / maximum(cosine, 1e-3))
+
     def output(self, p: Any, x: Any) -> dict[str, Any]:
         """Attitude now, and its stated accuracy."""
         q = attitude.normalize(q_ni(x, x.q_i0i))
-        sigma = ca.sqrt(variance_n(symmetric.full(x.covariance, N), attitude.to_dcm(q)) + p.thrust_error**2)
+        by_place = self.place_sigma(x) ** 2
+        sigma = ca.sqrt(variance_n(symmetric.full(x.covariance, N), attitude.to_dcm(q)) + p.thrust_error**2 + by_place)
         largest = (LARGEST_LINEAR, LARGEST_LINEAR, self.source.largest_heading(p))
         return {
             "q_nb": attitude.normalize(attitude.multiply(q, x.q_ib)),
