@@ -44,7 +44,8 @@ class Judged:
     """One estimator on one scenario.
 
     time (records,) s.  error, sigma: (runs, records, channels), channels as `CHANNELS`.  limit: at the last record, by channel.
-    notes: what `run` prints of the estimate.  unjudged: channels that are left out (`insenv.evaluation.limits.Limit.unjudged`).
+    notes: on where it may not be trusted, before it runs.
+    unjudged: channels that are left out (`insenv.evaluation.limits.Limit.unjudged`).
     """
 
     scenario: str
@@ -85,7 +86,8 @@ def judge(scenario: str, estimator: str, runs: int = RUNS, first_seed: int = FIR
     blocks = [run_block(plan, number) for number in range(len(plan.blocks))]
     error, sigma = (np.concatenate([block[name] for block in blocks]) for name in ("error", "sigma"))
     at_end = {name: float(values[-1]) for name, values in limit.at(plan.times[-1:]).items()}
-    return Judged(scenario, estimator, plan.times, error, sigma, at_end, plan.notes, limit.unjudged)
+    notes = tuple(note for note in plan.notes if note not in plan.plant.scenario.notes)
+    return Judged(scenario, estimator, plan.times, error, sigma, at_end, notes, limit.unjudged)
 
 
 def _smoothed(scenario: str, estimator: str, seeds: Sequence[int]) -> Judged:
@@ -97,7 +99,7 @@ def _smoothed(scenario: str, estimator: str, seeds: Sequence[int]) -> Judged:
     )
     plant = build(load(scenario))
     chosen = plant.adapted(estimator)
-    notes = (*plant.scenario.notes, *chosen.notes(plant.parameters_of(chosen), plant.duration_s))  # those of `make_plan`
+    notes = chosen.notes(plant.parameters_of(chosen), plant.duration_s)
     return Judged(scenario, estimator, results[0].time, error, sigma, {}, notes, results[0].unjudged)
 
 
