@@ -14,6 +14,8 @@ LEAST = 1e-6
 """Distance of a control from a bound that its key excludes."""
 APART = ("imu.drop_probability",)
 """Keys with which the numbers of a page are not those of `insenv.run`, which interpolates over lost samples."""
+FARTHEST = {"start.latitude_deg": 80.0}
+"""Bounds of controls, narrower than those of their keys: near a pole a vehicle is refused (`insenv.scenario.poles`)."""
 WIDE = 1e4
 """Bounds beyond this are those of a file, not of a control's range."""
 
@@ -58,6 +60,9 @@ def _keys_of(section: BaseModel, prefix: str) -> Iterator[Key]:
             limits = {type(limit): float(getattr(limit, type(limit).__name__.lower())) for limit in bounds}
             minimum = limits.get(Ge, limits[Gt] + LEAST if Gt in limits else -1e9)
             maximum = limits.get(Le, limits[Lt] - LEAST if Lt in limits else 1e9)
+            if key in FARTHEST:
+                farthest = max(FARTHEST[key], abs(value or 0.0))
+                minimum, maximum = -farthest, farthest
             extra = field.json_schema_extra
             unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
             if key not in APART:
