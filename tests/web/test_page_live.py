@@ -205,7 +205,7 @@ def test_another_grade_alone_has_the_notes_of_insenv_run(browser, car):
         ("#seed=1.5", "seed = 1.5: allowed is a whole number"),
         ("#seed=2&seed=3", "seed stands in the link more than once: allowed is one value"),
         ("#seed=999999", "seed = 999999: allowed is 0 to 1023"),
-        ("#start.latitude_deg=95", "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg"),
+        ("#start.latitude_deg=95", "start.latitude_deg = 95 deg: allowed is -80 to 80 deg"),
         ("#imu.grade=golden", 'imu.grade = "golden": allowed is'),
         ("#commands=[[1,{%22sail%22:1}]]", "command"),
         ("#commands=[1", "commands = [1: allowed is a list of values"),
@@ -243,7 +243,7 @@ def test_a_value_out_of_bounds_is_a_sentence_beside_its_control(browser, ship):
     field.clear()
     field.send_keys("95", Keys.TAB)
     told = browser.until("[...document.querySelectorAll('.controls [role=alert]')].map((one) => one.textContent).join('')")
-    assert told == "start.latitude_deg = 95 deg: allowed is -89.999 to 89.999 deg. The run still uses 30 deg."
+    assert told == "start.latitude_deg = 95 deg: allowed is -80 to 80 deg. The run still uses 30 deg."
     seed = browser.driver.find_element(By.ID, "seed")
     for given, sentence in (
         ("", "seed is empty: allowed is 0 to 1023. The run still uses 1."),

@@ -252,7 +252,7 @@ def test_the_sea_of_a_moored_ship_is_steered(tmp_path: Path) -> None:
 def test_worker_refuses_in_a_sentence(tmp_path: Path) -> None:
     made = page_of("ship-swaying", "q-method", duration_s=10.0)
     for values, sentence in (
-        ({"start.latitude_deg": 91}, "start.latitude_deg = 91 deg: allowed is -89.999 to 89.999 deg"),
+        ({"start.latitude_deg": 91}, "start.latitude_deg = 91 deg: allowed is -80 to 80 deg"),
         ({"imu.grade": "golden"}, 'imu.grade = "golden": allowed is'),
         ({"imu.colour": 1}, "imu.colour: this page has no control of that name"),
     ):
