@@ -144,10 +144,10 @@ def consistency_lines(found: Statistics) -> Iterator[str]:
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := found.verdicts()) is not None:
-        of_aids = {"used": any(one["nis"] is not None for one in (of_runs, *of_runs["aids"].values()))}
-        yield f"health of {runs_of(of_runs['runs'])}: {_health_of({**of_runs, **of_aids}, 'fixes')}"
+        compared = any(one["nis"] is not None for one in (of_runs, *of_runs["aids"].values()))
+        yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes', compared)}"
         for id, of_aid in of_runs["aids"].items():
-            yield f"  {id}: {_health_of(of_aid, 'measurements')}"
+            yield f"  {id}: {_health_of(of_aid, 'measurements', of_aid['nis'] is not None)}"
 
 
 def drawn(variation: Variation) -> str:
@@ -257,9 +257,9 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _health_of(shares: Mapping[str, Any], what: str) -> str:
-    """Shares by verdict; "used", if it is there, is whether any instrument has a NIS."""
-    if shares["consistent"] == 1.0 and not shares.get("used", shares["nis"] is not None):
+def _health_of(shares: Mapping[str, Any], what: str, compared: bool) -> str:
+    """Shares by verdict; compared: whether any measurement was compared with an estimate."""
+    if shares["consistent"] == 1.0 and not compared:
         return NOT_JUDGED
     verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
     if shares["nis"] is None:

@@ -17,6 +17,8 @@ B = A * (1.0 - F)
 """Semi-minor axis, m."""
 E2 = F * (2.0 - F)
 """First eccentricity squared."""
+POLAR_RADIUS = A * A / B
+"""Radius of curvature at the poles, the largest of a meridian, m."""
 OMEGA_IE = 7.292115e-5
 """Rotation rate of the Earth, rad/s."""
 GM = 3.986004418e14

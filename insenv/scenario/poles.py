@@ -13,6 +13,7 @@ import numpy as np
 from insenv.core.model import Model
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
+from insenv.geodesy import POLAR_RADIUS
 from insenv.plant.feeding import chunks
 from insenv.scenario.commands import PREFIX
 from insenv.vehicles.section import FASTEST_MPS
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 CLOSEST = 100.0
 """m"""
-RADIUS = 6.3996e6
-"""m: of the curvature of the ellipsoid at the poles."""
 
 _SPEED = f"{PREFIX}speed"
 _WHY = ", where no direction is north and vehicles, which steer relative to north, cannot be simulated"
@@ -89,7 +88,7 @@ def _where(scenario: Scenario) -> str:
 
 def _distance(latitude: Any) -> Any:
     """Way (m) along the meridian to the nearer pole; negative beyond it."""
-    return (np.pi / 2 - np.abs(latitude)) * RADIUS
+    return (np.pi / 2 - np.abs(latitude)) * POLAR_RADIUS
 
 
 def _pole(latitude: float) -> str:

@@ -12,6 +12,7 @@ from pydantic import model_validator
 
 from insenv.errors import InputError
 from insenv.files.toml import Number, Positive, key
+from insenv.geodesy import POLAR_RADIUS
 from insenv.tracks.fingerprint import fingerprint
 from insenv.tracks.points import Points, checked
 from insenv.tracks.readers import Column, Columns, formats, points_of
@@ -24,7 +25,6 @@ from insenv.vehicles.truth import Vehicle
 SHORTEST_KNOT_S = 0.05
 LONGEST_GAP = 200
 """Knots between two points: with more, rounding decides what the smoothest spline between them is."""
-EARTH_RADIUS = 6.4e6  # m: of the largest curvature of a meridian
 TURN = 0.25
 """Largest rotation in a sample, rad, that the truth of a vehicle allows."""
 _MOST = SIZES[-1] - DEGREE - 1
@@ -58,7 +58,7 @@ class TrackSection(VehicleSection):
     def fastest_mps(self) -> float:
         """A speed towards a pole that it does not exceed: a derivative of a spline is a mean of differences of its points."""
         steps = np.abs(np.diff(self.shape.points[:, 0]))
-        return float(steps.max(initial=0.0)) / self.shape.interval * EARTH_RADIUS + MARGIN_MPS
+        return float(steps.max(initial=0.0)) / self.shape.interval * POLAR_RADIUS + MARGIN_MPS
 
     @property
     def notes(self) -> tuple[str, ...]:

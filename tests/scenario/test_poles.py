@@ -10,6 +10,7 @@ import insenv
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.estimators import get
+from insenv.geodesy import POLAR_RADIUS
 from insenv.mavlink.simulation import Simulation
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
@@ -27,7 +28,7 @@ def ship(latitude_deg=89.98, heading_deg=0.0, duration_s=900.0, speed=6.0, **mor
 
 def first_time(scenario):
     """Time at which the way along the meridian has 100 m left."""
-    return ((90.0 - abs(scenario.start.latitude_deg)) * np.pi / 180 * 6.3996e6 - 100.0) / 6.0
+    return ((90.0 - abs(scenario.start.latitude_deg)) * np.pi / 180 * POLAR_RADIUS - 100.0) / 6.0
 
 
 @pytest.mark.parametrize(("latitude", "heading", "pole"), [(89.98, 0.0, "north"), (-89.98, 180.0, "south")])
@@ -80,7 +81,7 @@ def test_the_truth_is_exact_as_near_as_it_is_allowed(latitude, heading, largest)
 
     def level(place):
         """Coordinates (k, 2) in the plane of the equator, m."""
-        away = (np.pi / 2 - place["latitude"]) * 6.3996e6
+        away = (np.pi / 2 - place["latitude"]) * POLAR_RADIUS
         return np.stack([away * np.cos(place["longitude"]), away * np.sin(place["longitude"])], axis=1)
 
     assert np.linalg.norm(level(found) - level(shown), axis=1).max() < largest
