@@ -33,6 +33,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Drive, Knowledge
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
+from insenv.estimators.fusion.omitted import Omitted
 from insenv.estimators.fusion.retraction import corrected
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
@@ -53,12 +54,6 @@ UNKNOWN_VELOCITY = {alignment.BY_FIXES: 1e2, alignment.BY_LOG: 1e4}
 """m/s: the same before the first velocity.  One in body axes shows the heading if the unknown is not far above the speed."""
 LARGEST_PLACE = 1e3
 """m: errors of place and heading count to first order; of a place known to 3 km one run in eight ended 5 sigma off."""
-MEASURED_OFTEN = 2.0
-"""s: the omitted part of an uncertain heading counts from so long after a measured velocity on; before that it is small."""
-BY_RATE = 5 / 3
-"""A constant rate of the level moves the place by T^3 / 6 in the time T, a random walk that ends with the same level by
-T^3 / sqrt 60.
-"""
 SHARED = (
     "angle_random_walk", "velocity_random_walk", "start_gyro_bias", "start_gyro_bias_error", "antenna_lever_arm",
     "dvl_lever_arm_b", "dvl_noise", "start_latitude", "start_longitude", "start_height",
@@ -69,9 +64,10 @@ STATE = Table((
     Row("seeking", "1 until the attitude is known well enough to start from"),
     Row("velocity_due", "1 at a measured velocity"),
     Row("gone", "Way over the ground that a log has shown", "m"),
+    Row("gained", "Integral of the specific force since the filter was started anew", "m/s", (3,), "w"),
 ))  # fmt: skip
 """Rows beside those of the alignment, behind `PREFIX` too."""
-SEEKING, _VELOCITY, _GONE = (PREFIX + row.name for row in STATE)
+SEEKING, _VELOCITY, _GONE, _GAINED = (PREFIX + row.name for row in STATE)
 _AID = {alignment.BY_FIXES: "gnss", alignment.BY_LOG: "dvl"}
 """The aid whose measurement starts the filter."""
 _SHOWN = {
@@ -129,7 +125,7 @@ def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Re
         return ()
     sentence = (
         f"heading found after {TIME} s, to {SIGMA} deg (1 sigma), {alignment.MEANS[way]}; from then on the filter runs with "
-        "all its aids; before, the sigmas of velocity and position may be several times too small"
+        "all its aids"
     )
     return (Reached("attitude_sigma", sentence, (LINEAR_TILT, LINEAR_TILT, FOUND)),)
 
@@ -161,6 +157,19 @@ class _Seeking:
         """The one whose measurement starts the filter."""
         return next(aid for aid in self.filter.aids if aid.id == _AID[self.way])
 
+    @property
+    def omitted(self) -> Omitted:
+        """What first order omits while the attitude is sought."""
+        return Omitted(self.aid, SEEKING, f"{PREFIX}time", _GAINED)
+
+    def turned(self, p: Any, x: Any, u: Any) -> tuple[tuple[slice, Any], ...]:
+        """What turns with the attitude, as (error in which it shows, vector in b): arm and change since the fix, or log."""
+        if self.way is alignment.BY_LOG:
+            return ((VELOCITY, u.dvl_velocity_b),)
+        gained = u.delta_velocity / u.dt * u.gnss_age
+        arm, turning = p.antenna_lever_arm, ca.cross(u.delta_angle / u.dt, p.antenna_lever_arm)
+        return (POSITION, arm + gained * (u.gnss_age / 2)), (VELOCITY, turning + gained)
+
     def model(self, model: Model) -> Model:
         aids = {aid.id: aid.due_row for aid in self.filter.aids}
         own = Table(tuple(row for row in self.way.parameters if row.name not in SHARED))
@@ -171,10 +180,12 @@ class _Seeking:
             state=model.state + _prefixed(STATE + self.way.model.state),
             steps={
                 **{name: _masked(step, aids.values()) for name, step in model.steps.items() if name not in aids},
-                "covariance": self.propagating(model.steps["covariance"]),
+                "sample": _masked(self.omitted.sampling(model.steps["sample"]), aids.values()),
+                "covariance": self.omitted.propagating(model.steps["covariance"]),
                 **{PREFIX + name: self.aligning(name, step) for name, step in self.way.model.steps.items()},
                 f"{PREFIX}start": Step(self.started, when=_VELOCITY),
-                **{name: model.steps[name] for name in aids},
+                **{aid: model.steps[aid] for aid in aids},
+                self.aid.id: self.omitted.measuring(model.steps[self.aid.id], self.turned),
             },
             start=self.start,
         )
@@ -190,28 +201,6 @@ class _Seeking:
     def start(self, p: Any) -> dict[str, Any]:
         aligning = {PREFIX + name: value for name, value in self.way.start(self.parameters(p)).items()}
         return {**self.filter.start(p), **aligning, SEEKING: select(_uncertain(p), 1.0, 0.0)}
-
-    def propagating(self, step: Step) -> Step:
-        """The step that propagates the covariance, with what the filter leaves out while nothing measures the velocity.
-
-        An error psi of the heading turns the Earth rate and the way.  The filter has the part sin psi of it; the part
-        1 - cos psi stays for as long as the heading is uncertain, and adds up with the time, not with its root.
-        """
-
-        def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
-            changed = dict(step.function(p, x, u))
-            begun = getattr(x, self.aid.row("count")) > 0
-            since = select(begun, getattr(x, self.aid.row("since")), getattr(x, f"{PREFIX}time"))
-            unmeasured = maximum(since - MEASURED_OFTEN, 0.0)
-            heading = x.covariance[symmetric.place(TILT.stop - 1, TILT.stop - 1)]
-            growth = 2 * unmeasured * x.stretch * minimum(0.75 * heading * heading, 1.5)  # the second moment of 1 - cos psi
-            rate, speed = (x.omega_ie_w + x.omega_ew_w)[:2], x.velocity_w[:2]
-            for part, square in ((POSITION, ca.sumsqr(speed)), (TILT, BY_RATE * ca.sumsqr(rate))):
-                for axis in (part.start, part.start + 1):
-                    changed["covariance"][symmetric.place(axis, axis)] += growth * square
-            return changed
-
-        return replace(step, function=function)
 
     def aligning(self, name: str, step: Step) -> Step:
         """A step of the alignment."""
@@ -259,6 +248,7 @@ class _Seeking:
             self.aid.due_row: 1.0,
             **gone,
             _VELOCITY: 0.0,
+            _GAINED: ca.SX.zeros(3),
             SEEKING: select(unknown, 1.0, 0.0),
             f"{PREFIX}covariance_due": 0.0,
         }
