@@ -28,7 +28,7 @@ test: layout ## set up .venv and run all checks: ruff, mypy, import-linter, pyte
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS); result=$$?; \
 	wait $$types || { cat .venv/mypy.txt; exit 1; }; exit $$result
 
-test-slow: $(TEST) ## tests that compile for minutes: each estimator in the plant's loop, each environment
+test-slow: $(TEST) ## tests that take long: statistics over many runs, each estimator in the plant's loop, each environment
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow $(PYTEST_ARGS)
 
 test-web: $(TEST) ## pages in headless Chromium (Debian: chromium, chromium-driver), and WebAssembly of all models (minutes)

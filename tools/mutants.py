@@ -1,4 +1,4 @@
-"""Inject single-place faults into the physics and report which of them the fast tests find; `make mutants`.
+"""Inject single-place faults into the physics and report which of them the tests find; `make mutants`.
 
 The faults are listed in `tools/mutants.toml`: for each file the tests that concern it and pairs of an exact text and what
 replaces it. Nothing is changed in the checkout: every worker has a copy of the tree in a temporary folder, in which one
@@ -38,6 +38,8 @@ TRAVELS = ("insenv", "scenarios", "fmu", "web", "tests", "tools", "examples", "p
 REQUIRED = 0.95
 LIMIT_S = 300.0
 """Time limit of the tests of one fault, s."""
+ALL = ("-m", "")
+"""Arguments of pytest: tests marked slow run too."""
 _SECONDS = itertools.count(1_000_000_000)
 
 
@@ -76,7 +78,7 @@ def listed(chosen: Iterable[str] = ()) -> list[Mutant]:
     for entry in tomllib.loads(LIST.read_text(encoding="utf-8"))["file"]:
         source = (ROOT / entry["path"]).read_text(encoding="utf-8")
         for text, becomes in entry["mutants"]:
-            mutant = Mutant(entry["path"], text, becomes, tuple(entry["tests"]))
+            mutant = Mutant(entry["path"], text, becomes, (*entry["tests"], *(ALL if entry.get("slow") else ())))
             count = source.count(text)
             if count != 1:
                 wrong.append(f"{mutant}: the text stands {count} times in the file")

@@ -41,6 +41,7 @@ def test_the_ranking_over_64_seeds(id):
     check(id, 64, duration_s=300.0)
 
 
+@pytest.mark.slow
 def test_the_ranking_in_a_short_drive(monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "interpreter")  # to compile would take longer
     check("insenv/ShipNavigation-v0", 8, duration_s=60.0)

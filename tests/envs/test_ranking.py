@@ -30,6 +30,7 @@ def check(id, seeds, **kwargs):
     assert best.mean() < rank_policies.bound() + 3.0 * np.std(best) / np.sqrt(seeds)
 
 
+@pytest.mark.slow
 def test_the_ranking_on_the_ship():
     check("insenv/ShipAlignment-v0", 16, seed=1)
 

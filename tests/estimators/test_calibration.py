@@ -35,6 +35,7 @@ def test_the_bound_of_a_unit_at_rest_keeps_what_rest_does_not_show():
     assert found["accel_scale"][2] == pytest.approx(300e-6 * 752 / np.hypot(300, 752), rel=0.01)
 
 
+@pytest.mark.slow
 def test_half_turns_about_the_vertical_show_the_biases_of_the_level_gyros():
     """At rest the heading hides the bias of the east gyro.  Eight runs: three standard deviations of an rms are 75 %."""
     forward, right, down = calibration.table("turntable-indexing", runs=8, first_seed=40000, apart="gyro_bias")

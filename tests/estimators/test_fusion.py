@@ -164,6 +164,7 @@ def test_all_runners_give_the_same_bits(name):
         np.testing.assert_array_equal(row, native)
 
 
+@pytest.mark.slow
 def test_a_delay_and_a_lever_arm_are_found():
     """0.2 s and 1 m unknown (1 sigma), fixes 0.4 s late: to 10 ms and 5 cm where the drive shows them."""
     plant, columns = columns_of("car-unknown-receiver", 4, 200.0)
@@ -178,6 +179,7 @@ def test_a_delay_and_a_lever_arm_are_found():
     assert outputs["fix_refused_count"][-1] == 0
 
 
+@pytest.mark.slow
 def test_an_odometer_and_its_mounting_are_found():
     plant, columns = columns_of("car-odometer", 4, 200.0)
     filter = plant.adapted("fusion")
@@ -266,6 +268,7 @@ def test_an_aid_that_a_log_has_not_is_refused():
     assert status == 2 and "needs dvl: the log has no [dvl]" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", ["barometer", "magnetometer", "dvl", "odometer", "heading"])
 def test_a_perfect_instrument_leaves_the_filter_regular(section):
     data = load("car-survey").model_dump(mode="json", exclude_unset=True)

@@ -32,6 +32,7 @@ def _notes(scenario: dict[str, Any]) -> str:
     return " ".join((*report.notes, *report.results[0].notes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grade", ["tactical", "industrial"])
 def test_the_sigmas_fit_the_errors_where_the_unit_turns(grade):
     summary = insenv.campaign(_table(grade), "fusion", 32, seed=10000)

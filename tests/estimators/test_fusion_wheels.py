@@ -39,6 +39,7 @@ def test_a_real_drive_has_its_heading_within_its_sigma(unit):
     assert not any("does not fit" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told():
     untold, told = (build(load(name), seed=1, duration_s=2.0) for name in ("car-city-drive", "car-odometer"))
     filter = insenv.fusion([], AIDS)

@@ -68,6 +68,7 @@ def boat(duration_s=3600.0):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_moored_boat_with_fading_biases_is_navigated_as_stated():
     """Heading in the second half of an hour, 24 seeds: the filters agree, and err as they state."""
     ids = ["loosely-coupled", "aqe-ekf", "aqe-sukf"]

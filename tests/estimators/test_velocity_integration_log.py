@@ -138,6 +138,7 @@ def test_what_white_noise_of_the_log_does_is_what_is_stated():
     assert abs(errors[:, 2].mean()) < 0.4 * stated[2] and np.degrees(np.abs(errors[:, :2].mean(axis=0))).max() < 1.5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("id", [ID, "fusion"])
 def test_stated_sigmas_cover_the_errors(id):
     plan = make_plan(SCENARIO, id, 16, first_seed=40000, duration_s=400.0)
@@ -241,6 +242,7 @@ def test_a_log_that_fails_before_or_after_the_heading_is_found(begin, end):
     assert nees[:, late].mean(axis=0).max() < 9.0 + 5.0  # 16 runs: the 99.9 % bound of their mean is 12.6
 
 
+@pytest.mark.slow
 def test_where_gyros_find_no_north_the_way_has_their_drift():
     """4 min with 230 deg/h bend the way by 15 deg: the height was 16 sigma off; and a campaign has nothing to judge."""
     scenario = load(SCENARIO)

@@ -83,6 +83,7 @@ def test_the_outputs_of_fusion_are_rows_of_health():
     assert not insenv.fusion(aids=["odometer"]).reports_fixes and insenv.fusion(aids=["odometer"]).reports_health
 
 
+@pytest.mark.slow
 def test_a_log_with_right_instruments_is_consistent(tmp_path):
     (found,) = insenv.replay(written_log(tmp_path, odometer=1.0, barometer=0.0), "fusion").results
     assert found.health.verdict == "consistent" and set(found.health.aids) == {"odometer", "barometer", "zero_velocity"}

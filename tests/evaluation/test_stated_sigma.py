@@ -29,6 +29,7 @@ def beyond(scenario, estimator, runs=32):
     return np.mean(np.abs(error) > 3 * sigma, axis=(0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["q-method", "qakf-improved", "ecef-kf", "gyrocompass", "analytic"])
 def test_three_sigma_holds_in_an_irregular_sea(estimator):
     """Before: q-method 6 %, qakf-improved 5 %, ecef-kf 49 %, gyrocompass 41 %, analytic 100 %."""

@@ -44,6 +44,7 @@ def test_rates_that_are_not_the_earths_show_none(parked):
     assert at_rest(fast, 0, np.radians(-40.0)) == ()
 
 
+@pytest.mark.slow
 def test_a_filter_by_a_doppler_log_finds_the_hemisphere():
     """With the wrong one the heading is 3 deg off, 50 of the stated sigmas, and each innovation passes its gate."""
     log = insenv.record("ship-log-alignment")

@@ -407,6 +407,7 @@ def test_interpreter_and_native_agree_with_all_instruments() -> None:
         np.testing.assert_array_equal(two[name], value, err_msg=name)
 
 
+@pytest.mark.slow
 def test_rows_of_a_batch_are_the_single_runs() -> None:
     """With all instruments, and a lever arm and a delay that each seed draws, to the bit."""
     given = scenario(
