@@ -153,6 +153,45 @@ def test_each_fix_counts_where_no_attitude_is_found():
     assert not any("no fix came" in note for note in result.notes)
 
 
+def test_an_outlier_is_not_the_first_fix():
+    """Seed 74 has one of 40 m before the heading is found: the place was 8.7 sigmas off, and nothing said so."""
+    scenario = _known("car-city-drive", heading_sigma_deg=180.0, tilt_sigma_deg=180.0)
+    result = insenv.run(scenario, "fusion", seed=74, duration_s=40.0).results[0]
+    found = int(np.argmax(result.sigma["heading_deg"] < 7.0))
+    assert found > 100
+    for error in ("north_m", "east_m", "down_m"):
+        assert np.max(np.abs(result.errors[error][:found]) / result.sigma[error][:found]) < 4.0
+    assert result.health is not None and result.health.refused >= 1
+
+
+def test_fixes_that_go_on_far_away_are_taken():
+    """A place that is told wrong by far more than its sigma: after ten refused fixes the filter starts from the next."""
+    plant = build(_known("ship-at-sea", heading_sigma_deg=180.0), seed=1, duration_s=20.0)
+    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    columns["dt"] = np.full(plant.samples, plant.sample_interval)
+    model = unknown_start.model_of(FEW, BY_FIXES)
+    known = plant.knowledge
+    parameters = {**insenv.fusion(STATES, AIDS).parameters(known), **unknown_start.prepared(BY_FIXES, known)}
+    own = {name: value for name, value in parameters.items() if name in model.parameters}
+    own["start_latitude"] = own["start_latitude"] + 1e-3
+    outputs = model.outputs.unpack(make_runner(model, own).run(plant.samples, input_rows(model, columns, plant.samples), 50))
+    assert outputs["fix_refused_count"].max() == outputs["fix_refused_count"][-1] == 10
+    assert abs(outputs["latitude"][-1] - columns["latitude"][-1]) * 6.4e6 < 10.0
+
+
+def test_a_heading_that_is_better_known_but_not_found_is_said_so():
+    """After 20 s this aircraft has 18 deg of heading: no measurement was compared yet, and no other aid used."""
+    result = insenv.run("aircraft-inflight-alignment", "fusion", seed=1, duration_s=20.0).results[0]
+    assert 7.0 < result.sigma["heading_deg"][-1] < 20.0
+    assert any("the heading is not found to 7 deg" in note for note in result.notes)
+
+
+def test_a_start_that_only_a_parameter_makes_uncertain_says_what_to_do():
+    scenario = load("car-city-drive").model_copy(update={"estimator": {"fusion": {"heading_sigma_deg": 180.0}}})
+    notes = insenv.run(scenario, "fusion", duration_s=2.0).results[0].notes
+    assert any("180 deg of heading" in note and "what is told of the start ([knowledge]" in note for note in notes)
+
+
 @pytest.mark.slow
 def test_a_level_without_a_heading_keeps_its_biases():
     """Gyros of a degree a second, 16 runs: the level was up to 9 sigma off: its errors did not turn with the heading."""

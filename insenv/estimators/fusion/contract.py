@@ -63,6 +63,10 @@ class ErrorState:
         return getattr(p, self.sigma) if self.started_sigma is None else self.started_sigma(p)
 
 
+NEVER = 1e9
+"""s: time since the last measurement where there was none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Aid:
     """A measurement of m scalars.
@@ -160,7 +164,7 @@ class Aid:
             self.reported
             + Table((
                 *flag,
-                Row(self.row("since"), "Time since its last measurement", "s", start=1e9),
+                Row(self.row("since"), "Time since its last measurement", "s", start=NEVER),
                 Row(self.row("refusals"), "Measurements in a row with an innovation beyond the gate", "1"),
             ))
             + self.state

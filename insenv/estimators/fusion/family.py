@@ -75,7 +75,7 @@ def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration
             *notes({**parameters, **sure}, duration_s),
             *unknown_start.far_place(way, parameters),
         ),
-        findings=lambda parameters: (*findings(parameters), unknown_start.finding(way)),
+        findings=lambda parameters: (*findings(parameters), *unknown_start.finding(way, parameters)),
         reaches=lambda parameters: unknown_start.reached(way, parameters),
         finds_attitude=True,
         oldest_s=min(estimator.oldest_s, OLDEST),
@@ -90,7 +90,7 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
 
     def notes(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
         return (
-            *applicability.linear_start(parameters, duration_s),
+            *applicability.linear_start(parameters, duration_s, UNKNOWN_START),
             *(() if _holds(filter, _VERTICAL) else vertical_channel.by_bias(parameters, duration_s)),
             *(() if _holds(filter, _HORIZONTAL) else applicability.free_start(parameters, duration_s)),
             *(() if _holds(filter, _HEADING) or _gyrocompasses(ids, parameters) else (NO_HEADING,)),
@@ -112,6 +112,10 @@ def _estimator(filter: Composition, uncounted: tuple[str, ...] = (), way: Veloci
     )
 
 
+UNKNOWN_START = (
+    "fusion first finds an attitude that is unknown by what is told of the start ([knowledge] in a scenario, [initial] in a "
+    "log), with velocities of GNSS or of a Doppler log, and without the aids magnetometer and heading"
+)
 IN_PLACE = "in_place"
 _VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic", "in_place")
 """Aids that hold the height or the vertical velocity."""

@@ -17,7 +17,7 @@ from insenv import attitude
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Step
-from insenv.estimators.fusion.contract import Aid
+from insenv.estimators.fusion.contract import NEVER, Aid
 from insenv.estimators.parts.applicability import LINEAR_TILT
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 
@@ -68,8 +68,8 @@ class Omitted:
 
         def function(p: Any, x: Any, u: Any) -> dict[str, Any]:
             changed = dict(step.function(p, x, u))
-            begun = getattr(x, self.aid.row("count")) > 0
-            since = select(begun, getattr(x, self.aid.row("since")), getattr(x, self.time))
+            since = getattr(x, self.aid.row("since"))
+            since = select(since < NEVER, since, getattr(x, self.time))
             unmeasured = maximum(since - MEASURED_OFTEN, 0.0)
             growth = 2 * unmeasured * x.stretch * _moment(_variances(x.covariance)[2])
             rate, speed = (x.omega_ie_w + x.omega_ew_w)[:2], x.velocity_w[:2]

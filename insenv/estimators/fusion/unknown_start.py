@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import radians
+from math import degrees, radians
 from typing import Any
 
 import casadi as ca
@@ -33,12 +33,15 @@ from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Drive, Knowledge
 from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid
+from insenv.estimators.fusion.measurement import spread_of
+from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.fusion.omitted import Omitted
-from insenv.estimators.fusion.retraction import corrected
+from insenv.estimators.fusion.retraction import corrected, linear
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.applicability import LINEAR_HEADING, LINEAR_TILT
 from insenv.estimators.parts.error_model import ACCEL, GYRO, POSITION, TILT, VELOCITY
 from insenv.estimators.parts.finding import SIGMA, TIME, Finding, Reached
+from insenv.estimators.parts.kalman import innovation_variance
 from insenv.estimators.parts.rest_bias import bias_sigma
 from insenv.estimators.velocity_integration import estimator as alignment
 from insenv.estimators.velocity_integration import source, wahba
@@ -109,14 +112,15 @@ def far_place(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[
     )
 
 
-def finding(way: VelocityIntegration) -> Finding:
-    """What is said of a run that has not found its heading at its end."""
-    return Finding(
-        "attitude_sigma",
-        "the heading is not found: until it is, each measured velocity starts the filter anew, and no other aid is used; "
-        f"{_SHOWN[way]}",
-        scale=(np.inf, np.inf, source.LARGEST_LINEAR),
+def finding(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """What is said of a run that has not found its heading at its end; nothing where the attitude that is told suffices."""
+    if not _uncertain(Values(**parameters)):
+        return ()
+    sentence = (
+        f"the heading is not found to {degrees(FOUND):.2g} deg (1 sigma): until it is, each measured velocity starts the "
+        f"filter anew, and no other aid is used; {_SHOWN[way]}"
     )
+    return (Finding("attitude_sigma", sentence, scale=(np.inf, np.inf, FOUND)),)
 
 
 def reached(way: VelocityIntegration, parameters: Mapping[str, Any]) -> tuple[Reached, ...]:
@@ -183,7 +187,7 @@ class _Seeking:
                 "sample": _masked(self.omitted.sampling(model.steps["sample"]), aids.values()),
                 "covariance": self.omitted.propagating(model.steps["covariance"]),
                 **{PREFIX + name: self.aligning(name, step) for name, step in self.way.model.steps.items()},
-                f"{PREFIX}start": Step(self.started, when=_VELOCITY),
+                f"{PREFIX}start": Step(self.unless_outlying, when=_VELOCITY),
                 **{aid: model.steps[aid] for aid in aids},
                 self.aid.id: self.omitted.measuring(model.steps[self.aid.id], self.turned),
             },
@@ -252,6 +256,34 @@ class _Seeking:
             SEEKING: select(unknown, 1.0, 0.0),
             f"{PREFIX}covariance_due": 0.0,
         }
+
+    def unless_outlying(self, p: Any, x: Any, u: Any) -> dict[str, Any]:
+        """`started`, unless the place of a fix is far from where the filter has it: an outlier must not be its first."""
+        begun = self.started(p, x, u)
+        if self.way is alignment.BY_LOG:
+            return begun
+        aid = self.aid
+        outlying = ca.logic_and(self.outlying(p, x, u), getattr(x, aid.row("refusals")) < aid.patience)
+        left = {name: getattr(x, name) for name in begun} | {_VELOCITY: 0.0, aid.due_row: 0.0, f"{PREFIX}covariance_due": 0.0}
+        counted = {aid.row(name): getattr(x, aid.row(name)) for name in ("refusals", "refused_count", "count")}
+        left, begun = left | {name: value + 1 for name, value in counted.items()}, counted | begun
+        return {name: select(outlying, ca.SX(left[name]), ca.SX(begun[name])) for name in begun}
+
+    def outlying(self, p: Any, x: Any, u: Any) -> Any:
+        """Whether a component of a fix's place is beyond the gate."""
+        aid, filter = self.aid, self.filter
+        place = aid.parts[0]
+
+        def residual(error: Any) -> Any:
+            return aid.residual(p, Navigation(x, u, filter.states, filter.places, error), u)[place]
+
+        innovation, by_error = linear(residual, filter.n)
+        variance = aid.variance(p, x, u, spread_of(x, filter.states, filter.places))[place]
+        beyond = ca.SX(0)
+        for i in range(innovation.shape[0]):
+            allowed = getattr(p, aid.gate) ** 2 * innovation_variance(x.covariance, by_error[i, :], variance[i])
+            beyond = ca.logic_or(beyond, innovation[i] ** 2 > allowed)
+        return ca.logic_and(beyond, getattr(p, aid.gate) > 0)
 
     def placed(self, p: Any, own: Values, x: Any, state: Values, u: Any, q_wb: Any, P: Any) -> tuple[Any, dict[str, Any]]:
         """Error of the position (3, m, w) by a log, and the row of the way; P: its part of the covariance is written.

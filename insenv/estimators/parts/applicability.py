@@ -44,10 +44,13 @@ NOISELESS = 1e-8, 1e-6
 """White noise of gyros (rad/s^0.5) and accelerometers (m/s^1.5), a fiftieth of that of the best units: up to it, none."""
 
 
-def linear_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str, ...]:
+OTHERS = "use fusion with the velocity of GNSS, or aqe-sukf"
+
+
+def linear_start(parameters: Mapping[str, Any], duration_s: float, advice: str = OTHERS) -> tuple[str, ...]:
     """A sentence about a start attitude that is too uncertain for a linearised filter.
 
-    parameters: SI, by row name: `tilt_sigma`, `heading_sigma`. duration_s: of the data, s.
+    parameters: SI, by row name: `tilt_sigma`, `heading_sigma`. duration_s: of the data, s. advice: what to do.
     """
     tilt, heading = float(parameters["tilt_sigma"]), float(parameters["heading_sigma"])
     if tilt <= LINEAR_TILT and heading <= LINEAR_HEADING:
@@ -55,7 +58,7 @@ def linear_start(parameters: Mapping[str, Any], duration_s: float) -> tuple[str,
     return (
         f"the start attitude is uncertain by {degrees(tilt):.2g} deg of level and {degrees(heading):.3g} deg of heading: this "
         f"linearised filter states too small sigmas from {degrees(LINEAR_TILT):.2g} deg of level or "
-        f"{degrees(LINEAR_HEADING):.2g} deg of heading on; use fusion with the velocity of GNSS, or aqe-sukf",
+        f"{degrees(LINEAR_HEADING):.2g} deg of heading on; {advice}",
     )
 
 
