@@ -1,4 +1,4 @@
-"""C source of a model: the instructions of its functions and the hand-written driver.
+"""C source of a model: its functions (`insenv.core.functions`) and the hand-written driver.
 
 The same function text serves one row and a block of rows: the type `real` is ``double`` or a vector of lanes.
 """
@@ -6,44 +6,17 @@ The same function text serves one row and a block of rows: the type `real` is ``
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from insenv.core.cache import source_digest
-from insenv.core.instructions import Instruction, instructions, ordering
-from insenv.core.lookup import table_loop
+from insenv.core.functions import function_text
 from insenv.core.model import Kernel, Model
-from insenv.core.pieces import LONG, pieces
 
-_EXPRESSIONS = {
-    "ADD": "{}+{}",
-    "SUB": "{}-{}",
-    "MUL": "{}*{}",
-    "DIV": "{}/{}",
-    "INV": "1.0/{}",
-    "NEG": "-{}",
-    "TWICE": "2.0*{}",
-    "SQ": "square({})",
-    "SQRT": "root({})",
-    "FLOOR": "whole({})",
-    "FABS": "absolute({})",
-    "LT": "less({}, {})",
-    "LE": "less_or_equal({}, {})",
-    "EQ": "equal({}, {})",
-    "NE": "not_equal({}, {})",
-    "NOT": "negation({})",
-    "AND": "both({}, {})",
-    "OR": "either({}, {})",
-    "IF_ELSE_ZERO": "select0({}, {})",
-    "ASSIGN": "{}",
-}
-"""The operations that IEEE 754 rounds in exactly one way; no others are allowed."""
-
-
-WRITERS = "codegen", "instructions", "lookup", "pieces"
+WRITERS = "codegen", "functions", "instructions", "lookup", "loops"
 WRITER = source_digest(Path(__file__).with_name(f"{name}.py") for name in WRITERS)
 """Hash of the modules that write the functions of a model as C, taken when they are imported."""
 
@@ -76,7 +49,7 @@ def module_source(model: Model) -> str:
 
 def function_source(name: str, function: Any, arguments: str) -> str:
     """C source ``name(..., y)`` of one function of flat columns, named by one letter each; it runs once per run."""
-    return _function_text("ONCE ", name, Kernel(function, (slice(0, function.size1_out(0)),)), arguments)
+    return function_text("ONCE ", name, Kernel(function, (slice(0, function.size1_out(0)),)), arguments)
 
 
 @lru_cache(maxsize=8)
@@ -91,7 +64,7 @@ def _functions(model: Model) -> Mapping[str, str]:
         arguments = {"start": "pr", "output": "px"}.get(name, "pxur")
         in_place = name in model.steps and model.steps[name].when is None
         level = {"start": "ONCE ", "output": ""}.get(name, "" if in_place else "SELDOM ")
-        texts[name] = _function_text(level, name, kernel, arguments, in_place)
+        texts[name] = function_text(level, name, kernel, arguments, in_place)
     return texts
 
 
@@ -109,78 +82,6 @@ def _source(model: Model, prelude: str, export: str, functions: Mapping[str, str
             driver,
         ]
     )
-
-
-def _function_text(level: str, name: str, kernel: Kernel, arguments: str, in_place: bool = False) -> str:
-    """level: macro before the return type, by how often the function runs; "" for every sample."""
-    steps = instructions(kernel.function)
-    result, places, after = "y", list(range(kernel.function.size1_out(0))), {}
-    if in_place:
-        result, places = "x", [i for span in kernel.spans for i in range(span.start, span.stop)]
-        # a state element is read before it is overwritten
-        read = {step.place: k for k, step in enumerate(steps) if step.name == "INPUT"}
-        for k, step in enumerate(steps):
-            if step.name == "OUTPUT" and (place := (arguments.index("x"), places[step.place[1]])) in read:
-                after[k] = [read[place]]
-    order = ordering(steps, after)
-
-    def statement(k: int) -> str:
-        step = steps[k]
-        if step.name == "OUTPUT":
-            return f"  {result}[{places[step.place[1]]}] = v{step.sources[0]};"
-        return f"  const real v{k} = {_expression(step, name, arguments)};"
-
-    signature = ", ".join(f"{'' if in_place and letter == 'x' else 'const '}real *{letter}" for letter in arguments)
-    signature += "" if in_place else ", real *y"
-    head = f"static {level}void {name}({signature}) {{"
-    loop = None if in_place else table_loop(steps)
-    if loop is not None:
-        return "\n".join([head, *loop.text(places, arguments), "}\n"])
-    if in_place or len(order) < LONG:
-        return "\n".join([head, *map(statement, order), "}\n"])
-    return _in_pieces(name, level, signature, f"{', '.join(arguments)}, y", steps, order, statement)
-
-
-def _in_pieces(
-    name: str,
-    level: str,
-    signature: str,
-    arguments: str,
-    steps: Sequence[Instruction],
-    order: Sequence[int],
-    statement: Callable[[int], str],
-) -> str:
-    """The text of a long function: its pieces, and the function that calls them one after the other."""
-    parts, size = pieces(steps, order)
-    form = {"load": "  const real v{0} = w[{1}];", "keep": "  w[{1}] = v{0};"}
-    lines = [_PIECE]
-    for number, piece in enumerate(parts):
-        lines.append(f"static {level}PIECE void {name}_{number}({signature}, real *w) {{")
-        lines += [statement(k) if kind == "do" else form[kind].format(k, place) for kind, k, place in piece.statements]
-        lines.append("}")
-    calls = [f"  {name}_{number}({arguments}, w);" for number in range(len(parts))]
-    return "\n".join(
-        [*lines, f"static {level}void {name}({signature}) {{", f"  ON_A_LINE real w[{max(size, 1)}];", *calls, "}\n"]
-    )
-
-
-_PIECE = """#ifndef PIECE
-#if defined(__GNUC__) || defined(__clang__)
-#define PIECE __attribute__((noinline))
-#else
-#define PIECE
-#endif
-#endif"""
-
-
-def _expression(step: Instruction, name: str, arguments: str) -> str:
-    if step.name == "INPUT":
-        return f"{arguments[step.place[0]]}[{step.place[1]}]"
-    if step.name == "CONST":
-        return f"constant({step.value!r})"
-    if step.name not in _EXPRESSIONS:
-        raise RuntimeError(f"function {name!r} of a model uses {step.name}: not an exactly rounded operation")
-    return _EXPRESSIONS[step.name].format(*(f"v{k}" for k in step.sources))
 
 
 def _constants(model: Model) -> str:

@@ -42,21 +42,21 @@ class Loop:
     firsts: tuple[int, ...]
     stride: int
 
-    def text(self, places: Sequence[int], arguments: str) -> list[str]:
-        """Lines of C that write the results to y; places: of the results in y."""
+    def text(self, arguments: str) -> list[str]:
+        """Lines of C that write the results to y."""
         table, index = arguments[self.argument], f"{arguments[self.index[0]]}[{self.index[1]}]"
         terms = [f"select0(here, {table}[{first}+{self.stride}*k])" for first in self.firsts]
         return [
-            f"  const real number = {index};",
-            "  {",
-            "    const int k = 0;",
-            "    const real here = equal(number, constant(0.0));",
-            *(f"    y[{place}] = {term};" for place, term in zip(places, terms, strict=True)),
-            "  }",
-            f"  for (int k = 1; k < {self.count}; k++) {{",
-            "    const real here = equal(number, constant((double)k));",
-            *(f"    y[{place}] = y[{place}]+{term};" for place, term in zip(places, terms, strict=True)),
-            "  }",
+            f"const real number = {index};",
+            "{",
+            "  const int k = 0;",
+            "  const real here = equal(number, constant(0.0));",
+            *(f"  y[{place}] = {term};" for place, term in enumerate(terms)),
+            "}",
+            f"for (int k = 1; k < {self.count}; k++) {{",
+            "  const real here = equal(number, constant((double)k));",
+            *(f"  y[{place}] = y[{place}]+{term};" for place, term in enumerate(terms)),
+            "}",
         ]
 
 

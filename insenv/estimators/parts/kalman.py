@@ -103,4 +103,5 @@ def weight_and_gain(stored: Any, H: Any, variance: Any, accept: Any) -> tuple[An
 
 def innovation_variance(stored: Any, H: Any, variance: Any) -> Any:
     """Variance of the innovation of a scalar measurement."""
-    return H @ symmetric.full(stored, H.shape[1]) @ H.T + variance
+    column = ca.densify(symmetric.full(stored, H.shape[1]) @ H.T)  # as in `measure`, so that it is computed once
+    return H @ column + variance
