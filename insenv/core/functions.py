@@ -141,12 +141,6 @@ class _Function:
                 table.append(numbers)
             return f"{array}[t[i][{table.index(numbers)}]]"
 
-        def result(k: int, value: str) -> str:
-            """Where the last value of each goes."""
-            if self.steps[k].name == "OUTPUT":
-                return f"{element('y', [self.steps[root].place[1] for root in unit.roots])} = {value};"
-            return f"const real v{k} = {value};"
-
         before: list[str] = []
         inside: list[str] = []
         for c, column in enumerate(unit.columns):
@@ -161,10 +155,12 @@ class _Function:
         for k in unit.work:
             operands = zip(self.steps[k].sources, unit.operands[k], strict=True)
             values = [f"v{source}" if operand is None else f"a{operand}" for source, operand in operands]
-            inside.append(result(k, values[0] if self.steps[k].name == "OUTPUT" else self.value(k, values)))
-        root = unit.roots[0]
-        if root in places:
-            inside.append(f"{element('w', [places[end] for end in unit.roots])} = v{root};")
+            if self.steps[k].name == "OUTPUT":
+                inside.append(f"{element('y', [self.steps[root].place[1] for root in unit.roots])} = {values[0]};")
+            else:
+                inside.append(f"const real v{k} = {self.value(k, values)};")
+        if unit.roots[0] in places:
+            inside.append(f"{element('w', [places[root] for root in unit.roots])} = v{unit.roots[0]};")
         count, largest = len(unit.roots), max(map(max, table), default=0)
         rows = ",".join("{" + ",".join(map(str, row)) + "}" for row in zip(*table, strict=True))
         integer = "unsigned short" if largest < 2**16 else "unsigned int"
