@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,7 @@ def _rows_of(
         if row.name in before or row.name in rows:
             raise InputError(f"{where}: another key has set {row.name} already")
         try:
-            number = convert(np.asarray(value, dtype=np.float64))
+            number = convert(_numbers(value, row.flag))
             parameters.pack({row.name: number})
         except (TypeError, ValueError, OverflowError):
             scale, several = float(convert(1.0)), f", or a list of {row.size}," if row.shape else ""
@@ -157,6 +158,14 @@ def _rows_of(
             ) from None
         rows[row.name] = number
     return rows
+
+
+def _numbers(value: Any, flag: bool) -> np.ndarray:
+    """A number or a list of numbers as an array.  flag: true is 1, false 0.  Raises TypeError for anything else."""
+    for one in np.ravel(np.asarray(value, dtype=object)):
+        if not isinstance(one, (Real, np.bool_)) or (isinstance(one, (bool, np.bool_)) and not flag):
+            raise TypeError(f"{one!r} is not a number")
+    return np.asarray(value, dtype=np.float64)
 
 
 def own_settings(estimator: Estimator, settings: Settings | None) -> dict[str, Any]:

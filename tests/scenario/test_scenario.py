@@ -325,6 +325,8 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
             "innovation_gate = -5",
             "innovation_gate = -5: allowed is a finite number from 0 to 1e+12",
         ),
+        (CAR, "innovation_gate = 5.0", "innovation_gate = true", "innovation_gate = True: allowed is a finite number from 0"),
+        (CAR, "innovation_gate = 5.0", 'innovation_gate = "5"', "innovation_gate = '5': allowed is a finite number from 0"),
         (CAR, 'estimator."loosely-coupled"', 'estimator."loosely"', "estimator: no estimator 'loosely'"),
         (
             CAR,
