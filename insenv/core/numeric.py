@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from functools import cache, lru_cache, wraps
 from math import prod
@@ -11,6 +12,23 @@ import casadi as ca
 import numpy as np
 
 from insenv.core.operators import quick_operators
+
+KEPT_COUNT = 256
+"""Up to so many rows the memory of an evaluation is kept for the next call: to make it costs more than the evaluation."""
+
+
+class _Evaluation:
+    """A CasADi function with arrays of its own for arguments and results, (entries,) each, rows one after another."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self.arguments = [np.empty(function.nnz_in(i)) for i in range(function.n_in())]
+        self.results = [np.empty(function.nnz_out(i)) for i in range(function.n_out())]
+        self.buffer: Any  # the type stub of CasADi lacks memoryview
+        self.buffer, self.evaluate = function.buffer()
+        for i, array in enumerate(self.arguments):
+            self.buffer.set_arg(i, array.data)
+        for i, array in enumerate(self.results):
+            self.buffer.set_res(i, array.data)
 
 
 def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> Callable[..., Any]:
@@ -44,6 +62,8 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     def mapped(count: int) -> ca.Function:
         return traced()[0].map(count)
 
+    idle: dict[int, list[_Evaluation]] = defaultdict(list)
+
     @wraps(function)
     def call(*arguments: Any) -> Any:
         if len(arguments) != len(own):
@@ -55,23 +75,24 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
             if split < 0 or array.shape[split:] != shape:
                 raise ValueError(f"{name}: argument {i} has shape {array.shape}, not {('...', *shape)}")
             leading.append(array.shape[:split])
-        lead = np.broadcast_shapes(*leading)
+        lead = leading[0] if all(other == leading[0] for other in leading) else np.broadcast_shapes(*leading)
         _, result_shapes, is_tuple = traced()
-        results = [np.empty(lead + shape) for shape in result_shapes]
         count = prod(lead)
-        if count:
-            # n rows of a contiguous array are n columns to CasADi
-            rows = [
-                np.ascontiguousarray(np.broadcast_to(array, lead + shape)).reshape(count, -1)
-                for array, shape in zip(arrays, own, strict=True)
-            ]
-            buffer: Any  # the type stub of CasADi lacks memoryview
-            buffer, evaluate = mapped(count).buffer()
-            for i, row in enumerate(rows):
-                buffer.set_arg(i, row.data)
-            for i, result in enumerate(results):
-                buffer.set_res(i, result.data)
-            evaluate()
+        if not count:
+            results = [np.empty(lead + shape) for shape in result_shapes]
+        else:
+            kept = idle[count] if count <= KEPT_COUNT else []
+            try:
+                evaluation = kept.pop()  # atomic: no two threads evaluate in the same memory
+            except IndexError:
+                evaluation = _Evaluation(mapped(count))
+            for held, array, shape in zip(evaluation.arguments, arrays, own, strict=True):
+                held.reshape(lead + shape)[...] = array
+            evaluation.evaluate()
+            results = [held.reshape(lead + shape) for held, shape in zip(evaluation.results, result_shapes, strict=True)]
+            if count <= KEPT_COUNT:
+                results = [result.copy() for result in results]
+                kept.append(evaluation)
         unboxed = tuple(result[()] for result in results)
         return unboxed if is_tuple else unboxed[0]
 

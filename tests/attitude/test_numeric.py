@@ -1,10 +1,12 @@
 """The bridge from symbolic functions to NumPy arrays."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import casadi as ca
 import numpy as np
 import pytest
 
-from insenv.core.numeric import vectorized
+from insenv.core.numeric import KEPT_COUNT, vectorized
 
 
 def affine(A, x, scale):
@@ -41,6 +43,33 @@ def test_structural_zeros_and_single_results():
 def test_empty_stacks():
     y, same, square = affine_numeric(np.empty((0, 2, 3)), [1, 2, 3], 1)
     assert y.shape == (0, 2) and same.shape == (0, 2, 3) and square.shape == (0,)
+
+
+@pytest.mark.parametrize("count", [1, KEPT_COUNT, KEPT_COUNT + 1])
+def test_results_of_a_call_outlive_the_next_one(count):
+    twice = vectorized(lambda x: 2.0 * x, ())
+    rows = np.arange(float(count))
+    first = twice(rows)
+    second = twice(rows + 1.0)
+    np.testing.assert_array_equal(first, 2.0 * rows)
+    np.testing.assert_array_equal(second, 2.0 * (rows + 1.0))
+
+
+def test_leading_axes_of_the_same_count_have_their_own_shape():
+    total = vectorized(lambda x, y: x + y, (), ())
+    assert total(np.ones((2, 3)), np.ones(3)).shape == (2, 3)
+    assert total(np.ones((3, 2)), 1.0).shape == (3, 2)
+    np.testing.assert_array_equal(total(np.arange(6.0), [[1.0]]), [np.arange(1.0, 7.0)])
+
+
+def test_threads_have_their_own_rows():
+    square = vectorized(lambda x: x * x, ())
+
+    def squares(start):
+        return all(np.array_equal(square(rows), rows * rows) for rows in start + np.arange(2000.0)[:, None])
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(squares, range(4)))
 
 
 def test_arguments_are_left_alone_and_the_trace_is_lazy():

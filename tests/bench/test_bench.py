@@ -20,6 +20,8 @@ NAMES = {
 def test_every_documented_figure_is_measured(name, monkeypatch):
     monkeypatch.setattr("insenv.bench.speed.REPETITIONS", 1)
     monkeypatch.setattr("insenv.bench.speed.SAMPLES", 20)
+    monkeypatch.setattr("insenv.bench.speed.STARTS", 1)
+    monkeypatch.setattr("insenv.bench.peers.SAMPLES", 20)
     found = {figure.name: figure for figure in figures(name)}
     assert found[name].unit == NAMES[name]
     assert found[name].floor > 0 and found[name].value > 0
