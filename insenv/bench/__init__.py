@@ -1,7 +1,8 @@
 """`bench`: the project's figures of speed and exactness, each measured on this machine beside its floor.
 
-A floor is the same measurement without any work (an empty model, an empty interpreter, the spacing of doubles): the part of
-a figure that no better code could save.  Times are medians over repetitions.  Shared machines are noisy: compare ratios.
+A floor is the same measurement without the work itself (an empty model or loop, an empty interpreter, a warm start, the
+spacing of doubles): what better code for that work could not save.  Times are medians over repetitions.
+Shared machines are noisy: compare ratios.
 """
 
 from insenv.bench.figure import Figure

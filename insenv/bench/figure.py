@@ -16,7 +16,7 @@ from insenv.core.tables import Row, Table
 class Figure:
     """One measured figure.
 
-    name.  value: in `unit`.  floor: the same measurement without any work, in `unit`.  n: number of repetitions or samples.
+    name.  value: in `unit`.  floor: the same without the work itself, in `unit`.  n: number of repetitions or samples.
     note: what was measured.  peer: name and value of another package measured in the same run, if it is installed.
     """
 

@@ -39,7 +39,7 @@ def bench(
         right=(1, 2, 4),
     )
     print_line()
-    print_line("floor: the same measurement without any work")
+    print_line("floor: the same without the work itself (an empty model, a warm start)")
     print_line(f"machine: {machine_line(machine())}")
 
 

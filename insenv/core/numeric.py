@@ -42,7 +42,7 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
         to_dcm(q)    # (..., 4) -> (..., 3, 3)
 
     The symbolic function is traced at the first call. Raises ValueError for an argument whose last axes do not have its
-    shape.
+    shape and for axes before these that do not broadcast, TypeError for one that is not of real numbers.
     """
     own = [(shape,) if isinstance(shape, int) else tuple(shape) for shape in shapes]
     name = getattr(function, "__name__", "function")
@@ -68,14 +68,16 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     def call(*arguments: Any) -> Any:
         if len(arguments) != len(own):
             raise TypeError(f"{name} takes {len(own)} arguments, not {len(arguments)}")
-        arrays = [np.asarray(argument, dtype=np.float64) for argument in arguments]
+        arrays = [np.asarray(argument) for argument in arguments]
         leading = []
         for i, (array, shape) in enumerate(zip(arrays, own, strict=True)):
+            if array.dtype.kind not in "fiu":  # None would be NaN, a text its number
+                raise TypeError(f"{name}: argument {i} is of type {array.dtype}, allowed are real numbers")
             split = array.ndim - len(shape)
             if split < 0 or array.shape[split:] != shape:
                 raise ValueError(f"{name}: argument {i} has shape {array.shape}, not {('...', *shape)}")
             leading.append(array.shape[:split])
-        lead = leading[0] if all(other == leading[0] for other in leading) else np.broadcast_shapes(*leading)
+        lead = leading[0] if all(other == leading[0] for other in leading) else _broadcast(name, leading)
         _, result_shapes, is_tuple = traced()
         count = prod(lead)
         if not count:
@@ -99,6 +101,14 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     # drop the annotations of the symbolic function: arguments and results are arrays
     call.__annotations__ = {}
     return call
+
+
+def _broadcast(name: str, leading: list[tuple[int, ...]]) -> tuple[int, ...]:
+    try:
+        return np.broadcast_shapes(*leading)
+    except ValueError:
+        shapes = " and ".join(map(str, leading))
+        raise ValueError(f"{name}: the leading axes {shapes} of the arguments do not broadcast") from None
 
 
 def _from_row_major(x: ca.SX, shape: tuple[int, ...]) -> ca.SX:

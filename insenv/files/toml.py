@@ -56,7 +56,7 @@ def _check_parameter(value: object) -> object:
         if isinstance(item, (int, float)) and not abs(item) <= sys.float_info.max:
             raise ValueError("must be finite")
     if not all(isinstance(item, (str, bool, int, float)) for item in items):
-        raise ValueError("must be a number, true or false, text, or a list of numbers")
+        raise ValueError("must be a number, true or false, text, or a list of these")
     return value
 
 

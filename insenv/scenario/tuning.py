@@ -119,7 +119,7 @@ def tuning(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str, An
     for key, value in table.items():
         if key in estimator.choices:
             continue
-        where = f"estimator.{estimator.id!r}.{key}"
+        where = f"estimator.{estimator.id}.{key}"
         try:
             rows |= _rows_of(estimator, known, rows, where, key, value)
         except InputError as error:
@@ -181,7 +181,7 @@ def choices_in(estimator: str | Estimator, table: Mapping[str, Any]) -> dict[str
     for key, allowed in estimator.choices.items():
         if key not in table:
             continue
-        where, names = f"estimator.{estimator.id!r}.{key}", table[key]
+        where, names = f"estimator.{estimator.id}.{key}", table[key]
         if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
             raise InputError(f"{where} = {shown(names)}: allowed is a list of names from {', '.join(allowed)}")
         for name in names:

@@ -94,7 +94,16 @@ def test_wrong_calls_are_named():
         affine_numeric(np.eye(2, 3), np.zeros(4), 1)
     with pytest.raises(ValueError, match="argument 0"):
         affine_numeric(np.zeros(3), np.zeros(3), 1)
-    with pytest.raises(ValueError, match="broadcast"):
+    with pytest.raises(
+        ValueError, match=r"affine: the leading axes \(\) and \(2,\) and \(3,\) of the arguments do not broadcast"
+    ):
         affine_numeric(np.eye(2, 3), np.zeros((2, 3)), np.zeros(3))
     with pytest.raises(TypeError, match="takes 3 arguments, not 1"):
         affine_numeric(1.0)
+
+
+@pytest.mark.parametrize("value", [None, "1", True, 1j, [1.0, None, 2.0], [True, False, True], np.ones(3, "M8[s]")])
+def test_what_is_not_of_real_numbers_is_refused(value):
+    total = vectorized(lambda x: x + 1.0, np.shape(value))
+    with pytest.raises(TypeError, match=r"argument 0 is of type .*, allowed are real numbers"):
+        total(value)

@@ -103,6 +103,11 @@ def test_wrong_states_and_aids_are_named(states, aids, words):
         fusion(states, aids)
 
 
+def test_a_smoother_is_asked_for_by_true_alone():
+    with pytest.raises(InputError, match="smoother = 'no': allowed is True or False"):
+        fusion(smoother="no")
+
+
 @pytest.mark.parametrize(
     ("setting", "words"),
     [

@@ -246,7 +246,7 @@ def test_files_of_another_kind(tmp_path, data, words):
         lssvm.load(tmp_path / "m.json")
     with pytest.raises(InputError, match="cannot read"):
         lssvm.load(tmp_path / "n.json")
-    with pytest.raises(InputError, match=r"'lssvm'\.file: .*m\.json"):
+    with pytest.raises(InputError, match=r"estimator\.lssvm\.file: .*m\.json"):
         tuning("lssvm", {"file": str(tmp_path / "m.json")})
     with pytest.raises(InputError, match="allowed is the path of a file"):
         tuning("lssvm", {"file": 3})

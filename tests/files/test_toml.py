@@ -71,7 +71,7 @@ class File(Section):
         ({"keep_where": 3}, "keep_where = 3: must be a table of keys"),
         ({"keep_where": {"mode": "a"}}, "keep_where.mode = 'a': must be a number or a list"),
         ({"estimator": {"a": 3}}, "estimator.a = 3: must be a table of keys"),
-        ({"estimator": {"a": {"b": {}}}}, "estimator.a.b: must be a number, true or false, text, or a list of numbers"),
+        ({"estimator": {"a": {"b": {}}}}, "estimator.a.b: must be a number, true or false, text, or a list of these"),
         ({"leg": {}}, "leg.drive_s is missing: duration [s]"),
         ({"vehicle": 3}, "vehicle = 3: must be a table of keys"),
         ({"vehicle": {}}, "vehicle.kind is missing: must be one of 'car', 'ship'"),

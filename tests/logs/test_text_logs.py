@@ -279,8 +279,8 @@ def test_all_faults_of_the_keys_are_listed_at_once(folder: Folder) -> None:
         "gnss.position_sigma_m: give either",
         "gnss.velocity_sigma_mps: velocity needs either",
         "roll, pitch, heading and attitude_unit go together",
-        "'loosely-coupled'.vrw: unknown key",
-        "'loosely-coupled'.arw: unknown key",
+        "estimator.loosely-coupled.vrw: unknown key",
+        "estimator.loosely-coupled.arw: unknown key",
         "r.csv: file not found",
     ):
         assert words in message, words

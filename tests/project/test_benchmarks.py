@@ -1,6 +1,8 @@
 """The figures of docs/benchmarks.md are those of the code; its times name figures that `insenv bench` measures."""
 
+import re
 from importlib.util import find_spec
+from pathlib import Path
 
 import benchmarks
 import pytest
@@ -70,3 +72,12 @@ def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatc
     assert (row["value"], row["floor"], row["target"]) == (151000.0, 1e6, 150000) and speed["machine"] == "P, 2 cores"
     with pytest.raises(SystemExit):
         benchmarks.main(["nonesuch"])
+
+
+def test_the_page_names_every_group_of_figures():
+    page = (Path(__file__).parents[2] / "docs" / "benchmarks.md").read_text()
+    table = page[page.index("| `NAME` |") : page.index("\n\n## ")]
+    named = {name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
+    known = list(_measurements())
+    assert all(any(name.startswith(group + ".") for name in known) for group in named)
+    assert [name for name in known if not any(name.startswith(group + ".") for group in named)] == []

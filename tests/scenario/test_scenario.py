@@ -318,7 +318,7 @@ CAR, SHIP, PLANE = "car-city-drive", "ship-swaying", "aircraft-survey"
         (CAR, 'grade = "tactical"', 'grade = "tactcal"', "IMU grade 'tactcal': unknown; did you mean 'tactical'?"),
         (CAR, 'grade = "spp"', 'grade = "ssp"', "GNSS grade 'ssp': unknown; did you mean 'spp'?"),
         (CAR, '["loosely-coupled"]', '["losely"]', "estimators[0]: no estimator 'losely'; did you mean 'loosely-coupled'?"),
-        (CAR, "innovation_gate = 5.0", "gate = 5.0", "estimator.'loosely-coupled'.gate: unknown key"),
+        (CAR, "innovation_gate = 5.0", "gate = 5.0", "estimator.loosely-coupled.gate: unknown key"),
         (
             CAR,
             "innovation_gate = 5.0",
@@ -484,7 +484,7 @@ def test_tuning() -> None:
     for bad in ({"gyro_bias_ug": 1.0}, {"start_latitude": 1.0}, {"antenna_lever_arm_m": [1, 2, 3]}, {"arw_deg_sqrt_h": -1.0},
                 {"arw_deg_sqrt_h": "x"}, {"arw_deg_sqrt_h": 10**400}, {"position_sigma_m": [1.0, 2.0]},
                 {"arw_deg_sqrt_h": 1.0, "angle_random_walk_deg_sqrt_h": 1.0}):  # fmt: skip
-        with pytest.raises(InputError, match=f"estimator.'loosely-coupled'.{list(bad)[-1]}"):
+        with pytest.raises(InputError, match=f"estimator.loosely-coupled.{list(bad)[-1]}"):
             tuning("loosely-coupled", bad)
 
 

@@ -50,8 +50,11 @@ def fusion(
     id: of the estimator.
     smoother: whether to smooth over the whole run; the id of the smoother is ``ID-smoother``.
 
-    Raises `InputError` for an unknown name, a name that is given twice, no aid, or a state that none of the aids shows.
+    Raises `InputError` for an unknown name, a name that is given twice, no aid, a state that none of the aids shows, or a
+    smoother that is neither True nor False.
     """
+    if not isinstance(smoother, bool):
+        raise InputError(f"fusion {id!r}: smoother = {smoother!r}: allowed is True or False")
     made, make = composition(id, states, aids), _smoother if smoother else _estimator
     return replace(make(made), adapt=lambda known, drive, choices: _suited(make, made, known, drive))
 
