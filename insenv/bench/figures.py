@@ -56,7 +56,7 @@ def _processor() -> str:
 
 def _measurements() -> dict[str, Callable[[], Figure]]:
     # here, so that `python -m insenv.bench.lockstep` starts without loading every measurement
-    from insenv.bench import composed, envs, estimators, fmu, lockstep, mavlink, speed, truth, web
+    from insenv.bench import composed, envs, estimators, fmu, lockstep, mavlink, numeric, speed, truth, web
     from insenv.estimators import registered
 
     stepped = [e.id for e in registered().values() if not e.smooths]
@@ -68,6 +68,8 @@ def _measurements() -> dict[str, Callable[[], Figure]]:
         "batch.propagate15": lambda: speed.batch(0.05),
         "batch.propagate15-each": lambda: speed.batch(0.0),
         "batch.fusion-21": lambda: composed.batch(21),
+        "numeric.one": numeric.one,
+        "numeric.many": numeric.many,
         "truth.drift.ship": lambda: truth.drift("ship"),
         "truth.drift.car": lambda: truth.drift("car"),
         "truth.drift.aircraft": lambda: truth.drift("aircraft"),

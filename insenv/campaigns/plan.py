@@ -166,6 +166,7 @@ class Plan:
         found = (
             *self.plant.scenario.notes,
             *self.chosen.notes(self._parameters, self.duration_s),
+            *self.chosen.without_effect(self.plant.tunings),
             *self._understated,
         )
         note = design_note(self.design, self.runs)

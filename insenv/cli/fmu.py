@@ -294,8 +294,6 @@ def _settings(given: Sequence[str] | None, texts: Sequence[str] = ()) -> dict[st
         try:
             numbers = [float(number) for number in value.split(",")]
         except ValueError:
-            raise InputError(
-                f'--set {text!r}: {value!r} is not a number or a list such as 1,2,3 (of names: ["NAME", ...])'
-            ) from None
+            raise InputError(f'--set {text!r}: {value!r} is not a number, or a list such as 1,2,3 or ["NAME"]') from None
         settings[name] = numbers[0] if len(numbers) == 1 else numbers
     return settings

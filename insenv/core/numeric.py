@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable
 from functools import cache, lru_cache, wraps
 from math import prod
@@ -41,8 +40,8 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
         to_dcm = vectorized(attitude.to_dcm, 4)
         to_dcm(q)    # (..., 4) -> (..., 3, 3)
 
-    The symbolic function is traced at the first call. Raises ValueError for an argument whose last axes do not have its
-    shape and for axes before these that do not broadcast, TypeError for one that is not of real numbers.
+    The symbolic function is traced at the first call. Raises TypeError for an argument that is not of real numbers, ValueError
+    for one whose last axes do not have its shape and for leading axes that do not broadcast.
     """
     own = [(shape,) if isinstance(shape, int) else tuple(shape) for shape in shapes]
     name = getattr(function, "__name__", "function")
@@ -62,39 +61,31 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     def mapped(count: int) -> ca.Function:
         return traced()[0].map(count)
 
-    idle: dict[int, list[_Evaluation]] = defaultdict(list)
+    idle: dict[int, list[_Evaluation]] = {}
+
+    def evaluation_of(count: int) -> _Evaluation:
+        try:
+            return idle[count].pop()  # atomic: no two threads evaluate in the same memory
+        except LookupError:
+            return _Evaluation(mapped(count))
 
     @wraps(function)
     def call(*arguments: Any) -> Any:
         if len(arguments) != len(own):
             raise TypeError(f"{name} takes {len(own)} arguments, not {len(arguments)}")
         arrays = [np.asarray(argument) for argument in arguments]
-        leading = []
-        for i, (array, shape) in enumerate(zip(arrays, own, strict=True)):
-            if array.dtype.kind not in "fiu":  # None would be NaN, a text its number
-                raise TypeError(f"{name}: argument {i} is of type {array.dtype}, allowed are real numbers")
-            split = array.ndim - len(shape)
-            if split < 0 or array.shape[split:] != shape:
-                raise ValueError(f"{name}: argument {i} has shape {array.shape}, not {('...', *shape)}")
-            leading.append(array.shape[:split])
-        lead = leading[0] if all(other == leading[0] for other in leading) else _broadcast(name, leading)
+        lead = _leading(name, arrays, own)
         _, result_shapes, is_tuple = traced()
-        count = prod(lead)
-        if not count:
-            results = [np.empty(lead + shape) for shape in result_shapes]
-        else:
-            kept = idle[count] if count <= KEPT_COUNT else []
-            try:
-                evaluation = kept.pop()  # atomic: no two threads evaluate in the same memory
-            except IndexError:
-                evaluation = _Evaluation(mapped(count))
+        if count := prod(lead):
+            evaluation = evaluation_of(count)
             for held, array, shape in zip(evaluation.arguments, arrays, own, strict=True):
                 held.reshape(lead + shape)[...] = array
             evaluation.evaluate()
-            results = [held.reshape(lead + shape) for held, shape in zip(evaluation.results, result_shapes, strict=True)]
+            results = [held.reshape(lead + shape).copy() for held, shape in zip(evaluation.results, result_shapes, strict=True)]
             if count <= KEPT_COUNT:
-                results = [result.copy() for result in results]
-                kept.append(evaluation)
+                idle.setdefault(count, []).append(evaluation)
+        else:
+            results = [np.empty(lead + shape) for shape in result_shapes]
         unboxed = tuple(result[()] for result in results)
         return unboxed if is_tuple else unboxed[0]
 
@@ -103,7 +94,18 @@ def vectorized(function: Callable[..., Any], *shapes: int | tuple[int, ...]) -> 
     return call
 
 
-def _broadcast(name: str, leading: list[tuple[int, ...]]) -> tuple[int, ...]:
+def _leading(name: str, arrays: list[np.ndarray], own: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """The axes before the arguments' own shapes, broadcast."""
+    leading = []
+    for i, (array, shape) in enumerate(zip(arrays, own, strict=True)):
+        if array.dtype.kind not in "fiu":  # None would be NaN, a text its number
+            raise TypeError(f"{name}: argument {i} is of type {array.dtype}, allowed are real numbers")
+        split = array.ndim - len(shape)
+        if split < 0 or array.shape[split:] != shape:
+            raise ValueError(f"{name}: argument {i} has shape {array.shape}, not {('...', *shape)}")
+        leading.append(array.shape[:split])
+    if len(set(leading)) == 1:
+        return leading[0]  # the usual case, much quicker
     try:
         return np.broadcast_shapes(*leading)
     except ValueError:

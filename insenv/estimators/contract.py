@@ -348,14 +348,24 @@ class Estimator:
         """What must be said of parameters that are set smaller than the unit's data sheet; arguments as for `parameters`."""
         return motion_errors.understated(self._from(known), self._given(tunings, rows))
 
+    def without_effect(self, tunings: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+        """What must be said of parameters in `tunings` (rows by estimator id) of states and aids that were not chosen."""
+        idle = [name for name in self._of_drive(tunings) if self._unchosen(name)]
+        return (f"{', '.join(idle)}: set without effect, because this filter does not have the state or aid",) if idle else ()
+
+    def tuned(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+        """Its rows in `tunings` (by estimator id), without those of states and aids that were not chosen."""
+        return {name: value for name, value in self._of_drive(tunings).items() if not self._unchosen(name)}
+
+    def _of_drive(self, tunings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+        return {**tunings.get(self.smooths, {}), **tunings.get(self.id, {})}
+
+    def _unchosen(self, name: str) -> bool:
+        return self.settable is not None and name in self.settable and name not in self.model.parameters
+
     def _given(self, tunings: Mapping[str, Mapping[str, Any]] | None, rows: Mapping[str, Any] | None) -> dict[str, Any]:
         """The parameter rows that are set, by name."""
-        tunings = tunings or {}
-        given = {**tunings.get(self.smooths, {}), **tunings.get(self.id, {})}
-        if self.settable is not None:  # a drive may set rows of aids and states that were not chosen
-            own = self.model.parameters
-            given = {name: value for name, value in given.items() if name in own or name not in self.settable}
-        given |= rows or {}
+        given = {**self.tuned(tunings or {}), **(rows or {})}
         for name in given:
             if name not in self.model.parameters:
                 raise InputError(f"estimator {self.id!r}: {name} is set, and it has no such parameter ({self.title})")
@@ -368,7 +378,7 @@ class Estimator:
         """
         if self.prepare is not None:
             return None
-        tuned = {*tunings.get(self.smooths, {}), *tunings.get(self.id, {})}
+        tuned = self._of_drive(tunings)
         names = {name: Knowledge.field_of(name) for name in self.model.parameters.names if name not in tuned}
         return {name: field for name, field in names.items() if field}
 

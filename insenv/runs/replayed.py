@@ -95,6 +95,7 @@ def replay(
             _evaluated(f.estimator, evaluation, ready.begin_s, times),
             (
                 *begun.notes,
+                *f.estimator.without_effect(ready.tunings),
                 *_understated(f.estimator, begun, given),
                 *_unseen(log, f.estimator, ready.begin_s, begun.knowledge.latitude),
                 *other.contradiction(f),
@@ -130,7 +131,7 @@ class Prepared:
 
     first: number of the first sample; columns: samples from it on, by name of the estimators' inputs; dropped: fixes left out;
     begin_s: start time; families, chosen: estimators as asked for, and adapted to the log; starts: what each knows at the
-    start; given: parameter rows (SI) by estimator id.
+    start; tunings: parameter rows (SI) that the log sets, by estimator id; given: those in force.
     """
 
     log: RecordedLog
@@ -141,6 +142,7 @@ class Prepared:
     families: list[Estimator]
     chosen: list[Estimator]
     starts: list[Start]
+    tunings: dict[str, dict[str, Any]]
     given: dict[str, dict[str, Any]]
 
 
@@ -176,10 +178,8 @@ def prepared(
         estimator.check(drive, tunings.get(estimator.id))
         if begun.refusal and not estimator.finds_attitude:
             raise InputError(begun.refusal)
-    given = {
-        e.id: _whole_unit(e, {**tunings.get(e.smooths, {}), **tunings.get(e.id, {}), **chosen_settings[e.id]}) for e in chosen
-    }
-    return Prepared(log, first, begin_s, columns, dropped, families, chosen, starts, given)
+    given = {e.id: _whole_unit(e, {**e.tuned(tunings), **chosen_settings[e.id]}) for e in chosen}
+    return Prepared(log, first, begin_s, columns, dropped, families, chosen, starts, tunings, given)
 
 
 def _drive(log: RecordedLog, begin_s: float) -> Drive:

@@ -101,7 +101,9 @@ def run(
     track = track_of(truth["time"], truth)
     refusal = no_limit(plant)
     limit = limit_of(plant, progress) if followers and not refusal else None
-    of_tuning = {e.id: e.understated(plant.knowledge, plant.tunings, rows[e.id]) for e in chosen}
+    of_tuning = {
+        e.id: (*e.without_effect(plant.tunings), *e.understated(plant.knowledge, plant.tunings, rows[e.id])) for e in chosen
+    }
     true = true_unit_errors(runner.state, plant.model.parameters.unpack(runner.p))
     results = tuple(_result(f, plant, track, limit, true, of_tuning.get(f.estimator.id, ())) for f in followers)
     notes = [*scenario.notes, *members(families, chosen)]

@@ -104,7 +104,7 @@ class Plant:
         table = estimator.model.parameters
         parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))
         tuned = estimator.understated(self.knowledge, self.tunings, rows)
-        return (*tuned, *estimator.notes(parameters, self.duration_s))
+        return (*estimator.without_effect(self.tunings), *tuned, *estimator.notes(parameters, self.duration_s))
 
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None, *, driven: bool = False) -> Plant:

@@ -13,6 +13,8 @@ NAMES = {
     "interpreter.propagate15": "us",
     "batch.propagate15": "ns",
     "import.insenv": "s",
+    "numeric.one": "us",
+    "numeric.many": "ns",
 }
 
 
@@ -21,6 +23,7 @@ def test_every_documented_figure_is_measured(name, monkeypatch):
     monkeypatch.setattr("insenv.bench.speed.REPETITIONS", 1)
     monkeypatch.setattr("insenv.bench.speed.SAMPLES", 20)
     monkeypatch.setattr("insenv.bench.speed.STARTS", 1)
+    monkeypatch.setattr("insenv.bench.numeric.REPETITIONS", 1)
     monkeypatch.setattr("insenv.bench.peers.SAMPLES", 20)
     found = {figure.name: figure for figure in figures(name)}
     assert found[name].unit == NAMES[name]

@@ -14,6 +14,7 @@ from insenv.estimators.fusion import fusion, odometer
 from insenv.estimators.fusion.available import AIDS, STATES
 from insenv.estimators.fusion.prepared import prepared
 from insenv.estimators.parts.rows import FIX_RESIDUALS
+from insenv.files.resources import scenario_folder
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load, parse
 
@@ -121,6 +122,22 @@ def test_a_smoother_is_asked_for_by_true_alone():
 def test_wrong_settings_are_one_sentence(setting, words):
     status, shown, said = call("run", "car-survey", "-e", "fusion", "--duration", "2", "--set", setting)
     assert status == 2 and words in said and "Traceback" not in said and not shown
+
+
+def test_parameters_of_aids_that_are_not_chosen_are_named(tmp_path):
+    told = "odometer_slip_sigma: set without effect, because this filter does not have the state or aid"
+    table = "\n[estimator.fusion]\nodometer_slip_sigma = 0.1\ngyro_scale_sigma = 0.001\n"
+    scenario, log = tmp_path / "survey.toml", tmp_path / "log.toml"
+    scenario.write_text((scenario_folder() / "car-survey.toml").read_text() + table)
+    assert call("new", "log", log)[0] == 0
+    log.write_text(log.read_text() + table)
+    for told_by in (
+        insenv.run(scenario, "fusion", duration_s=2).results[0].notes,
+        insenv.campaign(scenario, "fusion", runs=2, duration_s=2).notes,
+        build(load(scenario)).notes_of(build(load(scenario)).adapted("fusion")),
+        insenv.replay(log, "fusion").results[0].notes,
+    ):
+        assert told in told_by and not any("gyro_scale" in note for note in told_by)
 
 
 def test_an_aid_that_the_scenario_has_not_is_refused():
