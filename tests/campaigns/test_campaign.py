@@ -207,12 +207,14 @@ def test_an_interrupted_campaign_resumes_with_bit_identical_results(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1), progress=interrupt)
     kept = sorted(p.name for p in (tmp_path / "blocks").iterdir())
-    assert kept[:3] == ["000000.npz", "000001.npz", "000002.npz"] and len(kept) < 5  # one more may have finished meanwhile
+    assert kept[:3] == ["000000.npz", "000001.npz", "000002.npz"]
+    assert kept[3:] in ([], ["000003.begun.npz"], ["000003.npz"])  # the block in work: by chance not begun, begun or finished
+    finished = [name for name in kept if not name.endswith(".begun.npz")]
     with pytest.raises(InputError, match="--resume"):
         Folder(tmp_path, plan)
     calls = []
     found = run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda now, _: calls.append(now))
-    assert calls[0] == len(kept) * 8 * 40 and same(found, expected)
+    assert calls[0] == len(finished) * 8 * 40 and same(found, expected)
     calls.clear()  # nothing is left to do
     assert same(run_campaign(plan, store=Folder(tmp_path, plan, resume=True), progress=lambda n, _: calls.append(n)), expected)
     assert calls == [40 * 40]
