@@ -14,7 +14,8 @@ import { filled } from "./words.js";
  * @property {number} apart
  * @property {number} last
  * @property {number} fewest
- * @property {string[]} verdicts  from good to bad
+ * @property {string[]} verdicts  from nothing known, and from good, to bad
+ * @property {string[]} wrong  those of a filter whose innovations are larger than it states
  * @property {Record<string, string>} sentences
  *
  * @typedef {(record: number) => number} Column
@@ -62,16 +63,16 @@ export function healthOf(rule, fixes, aids) {
  * @param {boolean} slow  whether the filter models slow errors of the fixes, which then cause no sentence
  * @param {Record<string, string>} causes  by id of an aid, what to look at where its measurements do not fit
  * @returns {string[]} */
-export function healthNotes({ sentences, verdicts, notable }, { own, others }, slow, causes) {
-  const [consistent, , diverged] = verdicts;
-  const wrong = others.filter((one) => one.verdict !== consistent);
+export function healthNotes({ sentences, verdicts, wrong: faults, notable }, { own, others }, slow, causes) {
+  const diverged = verdicts[verdicts.length - 1];
+  const wrong = others.filter((one) => faults.includes(one.verdict));
   wrong.sort((one, other) => other.factor - one.factor || (one.id < other.id ? 1 : -1));
   const ofAids = wrong.map((one) => {
     const look = one.id in causes ? filled(sentences.causes, { causes: causes[one.id] }) : "";
     return filled(sentences.aid, { ...one, factor: figure(one.factor) }) + look;
   });
   if (!own) return ofAids;
-  if (own.verdict !== consistent) {
+  if (faults.includes(own.verdict)) {
     const aids = others.map((one) => one.id).join(", ");
     const told = own.verdict === diverged ? sentences.fixes_diverged : sentences.fixes_overconfident;
     const values = { ...own, factor: figure(own.factor), or_aids: aids && filled(sentences.or_aids, { aids }) };
@@ -99,11 +100,12 @@ function judged(rule, id, counts, what) {
     ({ used, usedNumber, left, leftNumber }) =>
       (used(end) + left(end)) / Math.max(1, usedNumber(end) + leftNumber(end)),
   );
-  const fine = verdict === rule.verdicts[0];
-  const factor = fine ? 1 : Math.sqrt(Math.max(...ratios));
+  const [untested, consistent] = rule.verdicts;
+  const factor = rule.wrong.includes(verdict) ? Math.sqrt(Math.max(...ratios)) : 1;
   const refused = counts.refused(end);
-  const summary = filled(rule.sentences.summary, {
-    called: called(rule, verdict, factor) + (fine ? qualified(rule, whole) : ""),
+  const summary = filled(verdict === untested ? rule.sentences.untested : rule.sentences.summary, {
+    verdict,
+    called: called(rule, verdict, factor) + (verdict === consistent ? qualified(rule, whole) : ""),
     share: percent(refused, count),
     count,
     what,
@@ -116,8 +118,9 @@ function judged(rule, id, counts, what) {
  * @param {Counts} counts
  * @param {Nis[]} each  of all components, and of each group */
 function verdictOf(rule, counts, each) {
-  const [consistent, overconfident, diverged] = rule.verdicts;
+  const [untested, consistent, overconfident, diverged] = rule.verdicts;
   const end = counts.records - 1;
+  if (!counts.groups.some(({ usedNumber, leftNumber }) => usedNumber(end) + leftNumber(end))) return untested;
   const [all, refused] = [counts.count(end), counts.refused(end)];
   const late = firstWith(counts, rule.last * all);
   const since = (/** @type {Column} */ column) => column(end) - column(late);
@@ -211,8 +214,8 @@ function qualified({ notable, sentences }, { mean, low, high }) {
 /** @param {Rule} rule
  * @param {string} verdict
  * @param {number} factor */
-function called({ sentences, verdicts }, verdict, factor) {
-  return verdict === verdicts[0] ? verdict : filled(sentences.called, { verdict, factor: figure(factor) });
+function called({ sentences, wrong }, verdict, factor) {
+  return wrong.includes(verdict) ? filled(sentences.called, { verdict, factor: figure(factor) }) : verdict;
 }
 
 /** Three digits, and no exponent of a large value.

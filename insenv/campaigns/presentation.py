@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 NAME = "campaign"
-NOT_JUDGED = "not judged: each measurement started the filter anew, and none was compared with an estimate"
+UNTESTED = "untested: each measurement started the filter anew, and none was compared with an estimate"
 
 
 def campaign_document(found: Statistics, files: Sequence[str] = ()) -> dict[str, Any]:
@@ -144,10 +144,9 @@ def consistency_lines(found: Statistics) -> Iterator[str]:
             f"{number(nees['low'])} to {number(nees['high'])} {100 * nees['share_inside']:.0f} % of the time"
         )
     if (of_runs := found.verdicts()) is not None:
-        compared = any(one["nis"] is not None for one in (of_runs, *of_runs["aids"].values()))
-        yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes', compared)}"
+        yield f"health of {runs_of(of_runs['runs'])}: {_health_of(of_runs, 'fixes')}"
         for id, of_aid in of_runs["aids"].items():
-            yield f"  {id}: {_health_of(of_aid, 'measurements', of_aid['nis'] is not None)}"
+            yield f"  {id}: {_health_of(of_aid, 'measurements')}"
 
 
 def drawn(variation: Variation) -> str:
@@ -257,11 +256,12 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def _health_of(shares: Mapping[str, Any], what: str, compared: bool) -> str:
-    """Shares by verdict; compared: whether any measurement was compared with an estimate."""
-    if shares["consistent"] == 1.0 and not compared:
-        return NOT_JUDGED
-    verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in VERDICTS)
+def _health_of(shares: Mapping[str, Any], what: str) -> str:
+    """Shares by verdict; of runs that are not tested only if there are any."""
+    if shares["untested"] == 1.0:
+        return UNTESTED
+    listed = [verdict for verdict in VERDICTS if verdict != "untested" or shares[verdict]]
+    verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in listed)
     if shares["nis"] is None:
         return verdicts
     return f"{verdicts}; mean NIS {number(shares['nis'])}, {100 * shares['refused']:.2g} % of the {what} refused"

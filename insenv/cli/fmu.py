@@ -206,7 +206,7 @@ def _health(found: Outputs) -> list[str]:
     import numpy as np
 
     from insenv.estimators.parts.rows import FIX_HEALTH, reported_aids
-    from insenv.evaluation.health import health
+    from insenv.evaluation.health import WRONG, health
 
     rows = {name.removeprefix("estimator."): values for name, values in found.named().items()}  # behind a plant too
     if not np.isfinite(found.values).all():
@@ -214,7 +214,7 @@ def _health(found: Outputs) -> list[str]:
     if not (set(FIX_HEALTH.names) <= set(rows) or reported_aids(rows)):
         return []
     judged = health(rows)
-    if judged is None or judged.verdict == "consistent":
+    if judged is None or judged.verdict not in WRONG:
         return []
     return [f"health: {judged.lines[0]}", *judged.notes(models_slow_errors=True), *([_START] if judged.apart else [])]
 

@@ -62,7 +62,10 @@ Out = Annotated[
     ),
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="Exit with status 1 if a filter is not consistent, or errors exceed 3 stated sigmas.")
+    bool,
+    typer.Option(
+        "--strict", help="Exit with status 1 if a filter is overconfident or diverged, or errors exceed 3 stated sigmas."
+    ),
 ]
 NoFigure = Annotated[bool, typer.Option("--no-figure", help="With --out: write no figure and no page.")]
 

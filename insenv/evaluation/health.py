@@ -21,6 +21,7 @@ from insenv.evaluation import sentences
 from insenv.evaluation.nis import APART as APART
 from insenv.evaluation.nis import BLOCKS as BLOCKS
 from insenv.evaluation.nis import VERDICTS as VERDICTS
+from insenv.evaluation.nis import WRONG as WRONG
 from insenv.evaluation.nis import Array, Counts, Nis, figure
 from insenv.evaluation.nis import Verdict as Verdict
 
@@ -64,11 +65,12 @@ class Health:
         "diverged": over the run, or over the last quarter of its measurements, most are refused, or over that quarter the
             innovations used are `APART` times as large as stated;
         "overconfident": a NIS above its bounds and a factor of at least `insenv.evaluation.nis.NOTABLE`, or a share above
-            `insenv.evaluation.nis.MANY` refused; else
+            `insenv.evaluation.nis.MANY` refused;
+        "untested": no measurement was compared with an estimate: each started the filter anew; else
         "consistent".
-    factor: by which the stated standard deviations of innovations must be multiplied; 1 if consistent.  Of the root mean
-        squares of the test ratios of position, velocity and aids, refused components included, it is the largest of those that
-        are not consistent.
+    factor: by which the stated standard deviations of innovations must be multiplied; 1 if consistent or untested.  Of the
+        root mean squares of the test ratios of position, velocity and aids, refused components included, it is the largest of
+        those that are overconfident or diverged.
     aids: of every other aid that measured, by id.
     fix_verdict, fix_factor: of GNSS alone.
     """
@@ -80,7 +82,7 @@ class Health:
     verdict: Verdict
     factor: float
     aids: Mapping[str, AidHealth] = field(default_factory=dict)
-    fix_verdict: Verdict = "consistent"
+    fix_verdict: Verdict = "untested"
     fix_factor: float = 1.0
 
     def as_json(self) -> dict[str, Any]:
@@ -131,9 +133,9 @@ class Health:
         models_slow_errors: whether the filter models slow errors of the fixes, which then cause no note.
         causes: by id of an aid, what to look at where its measurements do not fit.
         """
-        wrong = sorted((aid.factor, id) for id, aid in self.aids.items() if aid.verdict != "consistent")
+        wrong = sorted((aid.factor, id) for id, aid in self.aids.items() if aid.verdict in WRONG)
         of_aids = tuple(_aid_note(id, self.aids[id], (causes or {}).get(id, "")) for _, id in reversed(wrong))
-        if self.fix_verdict != "consistent":
+        if self.fix_verdict in WRONG:
             told = sentences.FIXES_DIVERGED if self.fix_verdict == "diverged" else sentences.FIXES_OVERCONFIDENT
             factor = figure(self.fix_factor)
             return (told.format(factor=factor, refused=self.refused, count=self.fixes, or_aids=self._or_aids), *of_aids)
@@ -167,8 +169,8 @@ def health(outputs: Mapping[str, Array]) -> Health | None:
     }
     if not counted and not aids:
         return None
-    fix_verdict: Verdict = fixes.verdict if fixes is not None and counted else "consistent"
-    fix_factor = fixes.factor if fixes is not None and fix_verdict != "consistent" else 1.0
+    fix_verdict: Verdict = fixes.verdict if fixes is not None and counted else "untested"
+    fix_factor = fixes.factor if fixes is not None and fix_verdict in WRONG else 1.0
     verdicts = (fix_verdict, *(aid.verdict for aid in aids.values()))
     return Health(
         fixes=int(fixes.count[-1]) if fixes is not None else 0,
@@ -185,7 +187,7 @@ def health(outputs: Mapping[str, Array]) -> Health | None:
 
 def _of_aid(counts: Counts) -> AidHealth:
     verdict = counts.verdict
-    factor = 1.0 if verdict == "consistent" else counts.factor
+    factor = counts.factor if verdict in WRONG else 1.0
     return AidHealth(int(counts.count[-1]), int(counts.refused[-1]), counts.nis(), verdict, factor)
 
 
@@ -209,10 +211,12 @@ def course(outputs: Mapping[str, Array]) -> tuple[Array, Array]:
 
 
 def _called(verdict: Verdict, factor: float) -> str:
-    return verdict if verdict == "consistent" else sentences.CALLED.format(verdict=verdict, factor=figure(factor))
+    return sentences.CALLED.format(verdict=verdict, factor=figure(factor)) if verdict in WRONG else verdict
 
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
+    if verdict == "untested":
+        return sentences.UNTESTED.format(verdict=verdict, count=count, what=what)
     called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
     share = 100 * refused / count
     shown = f"{share:.2g}" if share < 99.5 else "100"

@@ -2,7 +2,7 @@
 
 Three questions, asked of the fixes since the filter started:
 
-- Is its health "consistent" (`insenv.evaluation.health`), and has it been so for `HOLD_S`?
+- Is its health neither "overconfident" nor "diverged" (`insenv.evaluation.health`), and has it been so for `HOLD_S`?
 - Do the latest fixes contradict the estimate (`insenv.evaluation.contradiction`)?
 - Could they contradict it at all?  A filter that starts from a reported heading with a small standard deviation states that
   sigma whether the heading is right or not.  A wrong heading shows only when the vehicle accelerates: a change of velocity by d
@@ -29,12 +29,12 @@ import numpy as np
 from insenv.core.tables import Table, Vector
 from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.contradiction import FIXES, RATIO, SHORTEST_S
-from insenv.evaluation.health import Verdict, health
+from insenv.evaluation.health import WRONG, Verdict, health
 
 LONGEST_S = 10.0
 SIGNIFICANT = 3.0
 HOLD_S = 10.0
-"""Time for which the health must have been consistent after it was not: near a bound a verdict changes from fix to fix."""
+"""Time for which the health must have been good after it was not: near a bound a verdict changes from fix to fix."""
 MOST_RECORDS = 512
 """Records kept for the health; when they are full, every second one is dropped."""
 
@@ -58,7 +58,7 @@ class LiveHealth:
         self._compared: tuple[float, Vector] | None = None
         self._judged_at = float("-inf")
         self._unwell_at = float("-inf")
-        self.verdict: Verdict = "consistent"
+        self.verdict: Verdict = "untested"
 
     def take(self, time: float, outputs: Mapping[str, Any], fix_velocity_sigma: Vector | None) -> None:
         """Take the filter's outputs after a fix at `time` (s); those of a filter that has diverged to NaN are ignored.
@@ -87,8 +87,8 @@ class LiveHealth:
             return
         self._judged_at = time
         found = health(self._rows.unpack(np.array([*self._records, self._latest])))
-        self.verdict = "consistent" if found is None else found.verdict
-        if self.verdict != "consistent":
+        self.verdict = "untested" if found is None else found.verdict
+        if self.verdict in WRONG:
             self._unwell_at = time
 
     def _compare(self, time: float, outputs: Mapping[str, Any], fix_velocity_sigma: Vector | None) -> None:
@@ -123,7 +123,7 @@ class LiveHealth:
 
     @property
     def consistent(self) -> bool:
-        """Whether the verdict has been "consistent" for `HOLD_S`."""
+        """Whether the verdict has not been "overconfident" or "diverged" for `HOLD_S`."""
         return self._judged_at - self._unwell_at >= HOLD_S
 
     @property

@@ -30,9 +30,11 @@ from insenv.evaluation import sentences
 from insenv.evaluation.chi_square import quantile
 
 Array = NDArray[np.float64]
-Verdict = Literal["consistent", "overconfident", "diverged"]
+Verdict = Literal["untested", "consistent", "overconfident", "diverged"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
-"""From good to bad."""
+"""From nothing known, and from good, to bad."""
+WRONG: tuple[Verdict, ...] = ("overconfident", "diverged")
+"""Of a filter whose innovations are larger than it states."""
 
 PROBABILITIES = (0.025, 0.975)
 BLOCKS = 20
@@ -126,6 +128,8 @@ class Counts:
         of_late, refused_late, square, number = (
             values[-1] - values[late] for values in (self.count, self.refused, self.used, self.used_number)
         )
+        if not np.any(self.used_number[-1] + self.left_number[-1]):
+            return "untested"
         if refused > MOST * count:
             return "diverged"
         if of_late >= FEWEST and (refused_late > MOST * of_late or np.any(square > APART**2 * np.maximum(number, 1.0))):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, VELOCITY, Result, Track
 from insenv.evaluation.limits import ratio as limit_ratio
 from insenv.evaluation.limits import ratio_bounds
+from insenv.evaluation.nis import WRONG
 from insenv.report.run_data import RunData
 
 if TYPE_CHECKING:
@@ -176,9 +177,9 @@ def _of_result(result: Result, report: RunData) -> Iterator[RenderableType]:
         listed = [f"{label(channel)} {number(figures[channel])}" for channel in shown if channel in figures]
         yield Text(f"rms of {name}: {', '.join(listed)}" if place else f"published: rms of {name}")
     if result.health is not None:
-        healthy = result.health.verdict == "consistent"
+        style = "yellow" if result.health.verdict in WRONG else ""
         for place, told in enumerate(result.health.lines):
-            yield Text(f"{'  ' if place else 'health: '}{told}", "" if healthy else "yellow")
+            yield Text(f"{'  ' if place else 'health: '}{told}", style)
     for note in result.notes:
         yield Text(f"note: {note}")
     if result.unit:

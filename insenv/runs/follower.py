@@ -67,6 +67,10 @@ class Follower:
         """All outputs so far by row name, time along the first axis."""
         return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
 
+    def health_rows(self) -> dict[str, Array]:
+        """Its outputs so far that tell its health, as `named` has them."""
+        return self.named()
+
     @property
     def _parameters(self) -> dict[str, Any]:
         return self.estimator.model.parameters.unpack(self.runner.p)

@@ -111,9 +111,13 @@ class SmoothingFollower(Follower):
     def named(self) -> dict[str, Array]:
         """All outputs so far by row name, time along the first axis, smoothed; the rows of health are the filter's."""
         begin = time.process_time()
-        outputs = {**self.smoother.smoothed(), **self.smoother.health_rows()}
+        outputs = {**self.smoother.smoothed(), **self.health_rows()}
         self.seconds += time.process_time() - begin
         return outputs
+
+    def health_rows(self) -> dict[str, Array]:
+        """Those of its filter, which need no smoothing."""
+        return self.smoother.health_rows()
 
 
 def smooth(

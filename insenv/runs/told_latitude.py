@@ -74,7 +74,7 @@ class OtherHemisphere:
         Only without fixes, and only with gyros that find north: the innovations of others hardly depend on the hemisphere.
         """
         north = bool(finds_north(known.sensors.gyro_bias_sigma, known.latitude))
-        if log.gnss is not None or not north or not estimator.reports_health or estimator.smooths:
+        if log.gnss is not None or not north or not estimator.reports_health:
             return cls(known.latitude, None)
         parameters = estimator.parameters(replace(known, latitude=-known.latitude), rows=rows)
         return cls(known.latitude, follower_of(estimator, parameters, every))
@@ -92,7 +92,7 @@ class OtherHemisphere:
         """A sentence if `told`, the filter with the latitude that is told, fits the log less well."""
         if self.follower is None:
             return ()
-        (here, _), (there, count) = misfit(told.named()), misfit(self.follower.named())
+        (here, _), (there, count) = misfit(told.health_rows()), misfit(self.follower.health_rows())
         if here - there <= LESS or there > FITTING * count:
             return ()
         return (

@@ -39,6 +39,7 @@ def rule() -> dict[str, Any]:
         "last": nis.LAST,
         "fewest": nis.FEWEST,
         "verdicts": nis.VERDICTS,
+        "wrong": nis.WRONG,
     }
 
 

@@ -80,6 +80,12 @@ def test_health_without_fixes_and_without_velocities():
     assert np.isnan(found.groups["velocity"].mean)
 
 
+def test_fixes_of_which_none_was_compared_show_nothing():
+    found = health({**sums(np.ones((9, 6))), **{name: np.zeros((9, 2)) for name in FIX_HEALTH.names[2:]}})
+    assert (found.verdict, found.factor, found.fixes) == ("untested", 1.0, 9) and found.notes() == ()
+    assert found.summary == "untested: none of 9 fixes was compared with an estimate"
+
+
 @pytest.mark.parametrize(
     ("size", "verdict"), [(1.0, "consistent"), (1.05, "consistent"), (1.3, "overconfident"), (8.0, "diverged")]
 )

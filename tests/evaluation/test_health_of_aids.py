@@ -66,7 +66,8 @@ def test_an_aid_that_measured_nothing_is_not_judged():
             Nis(0.5, 0.9, 1.1),
             "consistent, innovations smaller than stated: 5 % of 20 fixes refused, NIS 0.5 (0.9 to 1.1)",
         ),
-        ("consistent", Nis(*3 * (float("nan"),)), "consistent: 5 % of 20 fixes refused, none used"),
+        ("diverged", Nis(*3 * (float("nan"),)), "diverged, factor 1: 5 % of 20 fixes refused, none used"),
+        ("untested", Nis(*3 * (float("nan"),)), "untested: none of 20 fixes was compared with an estimate"),
     ],
 )
 def test_the_verdict_of_a_filter_outside_the_bounds_says_so_itself(verdict, nis, text):

@@ -50,10 +50,11 @@ def test_a_filter_by_a_doppler_log_finds_the_hemisphere():
     log = insenv.record("ship-log-alignment")
     right = insenv.replay(log, "fusion").results[0]
     assert not [note for note in right.notes if "does not fit" in note]
-    wrong = insenv.replay(told(log, -54.2), "fusion").results[0]
+    wrong, smoothed = insenv.replay(told(log, -54.2), ["fusion", "fusion-smoother"]).results
     assert abs(wrong.errors["heading_deg"][-1]) > 2.0 > 30 * wrong.sigma["heading_deg"][-1]
     (note,) = [note for note in wrong.notes if "does not fit" in note]
     assert note.startswith("the latitude, 54.2 deg S, does not fit the log: ") and note.endswith("its sign is wrong")
+    assert note in smoothed.notes
     # of a latitude that is wrong otherwise neither hemisphere fits
     assert not [note for note in insenv.replay(told(log, 57.2), "fusion").results[0].notes if "sign" in note]
     aligned = insenv.replay(told(log, -54.2), "velocity-integration").results[0]

@@ -47,15 +47,16 @@ def test_bounds_are_those_of_scipy(tmp_path: Path) -> None:
 
 
 def measured(random: np.random.Generator, names: tuple[str, ...], groups: int) -> dict[str, np.ndarray]:
-    """Records of an instrument: of a scale, slow or white, with refusals, some of them late."""
+    """Records of an instrument: of a scale, slow or white, with refusals, some of them late; or none compared."""
     records = int(random.integers(1, 120))
     fixes = random.integers(0, random.choice([2, 4]), records)
     ratios = random.normal(0.0, random.choice([0.5, 1.0, 1.05, 1.3, 4.0]), (records, groups)) ** 2
     if random.uniform() < 0.3:
         ratios *= np.linspace(0.2, random.choice([2.0, 60.0]), records)[:, None]
     share = random.choice([0.0, 0.02, 0.3, 0.7]) * (np.arange(records) > random.choice([0.0, 0.7]) * records)
-    refused = random.binomial(fixes, share)
-    used_number = 3 * np.repeat((fixes - refused)[:, None], groups, 1)
+    compared = random.uniform() > 0.15
+    refused = compared * random.binomial(fixes, share)
+    used_number = 3 * compared * np.repeat((fixes - refused)[:, None], groups, 1)
     left_number = np.repeat(refused[:, None], groups, 1)
     steps = (fixes, refused, ratios * used_number, used_number, 30.0 * ratios * left_number, left_number)
     return {name: np.cumsum(step, axis=0).astype(float) for name, step in zip(names, steps, strict=True)}
@@ -90,6 +91,7 @@ def test_a_verdict_is_said_once_beside_its_word(tmp_path: Path) -> None:
     """Without fixes of GNSS the first line is the verdict alone."""
     told = {
         "consistent": "",
+        "untested: none of 4 fixes was compared with an estimate": "none of 4 fixes was compared with an estimate",
         "overconfident, factor 2": "factor 2",
         "consistent: 0 % of 9 fixes refused": "0 % of 9 fixes refused",
         "consistent within 5 %: 0 % of 9 fixes refused": "within 5 %: 0 % of 9 fixes refused",

@@ -12,6 +12,7 @@ import numpy as np
 from insenv import attitude, geodesy
 from insenv.core.tables import Vector
 from insenv.evaluation.contradiction import FIXES
+from insenv.evaluation.nis import WRONG
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.mavlink.messages.derived import Derived, no_vector
 from insenv.mavlink.messages.fields import DEG_E7, Fields, Message
@@ -238,7 +239,7 @@ class View:
         health = self.simulation.health
         if health is None:
             return ""
-        if health.verdict != "consistent":
+        if health.verdict in WRONG:
             return f"filter {health.verdict}: its innovations are larger than stated"
         if health.contradicted:
             return "fixes contradict the estimate"

@@ -92,7 +92,7 @@ def table(
 ) -> dict[str, Any]:  # fmt: skip
     """A table of texts; the first column names the row. below: sentences. warnings: row and column of marked cells.
 
-    state: a word on the health of what the table shows ("consistent", "overconfident", "diverged").  wide: no table stands
+    state: a word on the health of what the table shows (`insenv.evaluation.nis.VERDICTS`).  wide: no table stands
     beside it.
     """
     return {
