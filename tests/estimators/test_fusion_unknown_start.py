@@ -148,7 +148,7 @@ def test_each_fix_counts_where_no_attitude_is_found():
     result = insenv.run(scenario.model_copy(update={"imu": unit}), "fusion", duration_s=60).results[0]
     assert np.hypot(result.errors["north_m"], result.errors["east_m"]).max() < 20.0
     assert result.sigma["heading_deg"][-1] > 60.0
-    assert result.health is not None and result.health.verdict == "consistent" and result.health.fixes > 50
+    assert result.health is not None and result.health.verdict == "untested" and result.health.fixes > 50
     assert any("the heading is not found" in note for note in result.notes)
     assert not any("no fix came" in note for note in result.notes)
 
