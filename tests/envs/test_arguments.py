@@ -1,14 +1,10 @@
-"""Wrong arguments: every error names the argument, its value and what is allowed; type checkers find misspelt names."""
+"""Wrong arguments: every error names the argument, its value and what is allowed (for type checkers: tests/typed)."""
 
 import inspect
-import os
-import subprocess
-import sys
 
 import gymnasium
 import numpy as np
 import pytest
-from places import ROOT
 
 from insenv.envs import (
     AlignmentEnv,
@@ -224,26 +220,3 @@ def test_an_estimate_of_a_wrong_shape_is_refused():
     task = AlignmentEnv(**SHORT).setup.task
     refuses(lambda: estimate_action(task, np.zeros(3)), "estimate_q_nb = array([0., 0., 0.]): allowed is numbers of shape (4,)")
     refuses(lambda: estimate_action(task, "north"), "estimate_q_nb = 'north'")
-
-
-def test_mypy_finds_a_misspelt_or_mistyped_argument(tmp_path, pytestconfig):
-    cache = getattr(pytestconfig, "cache", None)  # what mypy knows of insenv and of its dependencies, from the last run
-    known = tmp_path / "mypy" if cache is None else cache.mkdir("mypy")
-    script = tmp_path / "script.py"
-    script.write_text(
-        "from insenv.envs import AlignmentEnv, AlignmentVectorEnv\n"
-        'AlignmentEnv("ship-swaying", samples_per_step=3, heading_deg=(0.0, 90.0))\n'
-        "AlignmentVectorEnv(2, samples_per_step=3, threads=2)\n"
-        "AlignmentEnv(samples_per_stepp=3)\n"
-        "AlignmentVectorEnv(2, samples_per_stepp=3)\n"
-        'AlignmentEnv(duration_s="60")\n',
-        encoding="utf-8",
-    )
-    done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", known, script],
-        cwd=tmp_path, env={**os.environ, "MYPYPATH": str(ROOT)}, capture_output=True, text=True, timeout=600,
-    )  # fmt: skip
-    errors = [line.split("script.py:")[1] for line in done.stdout.splitlines() if ": error: " in line]
-    assert [int(line.split(":")[0]) for line in errors] == [4, 5, 6], done.stdout + done.stderr
-    assert all('Unexpected keyword argument "samples_per_stepp"' in line for line in errors[:2]), done.stdout
-    assert '"duration_s"' in errors[2] and '"str"' in errors[2], done.stdout
