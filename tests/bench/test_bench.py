@@ -31,6 +31,7 @@ def test_every_documented_figure_is_measured(name, monkeypatch):
     assert found[name].n > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "unit"), [("step.fusion-15", "us"), ("step.fusion-21", "us"), ("batch.fusion-21", "ns")])
 def test_figures_of_composed_filters(name, unit, monkeypatch):
     monkeypatch.setattr("insenv.bench.composed.REPETITIONS", 1)
@@ -46,7 +47,7 @@ def test_figures_of_composed_filters(name, unit, monkeypatch):
     [
         "vector.small",
         "vector.reset.ship",
-        "vector.reset.tuning",
+        pytest.param("vector.reset.tuning", marks=pytest.mark.slow),
         pytest.param("vector.reset.manoeuvre", marks=pytest.mark.slow),
     ],
 )

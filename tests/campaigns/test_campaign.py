@@ -124,6 +124,7 @@ def test_the_compiled_core_is_bit_identical(monkeypatch):
     assert same(first, run_campaign(plan))
 
 
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_gives_bit_identical_results(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     plan = small_plan(80)

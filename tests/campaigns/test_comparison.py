@@ -44,6 +44,7 @@ def turned(angle_deg):
     return replace(base, model=replace(base.model, id="turned", output=output))
 
 
+@pytest.mark.slow
 def test_two_estimators_with_a_known_difference():
     """The heading error of a perfect unit is that of its start, N(0, s^2); turned by d its rms is sqrt(s^2 + d^2)."""
     data = json.loads(car().model_dump_json())

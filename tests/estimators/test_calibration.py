@@ -12,6 +12,7 @@ from insenv.scenario.limits import prior_of
 BOUNDED = set(calibration.UNITS) - {"gyro_g_sensitivity"}  # which the limit knows
 
 
+@pytest.mark.slow
 def test_every_error_of_the_unit_reaches_its_bound():
     """Eight runs: three standard deviations of an rms over 24 values are 43 %."""
     rows = {row["state"]: row for row in calibration.table(runs=8, first_seed=40000)}

@@ -259,6 +259,7 @@ def test_swaying_ship_from_a_given_attitude():
     assert np.sqrt(np.mean((errors / sigma) ** 2)) < 1.5
 
 
+@pytest.mark.slow
 def test_irregular_sea_with_expected_sway():
     """A sway too gentle to be detected at the start would be taken for tilt; `sway_sigma` announces it."""
     found = ensemble(load("ship-irregular-sea"), ["ecef-kf"], range(6), tuning={"ecef-kf": {"sway_sigma": 0.3}})

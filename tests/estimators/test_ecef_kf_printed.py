@@ -1,6 +1,7 @@
 """ecef-kf-printed against the same filter in plain NumPy with full matrices."""
 
 import numpy as np
+import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -60,6 +61,7 @@ def reference(turned, changed, gravity):
     return C_en.T @ C, C_en.T @ P[3:6, 3:6] @ C_en
 
 
+@pytest.mark.slow
 def test_against_the_filter_with_full_matrices():
     turned, changed, gravity = samples()
     model = get("ecef-kf-printed").model

@@ -101,7 +101,7 @@ def compare(found, expected, scale, rows, columns, tolerance, neglected):
 NAMES = {"position": POSITION, "velocity": VELOCITY, "tilt": PHI, "gyro": GYRO, "accel": ACCEL}
 
 
-@pytest.mark.parametrize("id", ["loosely-coupled", "smoother"])
+@pytest.mark.parametrize("id", ["loosely-coupled", pytest.param("smoother", marks=pytest.mark.slow)])
 def test_transition_of_the_15_states(id):
     """Position, velocity and psi are the error vectors in e, seen in w."""
     Phi, C_start, C_end, _ = truth(FLIGHT, DURATION)
@@ -248,6 +248,7 @@ def expected_columns():
     return np.kron(np.eye(3), C_we) @ found
 
 
+@pytest.mark.slow
 def test_errors_of_the_unit_enter_as_in_an_independent_mechanization():
     """200 s at 250 m/s in wide curves: what scale factors, misalignments and g-sensitivity do to position, velocity, psi."""
     estimator = fusion(UNIT, ["gnss"], "unit")

@@ -167,7 +167,7 @@ def test_a_state_without_a_sigma_is_said_to_be_idle():
     assert "has no effect: its standard deviation at the start is 0" in note and "gyro_misalignment_sigma" in note
 
 
-@pytest.mark.parametrize("name", ["car-odometer", "car-survey"])
+@pytest.mark.parametrize("name", [pytest.param("car-odometer", marks=pytest.mark.slow), "car-survey"])
 def test_all_runners_give_the_same_bits(name):
     """6000 samples with fixes, odometer, wheels and rest: interpreter, native code, and rows of a batch."""
     plant, columns = columns_of(name, 3, 30.0)

@@ -87,6 +87,7 @@ def test_a_known_start_has_no_note_of_a_heading_found():
     assert not any("heading found" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_a_smoother_has_its_heading_from_where_the_filter_begins():
     """16 runs of a ship: the filter begins with degrees, the smoother states what the whole run shows, and keeps to it."""
     smoother = insenv.fusion((), ("gnss",), "few", smoother=True)
@@ -164,6 +165,7 @@ def test_an_outlier_is_not_the_first_fix():
     assert result.health is not None and result.health.refused >= 1
 
 
+@pytest.mark.slow
 def test_fixes_that_go_on_far_away_are_taken():
     """A place that is told wrong by far more than its sigma: after ten refused fixes the filter starts from the next."""
     plant = build(_known("ship-at-sea", heading_sigma_deg=180.0), seed=1, duration_s=20.0)
@@ -229,7 +231,10 @@ def test_from_a_known_start_it_is_the_filter_itself_to_the_bit():
     np.testing.assert_array_equal(*both)
 
 
-@pytest.mark.parametrize(("filter", "way", "name"), [(FEW, BY_FIXES, "ship-at-sea"), (LOGGED, BY_LOG, "ship-log-alignment")])
+@pytest.mark.parametrize(
+    ("filter", "way", "name"),
+    [(FEW, BY_FIXES, "ship-at-sea"), pytest.param(LOGGED, BY_LOG, "ship-log-alignment", marks=pytest.mark.slow)],
+)
 def test_all_runners_give_the_same_bits(filter, way, name):
     plant = build(load(name), seed=3, duration_s=15.0)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))

@@ -21,7 +21,7 @@ def passed(signal, time_constant, dt):
     return found, np.array(v), np.array(r)
 
 
-@pytest.mark.parametrize("dt", [0.02, 0.1])
+@pytest.mark.parametrize("dt", [pytest.param(0.02, marks=pytest.mark.slow), 0.1])
 def test_low_pass_has_unit_gain_its_delay_and_its_zeros(dt):
     time = np.arange(dt, 300.0, dt)
     assert passed(np.ones(len(time)), 4.0, dt)[0][-1] == pytest.approx(1.0, abs=1e-6)

@@ -175,7 +175,7 @@ def test_what_white_noise_does_is_what_is_stated(kind):
     ("name", "seconds"),
     [
         ("car-unknown-heading", None),
-        ("aircraft-inflight-alignment", 120.0),
+        pytest.param("aircraft-inflight-alignment", 120.0, marks=pytest.mark.slow),
         pytest.param("ship-at-sea", 240.0, marks=pytest.mark.slow),
     ],
 )

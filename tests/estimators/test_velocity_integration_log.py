@@ -150,6 +150,7 @@ def test_stated_sigmas_cover_the_errors(id):
     assert 0.3 < ratio < 1.5 and sigma[:, -1, 2].max() < 2.0
 
 
+@pytest.mark.slow
 def test_a_filter_that_starts_by_a_log_keeps_its_place():
     """The way before the heading was known, 350 m, is made up for; it is left out of the start's position otherwise."""
     for seed in (40000, 40001):
@@ -229,7 +230,7 @@ def test_a_refusal_names_both_instruments_that_would_do(scenario, gnss, said):
         run(chosen, ID, duration_s=20.0)
 
 
-@pytest.mark.parametrize(("begin", "end"), [(50.0, 250.0), (70.0, 470.0)])
+@pytest.mark.parametrize(("begin", "end"), [pytest.param(50.0, 250.0, marks=pytest.mark.slow), (70.0, 470.0)])
 def test_a_log_that_fails_before_or_after_the_heading_is_found(begin, end):
     """16 runs.  To first order the level is up to 14 sigma off in the first gap, the velocity up to 19 after the second."""
     scenario = load(SCENARIO)

@@ -91,6 +91,7 @@ def test_a_log_with_right_instruments_is_consistent(tmp_path):
     assert found.notes == ()
 
 
+@pytest.mark.slow
 def test_a_wrong_odometer_of_a_log_is_named(tmp_path):
     """Its speeds are 30 % too large, 30 times what its grade says."""
     (found,) = insenv.replay(written_log(tmp_path, odometer=1.3, barometer=0.0), "fusion").results

@@ -208,6 +208,7 @@ def test_velocity_and_position_without_aiding_grow_as_told():
 # --- against a nonlinear mechanization -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_transition_and_error_sources_are_differences_of_a_nonlinear_mechanization():
     """40 s of a drive with a turn and a climb: every navigation error, and every kind of error of the unit."""
     full = {"gyro_temperature_slope_deg_h_k": 1.0, "accel_temperature_slope_ug_k": 10.0, "temperature_end_degc": 40.0,
@@ -318,6 +319,7 @@ def spread(runs):
     return np.sqrt(low / runs), np.sqrt(high / runs)
 
 
+@pytest.mark.slow
 def test_the_errors_of_free_inertial_navigation_have_the_limit():
     """Nothing measured: the limit is the ensemble's rms. 96 units with every error that a scenario can draw."""
     unit = {"grade": "perfect", "gyro_bias_sigma_deg_h": 1.0, "gyro_arw_deg_sqrt_h": 0.02, "gyro_instability_deg_h": 3.0,

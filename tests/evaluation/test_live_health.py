@@ -34,6 +34,7 @@ def test_a_change_of_velocity_gives_the_heading_to_its_noise_over_it():
     assert fed([0.0, 5.0, 5.0, 10.0]).heading_sigma == pytest.approx(SIGMA / 5.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_uniform_motion_and_noise_tell_nothing_of_the_heading():
     # were every change counted, each fix would bring 1 / rad^2, and 0.9 deg be known after 4000
     drawn = np.random.default_rng(1).normal(20.0, SIGMA, 4_000)
@@ -50,7 +51,9 @@ def test_a_slow_change_counts_within_ten_seconds_and_not_across_an_outage():
     )
 
 
-@pytest.mark.parametrize(("square", "verdict"), [(1.0, "consistent"), (1.3, "overconfident")])
+@pytest.mark.parametrize(
+    ("square", "verdict"), [pytest.param(1.0, "consistent", marks=pytest.mark.slow), (1.3, "overconfident")]
+)
 def test_the_verdict_is_that_of_the_recorded_run_however_long_it_is(square, verdict):
     live, rows = LiveHealth(), [outputs(k, square) for k in range(1, 3001)]
     for k, row in enumerate(rows):

@@ -45,6 +45,7 @@ def test_three_sigma_holds_in_place(scenario, estimator):
     assert np.all(beyond(scenario, estimator, 64) < allowed)
 
 
+@pytest.mark.slow
 def test_qakf_says_when_it_has_not_converged():
     """On some of these seas it is wrong by tens of degrees for minutes; its sigma was the sensors' limit, 0.05 deg."""
     assert np.all(beyond("ship-irregular-sea", "qakf", 64) < 0.05)

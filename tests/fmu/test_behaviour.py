@@ -211,7 +211,7 @@ def test_simulate_fmu_gets_the_reason_for_a_refused_interval():
     assert b"communication step is 0.0123" in said[-1] and b"one sample interval, 0.005 s" in said[-1]
 
 
-@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("fmi", (pytest.param(2, marks=pytest.mark.slow), 3))
 def test_a_plant_takes_several_samples_a_step_and_holds_its_commands(slave, fmi):
     one = slave("ship-underway", fmi)
     inputs = one.what.model.inputs
@@ -222,7 +222,7 @@ def test_a_plant_takes_several_samples_a_step_and_holds_its_commands(slave, fmi)
     np.testing.assert_array_equal(one.run(commands, n=10), expected("ship-underway", held, one.shown)[9::10])
 
 
-@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("fmi", (pytest.param(2, marks=pytest.mark.slow), 3))
 @pytest.mark.parametrize("id", [pytest.param(id, marks=[pytest.mark.slow] * (id in LONG)) for id in estimators.registered()])
 def test_an_estimator_takes_one_sample_a_step(slave, id, fmi):
     one = slave(id, fmi)

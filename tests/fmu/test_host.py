@@ -138,7 +138,12 @@ def check_misuse(id: str, fmi: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("id", "fmi"), [pytest.param("loosely-coupled", 2, marks=pytest.mark.slow), ("qakf-improved", 3), ("ship-swaying", 2)]
+    ("id", "fmi"),
+    [
+        pytest.param("loosely-coupled", 2, marks=pytest.mark.slow),
+        ("qakf-improved", 3),
+        pytest.param("ship-swaying", 2, marks=pytest.mark.slow),
+    ],
 )
 def test_wrong_calls_are_refused_under_the_sanitizers(id, fmi):
     check_misuse(id, fmi)

@@ -25,7 +25,7 @@ def compiled(id, fmi, *options):
     return made
 
 
-@pytest.mark.parametrize("fmi", (2, 3))
+@pytest.mark.parametrize("fmi", (pytest.param(2, marks=pytest.mark.slow), 3))
 @pytest.mark.parametrize("id", IDS)
 def test_the_compiler_has_no_warnings(id, fmi):
     assert compiled(id, fmi, "-O1", *WARNINGS).stat().st_size > 1000

@@ -52,7 +52,10 @@ def test_a_rate_at_rest_that_the_data_sheet_does_not_allow(tmp_path: Path) -> No
     assert notes(tmp_path, *without, ('"deg/s"', '"rad/s"'), ('grade = "tactical"', "")) == []  # nothing is known of the unit
 
 
-@pytest.mark.parametrize(("scenario", "seed"), [("ship-at-sea", 1), ("ship-irregular-sea", 0), ("car-city-drive", 0)])
+@pytest.mark.parametrize(
+    ("scenario", "seed"),
+    [("ship-at-sea", 1), pytest.param("ship-irregular-sea", 0, marks=pytest.mark.slow), ("car-city-drive", 0)],
+)
 def test_waves_and_rocking_do_not_show_a_wrong_unit(tmp_path: Path, scenario: str, seed: int) -> None:
     """Waves turn course and heading together; a ship or a car that stands rocks faster than the Earth and its gyros' biases."""
     values = {**load_scenario(scenario).model_dump(exclude_unset=True), "imu": {"grade": "navigation"}}

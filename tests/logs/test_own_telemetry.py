@@ -29,7 +29,8 @@ def rms(report: Report, channel: str, from_s: float) -> float:
     return float(np.sqrt(np.mean(result.errors[channel][result.time > from_s] ** 2)))
 
 
-@pytest.mark.parametrize("scenario", [pytest.param("ship-underway", marks=pytest.mark.slow), "car-city-drive"])
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["ship-underway", "car-city-drive"])
 def test_a_replay_is_as_good_as_the_run(scenario: str, tmp_path: Path) -> None:
     """The scenario's own seed, 200 s, the last 100 s: the same estimator on the same samples and fixes, from another start."""
     path = streamed(tmp_path / "drive.tlog", scenario, "loosely-coupled", 200.0)

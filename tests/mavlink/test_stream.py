@@ -175,7 +175,13 @@ HANGING_UP = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); " + P
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX systems")
 @pytest.mark.parametrize(
-    "number, program", [("SIGINT", PROGRAM), ("SIGINT", IGNORING), ("SIGTERM", PLAIN), ("SIGHUP", HANGING_UP)]
+    "number, program",
+    [
+        ("SIGINT", PROGRAM),
+        pytest.param("SIGINT", IGNORING, marks=pytest.mark.slow),
+        ("SIGTERM", PLAIN),
+        pytest.param("SIGHUP", HANGING_UP, marks=pytest.mark.slow),
+    ],
 )
 def test_every_request_to_end_completes_log_and_summary(number, program, tmp_path):
     with Receiver() as client:

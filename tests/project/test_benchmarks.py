@@ -23,6 +23,7 @@ def measured():
     return {name: figure for name in benchmarks.DRIFTS for figure in figures(f"truth.drift.{name}")}
 
 
+@pytest.mark.slow
 def test_the_drifts_are_those_of_the_code(measured, monkeypatch):
     for name, figure in measured.items():
         assert (figure.name, figure.unit) == (f"truth.drift.{name}", "mm")

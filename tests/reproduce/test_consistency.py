@@ -46,6 +46,7 @@ def test_a_filter_that_assumes_white_fixes_is_detected_when_they_wander():
     assert found.mean.mean() > 3
 
 
+@pytest.mark.slow
 def test_ecef_kf_is_consistent_at_rest():
     found = measure(replace(CASES[0], duration_s=300.0))
     assert found.case.estimator == "ecef-kf" and found.degrees == 3

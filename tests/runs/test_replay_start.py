@@ -75,7 +75,7 @@ def test_nothing_is_assumed_of_a_unit_that_the_description_gives():
     assert not [note for note in whole.notes if "no grade" in note]
 
 
-@pytest.mark.parametrize("calm", [True, False])
+@pytest.mark.parametrize("calm", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_any_heading_within_60_deg_ends_at_the_same_answer(calm):
     """A unit of 0.01 deg/h. Before, 60 deg ended 5 deg wrong at a stated 0.026, and 35 m beside the road."""
     log = simulated_log(
@@ -122,7 +122,7 @@ def rtk(log):
     return replace(log, gnss=gnss, lever_arm_b=np.zeros(3))
 
 
-@pytest.mark.parametrize("grade", ["navigation", "tactical", "consumer"])
+@pytest.mark.parametrize("grade", ["navigation", pytest.param("tactical", marks=pytest.mark.slow), "consumer"])
 def test_a_heading_that_the_motion_contradicts_is_replaced(grade):
     """With fixes of 2 cm a linear filter ended 0.09 deg wrong in roll from 60 deg off, at a stated 0.006."""
     log = rtk(simulated_log(car(grade), seed=5, duration_s=150.0, grade=grade, initial={"static_until_s": 30.0}))

@@ -108,7 +108,7 @@ def test_velocities_that_contradict_the_positions_are_refused(wrong, message):
         check_velocity(points, shaped(points, 0.1, None, "level"), 0.05)
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_the_velocities_of_the_fmu_are_those_of_the_track(fmi, folder):
     path = folder / f"moving{fmi}.fmu"
     insenv.export_fmu(car(), path, fmi=fmi)

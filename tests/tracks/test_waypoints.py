@@ -122,6 +122,7 @@ def test_knots_longer_than_the_plan_are_refused():
         scenario(PLACES[:2], vehicle={"knot_s": 3600.0})
 
 
+@pytest.mark.slow
 def test_a_plan_of_hours_has_longer_knots(tmp_path):
     """278 km at 15 m/s: five hours, more knots of half a second than a track can have."""
     path = tmp_path / "far.toml"

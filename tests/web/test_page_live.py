@@ -80,6 +80,7 @@ def test_run_to_the_end_shows_the_numbers_of_insenv_run(browser, ship):
     assert ship.stat().st_size < LIMIT
 
 
+@long
 def test_health_and_limit_are_those_of_insenv_run_until_something_changes(browser, car):
     """The verdict, the share of fixes refused, the mean NIS with its bounds; the limit, which is that of the scenario alone."""
     browser.open(car)
@@ -300,6 +301,7 @@ def test_labels_of_plots_have_their_size_on_a_screen_with_a_ratio_of_two(browser
     assert set(browser.until("window.fonts.length && window.fonts")) == {24}
 
 
+@long
 def test_a_page_of_a_track_says_that_its_file_is_needed(tmp_path):
     rows = [f"{t},45.0,{7.0 + 1e-5 * t},300" for t in range(61)]
     (tmp_path / "track.csv").write_text("\n".join(["time,latitude,longitude,height", *rows]), encoding="utf-8")
@@ -343,6 +345,7 @@ def test_nothing_can_be_set_before_the_model_is_there(browser, car):
     assert browser.value(f"{able}.filter((one) => one.disabled || one.inert).length") == 0
 
 
+@long
 def test_plots_out_of_sight_are_drawn_at_the_end_and_for_a_print(browser, car):
     """They show as much as when they are scrolled to."""
     pictures = "[...document.querySelectorAll('.plots .panels .plot canvas')].map((one) => one.toDataURL())"
@@ -373,6 +376,7 @@ def test_plots_out_of_sight_are_drawn_at_the_end_and_for_a_print(browser, car):
     assert browser.console() == []
 
 
+@long
 def test_plots_out_of_sight_wait_while_it_runs(browser, car):
     browser.open(car)
     browser.until("document.getElementById('clock')?.textContent === '0:00.0'")
@@ -394,6 +398,7 @@ def test_numbers_of_two_estimators_fit_on_a_phone(browser, car):
     assert browser.value(width.format("scroll")) == browser.value(width.format("client"))
 
 
+@long
 def test_sensors_to_cut_off_fit_on_a_phone(browser, hover):
     browser.open(hover, PHONE)
     browser.until("document.getElementById('clock')?.textContent === '0:00.0'")

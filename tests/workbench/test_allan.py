@@ -197,6 +197,7 @@ def measured(grade, seed):
     return unit, held
 
 
+@pytest.mark.slow
 def test_a_grade_of_the_catalogue_comes_back():
     unit, _ = measured("industrial", 1)
     assert not unit.warnings
@@ -415,6 +416,7 @@ def printed(found):
     return console.file.getvalue()
 
 
+@pytest.mark.slow
 def test_what_is_printed_explains_what_stands_there_and_no_more():
     text = printed(insenv.allan(log_of(unit_rates(np.random.default_rng(1), 6000))))
     assert "not seen: flicker below" in text and "±: half" in text
@@ -442,6 +444,7 @@ def test_scales_name_figures():
 # --- figures that are not measured ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_white_noise_that_its_bounds_do_not_tell_from_none_is_not_seen():
     """The rounding of positions alone: every fit has a white noise, and these samples have none."""
     counted = np.diff(np.random.default_rng(1).uniform(-0.5, 0.5, 36001)) * RATE
@@ -462,6 +465,7 @@ def vibrating(generator):
     return rates
 
 
+@pytest.mark.slow
 def test_noise_that_vibration_hides_is_not_written_as_measured():
     """The accelerometers get the noise of the assumed class; the gyros, which are not disturbed, theirs."""
     unit = insenv.allan(log_of(vibrating(np.random.default_rng(2))))

@@ -38,6 +38,7 @@ def ship():
     return insenv.budget(changed("ship-swaying", rate_hz=50.0), "q-method", 64, duration_s=120.0)
 
 
+@pytest.mark.slow
 def test_gaussian_sources_sum_in_variance_to_the_whole(ship):
     """All sources of this ship are drawn with mean 0: the root sum of squares is the whole, but for chance.
 
@@ -126,6 +127,7 @@ def test_the_receiver_states_the_same_whatever_is_switched_off():
     assert not np.array_equal(shown["whole"]["gnss_latitude"], shown["quiet"]["gnss_latitude"])
 
 
+@pytest.mark.slow
 def test_what_depends_on_another_source_is_interaction():
     """An outage alone costs nothing: with a perfect unit the filter coasts.  With all sources it does, and the sum is short."""
     scenario = changed("car-city-drive", gnss={"outages_s": [[20.0, 60.0]], "outlier_probability": 0.0}, rate_hz=100.0)
