@@ -383,7 +383,10 @@ class AnyLog(Section):
         "", 'kind of the vehicle, as in a scenario ("car", "ship"), by which estimators choose what aids them'
     )
     in_place: bool | None = key(
-        None, "whether the vehicle stays where it is, within metres; absent: unknown, unless the log shows travel", strict=True
+        None,
+        "whether the vehicle stays where it is, within metres; a car or an aircraft is then at rest for `fusion`; absent: unknown, "
+        "unless the log shows travel",
+        strict=True,
     )
     initial: InitialSection = key(InitialSection(), "initial conditions")
     evaluation: EvaluationSection = key(EvaluationSection(), "part of the log that is evaluated")

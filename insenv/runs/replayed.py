@@ -29,6 +29,7 @@ from insenv.runs.follower import Follower
 from insenv.runs.replay_start import STARTS, Start, initial_knowledge, start_time
 from insenv.runs.simulated import follower_of, members
 from insenv.runs.told_latitude import OtherHemisphere, at_rest, named
+from insenv.runs.untold_rest import lost_rest
 from insenv.scenario import tuning
 from insenv.scenario.tuning import Settings, choices_in, own_settings, setting_rows
 
@@ -99,6 +100,7 @@ def replay(
                 *_understated(f.estimator, begun, given),
                 *_unseen(log, f.estimator, ready.begin_s, begun.knowledge.latitude),
                 *other.contradiction(f),
+                *lost_rest(log, f, times),
             ),
             duration,
             description.vehicle_kind,

@@ -13,6 +13,7 @@ from insenv.estimators.contract import Drive, Knowledge, SensorNotes
 from insenv.estimators.fusion import fusion, odometer
 from insenv.estimators.fusion.available import AIDS, STATES
 from insenv.estimators.fusion.prepared import prepared
+from insenv.estimators.fusion.presets import aids_of
 from insenv.estimators.parts.rows import FIX_RESIDUALS
 from insenv.files.resources import scenario_folder
 from insenv.plant.feeding import input_rows
@@ -226,6 +227,34 @@ def test_zero_velocity_alone_holds_a_car_at_rest():
     assert np.abs(result.errors["vn_mps"][-1]) < 0.01 and np.abs(result.errors["north_m"][-1]) < 3.0
     short = insenv.run(scenario, fusion([], ["zero_velocity"], "rest"), duration_s=900).results[0]
     assert any("none of the aids holds the height" in note for note in short.notes)
+
+
+@pytest.mark.parametrize(("grade", "seed"), [("navigation", 10022), ("industrial", 7030)])
+def test_a_parked_car_stays_where_it_is(grade, seed):
+    """By detection of rest alone these drove off, by 10 km and more: their start, or their heading, was 3 sigmas off."""
+    scenario = load("car-parked")
+    scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": grade})})
+    result = insenv.run(scenario, "fusion", seed=seed).results[0]
+    assert result.health is not None and list(result.health.aids) == ["in_place"]
+    for channel, largest in (("north_m", 10.0), ("vn_mps", 0.5), ("roll_deg", 2.0)):
+        assert np.abs(result.errors[channel]).max() < largest
+    assert not result.too_sure()
+    assert not any("holds the height" in note or "shows the heading" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "in_place", "aids"),
+    [
+        ("car", True, ("in_place",)),
+        ("car", None, ("zero_velocity",)),
+        ("car", False, ("zero_velocity",)),
+        ("", True, ("zero_velocity",)),
+        ("ship", True, ()),
+        ("turntable", True, ("in_place",)),
+    ],
+)
+def test_only_what_stays_on_wheels_or_turns_in_place_has_a_fixed_place(vehicle, in_place, aids):
+    assert aids_of(Drive("here", frozenset(), in_place, vehicle=vehicle)) == aids
 
 
 def test_the_smoother_of_a_composition_is_better_than_its_filter_in_an_outage():

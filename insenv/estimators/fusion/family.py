@@ -20,6 +20,7 @@ from insenv.estimators.fusion.composition import Composition
 from insenv.estimators.fusion.contract import Aid, ErrorState
 from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
+from insenv.estimators.fusion.in_place import SHAKEN
 from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
 from insenv.estimators.fusion.prepared import prepared, untold_mounting
 from insenv.estimators.fusion.presets import aids_of, states_of, told_of_unit
@@ -63,7 +64,16 @@ def _suited(make: Callable[..., Estimator], filter: Composition, known: Knowledg
     """The estimator that `make` makes of a filter for a drive."""
     way = unknown_start.way_of(filter, known, drive)
     made = make(filter, _uncounted(filter, known, drive), way)
+    if IN_PLACE in [aid.id for aid in filter.aids] and drive.vehicle != TURNTABLE:
+        made = _shaken(made)
     return made if way is None else _seeking(made, filter, way)
+
+
+def _shaken(estimator: Estimator) -> Estimator:
+    """The estimator of a vehicle that stays in place, but not as still as a turntable."""
+    assert estimator.prepare is not None
+    prepare = estimator.prepare
+    return replace(estimator, prepare=lambda known: {**prepare(known), "in_place_sigma": SHAKEN})
 
 
 def _seeking(estimator: Estimator, filter: Composition, way: VelocityIntegration) -> Estimator:

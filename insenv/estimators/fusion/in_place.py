@@ -1,4 +1,4 @@
-"""A fixed place: the unit is known not to move, though it may turn, as on a turntable.
+"""A fixed place: the unit is known not to move, though it may turn, as on a turntable; or its vehicle is parked.
 
 Unlike `zero_velocity`, which finds rest by itself and needs a unit that does not turn, this is knowledge: whoever names the aid
 says that it holds throughout. The unit must be at the centre of the turns.
@@ -13,12 +13,16 @@ import casadi as ca
 from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion.contract import Aid, Spread, sigma_row, waited
+from insenv.estimators.parts.rows import STANDING_SIGMA
 
 HELD = 60.0
 """s: an error of the specific force that linearisation leaves out lasts about as long as an orientation.
 
 The measurement counts it as white noise of the velocity that it makes in this time, so that repetitions do not average it out.
 """
+
+SHAKEN = float(STANDING_SIGMA["standing_sigma"].start)
+"""m/s: `in_place_sigma` of a vehicle, which its engine, wind and people shake, other than a turntable."""
 
 
 def _variance(p: Any, x: Any, u: Any, spread: Spread) -> Any:
