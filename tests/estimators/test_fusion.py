@@ -246,6 +246,7 @@ def test_a_parked_car_stays_where_it_is(grade, seed):
     ("vehicle", "in_place", "aids"),
     [
         ("car", True, ("in_place",)),
+        ("car with GNSS", True, ("gnss", "zero_velocity")),
         ("car", None, ("zero_velocity",)),
         ("car", False, ("zero_velocity",)),
         ("", True, ("zero_velocity",)),
@@ -254,7 +255,8 @@ def test_a_parked_car_stays_where_it_is(grade, seed):
     ],
 )
 def test_only_what_stays_on_wheels_or_turns_in_place_has_a_fixed_place(vehicle, in_place, aids):
-    assert aids_of(Drive("here", frozenset(), in_place, vehicle=vehicle)) == aids
+    kind, _, gnss = vehicle.partition(" with ")
+    assert aids_of(Drive("here", frozenset(["gnss"] * bool(gnss)), in_place, vehicle=kind)) == aids
 
 
 def test_the_smoother_of_a_composition_is_better_than_its_filter_in_an_outage():

@@ -23,6 +23,8 @@ WORTH = 0.1
 MINUTE = 60.0
 FLOATING = ("ship", "multirotor")
 """Kinds of vehicle that never stand still."""
+HOLDING = ("gnss", "dvl", "odometer")
+"""Sensors of aids that hold the velocity, also of a vehicle that is steered away."""
 PARKED = ("car", "aircraft")
 """Kinds of vehicle that stand still where they stay in place."""
 HOVERING = ("multirotor",)
@@ -32,11 +34,12 @@ HOVERING = ("multirotor",)
 def aids_of(drive: Drive) -> tuple[str, ...]:
     """The aids of a drive: those of its instruments, and what the vehicle itself tells.
 
-    Of a vehicle that is known to stay, rest is not detected: detection asks whether the estimate agrees, and one that is 3
-    standard deviations off takes a parked vehicle for one that accelerates.
+    Where nothing but rest holds the velocity of a vehicle that is known to stay, rest is not detected: detection asks whether
+    the estimate agrees, and one that is 3 standard deviations off takes a parked vehicle for one that accelerates.
     """
     wheels = drive.vehicle == "car" and "odometer" in drive.sensors
-    stays = drive.vehicle == TURNTABLE or bool(drive.in_place and drive.vehicle in PARKED)
+    parked = bool(drive.in_place and drive.vehicle in PARKED and drive.sensors.isdisjoint(HOLDING))
+    stays = drive.vehicle == TURNTABLE or parked
     own = {"zero_velocity": not stays and drive.vehicle not in FLOATING, "non_holonomic": wheels, "in_place": stays}
     return tuple(id for id, aid in AIDS.items() if own.get(id, bool(aid.sensors)) and set(aid.sensors) <= drive.sensors)
 
