@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from insenv.estimators.fusion.presets import PARKED
 from insenv.estimators.parts.rows import aid_health, reported_aids
 from insenv.logs import RecordedLog
 from insenv.logs.rest import rest_rows
@@ -23,7 +24,7 @@ def lost_rest(log: RecordedLog, follower: Follower, times: Array) -> tuple[str, 
 
     times (records,): of the outputs, s of the log.
     """
-    if log.gnss is not None or log.description.in_place is not None or not len(rest_rows(log)):
+    if log.gnss is not None or log.description.in_place is False or not len(rest_rows(log)):
         return ()
     outputs = follower.health_rows() if follower.estimator.reports_health else {}
     if list(reported_aids(outputs)) != [AID]:
@@ -35,4 +36,7 @@ def lost_rest(log: RecordedLog, follower: Follower, times: Array) -> tuple[str, 
     used = f"zero velocity is all that holds this estimate, and was last used at {last:.4g} s" if count[-1] else (
         "zero velocity is all that would hold this estimate, and was never used"
     )  # fmt: skip
-    return (f"{used}: the filter takes the vehicle to move. If it stays where it is, say so: in_place = true",)
+    return (
+        f"{used}: the filter takes the vehicle to move. If it is parked, say so: in_place = true, and vehicle_kind = "
+        f"{' or '.join(map(repr, PARKED))}",
+    )

@@ -19,8 +19,8 @@ def parked(tmp_path_factory):
     return load(next(file for file in files if file.suffix == ".toml"))
 
 
-def replayed(log, in_place, estimator="fusion"):
-    description = log.description.model_copy(update={"in_place": in_place})
+def replayed(log, in_place, kind="car", estimator="fusion"):
+    description = log.description.model_copy(update={"in_place": in_place, "vehicle_kind": kind})
     return insenv.replay(replace(log, description=description), estimator, start="stated").results[0]
 
 
@@ -32,8 +32,9 @@ def test_rest_that_is_not_told_and_no_longer_found_is_noted(parked):
     found = replayed(parked, None)
     assert abs(found.errors["vn_mps"][-1]) > 1.0
     (note,) = lost(found)
-    assert note.endswith("the filter takes the vehicle to move. If it stays where it is, say so: in_place = true")
+    assert note.endswith("If it is parked, say so: in_place = true, and vehicle_kind = 'car' or 'aircraft'")
     told = replayed(parked, True)
+    assert lost(replayed(parked, True, kind=""))  # it may be a ship
     assert not lost(told) and abs(told.errors["vn_mps"][-1]) < 0.5
 
 
