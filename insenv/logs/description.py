@@ -384,8 +384,8 @@ class AnyLog(Section):
     )
     in_place: bool | None = key(
         None,
-        "whether the vehicle stays where it is, within metres; a car or an aircraft is then at rest for `fusion`; absent: "
-        "unknown, unless the log shows travel",
+        "whether the vehicle stays where it is, within metres; `fusion` without GNSS, odometer or Doppler log then takes a car "
+        "or an aircraft to be at rest; absent: unknown, unless the log shows travel",
         strict=True,
     )
     initial: InitialSection = key(InitialSection(), "initial conditions")
