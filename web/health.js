@@ -104,7 +104,6 @@ function judged(rule, id, counts, what) {
   const factor = rule.wrong.includes(verdict) ? Math.sqrt(Math.max(...ratios)) : 1;
   const refused = counts.refused(end);
   const summary = filled(verdict === untested ? rule.sentences.untested : rule.sentences.summary, {
-    verdict,
     called: called(rule, verdict, factor) + (verdict === consistent ? qualified(rule, whole) : ""),
     share: percent(refused, count),
     count,

@@ -13,6 +13,7 @@ from insenv.campaigns.sensitivity import Sensitivity
 from insenv.campaigns.statistics import Statistics, named
 from insenv.campaigns.tables import check_format, write_runs
 from insenv.campaigns.variation import Variation
+from insenv.evaluation import sentences
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 
 NAME = "campaign"
-UNTESTED = "untested: each measurement started the filter anew, and none was compared with an estimate"
 
 
 def campaign_document(found: Statistics, files: Sequence[str] = ()) -> dict[str, Any]:
@@ -257,9 +257,9 @@ def campaign_arrays(found: Statistics) -> dict[str, NDArray[Any]]:
 
 
 def _health_of(shares: Mapping[str, Any], what: str) -> str:
-    """Shares by verdict; of runs that are not tested only if there are any."""
+    """Shares by verdict; that of untested runs only if there are any."""
     if shares["untested"] == 1.0:
-        return UNTESTED
+        return sentences.UNTESTED.format(count="the", what=what)
     listed = [verdict for verdict in VERDICTS if verdict != "untested" or shares[verdict]]
     verdicts = ", ".join(f"{100 * shares[verdict]:.3g} % {verdict}" for verdict in listed)
     if shares["nis"] is None:

@@ -216,7 +216,7 @@ def _called(verdict: Verdict, factor: float) -> str:
 
 def _summary(verdict: Verdict, factor: float, refused: int, count: int, what: str, nis: Nis) -> str:
     if verdict == "untested":
-        return sentences.UNTESTED.format(verdict=verdict, count=count, what=what)
+        return sentences.UNTESTED.format(count=count, what=what)
     called = f"{_called(verdict, factor)}{nis.qualified if verdict == 'consistent' else ''}"
     share = 100 * refused / count
     shown = f"{share:.2g}" if share < 99.5 else "100"

@@ -122,7 +122,7 @@ class LiveHealth:
         return self._information**-0.5 if self._information > 0.0 else float("inf")
 
     @property
-    def consistent(self) -> bool:
+    def well(self) -> bool:
         """Whether the verdict has not been "overconfident" or "diverged" for `HOLD_S`."""
         return self._judged_at - self._unwell_at >= HOLD_S
 

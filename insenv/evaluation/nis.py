@@ -123,13 +123,13 @@ class Counts:
     @property
     def verdict(self) -> Verdict:
         """How filter and instrument agree (`insenv.evaluation.health.Health`)."""
+        if not np.any(self.used_number[-1] + self.left_number[-1]):
+            return "untested"
         count, refused = self.count[-1], self.refused[-1]
         late = int(np.searchsorted(self.count, LAST * count, side="left"))
         of_late, refused_late, square, number = (
             values[-1] - values[late] for values in (self.count, self.refused, self.used, self.used_number)
         )
-        if not np.any(self.used_number[-1] + self.left_number[-1]):
-            return "untested"
         if refused > MOST * count:
             return "diverged"
         if of_late >= FEWEST and (refused_late > MOST * of_late or np.any(square > APART**2 * np.maximum(number, 1.0))):

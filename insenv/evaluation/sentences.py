@@ -7,7 +7,7 @@ SUMMARY = "{called}: {share} % of {count} {what} refused, {nis}"
 WHOLE_AND_GNSS = "{called}; gnss: {own}"
 NIS = "NIS {mean} ({low} to {high})"
 NONE_USED = "none used"
-UNTESTED = "{verdict}: none of {count} {what} was compared with an estimate"
+UNTESTED = "untested: none of {count} {what} was compared with an estimate"
 SMALLER = ", innovations smaller than stated"
 WITHIN = " within {percent} % of sigma"
 

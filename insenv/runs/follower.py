@@ -68,7 +68,7 @@ class Follower:
         return self.estimator.model.outputs.unpack(np.concatenate(self.outputs))
 
     def health_rows(self) -> dict[str, Array]:
-        """Its outputs so far that tell its health, as `named` has them."""
+        """Outputs so far by row name, those that tell its health among them."""
         return self.named()
 
     @property

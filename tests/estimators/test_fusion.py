@@ -229,7 +229,7 @@ def test_zero_velocity_alone_holds_a_car_at_rest():
     assert any("none of the aids holds the height" in note for note in short.notes)
 
 
-@pytest.mark.parametrize(("grade", "seed"), [("navigation", 10022), ("industrial", 7030)])
+@pytest.mark.parametrize(("grade", "seed"), [("navigation", 10022), ("industrial", 10001)])
 def test_a_parked_car_stays_where_it_is(grade, seed):
     """By detection of rest alone these drove off, by 10 km and more: their start, or their heading, was 3 sigmas off."""
     scenario = load("car-parked")
@@ -257,6 +257,15 @@ def test_a_parked_car_stays_where_it_is(grade, seed):
 def test_only_what_stays_on_wheels_or_turns_in_place_has_a_fixed_place(vehicle, in_place, aids):
     kind, _, gnss = vehicle.partition(" with ")
     assert aids_of(Drive("here", frozenset(["gnss"] * bool(gnss)), in_place, vehicle=kind)) == aids
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("car-parked", 0.02), ("turntable-calibration", 0.001)])
+def test_a_parked_vehicle_is_shaken_and_a_turntable_is_not(name, sigma):
+    plant = build(load(name))
+    estimator = plant.adapted("fusion")
+    default = float(estimator.model.parameters["in_place_sigma"].start)
+    assert plant.parameters_of(estimator).get("in_place_sigma", default) == sigma
+    assert plant.parameters_of(estimator, {"in_place_sigma": 0.3})["in_place_sigma"] == 0.3
 
 
 def test_the_smoother_of_a_composition_is_better_than_its_filter_in_an_outage():

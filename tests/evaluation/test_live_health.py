@@ -60,14 +60,14 @@ def test_the_verdict_is_that_of_the_recorded_run_however_long_it_is(square, verd
         live.take(float(k), row, None)
     found = health({name: np.array([row[name] for row in rows], dtype=float) for name in FIX_HEALTH.names})
     assert live.verdict == found.verdict == verdict
-    assert live.consistent == (verdict == "consistent")
+    assert live.well == (verdict == "consistent")
 
 
 def test_a_verdict_must_have_been_good_for_some_seconds():
     live, states = LiveHealth(), []
     for n in range(1, 41):
         live.take(float(n), outputs(n, square=4.0 if n <= 10 else 0.8), None)
-        states.append((live.verdict, live.consistent))
+        states.append((live.verdict, live.well))
     assert states[9] == ("overconfident", False)
     assert states[10] == ("consistent", False)
     assert [consistent for _, consistent in states].index(True, 10) + 1 == 10 + HOLD_S

@@ -23,7 +23,7 @@ from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN
 from insenv.estimators.fusion.odometer import MOUNTING, NON_HOLONOMIC
 from insenv.estimators.fusion.prepared import prepared, untold_mounting
-from insenv.estimators.fusion.presets import aids_of, states_of, told_of_unit
+from insenv.estimators.fusion.presets import HOLDING, aids_of, states_of, told_of_unit
 from insenv.estimators.fusion.smoothing import smoothing_of
 from insenv.estimators.parts import applicability, vertical_channel
 from insenv.estimators.velocity_integration.estimator import OLDEST
@@ -132,7 +132,7 @@ UNKNOWN_START = (
 IN_PLACE = "in_place"
 _VERTICAL = ("gnss", "barometer", "dvl", "non_holonomic", "in_place")
 """Aids that hold the height or the vertical velocity."""
-_HORIZONTAL = ("gnss", "dvl", "odometer", "zero_velocity", "in_place")
+_HORIZONTAL = (*HOLDING, "zero_velocity", "in_place")
 """Aids that hold the horizontal velocity or position."""
 _HEADING = ("gnss", "magnetometer", "heading", "in_place")
 """Aids that show the heading: GNSS by motion, a fixed place by the rotation of the Earth."""

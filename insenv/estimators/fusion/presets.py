@@ -24,7 +24,7 @@ MINUTE = 60.0
 FLOATING = ("ship", "multirotor")
 """Kinds of vehicle that never stand still."""
 HOLDING = ("gnss", "dvl", "odometer")
-"""Sensors of aids that hold the velocity, also of a vehicle that is steered away."""
+"""Sensors, and their aids, that hold the horizontal velocity, also of a vehicle that is steered away."""
 PARKED = ("car", "aircraft")
 """Kinds of vehicle that stand still where they stay in place."""
 HOVERING = ("multirotor",)

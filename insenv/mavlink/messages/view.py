@@ -247,7 +247,7 @@ class View:
         is_believed = self.simulation.reported_heading_sigma < SURE * threshold
         if health.fixes < FIXES or (is_believed and SURE * health.heading_sigma > threshold):
             return "heading as reported; no fix can contradict it before the vehicle accelerates or turns"
-        return "" if health.consistent else "filter overconfident: its innovations were larger than stated seconds ago"
+        return "" if health.well else "filter overconfident: its innovations were larger than stated seconds ago"
 
     @property
     def errors(self) -> dict[str, float]:
