@@ -73,6 +73,8 @@ all public names.
 
 from __future__ import annotations
 
+import sys as _sys
+
 from insenv import starting as _starting
 
 _starting.prepare()  # before anything that takes long to import
@@ -198,4 +200,5 @@ if not TYPE_CHECKING:  # a type checker reads the imports above
         return sorted({*globals(), *__all__, *(m.name for m in iter_modules(__path__) if not m.name.startswith("_"))})
 
 
-_register_environments()
+if not _starting.is_command(_sys.argv, _sys.orig_argv):  # which takes Gymnasium only for what needs it
+    _register_environments()

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Mapping
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
@@ -46,7 +47,8 @@ class Plugins(Generic[T]):
     what: the kind in messages (``"estimator"``).
     group: entry-point group of installed packages (``"insenv.estimators"``).  An entry point is one thing.
     name_of: the name of a thing; raises `InputError` for an object that is no such thing.
-    shipped: the things of insenv, imported when first asked for.
+    shipped: where each thing of insenv is, by its name, as ``"module:attribute"``, imported when it is asked for: a command
+        takes only what it uses.  An attribute may also hold several things.
     taken: what else has names that no added thing may have, in messages, and a function that gives these names.
     """
 
@@ -55,20 +57,36 @@ class Plugins(Generic[T]):
         what: str,
         group: str,
         name_of: Callable[[T], str],
-        shipped: Callable[[], Iterable[T]],
+        shipped: Mapping[str, str],
         taken: tuple[str, Callable[[], Container[str]]] = ("", frozenset),
     ) -> None:
         self.what, self.group = what, group
         self._name_of, self._shipped, self._taken = name_of, shipped, taken
-        self._known: dict[str, T] = {}
+        self._imported: dict[str, T] = {}
+        self._added: dict[str, T] = {}
         self._broken: dict[str, str] = {}
-        self._loaded = False
+        self._entries_loaded = False
+
+    def names(self) -> list[str]:
+        """The names of all things; what insenv ships is not imported.  Warns as `all`."""
+        return [*self._shipped, *self._others()]
 
     def all(self) -> dict[str, T]:
         """All things by name.  An entry point that cannot be loaded gives a `RuntimeWarning`."""
-        if not self._loaded:
-            self._known |= {self._name_of(thing): thing for thing in self._shipped()}
-            self._loaded = True  # before the entry points: a package may ask for what insenv ships while it is imported
+        return {name: self._own(name) for name in self._shipped} | self._others()
+
+    def _own(self, name: str) -> T:
+        if name not in self._imported:
+            module, _, attribute = self._shipped[name].partition(":")
+            held = getattr(import_module(module), attribute)
+            things = held if isinstance(held, (tuple, list)) else [held]
+            self._imported[name] = next(thing for thing in things if self._name_of(thing) == name)
+        return self._imported[name]
+
+    def _others(self) -> dict[str, T]:
+        """The things of other packages and of scripts, by name."""
+        if not self._entries_loaded:
+            self._entries_loaded = True
             for entry in entry_points(group=self.group):
                 try:
                     self._load(entry)
@@ -80,25 +98,26 @@ class Plugins(Generic[T]):
                         f"{fault}; mend or uninstall the package"
                     )
             for message in self._broken.values():
-                warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return self._known
+                warnings.warn(message, RuntimeWarning, stacklevel=3)
+        return self._added
 
     def get(self, name: str) -> T:
         """The thing of that name.  Raises `InputError` with the nearest name, and `InsenvError` as `check_loaded`."""
-        known = self.all()
-        if name not in known:
+        if name in self._shipped:
+            return self._own(name)
+        if name not in self._others():
             self.check_loaded(name)
-            raise InputError(f"no {self.what} {name!r}{nearest(str(name), known, LISTED)}")
-        return known[name]
+            raise InputError(f"no {self.what} {name!r}{nearest(str(name), self.names(), LISTED)}")
+        return self._added[name]
 
     def check_loaded(self, name: str) -> None:
         """Raise `InsenvError` if only an entry point that cannot be loaded has that name."""
-        if name not in self.all() and name in self._broken:
+        if name not in self._shipped and name not in self._others() and name in self._broken:
             raise InsenvError(f"{self.what} {name!r}: {self._broken[name]}")
 
     def register(self, thing: T) -> T:
         """Add a thing and return it.  Raises `InputError` if another one has its name."""
-        self.all()
+        self._others()
         return self._add(thing)
 
     def _load(self, entry: EntryPoint) -> None:
@@ -111,8 +130,11 @@ class Plugins(Generic[T]):
     def _add(self, thing: T) -> T:
         name = self._name_of(thing)
         whose, names = self._taken
-        if name not in self._known and name in names():
+        if name in self._shipped:
+            if self._own(name) is thing:
+                return thing
+        elif name not in self._added and name in names():
             raise InputError(f"{self.what} {name!r}: {whose} has this name: choose another name")
-        if self._known.setdefault(name, thing) is not thing:
-            raise InputError(f"{self.what} {name!r} exists already: choose another name")
-        return thing
+        elif self._added.setdefault(name, thing) is thing:
+            return thing
+        raise InputError(f"{self.what} {name!r} exists already: choose another name")

@@ -18,6 +18,9 @@ from insenv.core.tables import Row, Table
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# models are compiled at the lowest level, which takes half the time: the bits are the same (tests/core/test_bits.py)
+os.environ.setdefault("INSENV_OPTIMIZATION", "0")
+
 # the same examples on every machine: a run that passes here passes there
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")

@@ -22,8 +22,8 @@ import numpy as np
 from insenv.campaigns.intervals import Array, Estimate, student
 from insenv.campaigns.presentation import campaign_document, campaign_tables, write_campaign
 from insenv.campaigns.summary import Summary
+from insenv.files.json_text import finite, to_json
 from insenv.report import FilesWritten, OutputFolder
-from insenv.report.document import finite, to_json
 from insenv.report.tables import label, number, since, table_of
 
 if TYPE_CHECKING:

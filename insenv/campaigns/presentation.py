@@ -17,7 +17,7 @@ from insenv.evaluation import sentences
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.health import VERDICTS
 from insenv.evaluation.limits import ratio as limit_ratio
-from insenv.report.document import finite, to_json
+from insenv.files.json_text import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.notebook import data_frame, html_document
 from insenv.report.tables import label, number, runs_of, since, table_of, within

@@ -84,7 +84,7 @@ def _report(error: BaseException, arguments: Sequence[str], number: int) -> int:
     try:
         print(f"insenv: {message}{hint}", file=sys.stderr, flush=True)
         if "--json" in arguments:
-            from insenv.report.document import to_json
+            from insenv.files.json_text import to_json
 
             print(to_json({"error": {"type": kind, "message": message}}), flush=True)
     except OSError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
@@ -23,6 +24,7 @@ def bench(
     """Measure speed and accuracy on this machine, each figure beside its floor."""
     from insenv.bench import figures, machine, machine_line
     from insenv.cli.output import print_json, print_line, print_table, working
+    from insenv.files.json_text import WIDTH
     from insenv.report.tables import number
 
     measured = []
@@ -40,7 +42,8 @@ def bench(
     )
     print_line()
     print_line("floor: the same without the work itself (an empty model, a warm start)")
-    print_line(f"machine: {machine_line(machine())}")
+    for line in textwrap.wrap(f"machine: {machine_line(machine())}", WIDTH, subsequent_indent="  "):
+        print_line(line)
 
 
 def _row(figure: Figure) -> dict[str, Any]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
+from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -56,7 +58,6 @@ def list_all(
 def _known(what: What) -> dict[str, Rows]:
     """What there is, by the key of the JSON document."""
     from insenv import estimators
-    from insenv.cli.output import print_line
     from insenv.estimators.fusion.available import AIDS, STATES
     from insenv.files.toml import summary
     from insenv.registration import titles
@@ -64,7 +65,6 @@ def _known(what: What) -> dict[str, Rows]:
     from insenv.sensors import GNSS_GRADES, IMU_GRADES
     from insenv.sensors import registry as sensors
     from insenv.sensors.figures import FiguresSection
-    from insenv.sensors.grade_file import in_folder
     from insenv.vehicles import registry as vehicles
 
     if what is What.scenarios:
@@ -85,10 +85,7 @@ def _known(what: What) -> dict[str, Rows]:
     if what is What.sensors:
         return {"sensors": [{"id": id, "title": summary(section)} for id, section in sensors.registered().items()]}
     if what is What.grades:
-        own, faults = in_folder(Path.cwd())
-        for fault in faults:
-            print_line(f"insenv: not a grade: {fault}", stderr=True)
-        grades: dict[str, Any] = {"imu_grades": IMU_GRADES | own, "gnss_grades": GNSS_GRADES}
+        grades: dict[str, Any] = {"imu_grades": {**IMU_GRADES, **_own_grades()}, "gnss_grades": GNSS_GRADES}
         found: dict[str, Rows] = {
             key: [{"name": name, "title": known[name].title} for name in real_first(known)] for key, known in grades.items()
         }
@@ -100,6 +97,19 @@ def _known(what: What) -> dict[str, Rows]:
         ]
         return found
     return {"environments": [{"id": id, "title": title} for id, title in titles().items()]}
+
+
+def _own_grades() -> dict[str, Any]:
+    """The grades of inertial units in files of the working folder; files that are none are told on stderr."""
+    if not any(Path.cwd().glob("*.toml")):
+        return {}
+    from insenv.cli.output import print_line
+    from insenv.sensors.grade_file import in_folder
+
+    own, faults = in_folder(Path.cwd())
+    for fault in faults:
+        print_line(f"insenv: not a grade: {fault}", stderr=True)
+    return dict(own)
 
 
 def _what(state: ErrorState) -> str:
@@ -126,11 +136,27 @@ _TITLES_ONLY = ("states", *_WITH_SENSOR)
 """Lists too long for the screen that shows all names; grades, scenarios and forms of papers are left out there too."""
 
 
-def _of_paper(row: dict[str, Any]) -> bool:
-    """Whether a grade or a scenario is one that a paper simulates, or an estimator the printed form of a paper's."""
-    name = _name(row)
-    simulated = "duration_s" in row and "paper" in row["title"].lower()
-    return simulated or name.startswith("paper-") or name.endswith("-printed")
+def _names() -> Iterator[tuple[str, list[str]]]:
+    """All names but those of papers' simulations and printed forms, by what they name; what insenv ships is not imported."""
+    from insenv.files.resources import scenario_titles
+    from insenv.registration import IDS
+    from insenv.sensors.catalogue import GNSS_GRADES, IMU_GRADES
+    from insenv.shipped import ESTIMATORS, SENSORS, VEHICLES
+
+    yield "scenarios", [name for name, title in scenario_titles().items() if "paper" not in title.lower()]
+    yield "estimators", [id for id in _with_installed("estimators", ESTIMATORS) if not id.endswith("-printed")]
+    yield "vehicles", _with_installed("vehicles", VEHICLES)
+    yield "sensors", _with_installed("sensors", SENSORS)
+    for head, known in (("IMU grades", {**IMU_GRADES, **_own_grades()}), ("GNSS grades", GNSS_GRADES)):
+        yield head, [name for name in real_first(known) if not name.startswith("paper-")]
+    yield "environments", list(IDS)
+
+
+def _with_installed(group: str, shipped: Iterable[str]) -> list[str]:
+    """The names of what insenv ships, and of what installed packages add, which are asked only if there are any."""
+    if not entry_points(group=f"insenv.{group}"):
+        return list(shipped)
+    return list(import_module(f"insenv.{group}.registry").names())
 
 
 def _head(key: str) -> str:
@@ -144,15 +170,9 @@ def _name(row: dict[str, Any]) -> str:
 def _print_names() -> None:
     from insenv.cli.output import print_line, print_table
 
-    rows = []
-    for what in What:
-        for key, known in _known(what).items():
-            if key in _TITLES_ONLY:
-                continue
-            label = f"{_head(key)}s" if what is What.grades else what.value
-            rows.append((label, ", ".join(_name(row) for row in known if not _of_paper(row))))
+    rows = [(what, ", ".join(names)) for what, names in _names()]
     print_table(("what", "names"), rows, head=False)
-    print_line("titles, states, what papers simulate and print, instruments: insenv list WHAT")
+    print_line("titles, states, aids, instruments, what papers simulate: insenv list WHAT")
 
 
 def _print_titles(key: str, rows: Rows) -> None:

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from insenv.report.document import to_json
-from insenv.report.tables import WIDTH
+from insenv.files.json_text import WIDTH, to_json
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

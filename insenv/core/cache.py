@@ -21,19 +21,34 @@ def cache_folder() -> Path:
 
     If it cannot be made, written or trusted, a warning says so, and a temporary folder of this process is used.
     """
-    from platformdirs import user_cache_path
+    folder, reason = _chosen()
+    return process_folder(folder, reason) if reason else folder
 
+
+def usable_folder() -> Path | None:
+    """The cache folder if it can be used; None, without a warning, if not."""
+    folder, reason = _chosen()
+    return None if reason else folder
+
+
+def _chosen() -> tuple[Path, str]:
+    """The cache folder, made if it is missing, and why it cannot be used ("" if it can)."""
     chosen = os.environ.get("INSENV_CACHE_DIR")
-    folder = Path(chosen) if chosen else user_cache_path("insenv")
+    if chosen:
+        folder = Path(chosen)
+    else:
+        from platformdirs import user_cache_path
+
+        folder = user_cache_path("insenv")
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(folder):
-            return process_folder(folder, "it is a link, or other users can write to it")
+            return folder, "it is a link, or other users can write to it"
         if not os.access(folder, os.W_OK | os.X_OK):
-            return process_folder(folder, "it is not writable")
+            return folder, "it is not writable"
     except OSError as error:
-        return process_folder(folder, error.strerror or str(error))
-    return folder
+        return folder, error.strerror or str(error)
+    return folder, ""
 
 
 def is_private(path: Path) -> bool:

@@ -14,7 +14,8 @@ from typing import Any
 
 from insenv.core.cache import source_digest
 from insenv.core.functions import function_text
-from insenv.core.model import Kernel, Model
+from insenv.core.model import Model
+from insenv.core.traces import Kernel, Spans
 
 WRITERS = "codegen", "functions", "instructions", "lookup", "loops"
 WRITER = source_digest(Path(__file__).with_name(f"{name}.py") for name in WRITERS)
@@ -107,7 +108,7 @@ def _steps(model: Model) -> str:
             call = f"RUN_STEP({k}, {name}, {step.uniforms})"
             advances.append(f"  {call};")
         else:
-            lays += _lay(name, model.kernels[name])
+            lays += _lay(name, model.kernels.spans[name])
             call = f"RUN_STEP_WHERE({k}, {name}, lay_{name}, {step.uniforms}, %s)"
             letter, table = ("x", model.state) if step.when in model.state else ("u", model.inputs)
             place = f"{letter}[{table.slice(step.when).start}]"
@@ -129,10 +130,10 @@ def _steps(model: Model) -> str:
     )
 
 
-def _lay(name: str, kernel: Kernel) -> list[str]:
+def _lay(name: str, spans: Spans) -> list[str]:
     """The function that copies a conditional step's results into the state."""
     lines, done = [], 0
-    for span in kernel.spans:
+    for span in spans:
         lines.append(f"  LAY({span.start}, {span.stop}, {done})")
         done += span.stop - span.start
     head = f"static inline void lay_{name}(real *x, const real *changed, real mask) {{"

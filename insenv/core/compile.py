@@ -31,15 +31,16 @@ from insenv.core.cache import cache_folder, is_lasting, is_private, process_fold
 from insenv.core.codegen import WRITER, batch_source, native_source
 from insenv.core.model import Model
 from insenv.core.tables import Vector
-from insenv.errors import InsenvError
+from insenv.errors import InputError, InsenvError
 from insenv.files.lock import LockedError, exclusive
 
 # compilers for other processors may not support it, and gain little from it
 _OWN = ("-march=native",) if platform.machine() in ("x86_64", "AMD64") else ()
-# exact rounding in the order written: bit-identical to the interpreter
+LEVELS, LEVEL = ("0", "1", "2", "3"), "2"
+"""Levels of optimisation that INSENV_OPTIMIZATION may name, and the one without it."""
+# exact rounding in the order written, at every level of optimisation: bit-identical to the interpreter
 _FLAGS = (
     "-std=gnu99",
-    "-O2",
     *_OWN,
     "-ffp-contract=off",
     "-fno-math-errno",
@@ -95,13 +96,21 @@ class Compiler:
 
 
 def find_compiler() -> Compiler | None:
-    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel, or None."""
+    """The first C compiler found among the environment's CC, cc, gcc, clang and the `ziglang` wheel, or None.
+
+    The environment's INSENV_OPTIMIZATION is its level of optimisation: a lower one compiles faster, and the models run slower
+    with the same bits.  Raises `InputError` for another value than 0 to 3.
+    """
+    level = os.environ.get("INSENV_OPTIMIZATION", LEVEL)
+    if level not in LEVELS:
+        raise InputError(f"INSENV_OPTIMIZATION = {level!r}: allowed is a level of optimisation, {', '.join(LEVELS)}")
+    flags = (f"-O{level}", *_FLAGS)
     for name in filter(None, (os.environ.get("CC"), "cc", "gcc", "clang")):
         words = tuple(name.split())
         if words and shutil.which(words[0]):
-            return Compiler(words, _FLAGS)
+            return Compiler(words, flags)
     if importlib.util.find_spec("ziglang") is not None:
-        return Compiler((sys.executable, "-m", "ziglang", "cc"), _FLAGS)
+        return Compiler((sys.executable, "-m", "ziglang", "cc"), flags)
     return None
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from insenv.core.instructions import Instruction, instructions, ordering
 from insenv.core.lookup import table_loop
 from insenv.core.loops import LONG, Unit, plan
-from insenv.core.model import Kernel
+from insenv.core.traces import Kernel
 
 _EXPRESSIONS = {
     "ADD": "{}+{}",

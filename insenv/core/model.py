@@ -15,7 +15,6 @@ random.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -25,6 +24,7 @@ from typing import Any
 
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Row, Table
+from insenv.core.traces import Kernel, Traced
 from insenv.errors import InputError
 
 Values = SimpleNamespace
@@ -103,17 +103,28 @@ class Model:
         return self.start_uniforms > 0 or any(step.uniforms for step in self.steps.values())
 
     @cached_property
-    def kernels(self) -> dict[str, Kernel]:
+    def kernels(self) -> Traced:
         """The model's functions by name: "start", each step, "output".
 
         All take flat columns in table order: ``start(p, r)``, each step ``(p, x, u, r)``, ``output(p, x)``; r is empty
-        if no random numbers are used.  Raises `InputError` that names the model and the step if a function fails or
-        gives rows that are wrong.
+        if no random numbers are used.  They are read from the cache if it has those of the same sources and values, and
+        traced if not.  Raises `InputError` that names the model and the step if a function fails or gives rows that are
+        wrong.
         """
+        from insenv.core import identity, traces
         from insenv.core.operators import quick_operators
 
+        known = identity.identity(self)
+        kept = traces.read(known) if known else None
+        if kept is not None:
+            return kept
         with quick_operators():
-            return self._kernels()
+            kernels = self._kernels()
+        tables = (self.parameters, self.state, self.inputs, self.outputs)
+        found = traces.traced(kernels, str([table.rows for table in tables]))
+        if known:
+            traces.keep(known, found)
+        return found
 
     def _kernels(self) -> dict[str, Kernel]:
         import casadi as ca
@@ -140,12 +151,10 @@ class Model:
             kernels["output"] = _kernel("output", [p, x], self.outputs, shown)
         return kernels
 
-    @cached_property
+    @property
     def fingerprint(self) -> str:
         """Hash of the tables and equations: models with the same give the same numbers."""
-        text = "".join(f"{name}{kernel.spans}{kernel.function.serialize()}" for name, kernel in self.kernels.items())
-        tables = (self.parameters, self.state, self.inputs, self.outputs)
-        return hashlib.sha256(f"{[table.rows for table in tables]}{text}".encode()).hexdigest()
+        return self.kernels.fingerprint
 
     @cached_property
     def functions(self) -> dict[str, Any]:
@@ -164,18 +173,6 @@ class Model:
                 result = ca.vertcat(*whole)
             functions[name] = ca.Function(name, arguments, [result])
         return functions
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """One function of a model in the form in which it is compiled.
-
-    function: a `casadi.Function` of flat columns; its single result holds only the rows that it sets.
-    spans: the slices of the state (or output) vector to which the pieces of the result belong, in order.
-    """
-
-    function: Any
-    spans: tuple[slice, ...]
 
 
 def _kernel(name: str, arguments: list[Any], table: Table, values: Mapping[str, Any]) -> Kernel:

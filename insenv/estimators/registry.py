@@ -2,40 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from importlib import import_module
+from collections.abc import Iterable
 
 from insenv.errors import InputError
 from insenv.estimators.contract import Estimator
 from insenv.files.resources import scenario_folder
 from insenv.files.toml import shown
 from insenv.plugins import Plugins
-
-MODULES = (
-    "analytic",
-    "ecef_kf",
-    "ecef_kf_printed",
-    "q_method",
-    "velocity_integration",
-    "inertial_fir",
-    "gyrocompass",
-    "qakf",
-    "qakf_printed",
-    "wander_sins",
-    "loosely_coupled",
-    "aqe",
-    "aqe_printed",
-    "lssvm",
-    "smoother",
-    "fusion",
-)
-"""The modules of this package that define an `ESTIMATOR` (or several, `ESTIMATORS`), in the order of listings."""
-
-
-def _shipped() -> Iterator[Estimator]:
-    for name in MODULES:
-        module = import_module(f"insenv.estimators.{name}")
-        yield from getattr(module, "ESTIMATORS", None) or [module.ESTIMATOR]
+from insenv.shipped import ESTIMATORS
 
 
 def _id(thing: Estimator) -> str:
@@ -48,7 +22,13 @@ def _scenarios() -> set[str]:
     return {path.stem for path in scenario_folder().glob("*.toml")}
 
 
-_PLUGINS: Plugins[Estimator] = Plugins("estimator", "insenv.estimators", _id, _shipped, ("a scenario", _scenarios))
+_PLUGINS: Plugins[Estimator] = Plugins(
+    "estimator",
+    "insenv.estimators",
+    _id,
+    ESTIMATORS,
+    ("a scenario", _scenarios),
+)
 
 
 EstimatorsLike = str | Estimator | Iterable[str | Estimator]
@@ -79,6 +59,11 @@ def get_all(some: EstimatorsLike) -> list[Estimator]:
     if not chosen:
         raise InputError("no estimator: name one or several, by id (`insenv list` shows them) or as insenv.Estimator")
     return list(chosen.values())
+
+
+def names() -> list[str]:
+    """The ids of all estimators; none of insenv's is imported."""
+    return _PLUGINS.names()
 
 
 def registered() -> dict[str, Estimator]:

@@ -6,9 +6,15 @@ install, they are top-level folders of the repository.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from insenv.errors import InsenvError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:  # pragma: no cover
+    import tomli as tomllib
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -16,6 +22,12 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 def scenario_folder() -> Path:
     """Folder of the scenarios of insenv (``*.toml``). Raises `InsenvError` if it is missing."""
     return _folder("scenarios", _PACKAGE)
+
+
+def scenario_titles() -> dict[str, str]:
+    """The title of each scenario of insenv by its name; nothing else of it is checked."""
+    folder = sorted(scenario_folder().glob("*.toml"))
+    return {path.stem: str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", "")) for path in folder}
 
 
 def fmu_folder() -> Path:

@@ -82,7 +82,7 @@ class _Checked(_ModelType):
 class Section(BaseModel, metaclass=_Checked):
     """A table of the TOML file: unknown keys are errors, values are immutable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with the keys in `update` changed.  Raises `InputError` for an unknown key; values are not checked."""

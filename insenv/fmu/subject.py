@@ -16,7 +16,7 @@ import numpy as np
 from insenv.core.model import Model
 from insenv.core.tables import Table, Vector
 from insenv.errors import LISTED, InputError, nearest
-from insenv.estimators import Estimator, get, registered
+from insenv.estimators import Estimator, get, registry
 from insenv.plant.loop import PREFIX, loop_model
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, names, tuning
 
@@ -80,15 +80,15 @@ def subject(
     Raises `InputError` for an unknown name, for wrong settings, and for an estimator that the scenario does not suit.
     """
     if estimator is not None:
-        if isinstance(what, Estimator) or (isinstance(what, str) and what in registered()):
+        if isinstance(what, Estimator) or (isinstance(what, str) and what in registry.names()):
             raise InputError(f"estimator {what!r} behind an estimator: allowed is a scenario and an estimator")
         return _loop(load(what), get(estimator), settings)
     if isinstance(what, Estimator):
         return _estimator(what, settings)
-    if isinstance(what, str) and what in registered():
-        return _estimator(registered()[what], settings)
+    if isinstance(what, str) and what in registry.names():
+        return _estimator(get(what), settings)
     if isinstance(what, str) and not what.endswith(".toml") and what not in names():
-        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registered(), *names()], LISTED)}")
+        raise InputError(f"no estimator or scenario {what!r}{nearest(what, [*registry.names(), *names()], LISTED)}")
     return _plant(load(what), settings)
 
 

@@ -398,8 +398,8 @@ class AnyLog(Section):
     @field_validator("vehicle_kind")
     @classmethod
     def _known_kind(cls, value: str) -> str:
-        if value and value not in vehicle_registry.registered():
-            raise ValueError(f"unknown{nearest(value, vehicle_registry.registered())}")
+        if value and value not in vehicle_registry.names():
+            raise ValueError(f"unknown{nearest(value, vehicle_registry.names())}")
         return value
 
     @field_validator("stop_s")

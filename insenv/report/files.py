@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from insenv.core.tables import Row
 from insenv.errors import InputError, InsenvError
 from insenv.evaluation.errors import Result
+from insenv.files.json_text import to_json
 from insenv.files.output import as_path, staged
 from insenv.installing import advice, is_installed
-from insenv.report.document import document, to_json
+from insenv.report.document import document
 from insenv.report.figures import draw, drawable
 from insenv.report.page import run_page
 from insenv.report.run_data import RunData
@@ -182,7 +183,8 @@ def _truth_rows() -> dict[str, Row]:
 
 
 def _output_rows(result: Result) -> dict[str, Row]:
-    from insenv import estimators
+    from insenv.estimators.registry import get, names
 
-    known = estimators.registered()
-    return {row.name: row for row in known[result.estimator].model.outputs} if result.estimator in known else {}
+    if result.estimator not in names():
+        return {}
+    return {row.name: row for row in get(result.estimator).model.outputs}

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-
-WIDTH = 80
 _CHANNEL, _NUMBER, _GAP = 13, 8, 2
 _NAMES = {
     **{f"{name}_deg": f"{name} [deg]" for name in ("roll", "pitch", "heading", "latitude", "longitude")},

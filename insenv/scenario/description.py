@@ -16,14 +16,8 @@ from insenv.scenario.tuning import choices_in, tuning
 from insenv.sensors import GnssSection, ImuSection, SensorSection
 from insenv.sensors import registry as sensor_registry
 from insenv.sensors.imu_figures import FIGURES
-from insenv.tracks.fmu_section import FmuSection
-from insenv.tracks.section import RecordedSection
-from insenv.tracks.waypoints import WaypointsSection
 from insenv.vehicles import StartSection, VehicleSection
 from insenv.vehicles import registry as vehicle_registry
-
-for _section in (RecordedSection, WaypointsSection, FmuSection):  # they read logs, which the layer of vehicles does not know
-    vehicle_registry.register(_section)
 
 MAX_DURATION_S = 86400.0
 MAX_SEED = 2**53

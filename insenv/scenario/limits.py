@@ -28,7 +28,7 @@ TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""
 KNOWN = frozenset({"gnss", *INSTRUMENTS})
 """Sensors, beside the inertial unit, whose errors the limit knows."""
-WORTH_KEEPING_S = 0.5
+WORTH_KEEPING_S = 0.1
 """A limit that takes longer to compute is kept on disk, beside the compiled models."""
 
 

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from insenv.errors import InputError
 from insenv.files.toml import shown
 from insenv.plugins import Plugins, check_section_name, overrides
 from insenv.sensors.contract import Sensor, SensorSection
+from insenv.shipped import SENSORS
 
 TAKEN = frozenset(dir(SensorSection)) | {
     "title", "description", "duration_s", "rate_hz", "seed", "estimators", "start", "vehicle", "imu", "gnss", "knowledge",
     "estimator", "name", "sensors", "tunings", "drive", "gravity", "notes", "choices_of", "commands", "stated",
 }  # fmt: skip
 """Names of the keys and attributes of a scenario, which no section of a sensor can have."""
-
-
-def _shipped() -> Iterator[type[SensorSection]]:
-    from insenv.sensors.barometer import BarometerSection
-    from insenv.sensors.dvl import DvlSection
-    from insenv.sensors.gnss_section import GnssSection
-    from insenv.sensors.heading import HeadingSection
-    from insenv.sensors.magnetometer import MagnetometerSection
-    from insenv.sensors.odometer import OdometerSection
-
-    # the order of the sensors of a plant: a new one comes last, and changes no random number of those before it
-    yield from (GnssSection, BarometerSection, MagnetometerSection, OdometerSection, DvlSection, HeadingSection)
 
 
 def _id(section: type[SensorSection]) -> str:
@@ -37,8 +24,18 @@ def _id(section: type[SensorSection]) -> str:
 
 
 _PLUGINS: Plugins[type[SensorSection]] = Plugins(
-    "sensor", "insenv.sensors", _id, _shipped, ("a key or attribute of a scenario", lambda: TAKEN)
+    "sensor", "insenv.sensors", _id, SENSORS, ("a key or attribute of a scenario", lambda: TAKEN)
 )
+
+
+def names() -> list[str]:
+    """The ids of all sensors beside the inertial unit; none of insenv's is imported."""
+    return _PLUGINS.names()
+
+
+def get(id: str) -> type[SensorSection]:
+    """The section of the sensor of that id.  Raises `InputError` with the nearest id."""
+    return _PLUGINS.get(id)
 
 
 def registered() -> dict[str, type[SensorSection]]:

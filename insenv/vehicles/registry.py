@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import get_args
 
 from insenv.errors import InputError
 from insenv.files.toml import shown
 from insenv.plugins import Plugins, check_section_name, overrides
+from insenv.shipped import VEHICLES
 from insenv.vehicles.section import VehicleSection
-
-
-def _shipped() -> Iterator[type[VehicleSection]]:
-    from insenv.vehicles.aircraft_section import AircraftSection
-    from insenv.vehicles.car_section import CarSection
-    from insenv.vehicles.multirotor_section import MultirotorSection
-    from insenv.vehicles.ship_section import ShipSection
-    from insenv.vehicles.turntable_section import TurntableSection
-
-    yield from (ShipSection, CarSection, AircraftSection, MultirotorSection, TurntableSection)
 
 
 def kind_of(section: type[VehicleSection]) -> str:
@@ -31,7 +21,17 @@ def kind_of(section: type[VehicleSection]) -> str:
     raise InputError(f'{shown(section)}: a kind of vehicle is a subclass of VehicleSection with kind: Literal["name"]')
 
 
-_PLUGINS: Plugins[type[VehicleSection]] = Plugins("kind of vehicle", "insenv.vehicles", kind_of, _shipped)
+_PLUGINS: Plugins[type[VehicleSection]] = Plugins("kind of vehicle", "insenv.vehicles", kind_of, VEHICLES)
+
+
+def names() -> list[str]:
+    """The names of all kinds of vehicle; none of insenv's is imported."""
+    return _PLUGINS.names()
+
+
+def get(kind: str) -> type[VehicleSection]:
+    """The section of a kind of vehicle.  Raises `InputError` with the nearest name."""
+    return _PLUGINS.get(kind)
 
 
 def registered() -> dict[str, type[VehicleSection]]:

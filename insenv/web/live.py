@@ -17,7 +17,7 @@ from insenv.core.progress import Progress
 from insenv.core.tables import Table, Vector
 from insenv.core.wasm import wasm, wasm_source
 from insenv.errors import InputError
-from insenv.estimators import Estimator, EstimatorsLike, get_all, registered
+from insenv.estimators import Estimator, EstimatorsLike, get_all, registry
 from insenv.evaluation.errors import CHANNELS
 from insenv.files.toml import validated
 from insenv.plant.feeding import recording_interval
@@ -145,7 +145,7 @@ def with_run(scenario: Scenario, plant: Plant, chosen: Sequence[Estimator], sett
     Estimators that are not registered are in no file.
     """
     values = scenario.model_dump(mode="json", exclude_unset=True)
-    known = registered()
+    known = registry.names()
     named = [estimator.id for estimator in chosen if estimator.id in known]
     values |= {"seed": plant.seed, "duration_s": plant.duration_s, "estimators": named}
     for id, table in (settings or {}).items():

@@ -10,8 +10,8 @@ import numpy as np
 
 from insenv import style
 from insenv.errors import InputError
+from insenv.files.json_text import finite, to_json
 from insenv.files.output import atomic, check_output_file
-from insenv.report.document import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.tables import table_of
 from insenv.sensors.grade_file import SUFFIX, toml_text

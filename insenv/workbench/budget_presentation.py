@@ -10,7 +10,7 @@ import numpy as np
 
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.evaluation.limits import ratio_bounds
-from insenv.report.document import finite, to_json
+from insenv.files.json_text import finite, to_json
 from insenv.report.files import FilesWritten, OutputFolder, no_matplotlib
 from insenv.report.tables import number, runs_of, since, table_of
 from insenv.style import save

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.campaigns.intervals import Estimate
+from insenv.files.json_text import finite, to_json
 from insenv.report import FilesWritten, OutputFolder
-from insenv.report.document import finite, to_json
 from insenv.report.files import no_matplotlib
 from insenv.report.notebook import require_matplotlib
 from insenv.report.tables import label, number, table_of

@@ -53,11 +53,12 @@ def ended(arguments, name, begun, **options):
 
 @pytest.fixture
 def slow_import(tmp_path):
-    """Environment of a process in which `import gymnasium`, which insenv imports first, never ends; the file that it makes."""
+    """Environment of a process in which `import typer`, which the command imports first, or `import gymnasium`, as a script does, never ends; the file that it makes."""
     begun = tmp_path / "begun"
     (tmp_path / "path").mkdir()
     code = f"import pathlib, time\npathlib.Path({str(begun)!r}).touch()\ntime.sleep(60)\n"
-    (tmp_path / "path" / "gymnasium.py").write_text(code)
+    for module in ("typer", "gymnasium"):
+        (tmp_path / "path" / f"{module}.py").write_text(code)
     return environment(PYTHONPATH=f"{tmp_path / 'path'}{os.pathsep}{ROOT}"), begun
 
 

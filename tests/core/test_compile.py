@@ -208,7 +208,7 @@ def test_other_equations_conditions_and_code_that_writes_are_other_entries(cache
 def test_all_code_that_writes_functions_as_c_names_the_entries():
     modules = {getattr(value, "__module__", None) for module in (codegen, functions) for value in vars(module).values()}
     own = {name.removeprefix("insenv.core.") for name in modules if name and name.startswith("insenv.core.")}
-    assert own == {*codegen.WRITERS, "model", "cache"}  # model: its result is in the fingerprint
+    assert own == {*codegen.WRITERS, "model", "traces", "cache"}  # model, traces: their result is in the fingerprint
 
 
 def test_two_processes_compiling_at_once_do_no_harm(cache):

@@ -28,7 +28,8 @@ def test_an_agent_is_bit_identical_to_the_estimator_of_a_run(id):
     env = gymnasium.make(SHIP, samples_per_step=250, duration_s=30.0)
     _, action, _ = episode(env, agents.make(id, env), seed=1, options={"run_seed": 6})
     q_nb = run(load("ship-swaying"), [id], seed=6, duration_s=30.0).results[0].outputs["q_nb"][-1]
-    assert np.array_equal(action[:4], q_nb / np.linalg.norm(q_nb))
+    # BLAS rounds a norm as its processor likes
+    np.testing.assert_allclose(action[:4], q_nb / np.linalg.norm(q_nb), rtol=1e-15)
 
 
 def test_a_navigating_agent_is_the_filter_of_a_run():

@@ -23,6 +23,7 @@ from insenv.plant import plant_model
 from insenv.plugins import Plugins
 from insenv.scenario import Scenario, build
 from insenv.sensors import registry as sensors
+from insenv.shipped import ESTIMATORS
 from insenv.vehicles import registry as vehicles
 
 PACKAGE = ROOT / "tests" / "outside" / "rail"
@@ -32,7 +33,7 @@ PACKAGE = ROOT / "tests" / "outside" / "rail"
 def only_here(monkeypatch):
     """What a test registers is forgotten after it."""
     for registry in (estimators, vehicles, sensors):
-        monkeypatch.setattr(registry._PLUGINS, "_known", dict(registry.registered()))
+        monkeypatch.setattr(registry._PLUGINS, "_added", dict(registry._PLUGINS._added))
 
 
 @pytest.fixture
@@ -277,7 +278,7 @@ def declared(tmp_path, monkeypatch):
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text("[insenv.test]\n" + "\n".join(lines))
         monkeypatch.syspath_prepend(tmp_path)
-        return Plugins("estimator", "insenv.test", estimators._id, lambda: [estimators.get("q-method")])
+        return Plugins("estimator", "insenv.test", estimators._id, {"q-method": ESTIMATORS["q-method"]})
 
     return declare
 

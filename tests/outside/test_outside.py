@@ -108,7 +108,7 @@ def test_an_estimator_object_needs_no_registration():
 def test_what_is_registered_is_known_by_its_name(monkeypatch):
     from insenv.estimators import registry
 
-    monkeypatch.setattr(registry._PLUGINS, "_known", dict(registered()))
+    monkeypatch.setattr(registry._PLUGINS, "_added", dict(registry._PLUGINS._added))
     own = insenv.Estimator(replace(registered()["analytic"].model, id="my-analytic"), kind="alignment")
     assert insenv.register(own) is own and insenv.register(own) is own
     assert insenv.run("static-ecef", "my-analytic", duration_s=2.0).results[0].estimator == "my-analytic"

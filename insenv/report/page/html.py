@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from insenv.errors import InsenvError
+from insenv.files.json_text import to_json
 from insenv.files.resources import web_folder
-from insenv.report.document import to_json
 
 LIMIT = 2_000_000
 """Bytes that a page may have."""

@@ -10,8 +10,8 @@ import numpy as np
 import insenv
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
+from insenv.files.json_text import to_json
 from insenv.report import tracks
-from insenv.report.document import to_json
 from insenv.report.outages import has_fixes, without_fixes
 from insenv.report.page.arrays import BYTES, Array, Pool, kept_records
 from insenv.report.page.html import assembled

@@ -1,0 +1,137 @@
+"""The identity of a model that is not traced: what its equations follow from.
+
+A model is made of functions, and functions of code and of the values that they hold.  For functions of insenv the code is
+known by a hash of all its sources, and what they hold is known by value.  Two models with the same identity therefore have the
+same equations.  A function from outside insenv may depend on anything, so that a model with one has no identity.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import sys
+from collections.abc import Iterator, Mapping, ValuesView
+from enum import Enum
+from pathlib import Path
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from insenv.core.cache import source_digest
+
+if TYPE_CHECKING:
+    from insenv.core.model import Model
+
+_PACKAGE = "insenv"
+_PLAIN = (str, bytes, int, float, complex, bool, type(None), type(Ellipsis), slice, range)
+
+
+class _UnknownError(Exception):
+    """Something whose effect on the equations is not known by its value."""
+
+
+def identity(model: Model) -> str | None:
+    """A hash that models with the same equations and tables share; None if it cannot be told without tracing them."""
+    digest = hashlib.sha256(_environment().encode())
+    try:
+        for part in _parts([getattr(model, field.name) for field in dataclasses.fields(model)], {}):
+            digest.update(part.encode())
+            digest.update(b"\0")
+    except _UnknownError:
+        return None
+    return digest.hexdigest()
+
+
+@functools.cache
+def _environment() -> str:
+    """What else decides the equations: the sources of insenv, and the versions of Python, NumPy and CasADi."""
+    folder = Path(__file__).parents[1]
+    sources = source_digest(folder.rglob("*.py"))
+    return "\0".join((sources, sys.version, np.__version__, ca.CasadiMeta.version()))
+
+
+def _parts(thing: Any, met: dict[int, int]) -> Iterator[str]:
+    """Texts that say what a thing is.  met: the things that hold it, by their address; a thing may hold itself."""
+    kind = type(thing)
+    if kind in _PLAIN:
+        yield f"{kind.__name__} {thing!r}"
+        return
+    if id(thing) in met:
+        yield f"again {met[id(thing)]}"
+        return
+    met = {**met, id(thing): len(met)}
+    if kind in (tuple, list):
+        yield f"{kind.__name__} {len(thing)}"
+        for item in thing:
+            yield from _parts(item, met)
+    elif isinstance(thing, Mapping):
+        yield f"mapping {len(thing)}"
+        for key, value in thing.items():
+            yield from _parts(key, met)
+            yield from _parts(value, met)
+    elif kind in (set, frozenset):
+        yield f"set {sorted(chr(0).join(_parts(item, met)) for item in thing)}"
+    elif isinstance(thing, (np.ndarray, np.generic)):
+        array = np.asarray(thing)
+        if array.dtype.hasobject:
+            raise _UnknownError
+        yield f"array {array.dtype.str} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()}"
+    elif isinstance(thing, functools.partial):
+        yield "partial"
+        yield from _parts((thing.func, thing.args, thing.keywords), met)
+    elif isinstance(thing, FunctionType):
+        yield from _of_function(thing, met)
+    elif isinstance(thing, MethodType):
+        yield "method"
+        yield from _parts((thing.__self__, thing.__func__), met)
+    elif isinstance(thing, (BuiltinFunctionType, ModuleType)):
+        yield f"builtin {getattr(thing, '__module__', '')} {thing.__name__}"
+    elif isinstance(thing, SimpleNamespace):
+        yield "namespace"
+        yield from _parts(vars(thing), met)
+    elif isinstance(thing, ValuesView):
+        yield from _parts(tuple(thing), met)
+    elif isinstance(thing, ca.Function):
+        yield f"equations {hashlib.sha256(thing.serialize().encode()).hexdigest()}"
+    else:
+        yield from _of_object(thing, met)
+
+
+def _of_function(function: FunctionType, met: dict[int, int]) -> Iterator[str]:
+    code = function.__code__
+    if not _is_ours(function.__module__):
+        raise _UnknownError
+    # two lambdas of one line have one name: their code tells them apart
+    yield f"function {function.__module__} {function.__qualname__} {code.co_firstlineno} {code.co_code.hex()} {code.co_names}"
+    try:
+        held = [cell.cell_contents for cell in function.__closure__ or ()]
+    except ValueError:  # a cell without a value
+        raise _UnknownError from None
+    constants = [value for value in code.co_consts if type(value) in _PLAIN]
+    yield from _parts((constants, code.co_freevars, held, function.__defaults__, function.__kwdefaults__), met)
+    if wrapped := getattr(function, "__wrapped__", None):
+        yield from _parts(wrapped, met)
+
+
+def _of_object(thing: Any, met: dict[int, int]) -> Iterator[str]:
+    kind = thing if isinstance(thing, type) else type(thing)
+    if not _is_ours(kind.__module__):
+        raise _UnknownError
+    yield f"{kind.__module__} {kind.__qualname__}"
+    if isinstance(thing, type):
+        return
+    if isinstance(thing, Enum):
+        yield thing.name
+    elif dataclasses.is_dataclass(thing):
+        yield from _parts([getattr(thing, field.name) for field in dataclasses.fields(thing)], met)
+    elif hasattr(thing, "model_dump"):  # a section of a file
+        yield from _parts(thing.model_dump(), met)
+    else:
+        raise _UnknownError
+
+
+def _is_ours(module: str) -> bool:
+    return module == _PACKAGE or module.startswith(f"{_PACKAGE}.")

@@ -1,0 +1,129 @@
+"""Traced equations kept in the cache folder: to read them takes a tenth of the time that tracing takes.
+
+A file holds the kernels of one model, named by the model's identity: a first line of JSON, then each kernel as CasADi writes
+it, compressed.  A file that is damaged, or that another user could have written, is not read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from insenv.core.cache import is_private, usable_folder
+
+Spans = tuple[slice, ...]
+FOLDER = "equations"
+MOST_FILES = 400
+"""Files kept; of more, those written first are removed.  insenv has some fifty models, and a changed source makes new ones."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One function of a model in the form in which it is compiled.
+
+    function: a `casadi.Function` of flat columns; its single result holds only the rows that it sets.
+    spans: the slices of the state (or output) vector to which the pieces of the result belong, in order.
+    """
+
+    function: Any
+    spans: Spans
+
+    @cached_property
+    def text(self) -> str:
+        """The function as CasADi writes it."""
+        return str(self.function.serialize())
+
+
+@dataclass(frozen=True, eq=False)
+class Traced(Mapping[str, Kernel]):
+    """The kernels of a model by name; those from the cache are read when they are asked for.
+
+    fingerprint: hash of the tables and equations.  spans: of each kernel.
+    """
+
+    fingerprint: str
+    spans: Mapping[str, Spans]
+    _kernels: dict[str, Kernel]
+    _texts: Mapping[str, bytes]
+
+    def __getitem__(self, name: str) -> Kernel:
+        if name not in self._kernels:
+            import casadi as ca
+
+            text = zlib.decompress(self._texts[name]).decode()
+            self._kernels[name] = Kernel(ca.Function.deserialize(text), self.spans[name])
+        return self._kernels[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.spans)
+
+    def __len__(self) -> int:
+        return len(self.spans)
+
+
+def traced(kernels: Mapping[str, Kernel], tables: str) -> Traced:
+    """Kernels that were just traced.  tables: a text of the model's tables, for the fingerprint."""
+    text = "".join(f"{name}{kernel.spans}{kernel.text}" for name, kernel in kernels.items())
+    fingerprint = hashlib.sha256(f"{tables}{text}".encode()).hexdigest()
+    return Traced(fingerprint, {name: kernel.spans for name, kernel in kernels.items()}, dict(kernels), {})
+
+
+def read(identity: str) -> Traced | None:
+    """The kernels of the model with this identity; None if they are not kept."""
+    path = _path(identity)
+    if path is None:
+        return None
+    try:
+        if not is_private(path):
+            return None
+        head, _, body = path.read_bytes().partition(b"\n")
+        known = json.loads(head)
+        if hashlib.sha256(body).hexdigest() != known["sha256"]:
+            return None
+        spans, texts, done = {}, {}, 0
+        for name, pieces, length in known["kernels"]:
+            spans[name] = tuple(slice(start, stop) for start, stop in pieces)
+            texts[name] = body[done : done + length]
+            done += length
+        return Traced(known["fingerprint"], spans, {}, texts)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def keep(identity: str, found: Traced) -> None:
+    """Keep the kernels of a model, if there is a folder that they can be kept in."""
+    path = _path(identity)
+    if path is None:
+        return
+    texts = {name: zlib.compress(found[name].text.encode(), 1) for name in found}
+    body = b"".join(texts.values())
+    kernels = [(name, [(span.start, span.stop) for span in found.spans[name]], len(texts[name])) for name in texts]
+    head = {"fingerprint": found.fingerprint, "sha256": hashlib.sha256(body).hexdigest(), "kernels": kernels}
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix="new-", delete=False) as file:
+            file.write(json.dumps(head).encode() + b"\n" + body)
+        os.replace(file.name, path)
+        _limit(path.parent)
+
+
+def _path(identity: str) -> Path | None:
+    folder = usable_folder()
+    return None if folder is None else folder / FOLDER / identity[:32]
+
+
+def _limit(folder: Path) -> None:
+    """Remove the oldest files beyond `MOST_FILES`."""
+    files = sorted((entry.stat().st_mtime, entry.path) for entry in os.scandir(folder))
+    for _, path in files[:-MOST_FILES]:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
