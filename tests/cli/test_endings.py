@@ -53,7 +53,7 @@ def ended(arguments, name, begun, **options):
 
 @pytest.fixture
 def slow_import(tmp_path):
-    """Environment of a process in which `import typer`, which the command imports first, or `import gymnasium`, as a script does, never ends; the file that it makes."""
+    """Environment of a process in which the first import of the command or of a script never ends; the file that it makes."""
     begun = tmp_path / "begun"
     (tmp_path / "path").mkdir()
     code = f"import pathlib, time\npathlib.Path({str(begun)!r}).touch()\ntime.sleep(60)\n"
