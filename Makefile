@@ -6,15 +6,18 @@ PYTEST_ARGS ?=
 
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
+# modules are compiled when they are first imported: an installation takes half the time
+INSTALL := $(PIP) install --quiet --no-compile
 VENV := .venv/.stamp-venv
 PLOT := .venv/.stamp-plot
 TEST := .venv/.stamp-test
+ALL := .venv/.stamp-test-all
 BENCH := .venv/.stamp-bench
 DOCS := .venv/.stamp-docs
 MAVPROXY_TOOLS := MAVProxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0 lxml==6.1.3
 MAVPROXY := .venv/.stamp-mavproxy-1.8.75
 
-.PHONY: help demo layout test test-slow test-web test-mavlink test-fmu test-rl check format consistency mutants bench docs clean
+.PHONY: help demo layout test test-all check format consistency mutants bench docs clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' Makefile
@@ -23,30 +26,14 @@ demo: $(PLOT) ## align a swaying ship: print a table, and write a figure to demo
 	$(BIN)/insenv run ship-swaying -e q-method --out demo
 
 # mypy uses one core and runs at the same time as the tests
-test: layout ## set up .venv and run all checks: ruff, mypy, import-linter, pytest
+test: layout ## set up .venv and run the checks of a change: ruff, mypy, import-linter, pytest (minutes)
 	@$(BIN)/mypy > .venv/mypy.txt 2>&1 & types=$$!; \
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(PYTEST_ARGS); result=$$?; \
 	wait $$types || { cat .venv/mypy.txt; exit 1; }; exit $$result
 
-test-slow: $(TEST) ## tests that take long: statistics over many runs, each estimator in the plant's loop, each environment
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m slow $(PYTEST_ARGS)
-
-test-web: $(TEST) ## pages in headless Chromium (Debian: chromium, chromium-driver), and WebAssembly of all models (minutes)
-	@$(PIP) install --quiet -e '.[test,plot,web]'
-	INSENV_TEST_WEB=1 $(BIN)/python -m pytest tests/web $(PYTEST_ARGS)
-
-test-mavlink: $(TEST) $(MAVPROXY) ## long tests of MAVLink: MAVProxy in its own environment, long streams
-	INSENV_TEST_MAVLINK=1 INSENV_MAVPROXY=.venv/mavproxy/bin/python \
-	  $(BIN)/python -m pytest tests/mavlink/test_heavy.py tests/mavlink/test_link.py $(PYTEST_ARGS)
-
-test-fmu: $(TEST) ## long tests of FMUs: all models, 60,000 steps, all platforms (minutes)
-	@$(PIP) install --quiet -e '.[test,plot,native]' || echo "ziglang cannot be installed here: only the platform of this machine is tested" >&2
-	INSENV_TEST_FMU=1 $(BIN)/python -m pytest -n 2 --dist worksteal tests/fmu $(PYTEST_ARGS)
-
-test-rl: $(TEST) ## train the tuner of docs/tuning-and-manoeuvre.md and test it on held-out seeds (minutes)
-	@$(PIP) install --quiet 'torch==2.13.0+cpu' 2>/dev/null || echo "no CPU-only wheel of torch here: installing the one with CUDA" >&2
-	@$(PIP) install --quiet -e '.[test,plot,rl]'
-	INSENV_TEST_RL=1 $(BIN)/python -m pytest tests/envs/test_rl.py $(PYTEST_ARGS)
+# TARGETS='fmu web' runs some of its targets, AGAIN=1 those that did not pass before; as root it installs the peers of Debian
+test-all: $(ALL) $(MAVPROXY) ## run everything: slow tests, FMUs, streams, pages, learning, site, mutants; one table at the end (an hour)
+	$(BIN)/python tools/test_all.py $(if $(AGAIN),--again) $(TARGETS)
 
 check: layout ## the static checks
 	$(BIN)/mypy
@@ -76,7 +63,7 @@ docs: $(DOCS) ## build the documentation site in build/docs/html, and open its p
 	INSENV_SITE=build/docs/html $(BIN)/python -m pytest --noconftest tests/project/test_site.py $(PYTEST_ARGS)
 
 clean: ## remove all generated files, including .venv
-	rm -rf .venv demo build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .test-all demo build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find insenv tests examples -name __pycache__ -type d -prune -exec rm -rf {} + 2>/dev/null || true
 
 # Each stamp marks a completed installation; a change of pyproject.toml repeats it.
@@ -90,23 +77,30 @@ $(VENV):
 
 $(PLOT): pyproject.toml $(VENV)
 	@echo "installing insenv into .venv (once; a few minutes)"
-	@$(PIP) install --quiet -e '.[plot]'
+	@$(INSTALL) -e '.[plot]'
 	@touch $@
 
 $(TEST): pyproject.toml $(VENV)
 	@echo "installing insenv and its checks into .venv (once; a few minutes)"
-	@$(PIP) install --quiet -e '.[test,plot]'
+	@$(INSTALL) -e '.[test,plot]'
+	@touch $@
+
+$(ALL): pyproject.toml $(TEST)
+	@echo "installing all that tests run beside insenv into .venv (once; some minutes)"
+	@$(INSTALL) 'torch==2.13.0+cpu' 2>/dev/null || $(INSTALL) 'torch==2.13.0' 2>/dev/null || true
+	@$(INSTALL) -e '.[test,test-all,plot,native,web,ml,cluster,rl,workbench,serial,view,docs]'
+	@$(INSTALL) -e '.[bench]' || echo "pyins (python-ins) cannot be installed here: benchmarks without a peer" >&2
 	@touch $@
 
 $(BENCH): pyproject.toml $(VENV)
 	@echo "installing insenv and the peer of its benchmarks into .venv (once; a few minutes)"
-	@$(PIP) install --quiet -e '.[plot,bench]' || { \
-	  echo "pyins (python-ins) cannot be installed here: benchmarks without a peer" >&2; $(PIP) install --quiet -e '.[plot]'; }
+	@$(INSTALL) -e '.[plot,bench]' || { \
+	  echo "pyins (python-ins) cannot be installed here: benchmarks without a peer" >&2; $(INSTALL) -e '.[plot]'; }
 	@touch $@
 
 $(DOCS): pyproject.toml $(VENV)
 	@echo "installing insenv and what its documentation needs into .venv (once; a few minutes)"
-	@$(PIP) install --quiet -e '.[docs]'
+	@$(INSTALL) -e '.[docs]'
 	@touch $@
 
 # MAVProxy without the packages that only its windows need: a third of the size; numpy is the newest for this Python

@@ -10,6 +10,8 @@ import casadi as ca
 import pytest
 from hypothesis import settings
 
+from insenv.core.cache import usable_folder
+from insenv.core.compile import LIBRARY
 from insenv.core.elementary import normal_pair, sin_cos
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.tables import Row, Table
@@ -24,6 +26,25 @@ os.environ.setdefault("INSENV_OPTIMIZATION", "0")
 # the same examples on every machine: a run that passes here passes there
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+
+
+COMPILED = pytest.StashKey[set[str]]()
+
+
+def cached_models() -> set[str]:
+    """The entries of the cache of compiled models."""
+    folder = usable_folder()
+    return set() if folder is None else {path.name for path in folder.iterdir() if (path / LIBRARY).exists()}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[COMPILED] = cached_models()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    found = cached_models()
+    new = len(found - config.stash[COMPILED])
+    terminalreporter.write_line(f"{new} models compiled, {len(found)} in the cache")
 
 
 def pytest_collection_finish() -> None:
