@@ -86,12 +86,13 @@ from insenv.registration import register as _register_environments  # noqa: E402
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from insenv import testing
     from insenv.campaigns import campaign
     from insenv.campaigns.comparison import Comparison
     from insenv.campaigns.summary import Summary
     from insenv.core.model import Model, Step
     from insenv.core.tables import Row, Table
-    from insenv.envs import agents, testing
+    from insenv.envs import agents
     from insenv.errors import InputError, InsenvError
     from insenv.estimators import Estimator, Knowledge
     from insenv.estimators.fusion import fusion
@@ -156,7 +157,8 @@ _HOMES = {
     "insenv.campaigns.summary": ("Summary",),
     "insenv.core.model": ("Model", "Step"),
     "insenv.core.tables": ("Row", "Table"),
-    "insenv.envs": ("agents", "testing"),
+    "insenv": ("testing",),
+    "insenv.envs": ("agents",),
     "insenv.errors": ("InputError", "InsenvError"),
     "insenv.estimators": ("Estimator", "Knowledge"),
     "insenv.estimators.fusion": ("fusion",),
@@ -187,7 +189,7 @@ if not TYPE_CHECKING:  # a type checker reads the imports above
 
         if name in _HOME:
             home = import_module(_HOME[name])
-            found = getattr(home, name) if hasattr(home, name) else import_module(f"{_HOME[name]}.{name}")
+            found = vars(home)[name] if name in vars(home) else import_module(f"{_HOME[name]}.{name}")
             globals()[name] = found
             return found
         if not name.startswith("_") and find_spec(f"{__name__}.{name}") is not None:

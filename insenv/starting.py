@@ -5,6 +5,7 @@ Python would print a traceback from wherever the import stands.  This module is 
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -54,6 +55,7 @@ def prepare() -> None:
     """
     if not is_command(sys.argv, sys.orig_argv):
         return
+    gc.set_threshold(50_000)  # some hundred modules are loaded, which all stay: to search them for garbage takes time
     for number in SIGNALS:
         if signal.getsignal(number) in (signal.default_int_handler, signal.SIG_DFL):
             signal.signal(number, end)

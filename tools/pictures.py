@@ -22,7 +22,7 @@ else:
 ROOT = Path(__file__).resolve().parents[1]
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 GROUPS = {
-    "commands and studies": ("#3b6fb5", "cli bench reproduce learning campaigns workbench runs web export report"),
+    "commands and studies": ("#3b6fb5", "cli bench reproduce learning testing campaigns workbench runs web export report"),
     "interfaces": ("#8a5bb0", "mavlink fmu envs"),
     "files that describe": ("#b8762a", "scenario logs extending tracks"),
     "joining and judging": ("#2a8f7a", "evaluation plant"),

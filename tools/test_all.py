@@ -23,6 +23,7 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / ".test-all"
+SITE = "build/docs/html"
 BIN = Path(sys.executable).parent
 PYTHON = sys.executable
 SIDE_BY_SIDE = ("-n", "2", "--dist", "worksteal")
@@ -147,8 +148,7 @@ def environment() -> dict[str, str]:
     """What the tests of all targets see."""
     mavproxy = ROOT / ".venv" / "mavproxy" / "bin" / "python"
     peers = {"INSENV_MAVPROXY": str(mavproxy)} if mavproxy.exists() else {}
-    site = {"INSENV_SITE": "build/docs/html"}
-    return {**os.environ, "INSENV_TEST_ALL": "1", **peers, **site}
+    return {**os.environ, "INSENV_TEST_ALL": "1", "INSENV_SITE": SITE, **peers}
 
 
 def done(target: Target) -> Outcome:

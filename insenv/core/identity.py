@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 
 from insenv.core.cache import source_digest
+from insenv.core.tables import Row
 
 if TYPE_CHECKING:
     from insenv.core.model import Model
@@ -58,6 +59,9 @@ def _parts(thing: Any, met: dict[int, int]) -> Iterator[str]:
     kind = type(thing)
     if kind in _PLAIN:
         yield f"{kind.__name__} {thing!r}"
+        return
+    if kind is Row and type(thing.start) in (int, float):  # there are hundreds of them
+        yield repr(thing)
         return
     if id(thing) in met:
         yield f"again {met[id(thing)]}"

@@ -1,4 +1,4 @@
-"""Every interface gives the numbers of the interpreter to the bit, on one table of short runs that run every step of every model.
+"""Every interface gives the numbers of the interpreter to the bit, on one table of short runs with every step of every model.
 
 The interfaces: native code at each level of optimisation, batch, FMU of FMI 2 and 3, WebAssembly of pages, campaign and
 environment.  `make test` takes the first run of the table, on which every estimator runs, natively; `make test-all` the rest.

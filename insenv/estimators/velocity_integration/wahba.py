@@ -88,7 +88,7 @@ STATE = (
         Row("stretch_C_ib", "Integral of the attitude since the start over it", "s", (3, 3), "i"),
         Row("stretch_angle", "Sum of the delta angles in it", "rad", (3,), "b"),
         Row("covariance_due", "1 when the covariance is to be propagated", "1"),
-        Row("covariance", "Of the errors: upper triangle", "", (symmetric.triangle_size(N),)),
+        Row("covariance", "Of the errors: upper triangle", "SI", (symmetric.triangle_size(N),)),
         Row("epoch", "Time of the last measurement", "s"),
         Row("pull", "Integral of the Earth's part of beta", "m/s", (3,), "i0"),
         Row("pull_rate", "Its rate at the last measurement", "m/s^2", (3,), "i0"),

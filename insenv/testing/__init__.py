@@ -1,0 +1,51 @@
+"""The conformance suite: what insenv promises of every estimator, sensor, vehicle and environment, as checks.
+
+    insenv.testing.check_estimator("q-method")
+    insenv.testing.check_sensor(CompassSection, noise_deg=0.5)
+    insenv.testing.check_vehicle(TrolleySection, amplitude_m=1.0)
+    insenv.testing.check_id("my/Env-v0")
+
+A check that fails raises `AssertionError`, which names the thing and the promise.  insenv runs them on all that it ships; a
+package that adds one of its own runs them on that (docs/write-your-own.md).
+"""
+
+from insenv.envs.testing import (
+    assert_same,
+    check,
+    check_contract,
+    check_deterministic,
+    check_disabled_autoreset,
+    check_id,
+    check_pickling,
+    check_rows,
+    check_snapshot,
+    check_spec,
+    episodes,
+    row_of,
+)
+from insenv.testing.estimators import check_estimator
+from insenv.testing.models import check_backends, check_inputs, check_snapshots, check_tables
+from insenv.testing.sections import check_keys, check_sensor, check_vehicle
+
+__all__ = [
+    "assert_same",
+    "check",
+    "check_backends",
+    "check_contract",
+    "check_deterministic",
+    "check_disabled_autoreset",
+    "check_estimator",
+    "check_id",
+    "check_inputs",
+    "check_keys",
+    "check_pickling",
+    "check_rows",
+    "check_sensor",
+    "check_snapshot",
+    "check_snapshots",
+    "check_spec",
+    "check_tables",
+    "check_vehicle",
+    "episodes",
+    "row_of",
+]

@@ -1,0 +1,123 @@
+"""What insenv promises of every sensor and every kind of vehicle: its section of a scenario, its equations, its truth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.files.toml import Section
+from insenv.instruments import TOLD
+from insenv.runs.simulated import run
+from insenv.scenario import Plant, build, load
+from insenv.sensors import SensorSection
+from insenv.testing.models import check_backends, check_snapshots, check_tables
+from insenv.vehicles import VehicleSection
+
+DRIFT = {"deg": 1e-5, "mps": 1e-4, "m": 1e-3}
+"""Largest error of navigation with a perfect unit and a perfect start over 10 s: the truth agrees with its own samples."""
+_PLACE = {"title": "Conformance", "rate_hz": 100, "start": {"latitude_deg": 50, "longitude_deg": 8, "heading_deg": 30}}
+_CAR = {"kind": "car", "legs": [{"wait_s": 1}, {"accelerate_to_mps": 5}, {"turn_deg": 90, "radius_m": 10}]}
+
+
+def check_keys(section: type[Section], **values: Any) -> None:
+    """Check that each key of a section has a meaning and a unit, and that wrong values are refused by the name of the key.
+
+    values: a section that is right.
+    """
+    this = section.__name__
+    _made(section, values)
+    _refused(section, {**values, "no_such_key": 1.0}, "no_such_key")
+    for name, field in section.model_fields.items():
+        extra = field.json_schema_extra
+        assert (field.description or "").strip(), f"{this}.{name} has no meaning"
+        assert isinstance(extra, dict) and isinstance(extra.get("unit"), str), f"{this}.{name} has no unit: declare it by key()"
+        for bound in field.metadata:
+            if isinstance(bound, (Gt, Ge)):
+                limit: Any = bound.gt if isinstance(bound, Gt) else bound.ge
+                _refused(section, {**values, name: limit - 1}, name)
+            elif isinstance(bound, (Lt, Le)):
+                limit = bound.lt if isinstance(bound, Lt) else bound.le
+                _refused(section, {**values, name: limit * 2 + 1}, name)
+        _refused(section, {**values, name: object()}, name)
+
+
+def _made(section: type[Section], values: dict[str, Any]) -> Section:
+    try:
+        return section(**values)
+    except InputError as error:
+        raise AssertionError(f"{section.__name__}: {values} is refused: {error}") from None
+
+
+def _refused(section: type[Section], values: dict[str, Any], name: str) -> None:
+    try:
+        section(**values)
+    except InputError as error:
+        assert name in str(error), f"{section.__name__}: the message about {name} = {values[name]!r} does not name it: {error}"
+    else:
+        raise AssertionError(f"{section.__name__}: {name} = {values[name]!r} is not refused")
+
+
+def check_sensor(section: type[SensorSection], *, compiled: bool = True, **values: Any) -> None:
+    """Check a registered sensor: its keys, what it tells estimators, its outputs on a driving car, its bits on every backend.
+
+    values: its keys in a scenario.  compiled: whether native code and batches are compared.  Raises `AssertionError`.
+    """
+    sensor = section.sensor
+    this = f"sensor {sensor.id!r}"
+    check_keys(section, **values)
+    scenario = {**_PLACE, "duration_s": 4, "vehicle": _CAR, "imu": {"grade": "tactical"}, sensor.id: values}
+    plants = [build(load(scenario), seed=seed) for seed in (1, 1, 2)]
+    for name in sensor.outputs:
+        assert name in plants[0].model.outputs, f"{this}: its output {name!r} is no output of the plant"
+    table = plants[0].model.parameters
+    if sensor.told is not None:
+        unknown = set(sensor.told(table.unpack(table.pack(plants[0].parameters)))) - set(TOLD.names)
+        assert not unknown, f"{this} tells estimators {sorted(unknown)}, which are no rows of insenv.instruments.TOLD"
+    runs = [make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples) for plant in plants]
+    shown = [plant.model.outputs.unpack(found) for plant, found in zip(plants, runs, strict=True)]
+    assert runs[0].tobytes() == runs[1].tobytes(), f"{this}: a seed gives two different runs"
+    for name in sensor.outputs:
+        assert np.isfinite(shown[0][name]).all(), f"{this}: output {name!r} is not finite"
+    varied = any(not np.array_equal(shown[0][name], shown[2][name]) for name in sensor.outputs)
+    assert varied or not sensor.errors, f"{this} declares errors, but seeds 1 and 2 measure the same"
+    _check_plant(plants[0], compiled)
+
+
+def check_vehicle(section: type[VehicleSection], *, compiled: bool = True, **values: Any) -> None:
+    """Check a registered kind of vehicle: its keys, its equations on every backend, and that its truth agrees with its samples.
+
+    The last is free-inertial navigation by an estimator with a perfect unit from the true start, over 10 s.  values: its keys
+    in a scenario.  compiled: whether native code and batches are compared.  Raises `AssertionError`.
+    """
+    kind = str(values.get("kind"))
+    this = f"vehicle kind {kind!r}"
+    check_keys(section, **values)
+    scenario = {
+        **_PLACE,
+        "duration_s": 10,
+        "vehicle": values,
+        "imu": {"grade": "perfect"},
+        "knowledge": {"draw_errors": False},
+    }
+    if _made(section, values).start_values() is not None:  # type: ignore[attr-defined]
+        del scenario["start"]
+    plant = build(load(scenario), driven=True)
+    assert isinstance(plant.in_place, bool), f"{this}: in_place = {plant.in_place!r}"
+    result = run(load(scenario), "wander-sins").results[0]
+    for channel, errors in result.errors.items():
+        worst, allowed = float(np.max(np.abs(errors))), DRIFT[channel.rpartition("_")[2]]
+        assert worst <= allowed, f"{this}: with a perfect unit {channel} is {worst:.3g} off after 10 s: allowed {allowed:g}"
+    _check_plant(plant, compiled)
+
+
+def _check_plant(plant: Plant, compiled: bool) -> None:
+    check_tables(plant.model)
+    parameters = plant.model.parameters.pack(plant.parameters)
+    inputs = np.tile(plant.model.inputs.start_vector(), (100, 1))
+    check_snapshots(plant.model, parameters, inputs)
+    if compiled:
+        check_backends(plant.model, parameters, inputs)

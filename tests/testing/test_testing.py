@@ -1,0 +1,81 @@
+"""The conformance suite holds for all that insenv ships, and finds what breaks a promise."""
+
+from dataclasses import replace
+
+import casadi as ca
+import pytest
+from places import ROOT
+
+import insenv
+from insenv import testing
+from insenv.core.tables import Row, Table
+from insenv.estimators import get
+from insenv.files.toml import Number, Section, key
+from insenv.sensors import registry as sensors
+from insenv.shipped import ESTIMATORS, SENSORS
+from insenv.vehicles import registry as vehicles
+
+PAGES = ROOT / "docs" / "estimators"
+SENSED = {"gnss": {"grade": "spp", "interval_s": 1.0}}
+DRIVEN = {
+    "ship": {},
+    "car": {"legs": [{"wait_s": 1}, {"accelerate_to_mps": 5}, {"turn_deg": 90, "radius_m": 10}]},
+    "aircraft": {"legs": [{"fly_s": 3}]},
+    "multirotor": {},
+    "turntable": {},
+}
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("id", ESTIMATORS)
+def test_every_estimator(id, compiled):
+    testing.check_estimator(id, pages=PAGES, compiled=compiled)
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("id", SENSORS)
+def test_every_sensor(id, compiled):
+    testing.check_sensor(sensors.get(id), compiled=compiled, **SENSED.get(id, {}))
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", DRIVEN)
+def test_every_vehicle(kind, compiled):
+    testing.check_vehicle(vehicles.get(kind), kind=kind, compiled=compiled, **DRIVEN[kind])
+
+
+MODEL = get("analytic").model
+
+
+@pytest.mark.parametrize(
+    ("changes", "promise"),
+    [
+        ({"parameters": MODEL.parameters + Table((Row("gain", "Gain."),))}, "row 'gain': meaning = 'Gain.'"),
+        ({"parameters": MODEL.parameters + Table((Row("gain", "Gain", "furlong"),))}, "row 'gain': unit = 'furlong'"),
+        ({"parameters": MODEL.parameters + Table((Row("arm_b", "Arm", "m", (3,), "n"),))}, "row 'arm_b': frame = 'n'"),
+        ({"parameters": MODEL.parameters + Table((Row("gain", "Gain", lower=1.0),))}, "row 'gain': start = 0.0"),
+        ({"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.SX([2, 0, 0, 0])}}, "q_nb is not of unit norm"),
+        (
+            {"output": lambda p, x: {**MODEL.output(p, x), "q_nb": ca.sqrt(-(x.first[2] ** 2)) * ca.SX.ones(4)}},
+            "finite",
+        ),
+    ],
+)
+def test_an_estimator_that_breaks_a_promise_is_found(changes, promise):
+    broken = insenv.Estimator(replace(MODEL, id="broken", **changes), kind="alignment")
+    with pytest.raises(AssertionError, match=promise.replace(".", r"\.")):
+        testing.check_estimator(broken, "static-ecef", compiled=False)
+
+
+class Keyed(Section):
+    """Keys."""
+
+    rate: Number = key(1.0, "rate", "Hz", gt=0)
+    bare: float = 1.0
+
+
+def test_a_section_without_meanings_is_found():
+    with pytest.raises(AssertionError, match=r"Keyed\.bare has no meaning"):
+        testing.check_keys(Keyed)
+    with pytest.raises(AssertionError, match="rate"):
+        testing.check_keys(Keyed, rate=-1.0)
