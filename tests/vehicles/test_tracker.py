@@ -33,3 +33,9 @@ def test_the_integral_of_a_pulse_is_exact() -> None:
         total += tracker.integral(x, 0.01)
         vars(x).update(tracker.along(x, 0.01))
     assert total == pytest.approx(1.5, abs=1e-12)
+
+
+def test_the_integral_within_a_sample_is_that_of_the_quantity() -> None:
+    tracker, x, t, step = Tracker(("s", "v", "a"), "rate", "rad/s"), SimpleNamespace(s=0.7, v=-1.3, a=2.9), 0.4, 1e-4
+    difference = (tracker.integral(x, t + step) - tracker.integral(x, t - step)) / (2 * step)
+    assert tracker.integral(x, 0.0) == 0.0 and difference == pytest.approx(tracker.along(x, t)["s"], abs=1e-7)
