@@ -1,7 +1,5 @@
-"""What an author of an estimator, a vehicle or a sensor is told about a mistake."""
+"""What an author of an estimator, a vehicle or a sensor is told about a mistake, and what a broken package spoils."""
 
-import importlib
-import json
 import os
 import re
 import subprocess
@@ -12,6 +10,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 import pytest
+from command_line import strict
 from places import ROOT
 
 import insenv
@@ -26,21 +25,7 @@ from insenv.sensors import registry as sensors
 from insenv.shipped import ESTIMATORS
 from insenv.vehicles import registry as vehicles
 
-PACKAGE = ROOT / "tests" / "outside" / "rail"
-
-
-@pytest.fixture(autouse=True)
-def only_here(monkeypatch):
-    """What a test registers is forgotten after it."""
-    for registry in (estimators, vehicles, sensors):
-        monkeypatch.setattr(registry._PLUGINS, "_added", dict(registry._PLUGINS._added))
-
-
-@pytest.fixture
-def rail(monkeypatch):
-    """The modules of the outside package."""
-    monkeypatch.syspath_prepend(PACKAGE)
-    return {name: importlib.import_module(f"insenv_rail.{name}") for name in ("ahrs", "trolley", "compass")}
+START = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}}
 
 
 def said(message):
@@ -50,27 +35,17 @@ def said(message):
 # --- estimators --------------------------------------------------------------------------------------
 
 
-def misspelt(p, x, u):
-    return {"q_nb": x.q_nb + u.delta_velo[0]}
-
-
 @pytest.mark.parametrize(
     ("function", "message"),
     [
-        (misspelt, "no row named 'delta_velo'; did you mean 'delta_velocity'?"),
+        (lambda p, x, u: {"q_nb": x.q_nb + u.delta_velo[0]}, "no row named 'delta_velo'; did you mean 'delta_velocity'?"),
         (lambda p, x, u: {"qnb": x.q_nb}, "no row named 'qnb'; did you mean 'q_nb'?"),
         (lambda p, x, u: {"q_nb": x.q_nb[:3]}, "row 'q_nb' has the shape 3 x 1: allowed is (4,)"),
         (lambda p, x, u: {"q_nb": "x"}, "row 'q_nb' is of type str: allowed is a CasADi expression or a number"),
         (lambda p, x, u: None, "the result is of type NoneType: allowed is a dict of values by row name"),
-        (
-            lambda p, x, u: {"q_nb": x.q_nb if u.dt > 0 else -x.q_nb},
-            "a CasADi symbol has no truth value: allowed is casadi.if_else",
-        ),
+        (lambda p, x, u: {"q_nb": x.q_nb if u.dt > 0 else -x.q_nb}, "a CasADi symbol has no truth value"),
         (lambda p, x, u: {"q_nb": np.eye(4).foo}, "AttributeError: 'numpy.ndarray' object has no attribute 'foo'"),
-        (
-            lambda p, x, u: {"q_nb": x.q_nb + ca.SX.zeros(3)},
-            "RuntimeError: Dimension mismatch for (x+y), x is 4x1, while y is 3x1",
-        ),
+        (lambda p, x, u: {"q_nb": x.q_nb + ca.SX.zeros(3)}, "RuntimeError: Dimension mismatch"),
         (lambda p, x, u: {"q_nb": x.q_nb * float("inf")}, "row 'q_nb' contains a constant that is not finite"),
         (lambda p, x, u: {"q_nb": x.q_nb / 0}, "row 'q_nb' contains a constant that is not finite"),
     ],
@@ -92,7 +67,7 @@ def test_a_fault_of_a_step_names_estimator_and_step(rail, function, message):
         ({"start": lambda p: None}, "model 'ahrs', start: the result is of type NoneType"),
         ({"start": lambda p: {"q": 1}}, "model 'ahrs', start: no row named 'q'"),
         ({"steps": {"sample": lambda p, x, u: {}}}, "model 'ahrs', step 'sample': function: allowed is a Step"),
-        ({"steps": [Step(misspelt)]}, "model 'ahrs': steps is of type list: allowed is a dict of Step by name"),
+        ({"steps": [Step(lambda p, x, u: {})]}, "model 'ahrs': steps is of type list"),
         ({"state": ()}, "model 'ahrs': state is of type tuple: allowed is a Table"),
         ({"id": ""}, "estimator id = '': allowed are letters, digits"),
         ({"id": "My Est/..!"}, "estimator id = 'My Est/..!': allowed are letters, digits"),
@@ -110,47 +85,40 @@ def test_a_fault_of_a_model_is_named(rail, changes, message):
         ({"sensors": "gnss"}, "estimator 'ahrs': sensors = 'gnss': allowed is a tuple of sensor ids, such as ('gnss',)"),
         ({"sensors": 3}, "estimator 'ahrs': sensors = 3: allowed is a tuple"),
         ({"model": "x"}, "Estimator: model = 'x': allowed is an insenv.Model"),
+        ({"kind": "filter"}, "kind = 'filter': allowed is 'alignment' or 'navigation'"),
+        ({"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
+        ({"prepare": lambda known: [1]}, "estimator 'ahrs', prepare: the result is of type list"),
+        ({"prepare": lambda known: {"lattitude": 1}}, "'ahrs', prepare: no row named 'lattitude'; did you mean 'latitude'?"),
+        ({"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError: division by zero"),
     ],
 )
 def test_a_fault_of_an_estimator_is_named(rail, changes, message):
     with said(message):
-        replace(rail["ahrs"].ESTIMATOR, **changes)
+        insenv.run("ship-swaying", replace(rail["ahrs"].ESTIMATOR, **changes), duration_s=1.0)
 
 
-@pytest.mark.parametrize(
-    ("prepare", "message"),
-    [
-        (lambda known: [1], "estimator 'ahrs', prepare: the result is of type list"),
-        (lambda known: {"lattitude": 1}, "estimator 'ahrs', prepare: no row named 'lattitude'; did you mean 'latitude'?"),
-        (lambda known: 1 / 0, "estimator 'ahrs', prepare: ZeroDivisionError: division by zero"),
-    ],
-)
-def test_a_fault_of_prepare_is_named(rail, prepare, message):
-    with said(message):
-        insenv.run("ship-swaying", replace(rail["ahrs"].ESTIMATOR, prepare=prepare), duration_s=1.0)
-
-
-def test_an_estimator_does_not_take_the_name_of_a_scenario(rail):
-    own = Estimator(replace(rail["ahrs"].ESTIMATOR.model, id="ship-swaying"), kind="alignment")
-    with said("estimator 'ship-swaying': a scenario has this name: choose another name"):
-        insenv.register(own)
-
-
-def test_messages_show_a_model_in_a_few_words(rail):
-    model = rail["ahrs"].ESTIMATOR.model
-    for call in (
-        lambda: insenv.run("ship-swaying", model),
-        lambda: insenv.register(model),
-        lambda: insenv.register([rail["ahrs"].ESTIMATOR]),
-        lambda: insenv.register(rail["trolley"].trolley()),
-        lambda: insenv.register(rail["compass"].COMPASS),
-        lambda: vehicles.register(rail["ahrs"].ESTIMATOR),
-        lambda: sensors.register(rail["ahrs"].ESTIMATOR),
-        lambda: estimators.register(model),
+def test_register_refuses_other_things_in_a_few_words(rail):
+    ahrs, trolley, compass = rail["ahrs"].ESTIMATOR, rail["trolley"].trolley(), rail["compass"].COMPASS
+    for taken, things in (
+        (insenv.register, (ahrs.model, [ahrs], trolley, compass)),
+        (vehicles.register, (ahrs,)),
+        (sensors.register, (ahrs,)),
+        (estimators.register, (ahrs.model,)),
+        (lambda model: insenv.run("ship-swaying", model), (ahrs.model,)),
     ):
-        with pytest.raises(InputError, match=r"ahrs|trolley|compass") as caught:
-            call()
-        assert len(str(caught.value)) < 250
+        for thing in things:
+            with pytest.raises(InputError, match=r"ahrs|trolley|compass") as caught:
+                taken(thing)
+            assert len(str(caught.value)) < 250
+    with said("estimator 'ship-swaying': a scenario has this name"):
+        insenv.register(Estimator(replace(ahrs.model, id="ship-swaying"), kind="alignment"))
+    for thing, allowed in (
+        (3, "allowed is an Estimator, a subclass of VehicleSection or a subclass of SensorSection"),
+        (VehicleSection, "a kind of vehicle is a subclass of VehicleSection with kind: Literal"),
+        (SensorSection, "a sensor is registered by a subclass of SensorSection whose `sensor` is a Sensor"),
+    ):
+        with said(allowed):
+            insenv.register(thing)
 
 
 # --- vehicles ----------------------------------------------------------------------------------------
@@ -186,25 +154,37 @@ def section(rail, **methods):
         ({"rows": lambda self, start: self.period}, "vehicle kind 'trolley', rows: AttributeError: 'Mine' object has no"),
         ({"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine' object has no"),
         ({"rows": lambda self, start: {"rail_amp": 1}}, "vehicle kind 'trolley', rows: no row named 'rail_amp'"),
-        (
-            {"rows": lambda self, start: {"rail_amplitude": 1}},
-            "vehicle kind 'trolley', rows: 'rail_angular_frequency' is missing: allowed is a value",
-        ),
+        ({"rows": lambda self, start: {"rail_amplitude": 1}}, "rows: 'rail_angular_frequency' is missing"),
     ],
 )
 def test_a_fault_of_a_vehicle_section_is_named(rail, methods, message):
     insenv.register(section(rail, **methods))
-    values = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}, "vehicle": {"kind": "trolley"}}
     with said(message):
-        build(insenv.load(values))
+        build(insenv.load({**START, "vehicle": {"kind": "trolley"}}))
 
 
-@pytest.mark.parametrize("kind", ["", "a b", "Trolley"])
-def test_a_kind_of_vehicle_is_a_lower_case_name(rail, kind):
+# --- sensors, and names ------------------------------------------------------------------------------
+
+
+def of_sensor(id):
+    sensor = Sensor(id, lambda instant: Part(), ())
+    return type("Mine", (SensorSection,), {"__module__": __name__, "sensor": sensor, "rows": lambda self, rate_hz: {}})
+
+
+@pytest.mark.parametrize("name", ["", "a b", "Compass"])
+def test_kinds_and_sensors_have_lower_case_names(rail, name):
     own = section(rail)
-    own.model_fields["kind"].annotation = Literal[kind]
-    with said(f"Mine: kind = {kind!r}: allowed are lower-case letters, digits and '_', a letter first"):
-        insenv.register(own)
+    own.model_fields["kind"].annotation = Literal[name]
+    for what, thing in (("kind", own), ("sensor id", of_sensor(name))):
+        with said(f"Mine: {what} = {name!r}: allowed are lower-case letters, digits and '_', a letter first"):
+            insenv.register(thing)
+
+
+def test_a_sensor_does_not_take_the_name_of_another_section():
+    for id in ("start", "title", "knowledge", "imu", "name", "model_copy"):
+        with said(f"sensor {id!r}: a key or attribute of a scenario has this name"):
+            insenv.register(of_sensor(id))
+    assert {name for name in dir(Scenario) if not name.startswith("_")} | set(Scenario.model_fields) <= sensors.TAKEN
 
 
 def test_a_section_must_define_what_its_contract_declares():
@@ -220,79 +200,54 @@ def test_a_section_must_define_what_its_contract_declares():
         insenv.register(Mute)
 
 
-# --- sensors -----------------------------------------------------------------------------------------
-
-
-def of_sensor(id):
-    class Mine(SensorSection):
-        sensor = Sensor(id, lambda instant: Part(), ())
-
-        def rows(self, rate_hz):
-            return {}
-
-    return Mine
-
-
-@pytest.mark.parametrize("id", ["start", "title", "knowledge", "imu", "name", "model_copy"])
-def test_a_sensor_does_not_take_the_name_of_another_section(id):
-    with said(f"sensor {id!r}: a key or attribute of a scenario has this name: choose another name"):
-        insenv.register(of_sensor(id))
-
-
-@pytest.mark.parametrize("id", ["", "a b", "Compass"])
-def test_a_sensor_has_a_lower_case_name(id):
-    with said(f"Mine: sensor id = {id!r}: allowed are lower-case letters, digits and '_', a letter first"):
-        insenv.register(of_sensor(id))
-
-
-def test_no_name_of_a_scenario_is_free():
-    assert {name for name in dir(Scenario) if not name.startswith("_")} | set(Scenario.model_fields) <= sensors.TAKEN
-
-
 def test_a_fault_of_a_sensor_names_it(rail):
     compass = rail["compass"].COMPASS
-    vehicle = rail["trolley"].trolley()
-    for sensor, message in (
+    for wrong, message in (
         (
-            replace(compass, part=lambda instant: None),
-            "sensor 'compass': part gave None: allowed is an insenv.core.compose.Part",
+            [replace(compass, part=lambda instant: None)],
+            "sensor 'compass': part gave None",
         ),
-        (replace(compass, outputs=("compas_valid",)), "sensor 'compass': no row named 'compas_valid'; did you mean"),
+        ([replace(compass, outputs=("compas_valid",))], "sensor 'compass': no row named 'compas_valid'; did you mean"),
+        ([compass, replace(compass, id="other")], "two rows are named 'compass_valid'"),
     ):
         with said(message):
-            plant_model(vehicle, (sensor,))
-    with said("two rows are named 'compass_valid'"):
-        plant_model(vehicle, (compass, replace(compass, id="other")))
+            plant_model(rail["trolley"].trolley(), tuple(wrong))
 
 
 # --- entry points ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def declared(tmp_path, monkeypatch):
-    """A registry of estimators, of an installed package that declares the given entry points."""
+def declare(tmp_path, monkeypatch):
+    """A function that installs a package with the given entry points."""
 
-    def declare(*lines):
+    def written(text):
         info = tmp_path / "mine-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text("[insenv.test]\n" + "\n".join(lines))
+        (info / "entry_points.txt").write_text(text)
         monkeypatch.syspath_prepend(tmp_path)
-        return Plugins("estimator", "insenv.test", estimators._id, {"q-method": ESTIMATORS["q-method"]})
+        return tmp_path
 
-    return declare
+    return written
 
 
-def test_an_entry_point_has_the_name_of_what_it_holds(declared):
-    found = declared("other = insenv.estimators.analytic:ESTIMATOR")
+def known():
+    return Plugins("estimator", "insenv.test", estimators._id, {"q-method": ESTIMATORS["q-method"]})
+
+
+def test_an_entry_point_has_the_name_of_what_it_holds(declare):
+    declare("[insenv.test]\nother = insenv.estimators.analytic:ESTIMATOR")
+    found = known()
     with pytest.warns(RuntimeWarning, match=r"package 'mine': its entry point 'other' .* it holds the estimator 'analytic'"):
         found.all()
     with pytest.raises(InsenvError, match="give both the same name"):
         found.get("other")
 
 
-def test_a_broken_package_is_an_error_only_if_it_is_asked_for(declared):
-    found = declared("broken = no_such_module:X", "analytic = insenv.estimators.analytic:ESTIMATOR")
+def test_a_broken_package_is_an_error_only_if_it_is_asked_for(declare):
+    declare("[insenv.test]\nbroken = no_such_module:X\nanalytic = insenv.estimators.analytic:ESTIMATOR")
+    found = known()
     with pytest.warns(RuntimeWarning, match="package 'mine': its entry point 'broken' .* No module named 'no_such_module'"):
         assert list(found.all()) == ["q-method", "analytic"]
     assert found.get("analytic").id == "analytic" and found.get("q-method").id == "q-method"
@@ -301,7 +256,7 @@ def test_a_broken_package_is_an_error_only_if_it_is_asked_for(declared):
 
 
 def test_a_broken_sensor_or_vehicle_stops_only_the_scenarios_that_name_it(monkeypatch):
-    values = {"title": "t", "duration_s": 1, "start": {"latitude_deg": 50, "longitude_deg": 8}, "vehicle": {"kind": "car"}}
+    values = {**START, "vehicle": {"kind": "car"}}
     for registry, wanted in ((sensors, {"sonar": {}}), (vehicles, {"vehicle": {"kind": "sonar"}})):
         monkeypatch.setattr(registry._PLUGINS, "_broken", {"sonar": "package 'mine': cannot be loaded"})
         insenv.load(values)
@@ -311,23 +266,16 @@ def test_a_broken_sensor_or_vehicle_stops_only_the_scenarios_that_name_it(monkey
             insenv.load({**values, **wanted})
 
 
-def test_an_installed_package_with_faults_leaves_the_command_line_alone(tmp_path, monkeypatch):
-    info = tmp_path / "mine-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[insenv.sensors]\nknowledge = own_sensor:KNOWLEDGE\n[insenv.estimators]\nx = gone:X\n"
-    )
-    (tmp_path / "own_sensor.py").write_text(
+def test_an_installed_package_with_faults_leaves_the_command_line_alone(declare):
+    folder = declare("[insenv.sensors]\nknowledge = own_sensor:KNOWLEDGE\n[insenv.estimators]\nx = gone:X\n")
+    (folder / "own_sensor.py").write_text(
         "from insenv import Sensor, SensorSection\nfrom insenv.core.compose import Part\n"
         "class KNOWLEDGE(SensorSection):\n    sensor = Sensor('knowledge', lambda instant: Part(), ())\n"
         "    def rows(self, rate): return {}\n"
     )
-    path = f"{tmp_path}:{ROOT}"
-    done = subprocess.run(
-        [sys.executable, "-m", "insenv", "list", "--json"],
-        capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}, timeout=100,
-    )  # fmt: skip
+    command = [sys.executable, "-m", "insenv", "list", "--json"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), str(ROOT)))}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=100)
     assert done.returncode == 0, done.stderr
     assert "internal error" not in done.stderr and done.stderr.count("insenv: warning: package 'mine'") == 2
-    assert [row["id"] for row in json.loads(done.stdout)["sensors"]] == ["gnss", *INSTRUMENTS]
+    assert [row["id"] for row in strict(done.stdout)["sensors"]] == ["gnss", *INSTRUMENTS]
