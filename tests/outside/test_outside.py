@@ -63,7 +63,7 @@ def test_runs_campaigns_and_environments_take_it(rail):
 
 @pytest.mark.slow
 def test_every_interface_takes_it(installed, tmp_path):
-    found = json.loads(call(installed, ROOT / "tests" / "outside" / "take_through.py", "ahrs", tmp_path))
+    found = json.loads(call(installed, ROOT / "tests" / "outside" / "take_through.py", tmp_path))
     assert found["replay"] < 2.0 and 0.3 < found["campaign"] < 2.5
     assert found["workers_agree"] and found["fmpy_agrees"] and found["plant_fmu"] > 10_000
     log = tmp_path / "rail.tlog"
@@ -72,17 +72,36 @@ def test_every_interface_takes_it(installed, tmp_path):
     assert log.stat().st_size > 10_000
 
 
+CAR = {
+    "title": "Car with a compass", "duration_s": 60, "rate_hz": 100,
+    "start": {"latitude_deg": 50, "longitude_deg": 8, "height_m": 100},
+    "vehicle": {"kind": "car", "legs": [
+        {"wait_s": 5}, {"accelerate_to_mps": 10}, {"drive_s": 20}, {"turn_deg": 90, "radius_m": 30},
+    ]},
+    "imu": {"grade": "tactical"}, "gnss": {"grade": "spp", "interval_s": 1}, "compass": {"noise_deg": 0.5, "deviation_deg": 3},
+    "knowledge": {"heading_error_deg": 5},
+}  # fmt: skip
+
+
 @pytest.mark.slow
-def test_every_interface_takes_an_aid(installed, tmp_path):
+def test_runs_campaigns_and_smoothers_take_an_aid(rail, tmp_path):
     """A compass with a constant error of 3 deg beside GNSS, in 31 lines of the outside package."""
-    found = json.loads(call(installed, ROOT / "tests" / "outside" / "take_through.py", "aid", tmp_path))
-    assert found["sigma_deg"] < 0.9 * found["blind_sigma_deg"]
-    assert all(abs(error) < 3 * found["sigma_deg"] for error in found["heading_deg"])
-    assert abs(found["error_deg"] - 3.0) < 1.5
-    assert found["health"]["verdict"] == "consistent" and found["health"]["measurements"] > 500
-    assert any(note.startswith("the estimate of compass_error") for note in found["notes"])
-    assert found["campaign"] > 0
-    assert found["interpreter_agrees"] and found["batch_agrees"] and found["fmu_agrees"]
+    insenv.register(rail["compass"].CompassSection)
+    insenv.register(rail["compass_aid"].ESTIMATOR)
+    states, aids = [rail["compass_aid"].ERROR], ["gnss", "zero_velocity", rail["compass_aid"].COMPASS]
+    told = {"compass-fusion": {"compass_error_sigma_deg": 0.3}}
+    smoother, blind = insenv.fusion(states, aids, "compass-fusion", smoother=True), insenv.fusion(id="blind")
+    filtered, smoothed, without = insenv.run(CAR, ["compass-fusion", smoother, blind]).results
+    sigma = filtered.sigma["heading_deg"][-1]
+    assert sigma < 0.9 * without.sigma["heading_deg"][-1]
+    assert all(abs(each.errors["heading_deg"][-1]) < 3 * sigma for each in (filtered, smoothed))
+    assert abs(np.degrees(filtered.outputs["compass_error"][-1, 0]) - 3.0) < 1.5
+    health = filtered.health.as_json()["aids"]["compass"]
+    assert health["verdict"] == "consistent" and health["measurements"] > 500
+    notes = insenv.run(CAR, "compass-fusion", settings=told).results[0].notes
+    assert any(note.startswith("the estimate of compass_error") for note in notes)
+    assert insenv.campaign(CAR, "compass-fusion", 3, duration_s=10.0).figures()["heading_deg"]["rms"] > 0
+    assert insenv.export_fmu("compass-fusion", tmp_path / "compass.fmu").stat().st_size > 10_000
 
 
 def test_the_command_line_knows_what_is_installed(installed, tmp_path):
