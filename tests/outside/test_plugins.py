@@ -32,7 +32,7 @@ def said(message):
     return pytest.raises(InputError, match=re.escape(message))
 
 
-# --- estimators --------------------------------------------------------------------------------------
+# --- models, estimators, vehicles --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -57,44 +57,73 @@ def test_a_fault_of_a_step_names_estimator_and_step(rail, function, message):
     assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"output": lambda p, x: {}}, "model 'ahrs', output: row 'q_nb' is missing"),
-        ({"output": lambda p, x: None}, "model 'ahrs', output: the result is of type NoneType"),
-        ({"output": None}, "model 'ahrs': output and start must be functions"),
-        ({"start": {}}, "model 'ahrs': output and start must be functions"),
-        ({"start": lambda p: None}, "model 'ahrs', start: the result is of type NoneType"),
-        ({"start": lambda p: {"q": 1}}, "model 'ahrs', start: no row named 'q'"),
-        ({"steps": {"sample": lambda p, x, u: {}}}, "model 'ahrs', step 'sample': function: allowed is a Step"),
-        ({"steps": [Step(lambda p, x, u: {})]}, "model 'ahrs': steps is of type list"),
-        ({"state": ()}, "model 'ahrs': state is of type tuple: allowed is a Table"),
-        ({"id": ""}, "estimator id = '': allowed are letters, digits"),
-        ({"id": "My Est/..!"}, "estimator id = 'My Est/..!': allowed are letters, digits"),
-    ],
-)
-def test_a_fault_of_a_model_is_named(rail, changes, message):
-    with said(message):
-        _ = Estimator(replace(rail["ahrs"].ESTIMATOR.model, **changes), kind="alignment").model.kernels
+def of_model(rail, changes):
+    return Estimator(replace(rail["ahrs"].ESTIMATOR.model, **changes), kind="alignment").model.kernels
+
+
+def of_estimator(rail, changes):
+    return insenv.run("ship-swaying", replace(rail["ahrs"].ESTIMATOR, **changes), duration_s=1.0)
+
+
+def of_law(rail, changes):
+    return plant_model(replace(rail["trolley"].trolley(), **changes), ()).kernels
+
+
+def of_section(rail, methods):
+    insenv.register(section(rail, **methods))
+    return build(insenv.load({**START, "vehicle": {"kind": "trolley"}}))
+
+
+def section(rail, **methods):
+    return type("Mine", (rail["trolley"].TrolleySection,), {"__module__": __name__, **methods})
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("made", "changes", "message"),
     [
-        ({"motion": "foo"}, "estimator 'ahrs': motion = 'foo': allowed is 'in place', 'moving' or 'any'"),
-        ({"sensors": "gnss"}, "estimator 'ahrs': sensors = 'gnss': allowed is a tuple of sensor ids, such as ('gnss',)"),
-        ({"sensors": 3}, "estimator 'ahrs': sensors = 3: allowed is a tuple"),
-        ({"model": "x"}, "Estimator: model = 'x': allowed is an insenv.Model"),
-        ({"kind": "filter"}, "kind = 'filter': allowed is 'alignment' or 'navigation'"),
-        ({"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
-        ({"prepare": lambda known: [1]}, "estimator 'ahrs', prepare: the result is of type list"),
-        ({"prepare": lambda known: {"lattitude": 1}}, "'ahrs', prepare: no row named 'lattitude'; did you mean 'latitude'?"),
-        ({"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError: division by zero"),
+        (of_model, {"output": lambda p, x: {}}, "model 'ahrs', output: row 'q_nb' is missing"),
+        (of_model, {"output": lambda p, x: None}, "model 'ahrs', output: the result is of type NoneType"),
+        (of_model, {"output": None}, "model 'ahrs': output and start must be functions"),
+        (of_model, {"start": {}}, "model 'ahrs': output and start must be functions"),
+        (of_model, {"start": lambda p: None}, "model 'ahrs', start: the result is of type NoneType"),
+        (of_model, {"start": lambda p: {"q": 1}}, "model 'ahrs', start: no row named 'q'"),
+        (of_model, {"steps": {"sample": lambda p, x, u: {}}}, "model 'ahrs', step 'sample': function: allowed is a Step"),
+        (of_model, {"steps": [Step(lambda p, x, u: {})]}, "model 'ahrs': steps is of type list"),
+        (of_model, {"state": ()}, "model 'ahrs': state is of type tuple: allowed is a Table"),
+        (of_model, {"id": ""}, "estimator id = '': allowed are letters, digits"),
+        (of_model, {"id": "My Est/..!"}, "estimator id = 'My Est/..!': allowed are letters, digits"),
+        (of_estimator, {"motion": "foo"}, "estimator 'ahrs': motion = 'foo': allowed is 'in place', 'moving' or 'any'"),
+        (of_estimator, {"sensors": "gnss"}, "estimator 'ahrs': sensors = 'gnss': allowed is a tuple of sensor ids"),
+        (of_estimator, {"sensors": 3}, "estimator 'ahrs': sensors = 3: allowed is a tuple"),
+        (of_estimator, {"model": "x"}, "Estimator: model = 'x': allowed is an insenv.Model"),
+        (of_estimator, {"kind": "filter"}, "kind = 'filter': allowed is 'alignment' or 'navigation'"),
+        (of_estimator, {"kind": "navigation"}, "'ahrs': an estimator of kind 'navigation' has the output 'velocity_n'"),
+        (of_estimator, {"prepare": lambda known: [1]}, "estimator 'ahrs', prepare: the result is of type list"),
+        (
+            of_estimator,
+            {"prepare": lambda known: {"lattitude": 1}},
+            "prepare: no row named 'lattitude'; did you mean 'latitude'?",
+        ),
+        (of_estimator, {"prepare": lambda known: 1 / 0}, "estimator 'ahrs', prepare: ZeroDivisionError: division by zero"),
+        (of_law, {"along": lambda p, x: [{"rail_phase": 0}]}, "along: 1 results: allowed are 3, one for each node of PLACES"),
+        (of_law, {"along": lambda p, x: None}, "TypeError: 'NoneType' object is not iterable"),
+        (of_law, {"start": lambda p: {"rail_fase": 0}}, "no row named 'rail_fase'; did you mean 'rail_phase'?"),
+        (of_law, {"start": lambda p: None}, "the result is of type NoneType"),
+        (of_law, {"angles": lambda p, x: [p.mean_rol, p.mean_pitch, 0]}, "no row named 'mean_rol'; did you mean 'mean_roll'?"),
+        (of_law, {"derivative": lambda p, x: {"fase": 1}}, "no row named 'fase'"),
+        (of_law, {"state": Table((Row("q_nb", "Mine"),))}, "q_nb"),
+        (of_section, {"vehicle": lambda self: None}, "vehicle = None: allowed is an insenv.Vehicle"),
+        (of_section, {"rows": lambda self, start: None}, "vehicle kind 'trolley', rows: the result is of type NoneType"),
+        (of_section, {"rows": lambda self, start: self.period}, "vehicle kind 'trolley', rows: AttributeError: 'Mine'"),
+        (of_section, {"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine'"),
+        (of_section, {"rows": lambda self, start: {"rail_amp": 1}}, "vehicle kind 'trolley', rows: no row named 'rail_amp'"),
+        (of_section, {"rows": lambda self, start: {"rail_amplitude": 1}}, "rows: 'rail_angular_frequency' is missing"),
     ],
 )
-def test_a_fault_of_an_estimator_is_named(rail, changes, message):
-    with said(message):
-        insenv.run("ship-swaying", replace(rail["ahrs"].ESTIMATOR, **changes), duration_s=1.0)
+def test_a_fault_names_its_model_estimator_or_vehicle(rail, made, changes, message):
+    with said(message) as caught:
+        made(rail, changes)
+    assert made is not of_law or "trolley" in str(caught.value)
 
 
 def test_register_refuses_other_things_in_a_few_words(rail):
@@ -119,48 +148,6 @@ def test_register_refuses_other_things_in_a_few_words(rail):
     ):
         with said(allowed):
             insenv.register(thing)
-
-
-# --- vehicles ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"along": lambda p, x: [{"rail_phase": 0}]}, "along: 1 results: allowed are 3, one for each node of PLACES"),
-        ({"along": lambda p, x: None}, "TypeError: 'NoneType' object is not iterable"),
-        ({"start": lambda p: {"rail_fase": 0}}, "no row named 'rail_fase'; did you mean 'rail_phase'?"),
-        ({"start": lambda p: None}, "the result is of type NoneType"),
-        ({"angles": lambda p, x: [p.mean_rol, p.mean_pitch, 0]}, "no row named 'mean_rol'; did you mean 'mean_roll'?"),
-        ({"derivative": lambda p, x: {"fase": 1}}, "no row named 'fase'"),
-        ({"state": Table((Row("q_nb", "Mine"),))}, "q_nb"),
-    ],
-)
-def test_a_fault_of_a_law_of_motion_names_the_vehicle(rail, changes, message):
-    with said(message) as caught:
-        _ = plant_model(replace(rail["trolley"].trolley(), **changes), ()).kernels
-    assert "trolley" in str(caught.value)
-
-
-def section(rail, **methods):
-    return type("Mine", (rail["trolley"].TrolleySection,), {"__module__": __name__, **methods})
-
-
-@pytest.mark.parametrize(
-    ("methods", "message"),
-    [
-        ({"vehicle": lambda self: None}, "vehicle = None: allowed is an insenv.Vehicle"),
-        ({"rows": lambda self, start: None}, "vehicle kind 'trolley', rows: the result is of type NoneType"),
-        ({"rows": lambda self, start: self.period}, "vehicle kind 'trolley', rows: AttributeError: 'Mine' object has no"),
-        ({"vehicle": lambda self: self.law}, "vehicle kind 'trolley', vehicle: AttributeError: 'Mine' object has no"),
-        ({"rows": lambda self, start: {"rail_amp": 1}}, "vehicle kind 'trolley', rows: no row named 'rail_amp'"),
-        ({"rows": lambda self, start: {"rail_amplitude": 1}}, "rows: 'rail_angular_frequency' is missing"),
-    ],
-)
-def test_a_fault_of_a_vehicle_section_is_named(rail, methods, message):
-    insenv.register(section(rail, **methods))
-    with said(message):
-        build(insenv.load({**START, "vehicle": {"kind": "trolley"}}))
 
 
 # --- sensors, and names ------------------------------------------------------------------------------
@@ -203,10 +190,7 @@ def test_a_section_must_define_what_its_contract_declares():
 def test_a_fault_of_a_sensor_names_it(rail):
     compass = rail["compass"].COMPASS
     for wrong, message in (
-        (
-            [replace(compass, part=lambda instant: None)],
-            "sensor 'compass': part gave None",
-        ),
+        ([replace(compass, part=lambda instant: None)], "sensor 'compass': part gave None"),
         ([replace(compass, outputs=("compas_valid",))], "sensor 'compass': no row named 'compas_valid'; did you mean"),
         ([compass, replace(compass, id="other")], "two rows are named 'compass_valid'"),
     ):

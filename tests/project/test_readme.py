@@ -1,15 +1,13 @@
 """What README.md, CONTRIBUTING.md and docs/*.md tell a reader to type, typed.
 
-Taken from fenced blocks: in ``console`` and ``sh`` the lines that begin with ``$ insenv``,
-``$ python -m insenv`` or ``$ python examples/`` are run, those with ``$ make`` must name a target of the
-Makefile; a ``python`` block is run whole, and so are the code cells of a tutorial, from top to bottom.  The
-lines below a command that is run must be printed by it, in this order; ``...`` stands for any lines, and times of
-the machine may differ.  Each block runs in its own folder, empty but for links to the repository's examples and
-scenarios; a block with ``insenv examples`` gets them from there.  ``<!-- not run: reason -->`` on the line before
-a block leaves it out; pytest lists those as skipped, with the reason.
+Taken from fenced blocks: in ``console`` and ``sh`` the lines that begin with ``$ insenv``, ``$ python -m insenv`` or
+``$ python examples/`` are run, those with ``$ make`` must name a target of the Makefile; a ``python`` block is run whole, and
+so are the code cells of a tutorial, from top to bottom.  The lines below a command must be printed by it, in this order;
+``...`` stands for any lines, and times of the machine may differ.  Each block runs in its own folder, empty but for links to
+examples and scenarios; a block with ``insenv examples`` gets them from there.  ``<!-- not run: reason -->`` on the line before
+a block leaves it out; pytest lists those as skipped.
 
-Python blocks of one page share a process, commands have their own.  `make test` runs README.md and what a newcomer
-reads next (`FIRST`), `make test-all` every page.  README.md and docs/cli.md do with the packages that README.md installs.
+Python blocks of one page share a process.  `make test` runs the pages `FIRST`, `make test-all` every page.
 """
 
 import os
@@ -25,13 +23,14 @@ from places import ROOT
 
 FIRST = ("README.md", "docs/cli.md", "docs/api.md", "docs/scenarios.md")
 AS_INSTALLED = ("README.md", "docs/cli.md")
+"""They do with the packages that README.md installs."""
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     *sorted(path for path in (ROOT / "docs").rglob("*.md") if "generated" not in path.parts),
 ]
 FENCE = re.compile(
-    r"^(?:<!-- not run: (?P<reason>.*?) -->\n)?"
+    r"^(?:<!-- not run: (?P<reason>[^\n]*) -->\n)?"
     r"^```(?P<language>console|sh|python|\{code-cell\} python)[^\n]*\n(?P<text>.*?)^```$",
     re.MULTILINE | re.DOTALL,
 )
