@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
@@ -17,23 +18,12 @@ from insenv.errors import InputError
 from insenv.scenario import build, load
 from insenv.sensors.gnss_section import GnssSection
 
-A, E2 = 6378137.0, (2.0 - 1.0 / 298.257223563) / 298.257223563
-
-
-def ecef(latitude: Any, longitude: Any, height: Any) -> Any:
-    N = A / np.sqrt(1.0 - E2 * np.sin(latitude) ** 2)
-    p = (N + height) * np.cos(latitude)
-    z = (N * (1.0 - E2) + height) * np.sin(latitude)
-    return np.stack([p * np.cos(longitude), p * np.sin(longitude), z], axis=-1)
-
 
 def ned(out: dict[str, Any], fixes: Any = slice(None)) -> Any:
     """Fixes in metres north, east, down of the IMU position LEVEL."""
-    lat, lon = LEVEL["latitude"], LEVEL["longitude"]
-    s, c, sl, cl = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
-    C_ne = np.array([[-s * cl, -s * sl, c], [-sl, cl, 0.0], [-c * cl, -c * sl, -s]])
-    r = ecef(out["gnss_latitude"][fixes], out["gnss_longitude"][fixes], out["gnss_height"][fixes])
-    return (r - ecef(lat, lon, LEVEL["height"])) @ C_ne.T
+    fix = [out[f"gnss_{name}"][fixes] for name in ("latitude", "longitude", "height")]
+    place = [LEVEL[name] for name in ("latitude", "longitude", "height")]
+    return np.stack(pymap3d.geodetic2ned(*fix, *place, deg=False), axis=-1)
 
 
 def test_fixes_come_at_their_rate_late_and_once() -> None:
