@@ -49,19 +49,12 @@ def test_an_unknown_grade_suggests_the_nearest() -> None:
 
 @pytest.mark.parametrize(
     ("section", "key", "limit"),
-    [
-        ("imu", "gyro_temperature_slope_deg_h_k", 1e4),
-        ("imu", "accel_temperature_slope_ug_k", 1e5),
-        ("imu", "gyro_scale_factor_slope_ppm_k", 1e3),
-        ("imu", "accel_scale_factor_slope_ppm_k", 1e3),
-        ("imu", "gyro_scale_factor_sigma_ppm", 1e6),
-        ("imu", "gyro_g_sensitivity_deg_h_g", 1e6),
-        ("odometer", "slip_percent_s2_m", 100.0),
-        ("odometer", "scale_factor_percent", 100.0),
-        ("dvl", "misalignment_deg", 180.0),
-        ("heading", "outlier_probability", 1.0),
-    ],
-)
+    [("imu", "gyro_temperature_slope_deg_h_k", 1e4), ("imu", "accel_temperature_slope_ug_k", 1e5),
+     ("imu", "gyro_scale_factor_slope_ppm_k", 1e3), ("imu", "accel_scale_factor_slope_ppm_k", 1e3),
+     ("imu", "gyro_scale_factor_sigma_ppm", 1e6), ("imu", "gyro_g_sensitivity_deg_h_g", 1e6),
+     ("odometer", "slip_percent_s2_m", 100.0), ("odometer", "scale_factor_percent", 100.0),
+     ("dvl", "misalignment_deg", 180.0), ("heading", "outlier_probability", 1.0)],
+)  # fmt: skip
 def test_no_unit_has_an_error_without_bounds(section: str, key: str, limit: float) -> None:
     values = load("car-city-drive").model_dump(mode="json", exclude_none=True)
     values[section] = {**(values.get(section) or {}), key: limit}

@@ -1,10 +1,9 @@
-"""The aircraft: from the ground to survey lines, coordinated turns, commands."""
+"""The aircraft: from the ground to survey lines, in coordinated turns."""
 
 import numpy as np
 import pytest
-from lone_vehicle import DEG, history, plant
+from lone_vehicle import DEG, history
 
-from insenv.core.runner import make_runner
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles import flight_plan, survey_pattern
 
@@ -31,13 +30,3 @@ def test_flight_from_the_ground_to_survey_lines() -> None:
     force = rows["true_delta_velocity"] / h
     assert np.abs(force[flying, 1]).max() < 0.1 and rows["bank"].max() > 19 * DEG and rows["bank"].min() < -19 * DEG
     assert np.abs(np.diff(rows["rate_ib_b"], axis=0)).max() < 1.0 * h and np.abs(np.diff(force, axis=0)[2:]).max() < 8 * h
-
-
-def test_commands() -> None:
-    runner = make_runner(plant("aircraft"), {"start_speed": 80.0, "start_height": 1000.0, "sample_interval": 0.02})
-    runner.advance({"command_speed": 90.0, "command_acceleration": 1.0, "command_bank": 0.3, "command_climb_rate": 4.0,
-                    "command_valid": 1.0})  # fmt: skip
-    runner.run(2000, every=0)
-    state = runner.state
-    assert state["speed"] == pytest.approx(90, abs=1e-3) and state["bank"] == pytest.approx(0.3, abs=1e-9)
-    assert state["velocity_n"][2] == pytest.approx(-4.0, abs=1e-3)

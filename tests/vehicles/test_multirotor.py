@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from lone_vehicle import DEG, history, plant
+from lone_vehicle import DEG, history
 
 import insenv
-from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.evaluation.errors import POSITION
 from insenv.scenario import load
@@ -44,14 +43,6 @@ def test_it_flies_turns_and_climbs_as_its_legs_say() -> None:
     np.testing.assert_allclose(at(50.9, "velocity_n"), [3.0, 0.0, 0.0], atol=2e-3)  # to the left of east
     assert rows["height"][-1] == pytest.approx(120.0, abs=0.01)
     np.testing.assert_allclose(at(80.9, "velocity_n"), 0.0, atol=1e-3)
-
-
-def test_commands_from_outside() -> None:
-    runner = make_runner(plant("multirotor"), {"start_height": 100.0, "sample_interval": 0.02})
-    runner.advance({"command_forward": 4.0, "command_right": 0.0, "command_climb_rate": -1.0, "command_yaw_rate": 0.0,
-                    "command_valid": 1.0})  # fmt: skip
-    runner.run(1500, every=0)
-    np.testing.assert_allclose(runner.state["velocity_n"], [4.0, 0.0, 1.0], atol=1e-3)
 
 
 @pytest.mark.parametrize(
