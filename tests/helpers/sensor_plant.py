@@ -1,4 +1,4 @@
-"""Inertial unit and GNSS receiver on a given truth, and bounds that chance exceeds about once in 10^5."""
+"""Sensors on a given truth, and bounds that chance exceeds about once in 10^5."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from insenv.core import noise
@@ -14,69 +15,106 @@ from insenv.core.compose import Part, merge
 from insenv.core.model import SEED, STEP, Model, Step
 from insenv.core.runner import make_runner
 from insenv.core.tables import Row, Table
+from insenv.sensors import barometer, dvl, heading, magnetometer, odometer
 from insenv.sensors.gnss import GNSS_STATE, gnss_part
 from insenv.sensors.imu import imu_part
 from insenv.sensors.imu_tables import IMU_STATE
 
 CHANCE = 1e-5
+MODULES = {"barometer": barometer, "magnetometer": magnetometer, "odometer": odometer, "dvl": dvl, "heading": heading}
 TRUTH = {
-    "true_delta_angle": (3,),
-    "true_delta_velocity": (3,),
-    "latitude": (),
-    "longitude": (),
-    "height": (),
-    "velocity_n": (3,),
-    "acceleration_n": (3,),
-    "q_nb": (4,),
-    "rate_eb_b": (3,),
-    "rate_change_b": (3,),
-}
+    "true_delta_angle": (3,), "true_delta_velocity": (3,), "latitude": (), "longitude": (), "height": (), "velocity_n": (3,),
+    "acceleration_n": (3,), "q_nb": (4,), "rate_eb_b": (3,), "rate_change_b": (3,),
+}  # fmt: skip
 LEVEL = {"latitude": 0.7, "longitude": 1.9, "height": 50.0, "q_nb": (1.0, 0.0, 0.0, 0.0)}
+DT = 0.01
+"""Length of a sample, and time between measurements, of an instrument (s)."""
 
 
 @cache
-def plant() -> Model:
-    """The two sensors with the truth as inputs, which have the same names after `set_`."""
+def plant(instrument: str = "") -> Model:
+    """Inertial unit and receiver, or an instrument, with the truth as inputs, which have the same names after `set_`."""
+    place = tuple(Row(f"start_{name}", name, start=LEVEL[name]) for name in ("latitude", "longitude", "height") if instrument)
     given = Part(
-        parameters=Table((SEED, Row("sample_interval", "Length of a sample", "s", start=0.005))),
+        parameters=Table(
+            (SEED, Row("sample_interval", "Length of a sample", "s", start=0.005), *(place if instrument else ()))
+        ),
         state=Table((STEP, *(Row(name, name, shape=shape) for name, shape in TRUTH.items()))),
         inputs=Table(tuple(Row(f"set_{name}", name, shape=shape) for name, shape in TRUTH.items())),
         steps={"sample": Step(lambda p, x, u: {name: getattr(u, f"set_{name}") for name in TRUTH})},
     )
     tick = Part(steps={"tick": Step(lambda p, x, u: {"step": x.step + 1})})
-    outputs = IMU_STATE + GNSS_STATE
-    parts = [given, imu_part(), gnss_part(lambda p, x: (x.rate_eb_b, x.rate_change_b, x.acceleration_n)), tick]
-    return merge("sensors", "Sensors", parts, outputs, lambda p, x: {n: getattr(x, n) for n in outputs.names})
+    outputs, parts = IMU_STATE + GNSS_STATE, [imu_part(), gnss_part(_instant)]
+    if instrument:
+        equations = MODULES[instrument].EQUATIONS
+        outputs, parts = equations.all_state, [equations.sensor().part(_instant)]
+    return merge("sensors", "Sensors", [given, *parts, tick], outputs, lambda p, x: {n: getattr(x, n) for n in outputs.names})
 
 
-def simulate(n: int, parameters: dict[str, Any], truth: dict[str, Any] | None = None, backend: str | None = None):
-    """Simulate n samples; truth by row name, constant or with a leading axis of n. Returns outputs by row name, (n, ...)."""
-    model = plant()
-    rows = {"gnss_interval": 1e9, **parameters}
+def _instant(p: Any, x: Any) -> tuple[Any, Any, Any]:
+    return x.rate_eb_b, x.rate_change_b, x.acceleration_n
+
+
+def simulate(
+    n: int, parameters: dict[str, Any], truth: dict[str, Any] | None = None, backend: str | None = None, of: str = ""
+) -> dict[str, Any]:
+    """Simulate n samples; truth by row name, constant or with a leading axis of n. Returns outputs by row name, (n, ...).
+
+    of: an instrument, which measures every sample of `DT`; by default inertial unit and receiver, which gives no fix.
+    """
+    model = plant(of)
+    rows = {f"{of}_interval": DT, "sample_interval": DT} if of else {"gnss_interval": 1e9}
     inputs = np.zeros((n, model.inputs.size))
     for name, value in {**LEVEL, **(truth or {})}.items():
         value = np.asarray(value, dtype=float)
         inputs[:, model.inputs.slice(f"set_{name}")] = value.reshape(n, -1) if value.ndim > len(TRUTH[name]) else value
-    outputs = make_runner(model, rows, backend).run(n, inputs)
+    outputs = make_runner(model, rows | parameters, backend).run(n, inputs)
     assert np.isfinite(outputs).all()
     return model.outputs.unpack(outputs)
 
 
-def starts(parameters: dict[str, Any], seeds: int) -> dict[str, Any]:
+def starts(parameters: dict[str, Any], seeds: int, of: str = "") -> dict[str, Any]:
     """Start states of many seeds by row name, (seeds, ...)."""
-    model = plant()
+    model = plant(of)
+    return start_states(model, model.parameters.pack(parameters), seeds)
+
+
+def start_states(model: Model, p: Any, seeds: int) -> dict[str, Any]:
+    """The same of any model, with a vector of parameters."""
     r = np.array([noise.uniforms(s, 0, noise.START_STREAM, model.start_uniforms) for s in range(seeds)])
-    p = model.parameters.pack(parameters)
     return model.state.unpack(np.asarray(model.functions["start"](p[:, None], r.T)).T)
 
 
-def assert_variance(samples: Any, variance: float, freedom: float | None = None) -> None:
-    """Assert that the mean square of zero-mean samples is within chi-square bounds (`freedom`: by default all samples)."""
+def attitudes(n: int) -> tuple[Any, Any]:
+    """Attitudes (n,) of all kinds, and their quaternions, scalar first."""
+    turned = Rotation.random(n, random_state=5)
+    return turned, turned.as_quat(scalar_first=True)
+
+
+def assert_variance(samples: Any, variance: Any, freedom: float | None = None) -> None:
+    """Assert that the mean square of zero-mean samples is within chi-square bounds (`freedom`: by default all samples).
+
+    variance: one for all samples, or one for each column.
+    """
+    if np.ndim(variance):
+        for k, one in enumerate(variance):
+            assert_variance(np.asarray(samples)[:, k], one, freedom)
+        return
     samples = np.ravel(samples)
     freedom = freedom or samples.size
     ratio = float(np.mean(samples**2)) / variance
     low, high = chi2.ppf([CHANCE / 2, 1 - CHANCE / 2], freedom) / freedom
     assert low < ratio < high, (ratio, low, high)
+
+
+def assert_gauss_markov(samples: Any, sigma: float, time: float) -> None:
+    """Assert variance and one-step correlation of processes sampled every `DT`, (n, k)."""
+    samples = np.asarray(samples).reshape(len(samples), -1)
+    decay = math.exp(-DT / time)
+    freedom = samples.size * (1 - decay**2) / (1 + decay**2)  # independent samples with the same scatter of the mean square
+    assert_variance(samples, sigma**2, freedom)
+    # what is new in each step is white
+    assert_variance(samples[1:] - decay * samples[:-1], sigma**2 * (1 - decay**2))
 
 
 def assert_mean(samples: Any, mean: float, std: float) -> None:

@@ -1,11 +1,12 @@
 """The figures of docs/benchmarks.md are those of the code; its times name figures that `insenv bench` measures."""
 
+import json
 import re
-from importlib.util import find_spec
-from pathlib import Path
 
 import benchmarks
+import peers
 import pytest
+from places import ROOT
 
 from insenv.bench import figures
 from insenv.bench.estimators import scenario_of
@@ -29,39 +30,43 @@ def test_the_drifts_are_those_of_the_code(measured, monkeypatch):
         assert (figure.name, figure.unit) == (f"truth.drift.{name}", "mm")
         assert figure.floor > 0 and figure.value > 0 and figure.n > 0
     monkeypatch.setattr("insenv.bench.truth.drift", measured.__getitem__)
-    assert benchmarks.drifts() == pytest.approx(benchmarks.stored()["drift"], rel=LAST_DIGIT), (
-        "python tools/benchmarks.py accuracy"
-    )
+    stored = pytest.approx(benchmarks.stored()["drift"], rel=LAST_DIGIT)
+    assert benchmarks.drifts() == stored, "python tools/benchmarks.py accuracy"
 
 
-@pytest.mark.skipif(find_spec("pyins") is None, reason="pyins is not installed (pip install '.[bench]')")
+@pytest.mark.slow
 def test_the_drifts_of_the_peer(measured):
+    peers.package("pyins", "pip install '.[bench]'")
     for name in benchmarks.DRIFTS:
         assert measured[name].peer[1] == pytest.approx(benchmarks.stored()["peer"][name], rel=0.05)
 
 
-@pytest.mark.skipif(find_spec("onavdata") is None, reason="onavdata is not installed (pip install onavdata==0.2.5)")
+@pytest.mark.slow
 def test_the_errors_on_the_recorded_log_are_those_of_the_code():
+    peers.package("onavdata")
     expected, found = benchmarks.stored()["log"], benchmarks.log_rows()
     assert list(found) == list(expected) == list(benchmarks.LOGS)
     for name, rms in expected.items():
         assert found[name] == pytest.approx(rms, rel=LAST_DIGIT), f"{name}: python tools/benchmarks.py accuracy"
 
 
-def test_the_times_are_of_figures_that_are_measured():
-    names = [row["name"] for row in benchmarks.stored()["speed"]["figures"]]
-    assert names and set(names) <= set(_measurements()) and len(set(names)) == len(names)
+def test_times_and_groups_of_the_page_are_of_figures_that_are_measured():
+    known, names = list(_measurements()), [row["name"] for row in benchmarks.stored()["speed"]["figures"]]
+    assert names and set(names) <= set(known) and len(set(names)) == len(names)
+    page = (ROOT / "docs" / "benchmarks.md").read_text()
+    table = page[page.index("| `NAME` |") : page.index("\n\n## ")]
+    named = {name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
+    assert all(any(name.startswith(group + ".") for name in known) for group in named)
+    assert [name for name in known if not any(name.startswith(group + ".") for group in named)] == []
 
 
-@pytest.mark.parametrize("estimator", [e for e in registered().values() if not e.smooths], ids=lambda e: e.id)
-def test_each_estimator_can_run_on_the_scenario_that_it_is_measured_on(estimator):
-    plant = build(load(scenario_of(estimator)))
-    assert plant.parameters_of(plant.adapted(estimator))
+def test_each_estimator_can_run_on_the_scenario_that_it_is_measured_on():
+    for estimator in (each for each in registered().values() if not each.smooths):
+        plant = build(load(scenario_of(estimator)))
+        assert plant.parameters_of(plant.adapted(estimator)), estimator.id
 
 
 def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatch):
-    import json
-
     table, document = tmp_path / "table.json", tmp_path / "bench.json"
     table.write_text(benchmarks.TABLE.read_text("utf-8"))
     monkeypatch.setattr(benchmarks, "TABLE", table)
@@ -73,12 +78,3 @@ def test_times_are_taken_from_the_document_of_the_benchmark(tmp_path, monkeypatc
     assert (row["value"], row["floor"], row["target"]) == (151000.0, 1e6, 150000) and speed["machine"] == "P, 2 cores"
     with pytest.raises(SystemExit):
         benchmarks.main(["nonesuch"])
-
-
-def test_the_page_names_every_group_of_figures():
-    page = (Path(__file__).parents[2] / "docs" / "benchmarks.md").read_text()
-    table = page[page.index("| `NAME` |") : page.index("\n\n## ")]
-    named = {name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
-    known = list(_measurements())
-    assert all(any(name.startswith(group + ".") for name in known) for group in named)
-    assert [name for name in known if not any(name.startswith(group + ".") for group in named)] == []

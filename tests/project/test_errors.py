@@ -4,19 +4,14 @@ import re
 
 import pytest
 from command_line import call, refused
-from fmu_tools import exported
 
 from insenv.errors import nearest
 
 
-def test_few_names_are_listed():
+def test_few_names_are_listed_and_of_many_the_nearest_with_where_all_are():
     assert nearest("roled", ["roll", "pitch"]) == "; did you mean 'roll'? (allowed: roll, pitch)"
     assert nearest("xxx", []) == " (allowed: none)"
-
-
-def test_of_many_names_the_nearest_are_listed_and_where_all_are():
-    names = [f"row_{k}" for k in range(40)]
-    found = nearest("row_39x", names, "`insenv list`")
+    found = nearest("row_39x", [f"row_{k}" for k in range(40)], "`insenv list`")
     assert found.startswith("; did you mean 'row_39'? (allowed: row_") and ", row_39" in found
     assert found.endswith(" and 34 more; `insenv list` shows all)")
     numbers = [int(number) for number in re.findall(r"row_(\d+)", found.partition("allowed")[2])]
@@ -36,9 +31,3 @@ def test_a_message_about_an_unknown_name_fits_four_lines(arguments, words):
     answer = call(*arguments)
     refused(answer, *words)
     assert len(answer[2]) < 320
-
-
-def test_an_unknown_parameter_of_an_fmu_names_the_nearest():
-    answer = call("fmu", "run", exported("ship-swaying"), "--stop", "1", "--set", "sed=5")
-    refused(answer, "did you mean 'seed'?", "more; modelDescription.xml in the FMU shows all")
-    assert len(answer[2]) < 400

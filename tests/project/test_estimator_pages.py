@@ -10,45 +10,27 @@ from places import ROOT
 
 from insenv import estimators
 
-FOLDER = ROOT / "docs" / "estimators"
-PAGES = sorted(path.stem for path in FOLDER.glob("*.md") if path.stem != "index")
+PAGES = {path.stem: path.read_text("utf-8") for path in (ROOT / "docs" / "estimators").glob("*.md") if path.stem != "index"}
 FORM = ("When to use", "Example", "Parameters", "Equations", "Accuracy", "(Notes|Health)")
 """Headings of every page, in this order; a page about a method of a paper has "What differs from the paper" too."""
-QUICK = [
-    case
-    for case in accuracy.CASES
-    if (case.estimator, case.scenario) in (("analytic", "car-parked"), ("q-method", "static-ecef"))
-]
-
-
-def text_of(page: str) -> str:
-    return (FOLDER / f"{page}.md").read_text(encoding="utf-8")
 
 
 def test_every_estimator_has_a_page():
-    named = {id for page in PAGES for id in re.findall(r"`([\w-]+)`", text_of(page).splitlines()[0])}
+    named = {id for text in PAGES.values() for id in re.findall(r"`([\w-]+)`", text.splitlines()[0])}
     assert named == set(estimators.registered())
     assert set(PAGES) == set(estimator_pages.ON_PAGE)
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_page_has_the_form(page):
-    headings = re.findall(r"^## (.*)$", text_of(page), re.MULTILINE)
+def test_a_page_has_the_form_names_code_that_exists_and_shows_the_errors_of_a_run(page):
+    """tests/project/test_readme.py runs its commands and compares what they print."""
+    text = PAGES[page]
+    headings = re.findall(r"^## (.*)$", text, re.MULTILINE)
     places = [next((k for k, heading in enumerate(headings) if re.match(part, heading)), -1) for part in FORM]
     assert -1 not in places and places == sorted(places), headings
-    assert re.search(r"^Sources?: ", text_of(page), re.MULTILINE) and re.search(r"^Code: `insenv/", text_of(page), re.MULTILINE)
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_code_that_a_page_names_exists(page):
-    for path in re.findall(r"`(insenv/[\w/]+(?:\.\w+)?/?)`", text_of(page)):
-        assert (ROOT / path).exists(), path
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_a_page_shows_the_errors_of_a_run(page):
-    """tests/project/test_readme.py runs these commands and compares what they print."""
-    shown = re.findall(r"^```console\n\$ insenv run [^\n]*\n(.*?)^```$", text_of(page), re.MULTILINE | re.DOTALL)
+    assert re.search(r"^Sources?: ", text, re.MULTILINE) and re.search(r"^Code: `insenv/", text, re.MULTILINE)
+    assert [path for path in re.findall(r"`(insenv/[\w/]+(?:\.\w+)?/?)`", text) if not (ROOT / path).exists()] == []
+    shown = re.findall(r"^```console\n\$ insenv run [^\n]*\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert shown and all("[deg]" in block for block in shown)
 
 
@@ -59,7 +41,11 @@ def test_the_accuracy_of_every_case_is_stored():
     assert {row["estimator"] for row in rows} == set(estimators.registered()) - {"smoother", "fusion-smoother"}
 
 
-def check(case: accuracy.Case) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("case", accuracy.CASES, ids=lambda case: f"{case.estimator}-{case.label}-{case.duration_s}")
+def test_the_accuracy_shown_is_that_of_the_code(case):
+    if case.estimator in ("aqe-ekf", "aqe-sukf-printed") and case.scenario == "large-misalignment-extreme":
+        pytest.skip("it diverges: errors of another machine's rounding grow without bound")
     (expected,) = [
         row
         for row in accuracy.stored()
@@ -70,16 +56,3 @@ def check(case: accuracy.Case) -> None:
         assert found.get(kind, {}) == pytest.approx(expected.get(kind, {}), rel=1e-2), (kind, "run: python tools/accuracy.py")
     assert found.get("beyond", {}) == pytest.approx(expected.get("beyond", {}), abs=2e-3)
     assert found["seeds"] == expected["seeds"]
-
-
-@pytest.mark.parametrize("case", QUICK, ids=lambda case: f"{case.estimator}-{case.scenario}")
-def test_the_accuracy_shown_is_that_of_the_code(case):
-    check(case)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", accuracy.CASES, ids=lambda case: f"{case.estimator}-{case.label}-{case.duration_s}")
-def test_all_accuracy_shown_is_that_of_the_code(case):
-    if case.estimator in ("aqe-ekf", "aqe-sukf-printed") and case.scenario == "large-misalignment-extreme":
-        pytest.skip("it diverges: errors of another machine's rounding grow without bound")
-    check(case)

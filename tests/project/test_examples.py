@@ -5,8 +5,8 @@ import re
 import runpy
 import subprocess
 import sys
-from importlib.util import find_spec
 
+import peers
 import plain_log
 import pytest
 from places import ROOT
@@ -27,86 +27,66 @@ SAID = {  # what each script must print
     "rank_navigators.py": ("wander-sins", "loosely-coupled", "limit"),
     "rank_policies.py": ("quit", "bound"),
     "step_by_step.py": ("90 s", "stated sigma"),
-    "train_aligner.py": ("PPO", "q-method"),
-    "train_manoeuvre.py": ("PPO minus the pattern", "bound of the fixes"),
-    "train_tuner.py": ("PPO minus untuned", "best fixed factors"),
 }
+TRAINING = ("train_aligner.py", "train_manoeuvre.py", "train_tuner.py")
+"""What they print, after minutes of training, tests/envs/test_rl.py looks at."""
+SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}
+
+
+def script(name, folder, *arguments):
+    """What an example prints; it must fail at a warning, write nothing and print no more than that."""
+    command = [sys.executable, "-W", "error", EXAMPLES / name, *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, encoding="utf-8", timeout=600)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    assert not list(folder.iterdir()) and "nan" not in done.stdout
+    return done.stdout
+
+
+def test_each_script_is_named_here():
+    assert {path.name for path in EXAMPLES.glob("*.py")} == {*SAID, *TRAINING}
 
 
 @pytest.mark.slow
-def test_the_tuners_that_need_no_training_are_as_on_their_page():
+@pytest.mark.parametrize("name", SAID)
+def test_script(name, tmp_path):
+    if name == "navigate_a_log.py":
+        peers.package("onavdata")
+    printed = script(name, tmp_path, *SHORTER.get(name, ()))
+    assert all(text in printed for text in SAID[name]), printed
+
+
+@pytest.mark.slow
+def test_the_tuners_that_need_no_training_are_as_on_their_page(tmp_path):
     """All rows of docs/tuning-and-manoeuvre.md but that of PPO; a minute."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / "train_tuner.py", "--steps", "0"],
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, encoding="utf-8", check=True,
-    )  # fmt: skip
+    printed = script("train_tuner.py", tmp_path, "--steps", "0")
     page = (ROOT / "docs" / "tuning-and-manoeuvre.md").read_text("utf-8")
-    told = {
+    for name, beginning in {
         "untuned": "untuned",
         "best fixed factors": "best fixed factors of a search",
         "those by CMA-ES": "best fixed factors by CMA-ES",
         "correct data sheets": "filter with the correct data sheets",
-    }
-    for name, beginning in told.items():
-        printed = re.search(rf"^{name} +(-[\d.]+.*)$", done.stdout, re.MULTILINE)[1].split()
+    }.items():
+        found = re.search(rf"^{name} +(-[\d.]+.*)$", printed, re.MULTILINE)[1].split()
         row = re.search(rf"^\| {re.escape(beginning)}[^|]*\|(.*)\|$", page, re.MULTILINE)[1]
         shown = re.findall(r"-?[\d.]+", row)
         digits = [len(number.partition(".")[2]) for number in shown]
-        wrong = [abs(float(a) - float(b)) > 0.51 * 10.0**-n for a, b, n in zip(printed, shown, digits, strict=True)]
-        assert not any(wrong), (name, printed, shown)
+        wrong = [abs(float(a) - float(b)) > 0.51 * 10.0**-n for a, b, n in zip(found, shown, digits, strict=True)]
+        assert not any(wrong), (name, found, shown)
 
 
-def test_each_script_is_named_here():
-    assert {path.name for path in EXAMPLES.glob("*.py")} == set(SAID)
-
-
-def test_a_missing_package_is_told_in_one_sentence(monkeypatch):
-    monkeypatch.setitem(sys.modules, "onavdata", None)
-    with pytest.raises(SystemExit, match=r"^navigate_a_log\.py: .*pip install onavdata==[\d.]+$"):
-        runpy.run_path(str(EXAMPLES / "navigate_a_log.py"))
-
-
-SHORTER = {"rank_navigators.py": ("--seeds", "4", "--duration", "30", "insenv/ShipNavigation-v0")}
-"""Arguments of scripts that take long without."""
-COMPILES_LONG = {"active_alignment.py", "rank_navigators.py", "rank_policies.py"}
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in COMPILES_LONG else ()) for n in sorted(SAID)])
-def test_script(name, tmp_path):
-    if name.startswith("train_"):
-        pytest.skip("it trains for minutes: make test-rl runs it")
-    if name == "navigate_a_log.py" and find_spec("onavdata") is None:
-        pytest.skip("the log is in the package onavdata, which is not installed")
-    done = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / name, *SHORTER.get(name, ())],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
-    assert all(text in done.stdout for text in SAID[name]), done.stdout
-    assert "nan" not in done.stdout
-    assert done.stderr == ""
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("name", [n for n in sorted(SAID) if n.startswith("train_")])
-def test_a_script_that_trains_says_what_to_install(name, tmp_path):
-    script = str(EXAMPLES / name)
-    code = f"import sys, runpy; sys.modules['stable_baselines3'] = None; runpy.run_path({script!r}, run_name='__main__')"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
-    assert done.returncode == 1
-    assert done.stderr.startswith(f"{name}: insenv.envs.sb3 needs Stable-Baselines3, which is not installed: pip install ")
-    assert done.stderr.count("\n") == 1 and "rl" in done.stderr
+@pytest.mark.parametrize(
+    ("name", "module", "said"),
+    [("navigate_a_log.py", "onavdata", r": .*pip install onavdata==[\d.]+$")]
+    + [(name, "stable_baselines3", r": insenv.envs.sb3 needs Stable-Baselines3, .*: pip install .*rl") for name in TRAINING],
+)
+def test_a_missing_package_is_told_in_one_sentence(name, module, said, monkeypatch):
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.delitem(sys.modules, "insenv.envs.sb3", raising=False)
+    monkeypatch.setattr(sys, "argv", [name])
+    with pytest.raises(SystemExit, match=f"^{name}{said}") as ended:
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+    assert "\n" not in str(ended.value)
 
 
 def test_own_scenario():
@@ -123,8 +103,7 @@ def test_the_files_of_the_plain_log_are_those_that_its_tool_writes():
 def test_the_plain_log_navigates_within_its_sigmas(start):
     (result,) = replay(EXAMPLES / "logs" / "plain.toml", "loosely-coupled", start=start).results
     assert result.health.verdict == "consistent"
-    stated = result.stated()
-    rms = result.statistics()["rms"]
+    stated, rms = result.stated(), result.statistics()["rms"]
     assert set(rms) == set(CHANNELS) & set(stated)
     # one run, in which errors that change slowly (heading, biases behind tilt) are one draw
     assert all(rms[name] < 3 * stated[name] for name in rms)

@@ -12,22 +12,8 @@ from insenv import installing
 from insenv.export.formats import FORMATS
 from insenv.installing import advice, install_extra, install_package
 
-REQUIREMENTS = [
-    "numpy>=2.0",
-    'tomli>=2; python_version < "3.11"',
-    "matplotlib>=3.8; extra == 'plot'",
-    "scikit-learn; extra == 'ml'",
-    'PyWavelets ; extra == "ml"',
-    "onavdata==0.2.5; (platform_machine in 'x86_64') and extra == 'test'",
-]
-
-
-@pytest.fixture
-def wheel(tmp_path, monkeypatch):
-    """A folder as that of a wheel, with a stray pyproject.toml of another package."""
-    (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n')
-    monkeypatch.setattr(installing, "requires", lambda name: REQUIREMENTS)
-    return tmp_path
+DECLARED = (ROOT / "pyproject.toml").read_text("utf-8")
+CODE = "".join(path.read_text("utf-8") for path in (ROOT / "insenv").rglob("*.py"))
 
 
 def test_from_a_checkout_the_extra_of_its_folder(tmp_path, monkeypatch):
@@ -37,43 +23,33 @@ def test_from_a_checkout_the_extra_of_its_folder(tmp_path, monkeypatch):
     assert install_extra("plot", Path.cwd()) == "pip install -e '.[plot]'"
 
 
-def test_from_a_wheel_the_packages_of_the_extra(wheel):
-    assert install_extra("plot", wheel) == "pip install 'matplotlib>=3.8'"
-    assert install_extra("ml", wheel) == "pip install scikit-learn PyWavelets"
-
-
-def test_a_package_in_the_version_asked_for(wheel):
+def test_from_a_wheel_the_packages_of_the_extra_in_the_version_asked_for(tmp_path, monkeypatch):
+    """Beside a stray pyproject.toml of another package."""
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n')
+    required = ["numpy>=2.0", 'tomli>=2; python_version < "3.11"', "matplotlib>=3.8; extra == 'plot'",
+                "scikit-learn; extra == 'ml'", 'PyWavelets ; extra == "ml"',
+                "onavdata==0.2.5; (platform_machine in 'x86_64') and extra == 'test'"]  # fmt: skip
+    monkeypatch.setattr(installing, "requires", lambda name: required)
+    assert install_extra("plot", tmp_path) == "pip install 'matplotlib>=3.8'"
+    assert install_extra("ml", tmp_path) == "pip install scikit-learn PyWavelets"
     assert install_package("onavdata") == "pip install onavdata==0.2.5"
     assert install_package("pywavelets") == "pip install PyWavelets"
     assert install_package("no_such_package") == "pip install no_such_package"
-
-
-def test_one_missing_package_is_named_with_its_extra(wheel, monkeypatch):
     monkeypatch.setattr(installing, "_is_checkout", lambda root: False)
-    assert advice("pywavelets", "ml") == (
-        "pip install PyWavelets (or all of the extra 'ml': pip install -e '.[ml]' in a checkout of insenv)"
-    )
+    assert advice("pywavelets", "ml").startswith("pip install PyWavelets (or all of the extra 'ml': pip install -e '.[ml]'")
 
 
-def test_every_extra_that_is_advised_is_declared():
-    root = Path(installing.__file__).parents[1]
-    declared = (root / "pyproject.toml").read_text("utf-8")
-    code = "".join(path.read_text("utf-8") for path in (root / "insenv").rglob("*.py"))
-    advised = set(re.findall(r"(?:install_extra\(|\badvice\(.\w+., |\bneed\([^)]*\bextra=)['\"](\w+)", code))
-    assert {"plot", "native", "workbench", "web"} <= advised
-    assert all(re.search(rf"^{extra} = \[", declared, re.MULTILINE) for extra in advised)
-
-
-def test_the_package_that_is_advised_is_one_of_its_extra():
+def test_every_extra_that_is_advised_is_declared_and_has_the_package():
     """What is imported and what is installed can have other names: rerun comes with rerun-sdk."""
-    declared = (ROOT / "pyproject.toml").read_text("utf-8")
-    code = "".join(path.read_text("utf-8") for path in (ROOT / "insenv").rglob("*.py"))
-    calls = re.findall(r'\bneed\([^\n]*?, "(\w+)",(?: package="([^"]+)",)? extra="(\w+)"', code)
+    advised = set(re.findall(r"(?:install_extra\(|\badvice\(.\w+., |\bneed\([^)]*\bextra=)['\"](\w+)", CODE))
+    assert {"plot", "native", "workbench", "web"} <= advised
+    extras = dict(re.findall(r"^(\w+) = \[(.*?)\]", DECLARED, re.MULTILINE | re.DOTALL))
+    assert advised <= set(extras)
+    calls = re.findall(r'\bneed\([^\n]*?, "(\w+)",(?: package="([^"]+)",)? extra="(\w+)"', CODE)
     calls += [(each.module, each.package, each.extra) for each in FORMATS.values() if each.module]
     assert len(calls) > 12
     for module, package, extra in calls:
-        packages = re.search(rf"^{extra} = \[(.*?)\]", declared, re.MULTILINE | re.DOTALL)[1]
-        names = [name.lower() for name in re.findall(r'"([\w-]+)', packages)]
+        names = [name.lower() for name in re.findall(r'"([\w-]+)', extras[extra])]
         assert (package or module).lower() in names, (module, package, extra)
 
 

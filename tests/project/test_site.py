@@ -8,17 +8,15 @@ import functools
 import http.server
 import json
 import os
-import shutil
 import threading
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urljoin, urlsplit
 
+import peers
 import pytest
 
 SITE = Path(os.environ.get("INSENV_SITE", "/nonexistent"))
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-DRIVER = shutil.which("chromedriver")
 PHONE, LAPTOP = (390, 844), (1280, 900)
 LOOKED_AT = (
     "index.html",
@@ -26,21 +24,24 @@ LOOKED_AT = (
     "estimators/q-method.html",
     "generated/environments/ship-alignment.html",
 )
+pytestmark = pytest.mark.slow
 
-pytestmark = pytest.mark.skipif(not SITE.is_dir(), reason="INSENV_SITE names no built site: run `make docs`")
-browser_needed = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="no Chromium with its driver here: install chromium and chromium-driver (chromedriver)"
-)
-PAGES = sorted(path.relative_to(SITE).as_posix() for path in SITE.rglob("*.html") if "_static" not in path.parts)
+
+@pytest.fixture(scope="module")
+def pages():
+    """The pages of the site, as paths."""
+    if not SITE.is_dir():
+        peers.lacking("INSENV_SITE names no built site: run `make docs`")
+    return sorted(path.relative_to(SITE).as_posix() for path in SITE.rglob("*.html") if "_static" not in path.parts)
 
 
 class Page(HTMLParser):
     """Links, sources of pictures, and ids of a page."""
 
-    def __init__(self, text):
+    def __init__(self, page):
         super().__init__()
         self.links, self.ids = [], set()
-        self.feed(text)
+        self.feed((SITE / page).read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attributes):
         given = dict(attributes)
@@ -50,34 +51,25 @@ class Page(HTMLParser):
             self.links.append(given[wanted])
 
 
-@functools.cache
-def parsed(page):
-    return Page((SITE / page).read_text(encoding="utf-8"))
-
-
-def test_the_pages_are_there():
+def test_links_and_pictures_lead_somewhere(pages):
     groups = ("environments", "scenarios", "sensors", "grades", "api")
-    assert all(any(page.startswith(f"generated/{group}/") for page in PAGES) for group in groups)
-    assert {*LOOKED_AT, "search.html", "how-to.html", "reference.html", "concepts/architecture.html"} <= set(PAGES)
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_links_and_pictures_lead_somewhere(page):
-    wrong = []
-    for link in parsed(page).links:
+    assert all(any(page.startswith(f"generated/{group}/") for page in pages) for group in groups)
+    assert {*LOOKED_AT, "search.html", "how-to.html", "reference.html", "concepts/architecture.html"} <= set(pages)
+    wrong, parsed = [], functools.cache(Page)
+    for page, link in [(each, link) for each in pages for link in parsed(each).links]:
         parts = urlsplit(urljoin(f"http://site/{page}", link))
-        if parts.netloc != "site" or parts.scheme != "http":
-            continue
         path = unquote(parts.path).lstrip("/") or page
+        if (parts.netloc, parts.scheme) != ("site", "http"):
+            continue
         if not (SITE / path).is_file():
-            wrong.append(f"{link}: no such file")
+            wrong.append(f"{page}: {link}: no such file")
         elif parts.fragment and path.endswith(".html") and unquote(parts.fragment) not in parsed(path).ids:
-            wrong.append(f"{link}: no such place on that page")
+            wrong.append(f"{page}: {link}: no such place on that page")
     assert not wrong
 
 
 @pytest.fixture(scope="module")
-def address():
+def address(pages):
     """Address of the site on a server of this process."""
 
     class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -92,31 +84,26 @@ def address():
 
 
 @pytest.fixture(scope="module")
-def browser():
+def browser(address):
     """Headless Chromium that can reach this machine alone."""
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
+    options.binary_location = peers.program("chromium", "chromium-browser", "google-chrome", how="Debian: chromium")
     for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu",
                      "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"):  # fmt: skip
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    driver = webdriver.Chrome(options, Service(peers.program("chromedriver", how="Debian: chromium-driver")))
     driver.set_script_timeout(30)
     yield driver
     driver.quit()
 
 
-def sized(browser, size):
-    width, height = size
-    given = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": size == PHONE}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", given)
-
-
-def opened(browser, address, page):
+def opened(browser, address, page, size=LAPTOP):
     """Open a page, and return what went wrong: messages of the console, and requests that leave the site."""
+    sized(browser, size)
     browser.get_log("browser"), browser.get_log("performance")
     browser.get(address + page)
     browser.execute_async_script(
@@ -124,18 +111,21 @@ def opened(browser, address, page):
         "ready.then(() => document.fonts.ready).then(() => setTimeout(done, 50));"
     )
     wrong = [entry["message"] for entry in browser.get_log("browser") if entry["level"] in ("WARNING", "SEVERE")]
-    for entry in browser.get_log("performance"):
-        message = json.loads(entry["message"])["message"]
+    for message in (json.loads(entry["message"])["message"] for entry in browser.get_log("performance")):
         url = message.get("params", {}).get("request", {}).get("url", "")
         if message["method"] == "Network.requestWillBeSent" and not url.startswith((address, "data:", "blob:", "about:")):
             wrong.append(f"a request outside the site: {url}")
     return wrong
 
 
-PICTURES = "return [...document.images].filter(i => i.complete && !i.naturalWidth && i.loading != 'lazy').map(i => i.src)"
+def sized(browser, size):
+    given = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size == PHONE}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", given)
+
+
 LAZY = "document.querySelectorAll('img[loading=lazy]').forEach(i => i.loading = 'eager')"
-MATHS = "return [document.querySelectorAll('.math').length, document.querySelectorAll('.math mjx-container').length,"
-MATHS += " document.querySelectorAll('mjx-merror, [data-mjx-error]').length]"
+PICTURES = "return [...document.images].filter(i => i.complete && !i.naturalWidth && i.loading != 'lazy').map(i => i.src)"
+MATHS = "return ['.math', '.math mjx-container', 'mjx-merror, [data-mjx-error]'].map(s => document.querySelectorAll(s).length)"
 SCROLL = "return document.scrollingElement.scrollWidth - window.innerWidth"
 CUT = r"""const limit = window.innerWidth, may_scroll = 'pre, table, .math, .text_html';
 return [...document.querySelectorAll('main article *')].filter(
@@ -143,29 +133,20 @@ return [...document.querySelectorAll('main article *')].filter(
 ).slice(0, 3).map(e => e.outerHTML.slice(0, 120))"""
 
 
-@browser_needed
-@pytest.mark.parametrize("page", PAGES)
-def test_a_page_in_the_browser(browser, address, page):
-    sized(browser, LAPTOP)
-    assert opened(browser, address, page) == []
-    browser.execute_script(LAZY)
-    assert browser.execute_script(PICTURES) == []
-    equations, typeset, faulty = browser.execute_script(MATHS)
-    assert typeset >= equations and faulty == 0
-    assert browser.execute_script(SCROLL) <= 0
-    sized(browser, PHONE)
-    assert browser.execute_script(SCROLL) <= 0
-    assert browser.execute_script(CUT) == []
+def test_each_page_in_the_browser(browser, address, pages):
+    typeset_on = {}
+    for page in pages:
+        assert opened(browser, address, page) == [], page
+        browser.execute_script(LAZY)
+        assert browser.execute_script(PICTURES) == [], page
+        equations, typeset_on[page], faulty = browser.execute_script(MATHS)
+        assert typeset_on[page] >= equations and faulty == 0, page
+        assert browser.execute_script(SCROLL) <= 0, page
+        sized(browser, PHONE)
+        assert browser.execute_script(SCROLL) <= 0 and browser.execute_script(CUT) == [], page
+    assert typeset_on["concepts/frames.html"] > 8
 
 
-@browser_needed
-def test_equations_are_there_to_be_typeset(browser, address):
-    sized(browser, LAPTOP)
-    opened(browser, address, "concepts/frames.html")
-    assert browser.execute_script(MATHS)[1] > 8
-
-
-@browser_needed
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [("gyrocompass", "estimators/gyrocompass.html"), ("ShipAlignment", "generated/environments/ship-alignment.html"),
@@ -174,14 +155,11 @@ def test_equations_are_there_to_be_typeset(browser, address):
 def test_search_finds_a_page(browser, address, words, wanted):
     from selenium.webdriver.support.ui import WebDriverWait
 
-    sized(browser, LAPTOP)
-    wrong = opened(browser, address, f"search.html?q={words.replace(' ', '+')}")
-    links = "return [...document.querySelectorAll('#search-results a')].map(a => a.href)"
+    assert opened(browser, address, f"search.html?q={words.replace(' ', '+')}") == []
     finished = "return /found|matching/.test(document.querySelector('#search-results .search-summary')?.innerText ?? '')"
     WebDriverWait(browser, 30).until(lambda b: b.execute_script(finished))
-    found = browser.execute_script(links)
+    found = browser.execute_script("return [...document.querySelectorAll('#search-results a')].map(a => a.href)")
     assert any(link.startswith(address + wanted) for link in found), found[:10]
-    assert wrong == []
 
 
 COLOURS = """const shown = e => getComputedStyle(e); const body = document.querySelector('.bd-article p');
@@ -197,20 +175,13 @@ def luminance(colour):
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-@browser_needed
-@pytest.mark.parametrize("page", LOOKED_AT)
 @pytest.mark.parametrize("mode", ["light", "dark"])
-def test_light_and_dark(browser, address, page, mode):
-    sized(browser, LAPTOP)
-    # The reader's system asks for the theme: a theme stored by this test could be overwritten by the page's own script.
+def test_light_and_dark(browser, address, mode):
+    """The reader's system asks for the theme: a theme stored by this test could be overwritten by the page's own script."""
     wished = [{"name": "prefers-color-scheme", "value": mode}]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": wished})
-    assert opened(browser, address, page) == []
-    back, front = (luminance(colour) for colour in browser.execute_script(COLOURS))
-    assert (back > 0.8) if mode == "light" else (back < 0.1)
-    assert (max(back, front) + 0.05) / (min(back, front) + 0.05) > 7.0  # contrast, WCAG 2 level AAA
-    folder = os.environ.get("INSENV_SCREENSHOTS")
-    for name, size in (("phone", PHONE), ("laptop", LAPTOP)) if folder else ():
-        sized(browser, size)
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        browser.save_screenshot(f"{folder}/{page.replace('/', '-').removesuffix('.html')}-{mode}-{name}.png")
+    for page in LOOKED_AT:
+        assert opened(browser, address, page) == []
+        back, front = (luminance(colour) for colour in browser.execute_script(COLOURS))
+        assert (back > 0.8) if mode == "light" else (back < 0.1)
+        assert (max(back, front) + 0.05) / (min(back, front) + 0.05) > 7.0  # contrast, WCAG 2 level AAA

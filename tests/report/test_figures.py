@@ -1,27 +1,44 @@
-"""The one style of all figures, and what a figure of a run shows beside the errors."""
+"""The figure of a run: its panels, what it shades, reports that lack something; the one style of all figures."""
 
 import re
+from dataclasses import replace
 
+import matplotlib
 import numpy as np
 import pytest
+from made_up_reports import PLACE, TIME, of_health, report, result, track
 from places import ROOT
 
-from insenv import run, style
-from insenv.evaluation.errors import Result, Track
-from insenv.report import tracks
+from insenv import style
+from insenv.evaluation.errors import ATTITUDE, Result, Track
+from insenv.evaluation.health import course
+from insenv.report import OutputFolder, tracks, write_files
 from insenv.report.figures import draw
 from insenv.report.outages import outages
 from insenv.report.run_data import RunData
+from insenv.style import save
 
-DRAWING = [path for folder in ("insenv", "examples", "tools") for path in (ROOT / folder).rglob("*.py")]
+
+def test_only_the_style_makes_figures():
+    found = []
+    for path in (path for folder in ("insenv", "examples", "tools") for path in (ROOT / folder).rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if re.search(r"pyplot|backend_agg|\bFigure\(\w*size|\.legend\(loc=\"(?!center left\", bbox)", text):
+            found.append(path.name)
+    assert set(found) == {"style.py", "icons.py"}  # icons are drawings without axes
 
 
-@pytest.mark.parametrize("path", DRAWING, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_only_the_style_makes_figures(path):
-    if path.name in ("style.py", "icons.py"):  # icons are drawings without axes
-        return
-    text = path.read_text(encoding="utf-8")
-    assert not re.search(r"pyplot|backend_agg|\bFigure\(\w*size|\.legend\(loc=\"(?!center left\", bbox)", text)
+def test_it_shows_every_channel_limit_and_band_and_leaves_matplotlib_as_it_was():
+    before = dict(matplotlib.rcParams)
+    figure = draw(report(result(), result("wander-sins", size=50.0, sigma={})))
+    assert dict(matplotlib.rcParams) == before
+    titles = [axis.get_title(loc="left") for axis in figure.axes]
+    assert titles[:3] == ["roll error [deg]", "pitch error [deg]", "heading error [deg]"] and len(titles) == 10
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"loosely-coupled", "wander-sins", "loosely-coupled: stated ±3 sigma", "theoretical limit, ±1 sigma"} <= texts
+
+
+# --- outages and test ratios -------------------------------------------------------------------------
 
 
 def test_outages_are_the_gaps_between_fixes():
@@ -33,48 +50,113 @@ def test_outages_are_the_gaps_between_fixes():
     assert outages(time, np.cumsum(time % 1.0 == 0.0)) == ()
 
 
-def test_a_figure_shades_the_outages_of_its_scenario():
-    figure = draw(run("car-city-drive", "loosely-coupled", duration_s=300.0))
+def test_a_figure_shades_its_outages():
+    figure = draw(report(of_health(last_fix_s=60.0)))
     (legend,) = figure.legends
     assert "no GNSS" in [text.get_text() for text in legend.get_texts()]
-    shaded = {
-        tuple(round(float(x)) for x in (patch.get_x(), patch.get_x() + patch.get_width()))
-        for axes in figure.axes
-        for patch in axes.patches
-        if patch.get_facecolor()[:3] == pytest.approx(tuple(int(style.OUTAGE[k : k + 2], 16) / 255 for k in (1, 3, 5)))
-    }
-    assert len(shaded) == 1  # the same in every panel
-    ((begin, end),) = shaded
-    assert abs(begin - 200) <= 1 and abs(end - 230) <= 1
+    colour = pytest.approx(matplotlib.colors.to_rgb(style.OUTAGE))
+    patches = [patch for axes in figure.axes for patch in axes.patches if patch.get_facecolor()[:3] == colour]
+    # the same in every panel
+    assert {(patch.get_x(), patch.get_x() + patch.get_width()) for patch in patches} == {(60.0, 100.0)} and len(patches) > 9
     assert all(axes.get_legend() is None for axes in figure.axes)
+
+
+HEALTHY = replace(of_health(), sigma={}, limit={}, limit_sigma={})
+SHORT = {name: row[:2] for name, row in HEALTHY.outputs.items()}, {name: row[:2] for name, row in HEALTHY.errors.items()}
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        report(of_health(refused_share=0.1), result("wander-sins")),
+        report(of_health(ratio=300.0)),
+        report(replace(HEALTHY, errors={}), truth=Track(TIME), seed=None),
+        report(replace(HEALTHY, time=TIME[:2], outputs=SHORT[0], errors=SHORT[1]), truth=Track(TIME[:2])),
+    ],
+    ids=["refused", "far", "no reference", "two records"],
+)
+def test_the_figure_has_a_panel_of_test_ratios(made):
+    panel = next(axis for axis in draw(made).axes if "Innovations of fixes" in axis.get_title(loc="left"))
+    (ratios,) = (line.get_ydata() for line in panel.lines if line.get_marker() == ".")
+    expected = course(made.results[0].outputs)[0][1:]
+    assert panel.get_yscale() == "log" and np.array_equal(ratios, expected)
+    assert panel.get_ylim()[0] < np.quantile(expected, 0.03) and panel.get_ylim()[1] > expected.max()
+    crosses = [line for line in panel.lines if line.get_marker() == "x"]
+    assert sum(len(line.get_xdata()) for line in crosses) == int(made.results[0].outputs["fix_refused_count"][-1])
+
+
+# --- tracks and attitudes ----------------------------------------------------------------------------
 
 
 def flight(north_m, up_m):
     """A run whose estimate is the truth, along a line."""
-    time = np.linspace(0.0, 60.0, 61)
-    place = {
-        "latitude": 0.8 + north_m * time / 60.0 / 6.37e6,
-        "longitude": np.full(61, 0.1),
-        "height": 100.0 + up_m * time / 60.0,
-    }
-    none = np.zeros(61)
-    result = Result("own", time, place, {"down_m": none}, {}, {}, 0.0, 0.1)
-    return RunData("hover", "", 1, 60.0, 6000, Track(time, **place), (result,))
+    time, none = np.linspace(0.0, 60.0, 61), np.zeros(61)
+    place = {"latitude": 0.8 + north_m * time / 60.0 / 6.37e6, "longitude": none + 0.1, "height": 100.0 + up_m * time / 60.0}
+    own = Result("own", time, place, {"down_m": none}, {}, {}, 0.0, 0.1)
+    return RunData("hover", "", 1, 60.0, 6000, Track(time, **place), (own,))
+
+
+ABOVE, HEIGHT = "Track seen from above", "Height above the start [m]"
 
 
 @pytest.mark.parametrize(
-    ("north_m", "up_m", "panels"),
-    [
-        (1000.0, 10.0, {"Track seen from above"}),
-        (100.0, 80.0, {"Track seen from above", "Height above the start [m]"}),
-        (0.5, 80.0, {"Height above the start [m]"}),
-    ],
+    ("north_m", "up_m", "panels"), [(1000.0, 10.0, {ABOVE}), (100.0, 80.0, {ABOVE, HEIGHT}), (0.5, 80.0, {HEIGHT})]
 )
 def test_a_vertical_flight_shows_its_height(north_m, up_m, panels):
-    report = flight(north_m, up_m)
-    titles = {axes.get_title(loc="left") for axes in draw(report).axes}
-    assert titles == {"down error [m]", *panels}
-    assert tracks.steepness(report) == pytest.approx(up_m / north_m, rel=1e-2)
+    made = flight(north_m, up_m)
+    assert {axes.get_title(loc="left") for axes in draw(made).axes} == {"down error [m]", *panels}
+    assert tracks.steepness(made) == pytest.approx(up_m / north_m, rel=1e-2)
+
+
+def test_an_alignment_without_reference_shows_its_attitude_with_its_sigma():
+    drawn = draw(report(result("q-method", ATTITUDE, errors={}, limit={}), truth=Track(TIME), seed=None))
+    assert [axis.get_ylabel() for axis in drawn.axes] == ["roll [deg]", "pitch [deg]", "heading [deg]"]
+    assert all(len(axis.lines) == 1 and len(axis.collections) == 1 for axis in drawn.axes)
+    assert all(axis.get_ylim()[1] - axis.get_ylim()[0] > 2 * 3 * 0.02 for axis in drawn.axes)  # the sigma is seen
+
+
+# --- files -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        report(result(errors={}, sigma={}, limit={}), truth=Track(TIME), seed=None),  # a log without a reference
+        report(result(channels=("down_m",))),  # a reference without attitude
+        report(result(errors=dict.fromkeys(ATTITUDE, np.zeros(200)), sigma={}, limit={})),
+        report(
+            result(errors={"roll_deg": np.full(200, np.nan)}), title="costs $5 and $6",
+            truth=track(latitude=np.r_[[np.nan] * 9, PLACE["latitude"][9:]]),
+        ),
+    ],
+    ids=["no reference", "position only", "no error at all", "not known, dollars"],
+)  # fmt: skip
+def test_unusual_reports_are_drawn(made, tmp_path):
+    assert {path.suffix for path in write_files(made, OutputFolder(tmp_path)).paths} == {
+        ".npz",
+        ".json",
+        ".html",
+        ".png",
+        ".svg",
+    }
+
+
+def test_nothing_to_draw(tmp_path):
+    made = report(result("q-method", ATTITUDE, errors={}, outputs={}), truth=Track(TIME), seed=None)
+    assert "no figure" in write_files(made, OutputFolder(tmp_path)).note
+
+
+def test_figure_files_are_the_same_every_time(tmp_path):
+    for name in ("a", "b"):
+        made = report(result("q-method", ("heading_deg",), outputs={}))
+        save(draw(made), {"svg": tmp_path / f"{name}.svg", "png": tmp_path / f"{name}.png"})
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert b"<dc:date>" not in (tmp_path / "a.svg").read_bytes()
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+# --- scales ------------------------------------------------------------------------------------------
 
 
 def test_angles_are_not_joined_where_they_wrap():

@@ -1,4 +1,4 @@
-"""The GNSS receiver: each error against its stated parameter, and the times of its fixes."""
+"""The GNSS receiver: each error against its stated parameter, the times of its fixes, its lever arm and delay."""
 
 from __future__ import annotations
 
@@ -6,31 +6,24 @@ import math
 from typing import Any
 
 import numpy as np
+import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
-from sensor_plant import CHANCE, LEVEL, assert_mean, assert_variance, simulate
+from sensor_plant import CHANCE, LEVEL, assert_mean, assert_variance, simulate, start_states
 
+from insenv import attitude, geodesy
+from insenv.core.runner import make_runner
 from insenv.errors import InputError
+from insenv.scenario import build, load
 from insenv.sensors.gnss_section import GnssSection
-
-A, E2 = 6378137.0, (2.0 - 1.0 / 298.257223563) / 298.257223563
-
-
-def ecef(latitude: Any, longitude: Any, height: Any) -> Any:
-    N = A / np.sqrt(1.0 - E2 * np.sin(latitude) ** 2)
-    p = (N + height) * np.cos(latitude)
-    z = (N * (1.0 - E2) + height) * np.sin(latitude)
-    return np.stack([p * np.cos(longitude), p * np.sin(longitude), z], axis=-1)
 
 
 def ned(out: dict[str, Any], fixes: Any = slice(None)) -> Any:
     """Fixes in metres north, east, down of the IMU position LEVEL."""
-    lat, lon = LEVEL["latitude"], LEVEL["longitude"]
-    s, c, sl, cl = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
-    C_ne = np.array([[-s * cl, -s * sl, c], [-sl, cl, 0.0], [-c * cl, -c * sl, -s]])
-    r = ecef(out["gnss_latitude"][fixes], out["gnss_longitude"][fixes], out["gnss_height"][fixes])
-    return (r - ecef(lat, lon, LEVEL["height"])) @ C_ne.T
+    fix = [out[f"gnss_{name}"][fixes] for name in ("latitude", "longitude", "height")]
+    place = [LEVEL[name] for name in ("latitude", "longitude", "height")]
+    return np.stack(pymap3d.geodetic2ned(*fix, *place, deg=False), axis=-1)
 
 
 def test_fixes_come_at_their_rate_late_and_once() -> None:
@@ -76,23 +69,22 @@ def test_lever_arm_and_an_epoch_between_samples() -> None:
         assert np.allclose(out["gnss_velocity_n"][9], slope, rtol=0, atol=1e-5)
 
 
-def test_gnss_noise_wander_and_reported_sigmas() -> None:
-    n, white, wander, time = 12000, np.array([1.0, 2.0, 3.0]), np.array([3.0, 2.0, 1.0]), 0.5
+def test_noise_wander_and_reported_sigmas() -> None:
+    n, white, wander, time = 8000, np.array([1.0, 2.0, 3.0]), np.array([3.0, 2.0, 1.0]), 0.5
     rows = {"sample_interval": 0.1, "gnss_interval": 0.1, "gnss_velocity_noise": (0.1, 0.2, 0.3), "seed": 9}
     out = simulate(n, {**rows, "gnss_position_noise": white})
     errors = ned(out)
-    for i in range(3):
-        assert_variance(errors[:, i], white[i] ** 2)
-        assert_variance(out["gnss_velocity_n"][:, i], (0.1 * (i + 1)) ** 2)
+    assert_variance(errors, white**2)
+    assert_variance(out["gnss_velocity_n"], (0.01, 0.04, 0.09))
     assert np.abs(np.corrcoef(errors.T) - np.eye(3)).max() < 4.5 / math.sqrt(n)
     assert abs(np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]) < 4.5 / math.sqrt(n)
-    assert np.allclose(out["gnss_position_sigma"][-1], white) and np.allclose(out["gnss_velocity_sigma"][-1, 0], 0.1)
-
+    assert np.allclose(out["gnss_position_sigma"][-1], white) and np.allclose(out["gnss_velocity_sigma"][-1], (0.1, 0.2, 0.3))
     out = simulate(n, {**rows, "gnss_wander_sigma": wander, "gnss_wander_time": time})
     errors, decay = ned(out), math.exp(-0.1 / time)
-    for i in range(3):
-        assert_variance(errors[:, i], wander[i] ** 2, n * (1 - decay**2) / (1 + decay**2))
-        assert_variance(errors[1:, i] - decay * errors[:-1, i], wander[i] ** 2 * (1 - decay**2))
+    assert_variance(errors, wander**2, n * (1 - decay**2) / (1 + decay**2))
+    assert_variance(errors[1:] - decay * errors[:-1], wander**2 * (1 - decay**2))
+    both = simulate(10, {**rows, "gnss_position_noise": white, "gnss_wander_sigma": wander})
+    assert np.allclose(both["gnss_position_sigma"][-1], np.hypot(white, wander), rtol=1e-12)
     perfect = simulate(10, {"sample_interval": 0.1, "gnss_interval": 0.1})
     assert (perfect["gnss_position_sigma"] > 0).all() and (perfect["gnss_velocity_sigma"] > 0).all()
 
@@ -129,7 +121,7 @@ def test_outage_windows_take_the_epochs_inside_them() -> None:
     assert 3.0 in np.round(times, 6) and 5.0 not in np.round(times, 6)
 
 
-def _receiver(interval: float, latency: float, offset: float) -> GnssSection:
+def receiver(interval: float, latency: float, offset: float) -> GnssSection:
     return GnssSection.model_construct(interval_s=interval, latency_s=latency, epoch_offset_s=offset)
 
 
@@ -145,9 +137,87 @@ def _receiver(interval: float, latency: float, offset: float) -> GnssSection:
 )
 def test_timing_that_cannot_be_is_refused(rate_hz: float, times: tuple[float, float, float], field: str) -> None:
     with pytest.raises(InputError, match=field):
-        _receiver(*times).rows(rate_hz)
+        receiver(*times).rows(rate_hz)
 
 
-def test_timing_that_can_be_is_not() -> None:
-    assert _receiver(1.0, 0.995, 0.0049).rows(200.0)["gnss_latency"] == 0.995
-    assert _receiver(0.2, 0.0, 0.0).rows(400.0)["gnss_interval"] == 0.2
+def test_timing_that_can_be_is_taken() -> None:
+    assert receiver(1.0, 0.995, 0.0049).rows(200.0)["gnss_latency"] == 0.995
+    assert receiver(0.2, 0.0, 0.0).rows(400.0)["gnss_interval"] == 0.2
+
+
+# --- a plant with a receiver ---------------------------------------------------------------------------------
+
+
+def car(**gnss: Any) -> Any:
+    """A scenario of a car that drives; the receiver delivers late."""
+    return load({
+        "title": "Car", "duration_s": 60.0, "rate_hz": 100.0, "seed": 4,
+        "start": {"latitude_deg": 48.0, "longitude_deg": 11.0, "height_m": 500.0, "heading_deg": 30.0},
+        "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 40}, {"drive_s": 60}]},
+        "imu": {"grade": "tactical"}, "gnss": {"grade": "rtk", **gnss},
+    })  # fmt: skip
+
+
+def outputs(given: Any, seed: int | None = None, duration_s: float = 1.0) -> dict[str, Any]:
+    made = build(given, seed=seed, duration_s=duration_s)
+    return made.model.outputs.unpack(make_runner(made.model, made.parameters).run(made.samples))
+
+
+def test_lever_arm_and_delay_differ_from_what_is_told() -> None:
+    """The fix is that of the actual antenna at the actual time: what is told of both is the rest."""
+    late = {"grade": "perfect", "latency_s": 0.2, "lever_arm_m": [1.0, 0.0, -1.0]}
+    wrong = {**late, "lever_arm_error_m": [0.3, -0.2, 0.1], "delay_error_s": 0.137}
+    told, true = outputs(car(**late)), outputs(car(**wrong), duration_s=30.0)
+    at = np.flatnonzero(true["gnss_valid"])
+    np.testing.assert_allclose(true["gnss_delay_true"], 0.137, atol=1e-12)
+    np.testing.assert_allclose(true["antenna_lever_arm_true"][0], [1.3, -0.2, -0.9])
+    # the epoch is a whole second less the part of a sample; the age says 0.137 s less than it was
+    np.testing.assert_allclose(true["gnss_age"][at], 0.2, atol=1e-9)
+    arrival = (at + 1) * 0.01
+    np.testing.assert_allclose(arrival - true["gnss_age"][at] - 0.137, np.round(arrival - 0.34) - 0.007, atol=1e-9)
+    # independently: the truth, interpolated at that time
+    for k in at[5::4]:
+        epoch = (k + 1) * 0.01 - 0.337
+        below = int(epoch / 0.01 + 1e-9) - 1
+        share = epoch / 0.01 - 1 - below
+        place = [
+            geodesy.numeric.geodetic_from_ned_offset(
+                attitude.numeric.rotate(true["q_nb"][j], true["antenna_lever_arm_true"][j]),
+                *(true[name][j] for name in ("latitude", "longitude", "height")),
+            )
+            for j in (below, below + 1)
+        ]
+        fix = [true[f"gnss_{name}"][k] for name in ("latitude", "longitude", "height")]
+        there = (1 - share) * np.array(place[0]) + share * np.array(place[1])
+        assert np.linalg.norm(geodesy.numeric.ned_offset(*fix, *there)) < 1e-3
+    np.testing.assert_array_equal(told["gnss_delay_true"], 0.0)
+    np.testing.assert_array_equal(told["antenna_lever_arm_true"][0], [1.0, 0.0, -1.0])
+
+
+def test_drawn_lever_arm_and_delay() -> None:
+    given = car(latency_s=0.4, lever_arm_sigma_m=[0.1, 0.2, 0.3], delay_sigma_s=0.05)
+    made = build(given)
+    x = start_states(made.model, made.model.parameters.pack(made.parameters), 1500)
+    assert_variance(x["gnss_delay_true"], 0.05**2)
+    np.testing.assert_allclose(x["gnss_latency_true"] + x["gnss_epoch_offset_true"], 0.4 + x["gnss_delay_true"], atol=1e-12)
+    assert (x["gnss_epoch_offset_true"] >= 0.0).all() and (x["gnss_epoch_offset_true"] < 0.01).all()
+    assert_variance(x["antenna_lever_arm_true"], (0.01, 0.04, 0.09))
+    told = made.knowledge.rows
+    np.testing.assert_allclose(told["antenna_lever_arm_sigma"], [0.1, 0.2, 0.3])
+    assert told["gnss_delay_sigma"] == 0.05
+    assert "cut" not in "".join(given.notes)
+
+
+def test_no_fix_is_from_the_future_and_one_is_pending() -> None:
+    """A stated delay beyond that is refused; a drawn one is cut, and a note says so."""
+    late = {"grade": "rtk", "latency_s": 0.1, "interval_s": 0.2}
+    for wrong in (-0.11, 0.1, 0.2, 100.0):
+        with pytest.raises(InputError, match=rf"delay_error_s = {wrong:g} s: allowed is from -0\.1 to 0\.09 s where latency_s"):
+            build(car(**late, delay_error_s=wrong))
+    for delay in (-0.1, 0.09):
+        found = outputs(car(**late, delay_error_s=delay))
+        np.testing.assert_allclose(found["gnss_delay_true"][0], delay, atol=1e-12)
+    drawn = car(**late, delay_sigma_s=10.0)
+    assert any("gnss.delay_sigma_s = 10 s: drawn delays are cut to -0.1 to 0.09 s" in note for note in drawn.notes)
+    delays = [outputs(drawn, seed=seed)["gnss_delay_true"][0] for seed in range(6)]
+    np.testing.assert_allclose(sorted({round(float(delay), 9) for delay in delays}), [-0.1, 0.09])

@@ -1,4 +1,4 @@
-"""Grades and units of sensors."""
+"""Grades of sensors: their tables, sources and bounds."""
 
 from __future__ import annotations
 
@@ -10,22 +10,9 @@ from insenv.errors import InputError
 from insenv.files.toml import validated
 from insenv.scenario import load
 from insenv.scenario.description import scenario_class
-from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade, units
+from insenv.sensors import GNSS_GRADES, IMU_GRADES, gnss_grade, imu_grade
 from insenv.sensors.gnss import GNSS_PARAMETERS
 from insenv.sensors.imu_tables import IMU_PARAMETERS
-
-
-def test_units_against_hand_calculation() -> None:
-    assert units.deg_h_to_rad_s(1.0) == pytest.approx(4.84813681109536e-6, rel=1e-14)
-    assert units.deg_sqrt_h_to_rad_sqrt_s(1.0) == pytest.approx(2.908882086657216e-4, rel=1e-14)
-    assert units.deg_h_sqrt_h_to_rad_s_sqrt_s(60.0) == pytest.approx(units.deg_h_to_rad_s(1.0), rel=1e-14)
-    assert units.ug_to_m_s2(1e6) == pytest.approx(9.80665, rel=1e-15)
-    assert units.m_s_sqrt_h_to_m_s_sqrt_s(60.0) == pytest.approx(1.0, rel=1e-15)
-    assert units.deg_h_g_to_rad_s_per_m_s2(9.80665) == pytest.approx(4.84813681109536e-6, rel=1e-14)
-    assert units.mgal_to_m_s2(1e5) == 1.0 and units.deg_c_to_k(20.0) == pytest.approx(293.15)
-    assert units.rad_s_to_deg_h(units.deg_h_to_rad_s(3.0)) == pytest.approx(3.0)
-    assert units.arcsec_to_rad(3600.0) == units.deg_to_rad(1.0)
-    assert units.one_sigma_from_cep(1.1774100225154747) == pytest.approx(1.0, rel=1e-15)
 
 
 def test_every_grade_fits_the_tables_and_every_figure_has_a_source() -> None:
@@ -33,12 +20,7 @@ def test_every_grade_fits_the_tables_and_every_figure_has_a_source() -> None:
         IMU_PARAMETERS.pack(grade.parameters())
         for figure in grade.figures():
             assert grade.source(figure), (grade.name, figure)
-        assert set(grade.sources) <= {
-            "",
-            *grade.figures(),
-            "gyro_instability_time_s",
-            "accel_instability_time_s",
-        }
+        assert set(grade.sources) <= {"", *grade.figures(), "gyro_instability_time_s", "accel_instability_time_s"}
     for receiver in GNSS_GRADES.values():
         GNSS_PARAMETERS.pack(receiver.parameters())
         assert receiver.source or receiver.name == "perfect"
@@ -67,19 +49,12 @@ def test_an_unknown_grade_suggests_the_nearest() -> None:
 
 @pytest.mark.parametrize(
     ("section", "key", "limit"),
-    [
-        ("imu", "gyro_temperature_slope_deg_h_k", 1e4),
-        ("imu", "accel_temperature_slope_ug_k", 1e5),
-        ("imu", "gyro_scale_factor_slope_ppm_k", 1e3),
-        ("imu", "accel_scale_factor_slope_ppm_k", 1e3),
-        ("imu", "gyro_scale_factor_sigma_ppm", 1e6),
-        ("imu", "gyro_g_sensitivity_deg_h_g", 1e6),
-        ("odometer", "slip_percent_s2_m", 100.0),
-        ("odometer", "scale_factor_percent", 100.0),
-        ("dvl", "misalignment_deg", 180.0),
-        ("heading", "outlier_probability", 1.0),
-    ],
-)
+    [("imu", "gyro_temperature_slope_deg_h_k", 1e4), ("imu", "accel_temperature_slope_ug_k", 1e5),
+     ("imu", "gyro_scale_factor_slope_ppm_k", 1e3), ("imu", "accel_scale_factor_slope_ppm_k", 1e3),
+     ("imu", "gyro_scale_factor_sigma_ppm", 1e6), ("imu", "gyro_g_sensitivity_deg_h_g", 1e6),
+     ("odometer", "slip_percent_s2_m", 100.0), ("odometer", "scale_factor_percent", 100.0),
+     ("dvl", "misalignment_deg", 180.0), ("heading", "outlier_probability", 1.0)],
+)  # fmt: skip
 def test_no_unit_has_an_error_without_bounds(section: str, key: str, limit: float) -> None:
     values = load("car-city-drive").model_dump(mode="json", exclude_none=True)
     values[section] = {**(values.get(section) or {}), key: limit}

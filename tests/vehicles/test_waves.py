@@ -1,11 +1,14 @@
-"""Signs and phases of a ship's motion in waves: of the water's surface and particles, in long waves, from any direction."""
+"""Spectra of the sea, and a ship's motion in it: signs and phases from any direction, in long and short waves."""
 
 import numpy as np
 import pytest
+from lone_vehicle import history
+from scipy.integrate import quad
 
+from insenv.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles import Hull, irregular_sea
-from insenv.vehicles.waves import response, wave_components
+from insenv.vehicles.waves import response, spectrum, wave_components
 
 SMALL = Hull(length=4.0, beam=1.0, draught=0.3, roll_period=1.0, roll_damping=0.5)
 """A float that rides long waves as the water does."""
@@ -73,3 +76,52 @@ def test_sinusoids_are_the_response_at_the_frequency_of_encounter(speed, directi
             expected = amplitude * (value * np.exp(1j * phase)).real
             found = sea[f"wave_{name}_amplitude"] * np.sin(sea["wave_angular_frequency"] * t + sea[f"wave_{name}_phase"])
             assert np.allclose(found, expected, atol=1e-12), name
+
+
+@pytest.mark.parametrize("enhancement", [1.0, 3.3])
+def test_spectrum_has_the_moments_of_the_sea(enhancement: float) -> None:
+    zeroth = quad(lambda w: float(spectrum(w, 3.0, 9.0, enhancement)), 0.2, 20.0, limit=200)[0]
+    assert 4 * np.sqrt(zeroth) == pytest.approx(3.0, rel=0.01)
+    first = quad(lambda w: w * float(spectrum(w, 3.0, 9.0, enhancement)), 0.2, 20.0, limit=200)[0]
+    w, amplitude = wave_components(3.0, 9.0, 24, enhancement)
+    assert np.sum(amplitude**2) / 2 == pytest.approx(zeroth, rel=0.005)
+    assert np.sum(w * amplitude**2) / 2 == pytest.approx(first, rel=0.015)
+    if enhancement == 1.0:  # closed form: mean period 0.772 Tp (DNV-RP-C205, sec. 3.5.5.4: T1 = 0.7719 Tp)
+        assert 2 * np.pi * zeroth / first == pytest.approx(0.772 * 9.0, rel=0.01)
+
+
+def test_response_in_long_and_short_waves() -> None:
+    hull = Hull(length=100, beam=16, draught=5)
+    for direction in (0.0, 0.7, np.pi / 2, np.pi):
+        long = response([0.05], hull, direction)
+        k = 0.05**2 / 9.80665
+        assert long["down"][0] == pytest.approx(-1.0, abs=0.01)  # rides the wave
+        assert abs(long["pitch"][0]) == pytest.approx(k * abs(np.cos(direction)), rel=0.02, abs=1e-9)  # follows its slope
+        assert abs(long["roll"][0]) == pytest.approx(k * abs(np.sin(direction)), rel=0.02, abs=1e-9)
+        short = response([3.0], hull, direction)
+        assert all(abs(value[0]) < 0.1 for value in short.values())
+    at = 2 * np.pi / hull.roll_period
+    assert abs(response([at], hull, np.pi / 2)["roll"][0]) > 2.5 * at**2 / 9.80665
+
+
+@pytest.mark.parametrize("speed", [0.0, 8.0])
+def test_motion_in_an_irregular_sea_has_the_variance_of_spectrum_and_response(speed: float) -> None:
+    hull, height, period, heading, direction = Hull(length=60), 2.5, 9.0, 0.4, 2.5
+    sea = irregular_sea(height, period, 16, hull=hull, wave_direction=direction, heading=heading, speed=speed)
+    rows = history("sea", {**sea, "sample_interval": 0.5, "seed": 3}, 8_000)
+    w = np.linspace(0.15, 4.0, 4000)
+    motions = response(w, hull, direction - heading, speed)
+    for name in ("down", "pitch", "roll"):
+        expected = np.sqrt(np.trapezoid(spectrum(w, height, period) * np.abs(motions[name]) ** 2, w))
+        assert rows[f"wave_{name}_sine"].sum(axis=1).std() == pytest.approx(expected, rel=0.1)
+    down = rows["wave_down_sine"].sum(axis=1)
+    np.testing.assert_allclose(rows["height"], rows["height"][0] - (down - down[0]), atol=1e-4)
+
+
+@pytest.mark.parametrize("change", [{"significant_height": -1.0}, {"enhancement": 0.5}, {"components": 0}])
+def test_bad_seas(change: dict) -> None:
+    ((name, value),) = change.items()
+    with pytest.raises(InputError, match=f"{name} = {value:g}"):
+        irregular_sea(**{"significant_height": 2.0, "peak_period": 8.0, **change})
+    with pytest.raises(InputError, match="length = 0"):
+        Hull(length=0)

@@ -1,0 +1,92 @@
+"""The files of a report and its JSON document: complete, readable by others, all or none."""
+
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+from made_up_reports import PLACE, report, result
+
+from insenv.errors import InputError, InsenvError
+from insenv.evaluation.errors import ATTITUDE, CHANNELS
+from insenv.installing import install_extra
+from insenv.report import OutputFolder, document, to_json, write_files
+from insenv.report.files import collect, file_name
+
+
+def test_document_has_the_documented_keys():
+    found = document(report(published=(("Other", {"roll_deg": 1.0}),)), ["a.npz"])
+    assert {"scenario", "seed", "duration_s", "imu_samples", "results", "published", "files"} <= set(found)
+    assert {"estimator", "final", "rms", "max", "limit", "us_per_sample"} <= set(found["results"][0])
+    assert all(set(found["results"][0][kind]) == set(CHANNELS) for kind in ("final", "rms", "max", "limit"))
+    assert "published" not in document(report())
+
+
+def test_no_nan_in_json():
+    bad = result(errors={"roll_deg": np.full(200, np.nan)}, limit={"roll_deg": math.inf})
+    parsed = json.loads(to_json(document(report(bad))), parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
+    assert parsed["results"][0]["rms"] == {"roll_deg": None} and parsed["results"][0]["limit"] == {"roll_deg": None}
+    assert to_json({"é": np.float64(1.5), "n": np.array([1, 2])}, indent=None) == '{"\\u00e9": 1.5, "n": [1, 2]}'
+
+
+def test_npz_round_trip(tmp_path):
+    made, folder = report(result(), result("q-method", ATTITUDE)), tmp_path / "new" / "out"
+    written = write_files(made, OutputFolder(folder), figure=False)
+    assert sorted(p.name for p in folder.iterdir()) == ["made-up.json", "made-up.npz"]
+    with np.load(written.paths[0], allow_pickle=False) as file:
+        meta = json.loads(file["meta"].item())
+        arrays = {name: file[name] for name in file.files if name != "meta"}
+    assert set(meta["arrays"]) == set(arrays)
+    assert meta["format"] == "insenv-results" and meta["run"] == document(made)
+    assert np.array_equal(arrays["truth/latitude"], PLACE["latitude"])
+    assert np.array_equal(arrays["q-method/errors/heading_deg"], made.results[1].errors["heading_deg"])
+    assert np.array_equal(arrays["loosely-coupled/outputs/q_nb"], made.results[0].outputs["q_nb"])
+    for name, about in meta["arrays"].items():
+        assert about["unit"] and about["meaning"] and about["shape"] == list(arrays[name].shape), name
+    assert meta["arrays"]["truth/velocity_n"]["unit"] == "m/s" and meta["arrays"]["truth/velocity_n"]["frame"] == "n"
+    assert meta["arrays"]["loosely-coupled/sigma/vn_mps"]["unit"] == "m/s"
+    assert json.loads(written.paths[1].read_text()) == document(made, [str(p) for p in written.paths])
+    assert "mine/outputs/q_nb" in collect(report(result("mine")))[0], "of an estimator that is not registered"
+    (tmp_path / "plain").write_text("")
+    assert written.paths[0].stat().st_mode == (tmp_path / "plain").stat().st_mode, "others read it as the umask says"
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError])
+def test_interrupted_writing_leaves_what_was_there(tmp_path, monkeypatch, fault):
+    def interrupted(*_, **__):
+        raise fault
+
+    write_files(report(), OutputFolder(tmp_path), figure=False)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    monkeypatch.setattr("insenv.report.files.save", interrupted)
+    with pytest.raises(fault):
+        write_files(report(result("q-method", ATTITUDE), seed=8), OutputFolder(tmp_path))
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_output_folder_is_tried_at_once_and_made_late(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is not a folder"):
+        OutputFolder(tmp_path / "file" / "deep" / "out")
+    OutputFolder(tmp_path / "new" / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    (tmp_path / "made-up.json").mkdir()
+    with pytest.raises(InsenvError, match=r"made-up\.json.*is a folder"):
+        write_files(report(), OutputFolder(tmp_path), figure=False)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "made-up.json"]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "name"),
+    [("ship-swaying", "ship-swaying"), ("../a b/my log.toml", "my-log"), ("..", "run"), ("a/b:c", "a-b-c")],
+)
+def test_file_names(scenario, name):
+    assert file_name(scenario) == name
+
+
+def test_without_matplotlib_the_rest_is_written(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    written = write_files(report(), OutputFolder(tmp_path))
+    assert install_extra("plot") in written.note
+    assert {p.suffix for p in tmp_path.iterdir()} == {".npz", ".json", ".html"}

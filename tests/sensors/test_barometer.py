@@ -1,0 +1,43 @@
+"""The barometer: noise, drift, lag and constants against their stated parameters."""
+
+import math
+
+import numpy as np
+from sensor_plant import DT, assert_gauss_markov, assert_variance, simulate, starts
+
+
+def test_white_noise_drift_and_allan_deviation() -> None:
+    n, white, sigma, time = 100_000, 0.3, 0.5, 2.0
+    rows = {"barometer_noise": white, "barometer_drift_sigma": sigma, "barometer_drift_time": time}
+    y = simulate(n, rows, of="barometer")
+    error = y["barometer_height"] - 50.0
+    assert_gauss_markov(y["barometer_bias_true"], sigma, time)
+    assert_variance(error - y["barometer_bias_true"], white**2)
+    # Allan variance of averages over m samples: white noise white^2 / m; Gauss-Markov by the variance of its averages
+    a = math.exp(-DT / time)
+    for m in (1, 10, 100, 400):
+        means = error[: n // m * m].reshape(-1, m).mean(axis=1)
+        lags = np.arange(1, m)
+        within = sigma**2 / m**2 * (m + 2 * np.sum((m - lags) * a**lags))
+        pair = sigma**2 / m**2 * (a ** (m + np.subtract.outer(np.arange(m), np.arange(m)))).sum()
+        found = 0.5 * np.mean(np.diff(means) ** 2)
+        assert abs(found / (white**2 / m + within - pair) - 1) < 4.5 * math.sqrt(3 / len(means)) + 0.01, m
+
+
+def test_lag_of_a_ramp_is_the_closed_form() -> None:
+    lag, rate, n = 0.4, 3.0, 500
+    time = np.arange(1, n + 1) * DT
+    y = simulate(n, {"barometer_lag": lag}, {"height": 50.0 + rate * time}, of="barometer")
+    behind = -rate * lag * (1 - np.exp(-time / lag))
+    np.testing.assert_allclose(y["barometer_height"] - (50.0 + rate * time), behind, atol=1e-12)
+
+
+def test_constants() -> None:
+    x = starts({"barometer_bias_sigma": 2.0, "barometer_scale_factor_sigma": 0.03, "barometer_bias": 1.0}, 2000, of="barometer")
+    assert_variance(x["barometer_bias_true"] - 1.0, 4.0)
+    assert_variance(x["barometer_scale_factor_true"], 0.03**2)
+    assert abs(np.corrcoef(x["barometer_bias_true"], x["barometer_scale_factor_true"])[0, 1]) < 4.5 / math.sqrt(2000)
+    rows = {"barometer_scale_factor": 0.0202, "barometer_speed_error": 0.5, "barometer_quantum": 0.25}
+    y = simulate(1, rows, {"height": 1050.0, "velocity_n": (30.0, 40.0, 0.0)}, of="barometer")
+    exact = 1050.0 + 0.0202 * 1000.0 - 0.5 * 2500.0 / (2 * 9.80665)
+    assert 1006.25 + 0.2 < exact < 1006.5 and y["barometer_height"][0] == 1006.5

@@ -1,0 +1,72 @@
+"""Instruments that measure at their own times: arrivals, declared rows, sections with their grades."""
+
+import numpy as np
+import pytest
+from exactness import inexact_operations
+from sensor_plant import MODULES, plant, simulate
+
+from insenv.errors import InputError
+from insenv.instruments import INSTRUMENTS, TOLD
+from insenv.scenario import load
+from insenv.sensors.registry import registered
+
+
+@pytest.mark.parametrize("id", MODULES)
+def test_no_operation_differs_between_machines(id: str) -> None:
+    assert not [name for name, function in plant(id).functions.items() if inexact_operations(function)]
+
+
+@pytest.mark.parametrize("id", MODULES)
+def test_measurement_rows_are_those_that_are_declared(id: str) -> None:
+    sensor, given = registered()[id].sensor, INSTRUMENTS[id]
+    assert sensor.outputs == given.measurement.names
+    table = MODULES[id].EQUATIONS.all_parameters
+    told = sensor.told(table.unpack(table.start_vector()))
+    assert set(told) == set(given.told.names)
+    for name, value in told.items():
+        TOLD[name].check(np.broadcast_to(np.asarray(value, dtype=float), TOLD[name].shape).ravel())
+
+
+@pytest.mark.parametrize("id", MODULES)
+def test_times(id: str) -> None:
+    """The first measurement comes one interval after the start, each arrives after the latency, outages remove epochs."""
+    rows = {f"{id}_interval": 0.1, f"{id}_latency": 0.03, f"{id}_outage_start": [0.35] + [0.0] * 15}
+    rows[f"{id}_outage_end"] = [0.55] + [0.0] * 15
+    y = simulate(100, rows, {"height": np.arange(1.0, 101.0)}, of=id)
+    arrived = np.flatnonzero(y[f"{id}_new"]) + 1
+    assert arrived.tolist() == [13, 23, 33, 63, 73, 83, 93]
+    np.testing.assert_allclose(y[f"{id}_age"][arrived - 1], 0.03, atol=1e-12)
+    if id == "barometer":
+        np.testing.assert_array_equal(y["barometer_height"][arrived - 1], arrived - 3.0)
+        np.testing.assert_array_equal(y["barometer_height_true"][arrived - 1], arrived - 3.0)
+    without = simulate(100, {f"{id}_interval": 0.1}, of=id)
+    assert (np.flatnonzero(without[f"{id}_new"]) + 1).tolist() == [10 * k for k in range(1, 11)]
+    assert not without[f"{id}_age"].any()
+
+
+@pytest.mark.parametrize("id", MODULES)
+def test_every_figure_of_a_grade_is_a_key_and_has_a_source(id: str) -> None:
+    section = registered()[id]
+    assert "perfect" in section.grades and not section.grades["perfect"].figures
+    for grade in section.grades.values():
+        assert all(name in section.model_fields and grade.source(name) for name in grade.figures)
+        section(grade=grade.name).rows(100.0)
+
+
+@pytest.mark.parametrize(
+    ("id", "section", "message"),
+    [
+        ("barometer", {"interval_s": 0.0333}, r"barometer\.interval_s = 0\.0333 s: .* whole number of samples of 0\.01 s"),
+        ("odometer", {"latency_s": 0.2}, r"odometer\.latency_s = 0\.2 s: allowed is less than odometer\.interval_s = 0\.1 s"),
+        ("magnetometer", {"grade": "rm310"}, r"magnetometer\.grade = 'rm310'.*did you mean 'rm3100'"),
+        ("magnetometer", {"year": 2050.0}, r"magnetometer\.year = 2050: allowed is 2025 to 2030"),
+        ("heading", {"baseline_m": [0, 0, 0]}, r"heading\.baseline_m = \[0, 0, 0\] m"),
+        ("dvl", {"outages_s": [[5.0, 2.0]]}, r"dvl\.outages_s.*from 5 s to 2 s"),
+        ("barometer", {"noise_m": -1.0}, r"barometer\.noise_m = -1"),
+        ("odometer", {"wheel": 1}, r"odometer\.wheel.*unknown key"),
+    ],
+)
+def test_wrong_values(id: str, section: dict, message: str) -> None:
+    car = load("car-city-drive").model_dump(mode="json", exclude_unset=True)
+    with pytest.raises(InputError, match=message):
+        load({**car, "rate_hz": 100.0, id: section})
