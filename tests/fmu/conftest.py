@@ -1,6 +1,5 @@
 """Tests of FMUs compare short runs with the interpreter: an FMU has its own binary."""
 
-import functools
 from unittest import mock
 
 import pytest
@@ -16,10 +15,13 @@ def interpreted(monkeypatch):
 @pytest.fixture(scope="session")
 def bare(tmp_path_factory):
     """A function that exports an FMU without binaries, the same one once."""
+    made = {}
 
-    @functools.cache
     def exported(what, fmi=2, **options):
-        with mock.patch("insenv.fmu.exporter.build", lambda *arguments: {}):
-            return export_fmu(what, tmp_path_factory.mktemp("bare") / "x.fmu", fmi=fmi, **options)
+        key = repr((what, fmi, options))
+        if key not in made:
+            with mock.patch("insenv.fmu.exporter.build", lambda *arguments: {}):
+                made[key] = export_fmu(what, tmp_path_factory.mktemp("bare") / "x.fmu", fmi=fmi, **options)
+        return made[key]
 
     return exported

@@ -52,9 +52,7 @@ def expected(id):
 def check(variable, types, row):
     """Unit and bounds of one variable (FMI 3) or of one element (FMI 2); a flag is a Boolean."""
     declared = types.get(variable.get("declaredType"))
-    unit, low, high = (
-        variable.get(key) or (None if declared is None else declared.get(key)) for key in ("unit", "min", "max")
-    )
+    unit, low, high = (variable.get(key) or (None if declared is None else declared.get(key)) for key in ("unit", "min", "max"))
     assert (variable.tag == "Boolean") == row.flag
     if row.flag:
         assert (row.lower, row.upper, row.unit, row.shape) == (0, 1, "1", ())
