@@ -73,8 +73,8 @@ class Slave:
         """Set variables; the values of all are flat, in order."""
         places = np.cumsum([0, *(self.widths[reference] for reference in references)])
         parts = {r: list(values[places[n] : places[n + 1]]) for n, r in enumerate(references)}
-        for reference in self.booleans & parts.keys():
-            self.fmu.setBoolean([reference], [bool(value) for value in parts.pop(reference)])
+        for known in self.booleans & parts.keys():
+            self.fmu.setBoolean([known], [bool(value) for value in parts.pop(known)])
         if parts:
             write = self.fmu.setReal if self.fmi == 2 else self.fmu.setFloat64
             write(list(parts), [value for part in parts.values() for value in part])
