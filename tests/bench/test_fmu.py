@@ -7,7 +7,6 @@ import pytest
 
 from insenv.bench import fmu
 
-
 SLOW = (fmu.loop, fmu.ssp, fmu.pythonfmu)
 ALL = [fmu.c_host, fmu.fmpy, fmu.export_time, *(pytest.param(measure, marks=pytest.mark.slow) for measure in SLOW)]
 
