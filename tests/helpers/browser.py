@@ -42,6 +42,7 @@ class Browser:
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": theme})
         metrics = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": size == PHONE}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        self.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": "file://", "storageTypes": "local_storage"})
         self.driver.get("about:blank")  # a changed fragment alone would not load the page again
         self.driver.get(Path(path).resolve().as_uri() + fragment)
 

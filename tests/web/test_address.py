@@ -46,6 +46,6 @@ def test_a_state_is_written_and_read_alike(tmp_path):
         "values": {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25},
         "commands": [{"sample": 3, "values": {"speed": 2.5}}],
     }
-    code = "(() => { const link = module_address.addressOf(given[1], 1); return [link, module_address.stateOf(link, given[0])]; })()"
+    code = "[module_address.addressOf(given[1], 1)].flatMap((link) => [link, module_address.stateOf(link, given[0])])"
     link, back = answers("address.js", code, [live_document(live_page(*CAR)), state], tmp_path)
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link

@@ -1,4 +1,4 @@
-"""Live pages in headless Chromium: their numbers are those of `insenv.run`; they are driven, linked to and kept as scenarios."""
+"""Live pages in headless Chromium: their numbers are those of `insenv.run`; they are driven, linked to, kept as scenarios."""
 
 import json
 from dataclasses import replace
@@ -56,7 +56,9 @@ def fast(browser):
 
 def cells(browser, rows):
     """Texts of the rows of a table, with ASCII minus signs."""
-    found = browser.value(f"[...document.querySelectorAll('{rows}')].map((row) => [...row.cells].map((cell) => cell.textContent))")
+    found = browser.value(
+        f"[...document.querySelectorAll('{rows}')].map((row) => [...row.cells].map((cell) => cell.textContent))"
+    )
     return [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in found]
 
 

@@ -1,52 +1,35 @@
-"""The WebAssembly of pages, in wasmtime, gives the numbers of `insenv run` to the bit."""
-
-from __future__ import annotations
+"""The WebAssembly of pages, in wasmtime and in the worker in Node, gives the numbers of `insenv run` to the bit."""
 
 import json
 import re
-import shutil
-import subprocess
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+import wasmtime
+from pages import CAR, SHIP, in_node, live_page
 
 import insenv
 from insenv.bench.page_machine import PageMachine
 from insenv.report.page.html import worker_script
 from insenv.scenario import load, names
 from insenv.web.controls import setting_of, with_values
-from insenv.web.live import Live, live, live_document
-
-wasmtime = pytest.importorskip("wasmtime")
-pytest.importorskip("ziglang")
+from insenv.web.live import live, live_document
 
 
-@cache
-def page_of(scenario: str, *estimators: str, duration_s: float) -> Live:
-    """One page for several tests: its controls are looked for once."""
-    return live(scenario, estimators, duration_s=duration_s)
-
-
-FAST = [("ship-swaying", ("q-method", "qakf")), ("car-city-drive", ("loosely-coupled",))]
-
-
-def runs(scenario: str, estimators: tuple[str, ...], duration_s: float, seed: int | None = None) -> None:
+def equals_run(made, seed=None):
     """A page's numbers equal those of `insenv.run`: each output of the truth and of the estimators."""
-    made = page_of(scenario, *estimators, duration_s=duration_s)
     machine = PageMachine(made)
     assert not wasmtime.Module(wasmtime.Engine(), made.wasm).imports
     if seed is not None:
         machine.begin(seed)
-    report = insenv.run(scenario, estimators, duration_s=duration_s, seed=seed)
+    ids, duration = [member.estimator.id for member in made.page.members], made.plant.duration_s
+    report = insenv.run(made.plant.scenario, ids, duration_s=duration, seed=seed)
     shown = machine.named(machine.run(made.plant.samples // made.every * made.every, made.every))
     assert shown["time"].tobytes() == report.truth.time.tobytes()
     for row in ("q_nb", "velocity_n", "latitude", "longitude", "height"):
         assert shown[row].tobytes() == getattr(report.truth, row).tobytes(), row
     for member, result in zip(made.page.members, report.results, strict=True):
-        assert member.estimator.id == result.estimator
         for row, values in result.outputs.items():
             assert np.ascontiguousarray(shown[member.prefix + row]).tobytes() == values.tobytes(), (member.estimator.id, row)
         for place, channel in enumerate(member.channels):
@@ -56,24 +39,20 @@ def runs(scenario: str, estimators: tuple[str, ...], duration_s: float, seed: in
             np.testing.assert_allclose(shown[f"{member.prefix}sigma"][:, place], result.sigma[channel], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("scenario", "estimators"), FAST)
-def test_equals_run(scenario: str, estimators: tuple[str, ...]) -> None:
-    runs(scenario, estimators, 60.0 if scenario.startswith("car") else 10.0)
+@pytest.mark.parametrize(("page", "seed"), [(SHIP, None), (CAR, 77)])
+def test_equals_run(page, seed):
+    equals_run(live_page(*page), seed)
 
 
-def test_another_seed_starts_as_run_does() -> None:
-    runs("car-city-drive", ("loosely-coupled",), 60.0, seed=77)
-
-
-def cases() -> list[tuple[str, str]]:
+@cache
+def cases():
     """Every estimator on every scenario that it runs on."""
     found = []
     for name in names():
         plant = insenv.scenario.build(load(name))
         for estimator in insenv.estimators.registry.registered():
             try:
-                adapted = plant.adapted(estimator, whole=False)
-                plant.parameters_of(adapted, whole=False)
+                plant.parameters_of(plant.adapted(estimator, whole=False), whole=False)
             except insenv.InputError:
                 continue
             found.append((name, estimator))
@@ -82,28 +61,22 @@ def cases() -> list[tuple[str, str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", names())
-def test_every_scenario_and_estimator(scenario: str) -> None:
+def test_every_scenario_and_estimator(scenario):
     own = [estimator for name, estimator in cases() if name == scenario]
     assert own
     for estimator in own:
-        runs(scenario, (estimator,), 20.0, seed=5)
-        page_of.cache_clear()
+        equals_run(live(scenario, (estimator,), duration_s=20.0), seed=5)
 
 
 CHANGED = {
-    "start.latitude_deg": -41.3,
-    "start.heading_deg": 123.4,
-    "vehicle.sway.roll.0.amplitude_deg": 7.7,
-    "vehicle.sway.roll.0.period_s": 9.1,
-    "vehicle.sway.pitch.0.phase_deg": 33.3,
-    "imu.grade": "tactical",
-    "knowledge.heading_error_deg": -1.7,
-    "knowledge.tilt_sigma_deg": 0.3,
-}
+    "start.latitude_deg": -41.3, "start.heading_deg": 123.4, "vehicle.sway.roll.0.amplitude_deg": 7.7,
+    "vehicle.sway.roll.0.period_s": 9.1, "vehicle.sway.pitch.0.phase_deg": 33.3, "imu.grade": "tactical",
+    "knowledge.heading_error_deg": -1.7, "knowledge.tilt_sigma_deg": 0.3,
+}  # fmt: skip
 
 
-def test_controls_give_the_numbers_of_run() -> None:
-    made = page_of("ship-swaying", "q-method", duration_s=10.0)
+def test_controls_give_the_numbers_of_run():
+    made = live_page(*SHIP)
     by_key = {control.key: control for control in made.controls}
     p, known = np.array(made.parameters), np.array(made.known)
     for key, value in CHANGED.items():
@@ -116,13 +89,15 @@ def test_controls_give_the_numbers_of_run() -> None:
     assert np.ascontiguousarray(shown["e0_q_nb"]).tobytes() == report.results[0].outputs["q_nb"].tobytes()
 
 
-NODE = """
+# --- web/worker.js
+
+WORKER = """
 const { Session } = require("./worker.cjs"), fs = require("fs");
-const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [], clouds = [];
+const [live, messages] = JSON.parse(fs.readFileSync("given.json")), records = [], clouds = [], errors = [];
 let ended;
 const end = new Promise((resolve) => { ended = resolve; });
 const session = new Session((message) => {
-  if (message.got === "error") { console.error(message.message); process.exit(1); }
+  if (message.got === "error") errors.push(message.message);
   if (message.got === "reset") records.length = 0;
   if (message.records) records.push(Buffer.from(message.records.buffer));
   if (message.got === "cloud") clouds.push({ ...message, errors: message.errors.map((one) => [...one]) });
@@ -138,134 +113,109 @@ const session = new Session((message) => {
   await session.receive({ do: "run", speed: null });
   await end;
   await session.receive({ do: "toml" });
-  fs.writeFileSync("clouds.json", JSON.stringify(clouds));
   fs.writeFileSync("records.bin", Buffer.concat(records));
-  process.exit(0);
+  process.stdout.write(JSON.stringify({ clouds, errors }), () => process.exit(0));
 })();
 """
 
 
-def by_worker(made: Live, messages: list[dict[str, Any]], folder: Path) -> dict[str, Any]:
-    """Outputs by row name of web/worker.js in Node, which takes the messages and then runs to the end."""
-    if shutil.which("node") is None:
-        pytest.skip("Node is not installed")
-    (folder / "given.json").write_text(json.dumps([live_document(made), messages]))
-    (folder / "go.cjs").write_text(NODE)
+def reset(seed, **values):
+    return {"do": "reset", "seed": seed, "values": values}
+
+
+def step(samples):
+    return {"do": "step", "samples": samples}
+
+
+def give(**values):
+    return {"do": "input", "values": values}
+
+
+def by_worker(made, messages, folder):
+    """Outputs by row name of web/worker.js in Node, which takes the messages and then runs to the end; clouds and errors."""
     (folder / "worker.cjs").write_text(worker_script())
-    done = subprocess.run(["node", "go.cjs"], cwd=folder, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    told = json.loads(in_node(WORKER, [live_document(made), messages], folder))
     model = made.page.model
-    return model.outputs.unpack(np.fromfile(folder / "records.bin").reshape(-1, model.outputs.size))
+    return model.outputs.unpack(np.fromfile(folder / "records.bin").reshape(-1, model.outputs.size)), told
 
 
-def equal_to_run_of_its_scenario(shown: dict[str, Any], folder: Path, row: str) -> None:
+def equal_to_run_of_its_scenario(shown, folder, row):
     """`insenv run` of the scenario that the page gives has the numbers of the page."""
     report = insenv.run(folder / "scenario.toml")
     assert shown["q_nb"].tobytes() == report.truth.q_nb.tobytes()
     assert np.ascontiguousarray(shown[f"e0_{row}"]).tobytes() == report.results[0].outputs[row].tobytes()
+    return report
 
 
-def test_worker_gives_a_scenario_with_its_numbers(tmp_path: Path) -> None:
-    made = page_of("ship-swaying", "q-method", duration_s=10.0)
-    messages = [{"do": "reset", "seed": 9, "values": CHANGED}, {"do": "step", "samples": 17}]
-    equal_to_run_of_its_scenario(by_worker(made, messages, tmp_path), tmp_path, "q_nb")
+def test_worker_gives_a_scenario_with_its_numbers_and_refuses_in_a_sentence(tmp_path):
+    made = live_page(*SHIP)
+    count = next(len(control.options) for control in made.controls if control.key == "imu.grade")
+    wrong = {
+        "start.latitude_deg": (91, "start.latitude_deg = 91 deg: allowed is -80 to 80 deg"),
+        "imu.grade": ("tactcal", f'"tactcal": allowed is one of {count} names, the nearest: tactical, '),
+        "imu.colour": (1, "imu.colour: this page has no control of that name"),
+    }
+    messages = [reset(9, **{key: value}) for key, (value, _) in wrong.items()]
+    shown, told = by_worker(made, [*messages, reset(5000), reset(9, **CHANGED), step(17)], tmp_path)
+    for said, expected in zip(
+        told["errors"], [*(text for _, text in wrong.values()), "seed = 5000: allowed is 0 to 1023"], strict=True
+    ):
+        assert re.search(re.escape(expected), said) and len(said) < 300
+    equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
 
 
-def test_worker_cuts_gnss_off_as_the_scenario_says(tmp_path: Path) -> None:
-    made = page_of("car-city-drive", "loosely-coupled", duration_s=60.0)
-    cut = [{"do": "cut", "sensor": "gnss", "on": on} for on in (True, False, True)]
-    messages = [{"do": "step", "samples": 801}, cut[0], {"do": "step", "samples": 1200}, cut[1], {"do": "step", "samples": 900}]
-    shown = by_worker(made, [*messages, cut[2]], tmp_path)
+def test_worker_cuts_gnss_off_and_drives_as_the_scenario_says(tmp_path):
+    """Cut off, on and off again; steer right and brake, then release: `insenv run` of the scenario file follows."""
+    made = live_page(*CAR)
+    cut, on, _ = ({"do": "cut", "sensor": "gnss", "on": off} for off in (True, False, True))
+    messages = [step(801), cut, step(1200), on, step(900), cut, step(4100), give(speed=9.5, yaw_rate=0.2), step(900),
+                give(yaw_rate=-0.1), step(333), give(speed=0.0)]  # fmt: skip
+    shown, _ = by_worker(made, messages, tmp_path)
     fixes = shown["time"][np.flatnonzero(np.diff(shown["e0_fix_count"], prepend=0.0))]
     assert np.all((fixes < 4.2) | (fixes > 10.0) & (fixes < 14.7)) and len(fixes) == 8
-    equal_to_run_of_its_scenario(shown, tmp_path, "fix_count")
-
-
-def test_a_driven_run_is_run_again_from_its_scenario(tmp_path: Path) -> None:
-    """Steer right and brake, then release: `insenv run` of the scenario file follows, and so does a page of it."""
-    made = page_of("car-city-drive", "loosely-coupled", duration_s=60.0)
-    steer = [
-        {"do": "input", "values": values} for values in ({"speed": 9.5, "yaw_rate": 0.2}, {"yaw_rate": -0.1}, {"speed": 0.0})
-    ]
-    messages = [
-        {"do": "step", "samples": 7001},
-        steer[0],
-        {"do": "step", "samples": 900},
-        steer[1],
-        {"do": "step", "samples": 333},
-    ]
-    shown = by_worker(made, [*messages, steer[2]], tmp_path)
-    equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
-    other = tmp_path / "other"
-    other.mkdir()
-    course = by_worker(made, [], other)
-    assert np.max(np.abs(shown["offset_n"] - course["offset_n"])) > 10.0
-    again = by_worker(live(tmp_path / "scenario.toml"), [], other)
-    assert again["q_nb"].tobytes() == shown["q_nb"].tobytes()
+    report = equal_to_run_of_its_scenario(shown, tmp_path, "fix_count")
+    course = PageMachine(made).run(made.plant.samples, made.every)
+    assert np.max(np.abs(shown["offset_n"] - made.page.model.outputs.unpack(course)["offset_n"])) > 10.0
+    np.testing.assert_array_equal(
+        np.ascontiguousarray(shown["e0_latitude"]).ravel(), report.results[0].outputs["latitude"].ravel()
+    )
     with pytest.raises(insenv.InputError, match="has commands: `insenv run` and `insenv page` follow them, nothing else does"):
         insenv.campaign(tmp_path / "scenario.toml", "loosely-coupled", runs=2)
 
 
-def test_a_cloud_has_the_errors_of_run(tmp_path: Path) -> None:
-    made = page_of("ship-swaying", "q-method", "qakf", duration_s=10.0)
-    values = {"start.heading_deg": 77.0}
-    by_worker(made, [{"do": "reset", "seed": 1022, "values": values}, {"do": "cloud", "units": 3}], tmp_path)
-    clouds = json.loads((tmp_path / "clouds.json").read_text())
+@pytest.mark.slow
+def test_a_page_of_a_driven_scenario_drives_it_again(tmp_path):
+    messages = [step(7001), give(speed=9.5, yaw_rate=0.2), step(900), give(speed=0.0)]
+    shown, _ = by_worker(live_page(*CAR), messages, tmp_path)
+    again, _ = by_worker(live(tmp_path / "scenario.toml"), [], tmp_path)
+    assert again["q_nb"].tobytes() == shown["q_nb"].tobytes()
+
+
+def test_a_cloud_has_the_errors_of_run_and_follows_the_commands(tmp_path):
+    made, values = live_page(*SHIP), {"start.heading_deg": 77.0}
+    sea = [step(401), give(sea=2.0), step(100)]
+    _, told = by_worker(made, [reset(1022, **values), {"do": "cloud", "units": 3}, *sea, {"do": "cloud", "units": 2}], tmp_path)
+    clouds, driven = told["clouds"][:3], told["clouds"][3:]
     assert [cloud["seed"] for cloud in clouds] == [1021, 1022, 1023]  # the page offers no seed after these
-    assert [cloud["done"] for cloud in clouds] == [1, 2, 3]
-    scenario = with_values(made.values, values)
+    assert [cloud["done"] for cloud in clouds] == [1, 2, 3] and len(driven) == 2
     for cloud in clouds:
-        report = insenv.run(scenario, seed=cloud["seed"])
+        report = insenv.run(with_values(made.values, values), seed=cloud["seed"])
         every = round(cloud["interval_s"] / report.truth.time[0])
         for errors, result in zip(cloud["errors"], report.results, strict=True):
             expected = np.stack([result.errors[channel][every - 1 :: every] for channel in result.errors], axis=-1)
             np.testing.assert_allclose(np.reshape(errors, expected.shape), expected, rtol=0, atol=1e-9)
-
-
-def test_a_cloud_follows_the_commands(tmp_path: Path) -> None:
-    made = page_of("ship-swaying", "q-method", duration_s=10.0)
-    messages = [{"do": "step", "samples": 401}, {"do": "input", "values": {"sea": 2.0}}, {"do": "step", "samples": 100}]
-    by_worker(made, [*messages, {"do": "cloud", "units": 2}], tmp_path)
-    for cloud in json.loads((tmp_path / "clouds.json").read_text()):
+    for cloud in driven:
         (result,) = insenv.run(tmp_path / "scenario.toml", seed=cloud["seed"]).results
         ends = [errors[-1] for errors in result.errors.values()]
         np.testing.assert_allclose(cloud["errors"][0][-3:], ends, rtol=0, atol=1e-9)
 
 
-def test_the_sea_of_a_moored_ship_is_steered(tmp_path: Path) -> None:
+def test_the_sea_of_a_moored_ship_is_steered(tmp_path):
     """A rising sea and a passing wave: `insenv run` of the scenario file follows."""
-    made = page_of("ship-swaying", "q-method", duration_s=10.0)
+    made = live_page(*SHIP)
     assert "command_sea" in made.page.model.inputs
-    messages = [
-        {"do": "step", "samples": 401},
-        {"do": "input", "values": {"sea": 2.0}},
-        {"do": "step", "samples": 400},
-        {"do": "input", "values": {"wave": 1.5}},
-    ]
-    shown = by_worker(made, messages, tmp_path)
+    shown, _ = by_worker(made, [step(401), give(sea=2.0), step(400), give(wave=1.5)], tmp_path)
     still = PageMachine(made).run(made.plant.samples, made.every)
     lifted = shown["offset_n"] - made.page.model.outputs.unpack(still)["offset_n"]
     assert np.all(lifted[shown["time"] <= 2.0] == 0.0) and lifted[-1, 2] < -0.5
     equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
-
-
-def test_worker_refuses_in_a_sentence(tmp_path: Path) -> None:
-    made = page_of("ship-swaying", "q-method", duration_s=10.0)
-    for values, sentence in (
-        ({"start.latitude_deg": 91}, "start.latitude_deg = 91 deg: allowed is -80 to 80 deg"),
-        ({"imu.grade": "golden"}, 'imu.grade = "golden": allowed is'),
-        ({"imu.colour": 1}, "imu.colour: this page has no control of that name"),
-    ):
-        with pytest.raises(AssertionError, match=re.escape(sentence)):
-            by_worker(made, [{"do": "reset", "seed": 9, "values": values}], tmp_path)
-    count = next(len(control.options) for control in made.controls if control.key == "imu.grade")
-    with pytest.raises(AssertionError, match=rf'"tactcal": allowed is one of {count} names, the nearest: tactical, ') as wrong:
-        by_worker(made, [{"do": "reset", "seed": 9, "values": {"imu.grade": "tactcal"}}], tmp_path)
-    assert len(next(line for line in str(wrong.value).splitlines() if "tactcal" in line)) < 300
-    with pytest.raises(AssertionError, match="seed = 5000: allowed is 0 to 1023"):
-        by_worker(made, [{"do": "reset", "seed": 5000, "values": {}}], tmp_path)
-
-
-def test_a_smoother_has_no_page() -> None:
-    with pytest.raises(insenv.InputError, match="smooths a whole run"):
-        live("car-city-drive", ("smoother",))
