@@ -1,20 +1,13 @@
 """One instance of a model: steps in order, inputs, snapshots, cycles, the backends, and what they refuse."""
 
-from dataclasses import replace
-from functools import cache
-
 import numpy as np
 import pytest
 from exactness import inexact_operations
 
 from insenv.core import runner as runner_module
-from insenv.core.batch import make_batch
 from insenv.core.runner import BACKENDS, make_runner, resolve_backend
-from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.estimators import registered
-from insenv.plant.feeding import input_rows
-from insenv.scenario import build, load
 
 HELD = np.array([0.1, -0.2, 0.3, 0.0])
 backends = pytest.mark.parametrize("backend", BACKENDS)
@@ -125,58 +118,3 @@ def test_models_hold_only_exactly_rounded_operations(id):
     model = registered()[id].model
     found = {name: inexact_operations(kernel.function) for name, kernel in model.kernels.items()}
     assert set().union(*found.values()) == set(), found
-
-
-SAMPLES = 6000
-
-
-@cache
-def swaying_ship():
-    """A plant at 10 Hz, and its columns of ten minutes: fixes 0.2 s late, and some samples known to be at rest."""
-    scenario = load("large-misalignment")
-    late = scenario.gnss.model_copy(update={"latency_s": 0.2, "epoch_offset_s": 0.03})
-    plant = build(scenario.model_copy(update={"rate_hz": 10.0, "gnss": late}), seed=6, duration_s=SAMPLES / 10)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(SAMPLES))
-    standing = (np.arange(SAMPLES) % 1000 > 990).astype(float)
-    return plant, {**columns, "dt": np.full(SAMPLES, 0.1), "standing": standing, "smoothed": standing}
-
-
-def counted(model):
-    """The model with a counter of the calls of each conditional step as a further state row, and the counters' names."""
-    rare = {name: f"calls_of_{name}" for name, step in model.steps.items() if step.when is not None}
-
-    def counting(step, row):
-        return replace(step, function=lambda p, x, u: {**step.function(p, x, u), row: getattr(x, row) + 1})
-
-    steps = {name: counting(step, rare[name]) if name in rare else step for name, step in model.steps.items()}
-    rows = Table(tuple(Row(row, "Number of calls") for row in rare.values()))
-    return replace(model, id=f"{model.id}-counted", state=model.state + rows, steps=steps), rare
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("id", sorted(registered()))
-def test_every_conditional_step_of_every_estimator_is_bit_equal_on_all_runners(id):
-    """Ten minutes on a ship, long enough for every conditional step of every estimator: fixes, outputs of FIR cascades,
-    answers of the machine, the end of the coarse alignment, rest.  tests/core/test_bits.py compares short runs.
-    """
-    estimator = registered()[id]
-    model, (plant, columns) = estimator.model, swaying_ship()
-    # ecef-kf has other steps on a moving base
-    cases = [{"moving": 0.0}, {"moving": 1.0}] if id == "ecef-kf" else [{}]
-    u = input_rows(model, columns, SAMPLES)
-    p = np.array([model.parameters.pack({**estimator.parameters(plant.knowledge), **case}) for case in cases])
-    batch = make_batch(model, len(cases) + 2, p[np.arange(len(cases) + 2) % len(cases)], backend="native")
-    shown = batch.run(SAMPLES, np.broadcast_to(u, (len(cases) + 2, *u.shape)), every=10)
-    with_counters, rare = counted(model)
-    calls = dict.fromkeys(rare, 0.0)
-    for case, parameters in enumerate(p):
-        runs = [make_runner(model, parameters, backend) for backend in ("interpreter", "native")]
-        one, other = (runner.run(SAMPLES, u, 10) for runner in runs)
-        assert np.isfinite(one).all()
-        assert np.array_equal(one, other) and np.array_equal(runs[0].x, runs[1].x)
-        assert np.array_equal(shown[case], one) and np.array_equal(shown[case + len(cases)], one)
-        runner = make_runner(with_counters, parameters, "interpreter")
-        runner.run(SAMPLES, u, 0)
-        assert np.array_equal(runner.x[: model.state.size], runs[0].x)
-        calls = {name: count + float(runner.state[rare[name]]) for name, count in calls.items()}
-    assert {name: count for name, count in calls.items() if count < 1} == {}

@@ -7,9 +7,11 @@ import pytest
 from insenv.fmu import export_fmu
 
 
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+@pytest.fixture(autouse=True, scope="module")
+def interpreted():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("INSENV_BACKEND", "interpreter")
+        yield
 
 
 @pytest.fixture(scope="session")

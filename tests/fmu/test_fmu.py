@@ -4,8 +4,6 @@ import contextlib
 import functools
 import io
 import shutil
-import subprocess
-import sys
 from ctypes import byref
 
 import fmpy
@@ -182,28 +180,6 @@ def test_states_are_saved_restored_and_serialized_and_a_reset_begins_anew(slave,
     one.fmu.reset()
     one.begin()
     np.testing.assert_array_equal(one.run(rows), wanted)
-
-
-OTHER_PROCESS = """
-import sys; sys.path[:0] = {path!r}
-import numpy as np
-from test_fmu import ALIGNMENT, Slave, rows_for
-one = Slave(ALIGNMENT, {fmi}, folder={folder!r})
-one.restore(one.deserialize(open({state!r}, "rb").read()))
-np.save({out!r}, one.run(rows_for(ALIGNMENT, 100)[50:], first=50))
-"""
-
-
-@pytest.mark.slow
-@both
-def test_a_serialized_state_continues_in_another_process(slave, tmp_path, fmi):
-    rows, one = rows_for(ALIGNMENT, 100), slave(ALIGNMENT, fmi)
-    one.run(rows[:50])
-    (tmp_path / "state").write_bytes(bytes(one.serialize(one.state())))
-    places = {"state": str(tmp_path / "state"), "out": str(tmp_path / "out.npy"), "folder": str(unzipped(ALIGNMENT, fmi))}
-    script = OTHER_PROCESS.format(path=[*sys.path, __file__.rpartition("/")[0]], fmi=fmi, **places)
-    subprocess.run([sys.executable, "-c", script], check=True)
-    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), one.run(rows[50:], first=50))
 
 
 @both

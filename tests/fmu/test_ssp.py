@@ -13,9 +13,8 @@ from fmpy.ssp.ssd import get_connections, ns, read_ssd, read_ssv
 from fmu_tools import in_process, plant_outputs, scratch
 from lxml import etree
 
-from insenv import attitude, estimators, run
+from insenv import estimators
 from insenv.errors import InputError
-from insenv.evaluation.errors import ATTITUDE
 from insenv.fmu.reading import element_names
 from insenv.fmu.ssp import export_ssp, structure
 from insenv.scenario import build, load
@@ -137,32 +136,6 @@ def test_a_master_with_another_step_is_refused(loop):
     assert done.returncode == 1
     assert "fmi2DoStep failed with status 3" in done.stderr
     assert "communication step is 1 s: allowed is one sample interval, 0.005 s" in done.stdout
-
-
-def angles_apart(found, true):
-    """Roll, pitch and heading of `found` minus those of `true`, deg."""
-    apart = np.degrees(np.array(attitude.numeric.to_euler(found)) - np.array(attitude.numeric.to_euler(true)))
-    return (apart + 180.0) % 360.0 - 180.0
-
-
-@pytest.mark.slow
-def test_the_alignment_error_at_the_end_is_that_of_a_run_within_the_delay(loop, monkeypatch):
-    monkeypatch.setenv("INSENV_BACKEND", "native")
-    (result,) = (report := run(load(SCENARIO), [ID])).results
-    errors, limits = (np.array([values[name] for name in ATTITUDE]) for values in (result.errors, result.limit))
-    expected, count = errors[:, -1], report.imu_samples
-    simulated = simulate_ssp(str(loop), stop_time=(count + 0.5) * INTERVAL, step_size=INTERVAL)
-    assert len(simulated) == count + 1
-    q_true = recorded(simulated, "plant", build(load(SCENARIO)).model.outputs["q_nb"])
-    q_found = recorded(simulated, "estimator", estimators.get(ID).model.outputs["q_nb"])
-    # The last estimate is the attitude one step before.  Compared with that, only the first sample differs from the run: all
-    # zeros, which an estimator reads as free fall.
-    apart = angles_apart(q_found[-1], q_true[-2])
-    assert (abs(apart - expected) < 0.1 * limits).all()
-    # compared with the attitude at the same time it lags by the rotation of the ship in one step
-    turned = angles_apart(q_true[-2], q_true[-1])
-    np.testing.assert_allclose(angles_apart(q_found[-1], q_true[-1]), apart + turned, atol=1e-9)
-    assert 0.005 < abs(turned).max() < 0.05
 
 
 def test_what_cannot_be_connected_is_named(described, tmp_path):

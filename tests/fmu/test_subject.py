@@ -1,7 +1,5 @@
 """What an FMU holds: an estimator, a plant, or both as a loop; settings, choices of states and aids, the start."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from command_line import call, refused
@@ -9,15 +7,12 @@ from fmu_tools import scratch
 
 from insenv import estimators, run, scenario
 from insenv.cli.fmu import _settings
-from insenv.core.batch import make_batch
-from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.files.resources import scenario_folder
 from insenv.fmu import export_fmu
 from insenv.fmu import run as run_fmu
 from insenv.fmu.reading import read_description
 from insenv.fmu.subject import subject
-from insenv.plant.feeding import input_rows
 
 LOSSY = (scenario_folder() / "ship-swaying.toml").read_text("utf-8").replace("[imu]", "[imu]\ndrop_probability = 0.01")
 
@@ -114,34 +109,3 @@ def test_the_outputs_of_a_loop_are_bit_identical_to_those_of_a_run(name, id, opt
     assert len(places) > 50
     for row, values in result.outputs.items():
         np.testing.assert_array_equal(named[f"estimator.{row}"][places], values, err_msg=row)
-
-
-PRESETS = (
-    "car-city-drive", "car-survey", "car-odometer", "car-unknown-receiver", "multirotor-hover", "ship-dvl", "ship-at-sea",
-    "ship-log-alignment", "turntable-calibration", "aircraft-free-inertial",
-)  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_gives_the_same_bits_everywhere(name, tmp_path):
-    """Interpreter, native code, batch and FMU, over 15 s with all its aids."""
-    plant = scenario.build(scenario.load(name), duration_s=15.0)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    filter = plant.adapted("fusion")
-    filter = replace(filter, model=replace(filter.model, id=f"preset-{name}"))
-    parameters, model = plant.parameters_of(filter), filter.model
-    rows = input_rows(model, columns, plant.samples)
-    native = make_runner(model, parameters, "native").run(plant.samples, rows)
-    assert np.isfinite(native).all()
-    np.testing.assert_array_equal(make_runner(model, parameters, "interpreter").run(plant.samples, rows), native)
-    packed = np.tile(model.parameters.pack(parameters), (3, 1))
-    batch = make_batch(model, 3, packed, threads=1, backend="native")
-    for row in batch.run(plant.samples, np.tile(rows, (3, 1, 1)), every=1):
-        np.testing.assert_array_equal(row, native)
-    given = {"sample_interval": plant.sample_interval, "step_is_one_increment": True}
-    fmu = export_fmu(filter, tmp_path / "preset.fmu", settings={**parameters, **given})
-    shown = run_fmu(fmu, {row.name: columns[row.name] for row in model.inputs if row.name in columns}).named()
-    for row, column in model.outputs.unpack(native).items():
-        np.testing.assert_array_equal(np.ravel(shown[row]), np.ravel(column), row)

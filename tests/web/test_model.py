@@ -2,7 +2,6 @@
 
 import json
 import re
-from functools import cache
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from pages import CAR, SHIP, in_node, live_page
 import insenv
 from insenv.bench.page_machine import PageMachine
 from insenv.report.page.html import worker_script
-from insenv.scenario import load, names
 from insenv.web.controls import setting_of, with_values
 from insenv.web.live import live, live_document
 
@@ -42,30 +40,6 @@ def equals_run(made, seed=None):
 @pytest.mark.parametrize(("page", "seed"), [(SHIP, None), (CAR, 77)])
 def test_equals_run(page, seed):
     equals_run(live_page(*page), seed)
-
-
-@cache
-def cases():
-    """Every estimator on every scenario that it runs on."""
-    found = []
-    for name in names():
-        plant = insenv.scenario.build(load(name))
-        for estimator in insenv.estimators.registry.registered():
-            try:
-                plant.parameters_of(plant.adapted(estimator, whole=False), whole=False)
-            except insenv.InputError:
-                continue
-            found.append((name, estimator))
-    return found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", names())
-def test_every_scenario_and_estimator(scenario):
-    own = [estimator for name, estimator in cases() if name == scenario]
-    assert own
-    for estimator in own:
-        equals_run(live(scenario, (estimator,), duration_s=20.0), seed=5)
 
 
 CHANGED = {
