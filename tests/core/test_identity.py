@@ -15,7 +15,7 @@ from insenv.core.tables import Row, Table
 from insenv.estimators import get, registered
 
 STATE = Table((Row("a", "A number", "m", start=1.0),))
-STEP = "def made(held, more=0):\n    def step(p, x, u):\n        return {'a': x.a + len(str(held)) + more}\n    return step\n"
+STEP = "def made(held, more=0):\n    def step(p, x, u, k=2, *, last=5):\n        return {'a': x.a + len(str(held)) + more}\n    return step\n"
 
 
 def made(held, text=STEP, module="insenv.made"):
@@ -76,6 +76,8 @@ def test_what_a_step_holds_is_told_apart_by_its_value():
         ("x.a +", "x.a -"),
         ("x.a + len", "2 * x.a + len"),
         ("more=0", "more=1"),
+        ("k=2", "k=3"),
+        ("last=5", "last=6"),
         ("'a': x", "'b': x"),
         ("def made", "\ndef made"),
     ],

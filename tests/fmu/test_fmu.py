@@ -213,6 +213,8 @@ def test_steps_of_another_length_are_refused(slave, fmi):
     plant.no_step(0.0, 0.205, "passes the stop time, 0.2 s")
     plant.no_step(0.0, 0.0075, "communication step is", "whole number of sample intervals")
     plant.no_step(0.0, 1e9, "communication step is", "up to 1e+09 sample intervals")
+    plant.fmu.doStep(0.0, 0.05 - 1e-10)  # ten samples
+    assert plant.now == pytest.approx(0.05, abs=1e-15)
 
 
 @both
