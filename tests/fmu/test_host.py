@@ -79,3 +79,13 @@ def test_wrong_calls_are_refused_under_the_sanitizers(id, fmi):
     assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
     assert " 0 failed" in done.stdout
     assert "ERROR" not in done.stderr and "runtime error" not in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("id", registered())
+def test_every_estimator_in_the_host_over_60000_steps(id, fmi, monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "native")
+    columns = columns_for(id, LONG)
+    found = hosted(unzipped(id, fmi), input_csv(columns, LONG, f"{id}-long.csv"))
+    np.testing.assert_array_equal(found.values, in_process(id, columns))
