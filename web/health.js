@@ -1,5 +1,5 @@
 /** Health of a filter from its records: the rule of insenv/evaluation/nis.py and health.py, with the figures and sentences of the
- * document. tests/web/test_page_health.py compares both. */
+ * document. tests/web/test_judging.py compares both. */
 
 import { significant } from "./numbers.js";
 import { filled } from "./words.js";

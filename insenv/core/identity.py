@@ -106,7 +106,8 @@ def _parts(thing: Any, met: dict[int, int]) -> Iterator[str]:
 
 def _of_function(function: FunctionType, met: dict[int, int]) -> Iterator[str]:
     code = function.__code__
-    if not _is_ours(function.__module__):
+    # a function from outside that wraps one of insenv by functools.wraps has the __module__ of that one
+    if not (_is_ours(function.__module__) and _is_ours(function.__globals__.get("__name__", ""))):
         raise _UnknownError
     # two lambdas of one line have one name: their code tells them apart
     yield f"function {function.__module__} {function.__qualname__} {code.co_firstlineno} {code.co_code.hex()} {code.co_names}"

@@ -1,7 +1,7 @@
 """Traced equations kept in the cache folder: to read them takes a tenth of the time that tracing takes.
 
-A file holds the kernels of one model, named by the model's identity: a first line of JSON, then each kernel as CasADi writes
-it, compressed.  A file that is damaged, or that another user could have written, is not read.
+A file holds the kernels of one model, named by the model's identity: a hash of all that follows, a line of JSON, then each
+kernel as CasADi writes it, compressed.  A file that is damaged, or that another user could have written, is not read.
 """
 
 from __future__ import annotations
@@ -85,10 +85,11 @@ def read(identity: str) -> Traced | None:
     try:
         if not is_private(path):
             return None
-        head, _, body = path.read_bytes().partition(b"\n")
-        known = json.loads(head)
-        if hashlib.sha256(body).hexdigest() != known["sha256"]:
+        digest, _, rest = path.read_bytes().partition(b"\n")
+        if hashlib.sha256(rest).hexdigest().encode() != digest:
             return None
+        head, _, body = rest.partition(b"\n")
+        known = json.loads(head)
         spans, texts, done = {}, {}, 0
         for name, pieces, length in known["kernels"]:
             spans[name] = tuple(slice(start, stop) for start, stop in pieces)
@@ -107,11 +108,11 @@ def keep(identity: str, found: Traced) -> None:
     texts = {name: zlib.compress(found[name].text.encode(), 1) for name in found}
     body = b"".join(texts.values())
     kernels = [(name, [(span.start, span.stop) for span in found.spans[name]], len(texts[name])) for name in texts]
-    head = {"fingerprint": found.fingerprint, "sha256": hashlib.sha256(body).hexdigest(), "kernels": kernels}
+    content = json.dumps({"fingerprint": found.fingerprint, "kernels": kernels}).encode() + b"\n" + body
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix="new-", delete=False) as file:
-            file.write(json.dumps(head).encode() + b"\n" + body)
+            file.write(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
         os.replace(file.name, path)
         _limit(path.parent)
 

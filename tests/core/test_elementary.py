@@ -118,32 +118,11 @@ def test_floats_and_matrices_are_taken_too():
     np.testing.assert_allclose(cosine, np.cos([-2.0, 0.5, 2.0]), atol=3e-16)
 
 
-SIZES = {
-    "q": 4,
-    "p": 4,
-    "q_ew": 4,
-    "q_estimate": 4,
-    "q_true": 4,
-    "v": 3,
-    "phi": 3,
-    "velocity_n": 3,
-    "velocity_w": 3,
-    "axis_w": 3,
-}
-SIZES |= {"axis": 3, "r_e": 3, "offset": 3, "C": (3, 3)}
-FUNCTIONS = [
-    getattr(module, name)
-    for module, names in (
-        (attitude, attitude.__all__),
-        (geodesy, geodesy.__all__),
-        (
-            elementary,
-            ["sin_cos", "atan2", "exp", "log", "normal_pair", "wrap_angle", "clamp"],
-        ),
-    )
-    for name in names
-    if inspect.isfunction(getattr(module, name))
-]
+SIZES = {**dict.fromkeys(("q", "p", "q_ew", "q_estimate", "q_true"), 4), "C": (3, 3)}
+SIZES |= dict.fromkeys(("v", "phi", "velocity_n", "velocity_w", "axis_w", "axis", "r_e", "offset"), 3)
+NAMES = {elementary: ["sin_cos", "atan2", "exp", "log", "normal_pair", "wrap_angle", "clamp"]}
+NAMES |= {module: module.__all__ for module in (attitude, geodesy)}
+FUNCTIONS = [f for module, names in NAMES.items() for name in names if inspect.isfunction(f := getattr(module, name))]
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)

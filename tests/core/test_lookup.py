@@ -16,24 +16,12 @@ ROWS = 100
 
 def model():
     parameters = Table((Row("pad", "first", "1", (3,)), Row("table", "a table", "1", (ROWS, 4))))
-    state = Table((
-        Row("number", "number of the row", "1"),
-        Row("found", "the row", "1", (4,)),
-        Row("due", "whether to look up", "1"),
-    ))  # fmt: skip
-    return Model(
-        id="lookup",
-        title="t",
-        parameters=parameters,
-        state=state,
-        inputs=Table(),
-        outputs=Table((Row("shown", "the row", "1", (4,)),)),
-        steps={
-            "look_up": Step(lambda p, x, u: {"found": ca.vertcat(*row_of(p.table, x.number))}, when="due"),
-            "count": Step(lambda p, x, u: {"due": ca.SX(1), "number": x.number + x.due}),
-        },
-        output=lambda p, x: {"shown": x.found},
-    )
+    state = Table((Row("number", "number of the row"), Row("found", "the row", shape=(4,)), Row("due", "whether to look up")))
+    shown = Table((Row("shown", "the row", shape=(4,)),))
+    look_up = Step(lambda p, x, u: {"found": ca.vertcat(*row_of(p.table, x.number))}, when="due")
+    count = Step(lambda p, x, u: {"due": ca.SX(1), "number": x.number + x.due})
+    steps = {"look_up": look_up, "count": count}
+    return Model("lookup", "t", parameters, state, Table(), shown, steps, lambda p, x: {"shown": x.found})
 
 
 def test_every_runner_gives_the_same_row():

@@ -87,12 +87,8 @@ def _long(p, x, u):
 
 
 def test_loops_and_pieces_give_the_same_bits(monkeypatch):
-    rows = Table(
-        (
-            Row("a", "Numbers", "1", (3,), start=(0.3, -0.2, 0.9)),
-            Row("b", "Numbers", "1", (40,), start=tuple(0.01 * k for k in range(40))),
-        )
-    )
+    b = tuple(0.01 * k for k in range(40))
+    rows = Table((Row("a", "Numbers", shape=(3,), start=(0.3, -0.2, 0.9)), Row("b", "Numbers", shape=(40,), start=b)))
     model = Model(
         id="long-function", title="long", parameters=Table(), state=rows + Table((Row("due", "1", start=1.0),)), inputs=Table(),
         outputs=rows, steps={"tick": Step(lambda p, x, u: {"due": 1.0}), "many": Step(_long, when="due")},
@@ -110,8 +106,3 @@ def test_loops_and_pieces_give_the_same_bits(monkeypatch):
     np.testing.assert_array_equal(make_runner(model, None, "native").run(20), slow)
     for row in make_batch(model, 3, threads=1).run(20, every=1):
         np.testing.assert_array_equal(row, slow)
-
-
-@pytest.mark.parametrize("source", [codegen.native_source, codegen.embedded_source, codegen.batch_source])
-def test_short_functions_stay_in_one(source):
-    assert "PIECE" not in source(get("q-method").model)

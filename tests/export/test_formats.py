@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -147,30 +149,22 @@ def column(batches: list[Any], name: str) -> list[Any]:
     return [value for batch in batches for value in batch.column(batch.schema.names.index(name)).to_pylist()]
 
 
-def test_what_has_no_positions_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_written_is_named(tmp_path: Path, report: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     log = insenv.record("ship-swaying", duration_s=10.0)
-    from dataclasses import replace
-
     aligned = insenv.replay(replace(log, reference=None), "q-method", start="stated")
-    for name in ("gpx", "kml"):
-        with pytest.raises(InputError, match="neither truth nor estimate has positions"):
-            insenv.write(aligned, tmp_path, name)
-    assert not list(tmp_path.iterdir())
-
-
-def test_wrong_calls_are_refused(tmp_path: Path, report: Any) -> None:
-    with pytest.raises(InputError, match="formats: unknown name 'gxp'; did you mean 'gpx'"):
-        insenv.write(report, tmp_path, ["gxp"])
-    with pytest.raises(InputError, match="format 'log' needs a RecordedLog"):
-        insenv.write(report, tmp_path, "log")
-    with pytest.raises(InputError, match="allowed is a Report or a RecordedLog"):
-        insenv.write("car-city-drive", tmp_path, "csv")  # type: ignore[arg-type]
-
-
-def test_a_missing_package_is_named(tmp_path: Path, report: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "gpxpy", None)
+    for what, formats, said in (
+        (aligned, "gpx", "neither truth nor estimate has positions"),
+        (aligned, "kml", "neither truth nor estimate has positions"),
+        (report, ["gxp"], "formats: unknown name 'gxp'; did you mean 'gpx'"),
+        (report, "log", "format 'log' needs a RecordedLog"),
+        ("car-city-drive", "csv", "allowed is a Report or a RecordedLog"),
+    ):
+        with pytest.raises(InputError, match=said):
+            insenv.write(what, tmp_path, formats)
+    monkeypatch.setitem(sys.modules, "gpxpy", None)
     with pytest.raises(InputError, match="format 'gpx' needs gpxpy, which is not installed: pip install"):
         insenv.write(report, tmp_path, "gpx")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_command_writes_beside_the_results_and_the_log_replays(tmp_path: Path) -> None:

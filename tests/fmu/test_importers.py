@@ -1,73 +1,84 @@
-"""The models of Reference-FMUs in `insenv.fmu.run`, and our FMUs in its importer fmusim; docs/fmu.md builds both."""
+"""Our FMUs and SSP files in other importers, to the bit, and the models of Reference-FMUs in ours; docs/fmu.md builds them.
+
+Each environment variable names the folder or the program of one of them.
+"""
 
 import csv
+import functools
 import os
 import subprocess
+import zipfile
+from itertools import zip_longest
 from pathlib import Path
-from zipfile import ZipFile
 
+import numpy as np
 import pytest
+from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, plant_outputs, scratch
+from peers import lacking
+from scipy.io import loadmat
 
+from insenv import estimators
 from insenv.errors import InputError
-from insenv.fmu import export_fmu, run
+from insenv.fmu import export_fmu, export_ssp, run, run_ssp
+from insenv.fmu.reading import element_names, read_description, read_variable
+from insenv.fmu.series import flattened
 
-FOLDER = os.environ.get("INSENV_REFERENCE_FMUS", "")
-FMUSIM = os.environ.get("INSENV_FMUSIM", "")
-reference_fmus = pytest.mark.skipif(
-    not FOLDER,
-    reason="INSENV_REFERENCE_FMUS names no folder: build Reference-FMUs as docs/fmu.md tells, with fmi2/ and fmi3/ in it",
-)
+pytestmark = pytest.mark.slow
+REASON = "communication step is 0.1 s: allowed is one sample interval, 0.005 s"
+ARRAYS, SCALARS = {"fmi": 3}, {"fmi": 3, "arrays": False}
+LOOP = {"fmi": 2, "estimator": "qakf-improved"}
+
+
+def named(variable: str) -> Path:
+    """The folder or program that an environment variable names."""
+    if not os.environ.get(variable):
+        lacking(f"{variable} is not set: build what it names as docs/fmu.md tells")
+    return Path(os.environ[variable]).resolve()
+
+
+# --- Reference-FMUs
 
 RUN = {  # by version: model, stop time, and whether it ends the simulation itself
     2: {"BouncingBall": (3.0, False), "Dahlquist": (10.0, False), "Stair": (10.0, True), "VanDerPol": (20.0, False)},
     3: {"BouncingBall": (3.0, False), "Dahlquist": (10.0, False), "Feedthrough": (2.0, False), "Resource": (1.0, False),
         "Roberts": (1.0, False), "Stair": (10.0, True), "StateSpace": (10.0, False), "VanDerPol": (20.0, False)},
 }  # fmt: skip
-REFUSED = {2: {"Feedthrough": "declares no step", "Resource": "declares no step"},
-           3: {"Clocks": "for Scheduled Execution only"}}  # fmt: skip
+REFUSED = [(2, "Feedthrough", "declares no step"), (2, "Resource", "declares no step"),
+           (3, "Clocks", "for Scheduled Execution only")]  # fmt: skip
 
 
-@reference_fmus
 @pytest.mark.parametrize(("fmi", "model"), [(fmi, model) for fmi in (2, 3) for model in RUN[fmi]])
-def test_a_model_runs(fmi, model):
+def test_a_model_of_reference_fmus_runs(fmi, model):
     stop, ends = RUN[fmi][model]
-    found = run(Path(FOLDER) / f"fmi{fmi}" / f"{model}.fmu", stop_time=stop)
-    assert found.ended == ends
-    assert len(found.time) > 0
+    found = run(named("INSENV_REFERENCE_FMUS") / f"fmi{fmi}" / f"{model}.fmu", stop_time=stop)
+    assert found.ended == ends and len(found.time) > 0
 
 
-@reference_fmus
-@pytest.mark.parametrize(("fmi", "model"), [(fmi, model) for fmi in (2, 3) for model in REFUSED[fmi]])
-def test_a_model_is_refused_in_one_sentence(fmi, model):
-    with pytest.raises(InputError, match=REFUSED[fmi][model]):
-        run(Path(FOLDER) / f"fmi{fmi}" / f"{model}.fmu")
+@pytest.mark.parametrize(("fmi", "model", "said"), REFUSED)
+def test_a_model_of_reference_fmus_is_refused_in_one_sentence(fmi, model, said):
+    path = named("INSENV_REFERENCE_FMUS") / f"fmi{fmi}" / f"{model}.fmu"
+    with pytest.raises(InputError, match=said):
+        run(path)
+    if "no step" in said:
+        assert len(run(path, step=0.1, stop_time=1.0).time) == 10
 
 
-@reference_fmus
-@pytest.mark.parametrize("model", REFUSED[2])
-def test_a_model_without_a_step_runs_with_one(model):
-    assert len(run(Path(FOLDER) / "fmi2" / f"{model}.fmu", step=0.1, stop_time=1.0).time) == 10
+# --- fmusim
 
 
-@pytest.mark.skipif(not FMUSIM, reason="INSENV_FMUSIM names no binary: build fmusim as docs/fmu.md tells")
 @pytest.mark.parametrize(
     ("what", "options"),
-    [
-        ("loosely-coupled", {"fmi": 2}),
-        ("loosely-coupled", {"fmi": 3}),
-        ("loosely-coupled", {"fmi": 3, "arrays": False}),
-        ("ship-swaying", {"fmi": 2}),
-        ("ship-swaying", {"fmi": 2, "estimator": "qakf-improved"}),
-    ],
-)
+    [("loosely-coupled", {"fmi": 2}), ("loosely-coupled", ARRAYS), ("loosely-coupled", SCALARS), ("ship-swaying", {"fmi": 2}),
+     ("ship-swaying", LOOP)],
+)  # fmt: skip
 def test_fmusim_gives_the_reference_signals_at_its_default_step(tmp_path, what, options):
-    path = export_fmu(what, tmp_path / "x.fmu", **options)
-    with ZipFile(path) as archive:
+    fmusim, path = named("INSENV_FMUSIM"), export_fmu(what, tmp_path / "x.fmu", **options)
+    with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
-            if name.endswith((".csv",)):
+            if name.endswith(".csv"):
                 (tmp_path / Path(name).name).write_bytes(archive.read(name))
     given = ["--input-file", str(tmp_path / "in.csv")] if (tmp_path / "in.csv").exists() else []
-    command = [FMUSIM, *given, "--stop-time", "1.5", "--output-file", str(tmp_path / "out.csv"), str(path)]
+    command = [fmusim, *given, "--stop-time", "1.5", "--output-file", str(tmp_path / "out.csv"), str(path)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     found, wanted = (list(csv.DictReader((tmp_path / name).read_text().splitlines())) for name in ("out.csv", "ref.csv"))
     assert len(found) == 301
@@ -77,9 +88,174 @@ def test_fmusim_gives_the_reference_signals_at_its_default_step(tmp_path, what, 
                 assert float(a) == pytest.approx(float(b), rel=1e-15, abs=0)
 
 
-@pytest.mark.skipif(not FMUSIM, reason="INSENV_FMUSIM names no binary: build fmusim as docs/fmu.md tells")
 def test_fmusim_shows_the_reason_for_a_refused_step(tmp_path):
-    path = export_fmu("q-method", tmp_path / "x.fmu")
-    command = [FMUSIM, "--stop-time", "1", "--output-interval", "0.1", str(path)]
+    fmusim, path = named("INSENV_FMUSIM"), export_fmu("q-method", tmp_path / "x.fmu")
+    command = [fmusim, "--stop-time", "1", "--output-interval", "0.1", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
-    assert "communication step is 0.1 s: allowed is one sample interval, 0.005 s" in done.stdout + done.stderr
+    assert REASON in done.stdout + done.stderr
+
+
+# --- FMI Library and fmi4c
+
+SAMPLES = 2000
+LIBRARIES = {"fmil": ("INSENV_FMIL", "fmilib_shared"), "fmi4c": ("INSENV_FMI4C", "fmi4c")}
+"""The variable that names the folder of the installed library, and the library, by the name of its source in tests/fmu/c."""
+SUBJECTS = (
+    ("q-method", None), ("loosely-coupled", None), ("ship-swaying", None), ("ship-swaying", "qakf-improved"),
+    ("car-city-drive", "loosely-coupled"),
+)  # fmt: skip
+
+
+@functools.cache
+def program(library: str) -> Path:
+    """The test program of a library, compiled."""
+    variable, name = LIBRARIES[library]
+    root, binary, source = named(variable), scratch() / f"importer-{library}", Path(__file__).parent / "c" / f"{library}.c"
+    command = [c_compiler(), "-std=c99", "-O2", "-I", str(root / "include"), str(source), "-o", str(binary)]
+    link = [f"-L{root / 'lib'}", f"-l{name}", f"-Wl,-rpath,{root / 'lib'}", "-lm", "-ldl"]
+    subprocess.run([*command, *link], check=True)
+    return binary
+
+
+@functools.cache
+def own(what, estimator, fmi, arrays):
+    """The FMU; its inputs; its outputs from `insenv.fmu.run`."""
+    path = scratch() / f"importers-{what}-{estimator}-{fmi}-{arrays}.fmu"
+    export_fmu(what, path, estimator=estimator, fmi=fmi, arrays=arrays)
+    columns = columns_for(what, SAMPLES) if what in ("q-method", "loosely-coupled") else {}
+    return path, columns, run(path, columns, stop_time=SAMPLES * INTERVAL)
+
+
+def plan(path, columns):
+    """The text that tests/fmu/c/importer.h reads."""
+    variables = [v for v in map(read_variable, read_description(path).modelVariables) if v is not None]
+    flat = flattened(columns)
+    inputs = [v for v in variables if v.causality == "input" and v.elements[0] in flat]
+    outputs = [v for v in variables if v.causality == "output"]
+    table = np.array([flat[name] for v in inputs for name in v.elements]).reshape(-1, SAMPLES).T
+    rows = [" ".join(map(repr, row)) for row in table.tolist()]
+    ports = [f"{v.name} {len(v.elements)}" for v in (*inputs, *outputs)]
+    return "\n".join([f"{SAMPLES} {INTERVAL!r} {len(inputs)} {len(outputs)}", *ports, *rows])
+
+
+def imported(library, path, text, folder):
+    """A run of a library's program that has ended, and the place of its output."""
+    (folder / "plan").write_text(text)
+    (folder / "unpacked").mkdir()
+    command = [program(library), path, folder / "unpacked", folder / "plan", folder / "out"]
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=300), folder / "out"
+
+
+@pytest.mark.parametrize("options", ({"fmi": 2}, ARRAYS, SCALARS))
+@pytest.mark.parametrize(("what", "estimator"), SUBJECTS)
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_a_library_gives_our_outputs_to_the_bit(library, what, estimator, options, tmp_path):
+    program(library)
+    path, columns, wanted = own(what, estimator, options["fmi"], options.get("arrays"))
+    done, output = imported(library, path, plan(path, columns), tmp_path)
+    assert done.returncode == 0, done.stderr
+    np.testing.assert_array_equal(np.fromfile(output).reshape(SAMPLES, -1), wanted.values)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_a_library_shows_the_reason_for_a_refused_step(library, tmp_path):
+    program(library)
+    path, columns, _ = own("q-method", None, 2, None)
+    done, _ = imported(library, path, plan(path, columns).replace(repr(INTERVAL), "0.1", 1), tmp_path)
+    assert done.returncode == 1 and REASON in done.stdout + done.stderr
+
+
+# --- OMSimulator
+
+
+@pytest.fixture
+def omsimulator():
+    return named("INSENV_OMSIMULATOR")
+
+
+def simulated(path, stop, folder):
+    """(rows, n) of the record by variable name, without the model's; the output of the program.  The first row is the start."""
+    result = folder / "result.mat"
+    options = ["--emitEvents=false", f"--stopTime={stop}", f"--resultFile={result}", f"--tempDir={folder}"]
+    command = [named("INSENV_OMSIMULATOR"), *options, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder)
+    said = done.stdout + done.stderr
+    if done.returncode:
+        return {}, said
+    file = loadmat(result, chars_as_strings=True)
+    names = ["".join(letters).rstrip(" \0") for letters in zip_longest(*file["name"], fillvalue=" ")]
+    tables, columns = {1: file["data_1"], 2: file["data_2"]}, {}
+    rows = len(file["data_2"][0])
+    for name, (table, row) in zip(names, file["dataInfo"][:2].T.tolist(), strict=True):
+        values = tables[table or 2][abs(row) - 1] * np.sign(row)
+        columns[name] = np.broadcast_to(values if len(values) == rows else values[:1], rows)
+    return columns, said
+
+
+@pytest.mark.parametrize("stop", [1, 2, 3])  # at 2 and 3 s it adds a step of 2e-14 s
+@pytest.mark.parametrize("options", ({"fmi": 2}, SCALARS))
+@pytest.mark.parametrize(("what", "estimator"), [("q-method", None), ("ship-swaying", None), ("ship-swaying", "qakf-improved")])
+def test_omsimulator_gives_our_outputs_to_the_bit_at_its_default_step(what, estimator, options, stop, tmp_path, omsimulator):
+    path = export_fmu(what, tmp_path / "x.fmu", estimator=estimator, **options)
+    found, said = simulated(path, stop, tmp_path)
+    assert found, said
+    wanted = run(path, stop_time=float(stop)).columns()
+    assert len(wanted) >= 7
+    for name, values in wanted.items():
+        np.testing.assert_array_equal(found[name][1 : len(values) + 1], values, err_msg=name)
+
+
+def test_omsimulator_is_refused_arrays(tmp_path, omsimulator):
+    _, said = simulated(export_fmu("ship-swaying", tmp_path / "x.fmu", fmi=3), 1, tmp_path)
+    assert "nValues = 1: allowed is 3, the number of elements of the variables" in said
+
+
+def late(columns):
+    """Inputs one step late: zero at the first."""
+    return {name: np.concatenate([np.zeros((1, *v.shape[1:])), v[:-1]]) for name, v in columns.items()}
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi, tmp_path, omsimulator):
+    path, samples, prefix = tmp_path / "loop.ssp", 400, "ship_swaying.loop."
+    export_ssp("ship-swaying", "qakf-improved", path, fmi=fmi)
+    found, said = simulated(path, samples * INTERVAL, tmp_path)
+    assert found, said
+    plant = run_ssp(path, stop_time=samples * INTERVAL).columns()
+    for name in ("q_nb[1]", "delta_angle[3]", "delta_velocity[2]"):
+        np.testing.assert_array_equal(found[f"{prefix}plant.{name}"][1 : samples + 1], plant[f"plant.{name}"])
+    shown = plant_outputs("ship-swaying", samples)
+    q_nb = in_process("qakf-improved", late({name: shown[name] for name in ("delta_angle", "delta_velocity")}))[:, :4]
+    for k in range(4):
+        np.testing.assert_array_equal(found[f"{prefix}estimator.q_nb[{k + 1}]"][1 : samples + 1], q_nb[:, k])
+        # OMSimulator records the outputs of the system before it renews them
+        np.testing.assert_array_equal(found[f"{prefix}q_nb_{k + 1}"][2 : samples + 1], q_nb[:-1, k])
+
+
+def test_flags_pass_in_an_ssp_in_omsimulator(tmp_path, omsimulator):
+    export_ssp("car-city-drive", "loosely-coupled", tmp_path / "car.ssp")
+    found, said = simulated(tmp_path / "car.ssp", SAMPLES * INTERVAL, tmp_path)
+    assert found, said
+    columns = columns_for("loosely-coupled", SAMPLES)
+    assert columns["gnss_valid"].sum() == 9
+    wanted, table = in_process("loosely-coupled", late(columns)), estimators.get("loosely-coupled").model.outputs
+    for name in ("q_nb", "velocity_n", "latitude"):
+        for element, place in zip(element_names(name, table[name].shape), range(*table.slice(name).indices(99)), strict=True):
+            shown = found[f"car_city_drive.loop.estimator.{element}"][1 : SAMPLES + 1]
+            np.testing.assert_array_equal(shown, wanted[:, place], err_msg=element)
+
+
+def test_omsimulator_applies_the_parameter_set_of_an_ssp(tmp_path, omsimulator):
+    export_ssp("ship-swaying", "qakf-improved", tmp_path / "loop.ssp", seed=5)
+    with zipfile.ZipFile(tmp_path / "loop.ssp") as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    text, seed = files["resources/plant.ssv"].decode(), '"parameters.seed">\n      <ssv:Real value="{}"'
+    assert seed.format("5.0") in text
+    files["resources/plant.ssv"] = text.replace(seed.format("5.0"), seed.format("77.0")).encode()
+    with zipfile.ZipFile(tmp_path / "edited.ssp", "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    found, said = simulated(tmp_path / "edited.ssp", 1, tmp_path)
+    assert found, said
+    wanted = run_ssp(tmp_path / "loop.ssp", stop_time=1.0, parameters={"plant.seed": 77.0}).columns()["plant.delta_angle[1]"]
+    np.testing.assert_array_equal(found["ship_swaying.loop.plant.delta_angle[1]"][1:201], wanted)

@@ -1,34 +1,28 @@
 """Headless Chromium for the tests of pages: opens a page from disk, reads its console, checks its accessibility."""
 
 import json
-import shutil
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
+from peers import program
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-DRIVER = shutil.which("chromedriver")
 AXE = Path(__file__).resolve().parents[1] / "web" / "axe" / "axe.min.js"
 PHONE, LAPTOP = (390, 844), (1280, 900)
-browser_needed = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="no Chromium with its driver here: install chromium and chromium-driver (chromedriver)"
-)
 
 
 @contextmanager
 def chromium():
     """A headless Chromium that keeps its console."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    from selenium.webdriver.chrome.service import Service
-
     options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
+    options.binary_location = program("chromium", "chromium-browser", "google-chrome", how="Debian: chromium")
+    service = Service(program("chromedriver", how="Debian: chromium-driver"))
     for switch in ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--disable-dev-shm-usage"):
         options.add_argument(switch)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    driver = webdriver.Chrome(options=options, service=service)
     try:
         yield Browser(driver)
     finally:
@@ -48,6 +42,7 @@ class Browser:
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": theme})
         metrics = {"width": width, "height": height, "deviceScaleFactor": ratio, "mobile": size == PHONE}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        self.driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": "file://", "storageTypes": "local_storage"})
         self.driver.get("about:blank")  # a changed fragment alone would not load the page again
         self.driver.get(Path(path).resolve().as_uri() + fragment)
 

@@ -1,7 +1,6 @@
 """Shared by the tests of FMUs: exported FMUs, inputs of a simulated run, and the outputs of the model in process."""
 
 import functools
-import os
 import shutil
 import subprocess
 import sys
@@ -22,9 +21,6 @@ from insenv.scenario import build, load
 INTERVAL = 0.005
 """Sample interval of the scenarios used here, s."""
 
-thorough = pytest.mark.skipif(
-    not os.environ.get("INSENV_TEST_FMU"), reason="takes minutes: `make test-fmu` runs it (INSENV_TEST_FMU=1)"
-)
 SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
 
 

@@ -7,26 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import LAPTOP, PHONE, browser_needed, chromium
+from browser import LAPTOP, PHONE
+from selenium.webdriver import ActionChains, Keys
+from selenium.webdriver.common.by import By
 
 import insenv
 from insenv.estimators.parts.rows import FIX_HEALTH
 from insenv.evaluation.errors import Track
+from insenv.files.resources import web_folder
 from insenv.report.figures import draw
 from insenv.report.page.arrays import BYTES, Pool, kept_records
 from insenv.report.page.html import LIMIT
 from insenv.report.page.of_run import in_a_turn, run_document, run_page
 from insenv.report.tables import error_rows, number
 
-
-@pytest.fixture(scope="module")
-def aligned():
-    return insenv.run("ship-swaying", ["q-method", "analytic"], duration_s=120.0)
+DURATION = 60.0
 
 
 @pytest.fixture(scope="module")
 def driven():
-    return insenv.run("car-city-drive", ["loosely-coupled", "wander-sins"], duration_s=260.0)
+    values = insenv.load("car-city-drive").model_dump(mode="json", exclude_unset=True)
+    values["gnss"]["outages_s"] = [[20.0, 40.0]]
+    return insenv.run(values, ["loosely-coupled", "wander-sins"], duration_s=DURATION)
 
 
 def arrays_of(document):
@@ -51,6 +53,12 @@ def test_the_document_holds_errors_sigma_and_limit(driven):
     assert np.array_equal(band, (3 * result.sigma["east_m"][places]).astype("<f4"))
     assert np.array_equal(limit, result.limit_sigma["east_m"][places].astype("<f4"))
     assert east["shade"] and places[-1] == len(result.time) - 1
+    titles = [section["title"] for section in document["sections"]]
+    assert titles == [
+        "Attitude error", "Position error", "Velocity error", "Track and fixes", "Attitude", "Velocity", "Estimated biases",
+    ]  # fmt: skip
+    more = ("Track seen from above", "Height above the start", "Gyro bias, down", "Innovations over their stated sigmas, rms")
+    assert set(more) <= set(panels_of(document))
 
 
 def test_angles_about_180_deg_are_drawn_from_0_to_360():
@@ -61,32 +69,14 @@ def test_angles_about_180_deg_are_drawn_from_0_to_360():
         assert all(values is kept[group] for group, values in in_a_turn(kept).items())
 
 
-def test_all_parts_of_a_navigation_run(driven):
-    titles = [section["title"] for section in run_document(driven)["sections"]]
-    assert titles == [
-        "Attitude error", "Position error", "Velocity error", "Track and fixes", "Attitude", "Velocity", "Estimated biases",
-    ]  # fmt: skip
-    panels = panels_of(run_document(driven))
-    assert {
-        "Track seen from above",
-        "Height above the start",
-        "Gyro bias, down",
-        "Innovations over their stated sigmas, rms",
-    } <= set(panels)
-
-
-def test_figures_are_those_of_the_table(driven):
-    for table, result in zip(run_document(driven)["tables"], driven.results, strict=True):
+def test_figures_are_those_of_the_table_with_a_sentence_for_each_aid(driven):
+    tables = run_document(driven)["tables"]
+    for table, result in zip(tables, driven.results, strict=True):
         assert [row[1:] for row in table["rows"]] == [[number(v) for v in values.values()] for _, values in error_rows(result)]
         assert table["caption"] == result.estimator and all(note in table["below"] for note in result.notes)
-
-
-def test_each_line_of_health_is_a_sentence_of_its_own(driven):
-    """One of GNSS, and one of each other aid."""
-    first, *others = driven.results[0].health.lines
-    below = run_document(driven)["tables"][0]["below"]
-    place = below.index(f"Health: {first}")
-    assert len(others) == 1 and below[place + 1 : place + 2] == others
+    first, *others = driven.results[0].health.lines  # of GNSS, and of each other aid
+    place = tables[0]["below"].index(f"Health: {first}")
+    assert len(others) == 1 and tables[0]["below"][place + 1 : place + 2] == others
 
 
 def test_a_filter_with_other_aids_than_gnss_has_a_page_and_a_figure(driven):
@@ -99,10 +89,10 @@ def test_a_filter_with_other_aids_than_gnss_has_a_page_and_a_figure(driven):
     assert len(draw(report).axes) < len(draw(driven).axes)
 
 
-def test_an_alignment_without_reference_shows_its_sigma(aligned):
+def test_an_alignment_without_reference_shows_its_sigma():
+    aligned = insenv.run("ship-swaying", ["q-method"], duration_s=DURATION)
     bare = replace(aligned.results[0], errors={}, limit={}, limit_sigma={})
-    report = replace_report(aligned, truth=Track(aligned.truth.time), results=(bare,), seed=None)
-    document = run_document(report)
+    document = run_document(replace(aligned, truth=Track(aligned.truth.time), results=(bare,), seed=None))
     assert [section["title"] for section in document["sections"]] == ["Attitude"]
     heading = panels_of(document)["Heading"]
     assert [curve["kind"] for curve in heading["curves"]] == ["band", "line"]
@@ -111,25 +101,17 @@ def test_an_alignment_without_reference_shows_its_sigma(aligned):
     assert document["tables"][0]["columns"][0] == "no reference"
 
 
-def replace_report(report, **changes):
-    return type(report)(**{**vars(report), **changes})
-
-
 def test_fifteen_minutes_stay_below_two_megabytes(driven):
     records = 30_000  # ten times those of a simulated run, as of a replay
 
     def longer(values):
         return np.resize(values, (records, *values.shape[1:])) + 1e-9 * np.arange(records).reshape(-1, *[1] * (values.ndim - 1))
 
-    result = driven.results[0]
-    time = np.linspace(0.0, 900.0, records)
-    long = replace(
-        result, time=time, outputs={n: longer(v) for n, v in result.outputs.items()},
-        **{kind: {n: longer(v) for n, v in getattr(result, kind).items()} for kind in ("errors", "sigma", "limit_sigma")},
-    )  # fmt: skip
+    result, time = driven.results[0], np.linspace(0.0, 900.0, records)
+    kinds = {k: {n: longer(v) for n, v in getattr(result, k).items()} for k in ("outputs", "errors", "sigma", "limit_sigma")}
+    long = replace(result, time=time, **kinds)
     track = Track(time, *(longer(getattr(driven.truth, n)) for n in ("q_nb", "velocity_n", "latitude", "longitude", "height")))
-    many = replace_report(driven, truth=track, results=tuple(replace(long, estimator=f"filter-{i}") for i in range(4)))
-    page = run_page(many)
+    page = run_page(replace(driven, truth=track, results=tuple(replace(long, estimator=f"filter-{i}") for i in range(4))))
     assert len(page.encode()) < LIMIT
     assert re.search(r"The page shows \d+ of 30000 records", page)
 
@@ -152,21 +134,14 @@ def test_the_same_array_is_kept_once():
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
 def page(driven, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "drive.html"
     path.write_text(run_page(driven), encoding="utf-8", newline="\n")
     return path
 
 
-@browser_needed
 @pytest.mark.parametrize(("size", "dark"), [(LAPTOP, False), (LAPTOP, True), (PHONE, False)], ids=["light", "dark", "phone"])
-def test_the_page_opens_from_disk(browser, page, size, dark):
+def test_the_page_opens_from_disk(browser, page, driven, size, dark):
     browser.open(page, size, dark)
     browser.until("document.querySelectorAll('.plot canvas').length >= 20")
     assert browser.console() == []
@@ -174,48 +149,26 @@ def test_the_page_opens_from_disk(browser, page, size, dark):
     assert browser.violations() == []
     painted = "getComputedStyle(document.body).backgroundColor"
     assert browser.value(painted) == ("rgb(20, 23, 26)" if dark else "rgb(255, 255, 255)")
-
-
-@browser_needed
-def test_the_table_of_a_navigation_fits_on_a_phone(browser, page):
-    browser.open(page, PHONE)
-    browser.until("document.querySelector('.summary table') !== null")
+    rows = "[...document.querySelectorAll('.summary tbody tr')].map((r) => [...r.children].map((c) => c.textContent))"
+    cells = [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in browser.value(rows)]
+    printed = [(name, values.values()) for r in driven.results for name, values in error_rows(r)]
+    assert cells == [[re.sub(r"[\[\]]", "", name), *map(number, values)] for name, values in printed]
     beyond = "[...document.querySelectorAll('.summary .scroll')].map((one) => one.scrollWidth - one.clientWidth)"
     assert browser.value(beyond) == [0, 0]
 
 
-@browser_needed
-def test_figures_shown_are_those_printed(browser, page, driven):
-    browser.open(page)
-    cells = browser.until(
-        "[...document.querySelectorAll('.summary tbody tr')].map((r) => [...r.children].map((c) => c.textContent))"
-    )
-    printed = [
-        [name.replace("[", "").replace("]", ""), *map(number, values.values())]
-        for r in driven.results
-        for name, values in error_rows(r)
-    ]
-    assert [[cell.replace("\N{MINUS SIGN}", "-") for cell in row] for row in cells] == printed
-
-
-@browser_needed
-def test_all_plots_zoom_together_by_drag_keys_and_numbers(browser, page):
-    from selenium.webdriver import ActionChains, Keys
-    from selenium.webdriver.common.by import By
-
+def test_all_plots_zoom_together_by_drag_keys_and_numbers_and_estimators_hide(browser, page):
     browser.open(page)
     find = browser.driver.find_element
     shown = "[document.getElementById('span-begin').value, document.getElementById('span-end').value].map(Number)"
-    assert browser.until(shown) == [0, 260]
+    assert browser.until(shown) == [0, DURATION]
     over = find(By.CSS_SELECTOR, ".plot .u-over")
     width = over.size["width"]
-    ActionChains(browser.driver).move_to_element_with_offset(over, -width // 4, 0).click_and_hold().move_by_offset(
-        width // 2, 0
-    ).release().perform()
+    drag = ActionChains(browser.driver).move_to_element_with_offset(over, -width // 4, 0).click_and_hold()
+    drag.move_by_offset(width // 2, 0).release().perform()
     begin, end = browser.value(shown)
-    assert begin == pytest.approx(65, abs=3) and end == pytest.approx(195, abs=3)
-    marks = "[...document.querySelectorAll('.plot')].length"
-    assert browser.value(marks) >= 20
+    assert (begin, end) == pytest.approx((DURATION / 4, 3 * DURATION / 4), abs=0.0125 * DURATION)
+    assert browser.value("[...document.querySelectorAll('.plot')].length") >= 20
     plot = find(By.CSS_SELECTOR, ".plot")
     plot.send_keys("+")
     narrower = browser.value(shown)
@@ -223,49 +176,23 @@ def test_all_plots_zoom_together_by_drag_keys_and_numbers(browser, page):
     plot.send_keys(Keys.ARROW_RIGHT)
     assert browser.value(shown)[0] > narrower[0]
     plot.send_keys("0")
-    assert browser.value(shown) == [0, 260]
+    assert browser.value(shown) == [0, DURATION]
     field = find(By.ID, "span-begin")
     field.clear()
     field.send_keys("300", Keys.TAB)
     assert "allowed are two numbers" in browser.value("document.getElementById('span-wrong').textContent")
-    assert browser.console() == []
-
-
-@browser_needed
-def test_an_estimator_can_be_hidden(browser, page):
-    from selenium.webdriver.common.by import By
-
-    browser.open(page)
     entries = browser.driver.find_elements(By.CSS_SELECTOR, "button.entry")
     assert [entry.text for entry in entries] == ["loosely-coupled", "wander-sins"]
     entries[1].click()
     assert entries[1].get_attribute("aria-pressed") == "false" and browser.console() == []
 
 
-@browser_needed
 def test_numbers_in_the_page_are_written_as_in_the_terminal(browser, tmp_path):
-    from insenv.files.resources import web_folder
-
     text = (web_folder() / "numbers.js").read_text("utf-8").replace("export function", "function")
     values = [
-        0.0,
-        1.0,
-        -0.012345,
-        123456.7,
-        1e-7,
-        -1e9,
-        99.96,
-        0.09996,
-        999.5,
-        1e-4,
-        -3.14159,
-        123.456,
-        2.5e5,
-        10.25,
-        0.00625,
-        12.5,
+        0.0, 1.0, -0.012345, 123456.7, 1e-7, -1e9, 99.96, 0.09996, 999.5, 1e-4, -3.14159, 123.456, 2.5e5, 10.25, 0.00625, 12.5,
         0.12345,
-    ]
+    ]  # fmt: skip
     (tmp_path / "numbers.html").write_text("<p>numbers</p>")
     browser.open(tmp_path / "numbers.html")
     shown = browser.driver.execute_script(f"{text}\nreturn JSON.stringify(arguments[0].map(number));", values)

@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from pages import answers
 
 from insenv.estimators import get
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health
 from insenv.evaluation.chi_square import LEAST_DEGREES, quantile
 from insenv.evaluation.health import VERDICTS, health
 from insenv.evaluation.nis import PROBABILITIES
-from insenv.files.resources import web_folder
-from insenv.report.page.html import joined
 from insenv.scenario import build, load
 from insenv.web.judging import findings, rule
 
-pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="Node is not installed")
-CASES = 400
+CASES = 200
 CAUSES = {"dvl": "its scale factor"}
-
-
-def answers(entry: str, code: str, given: Any, folder: Path) -> Any:
-    """What JavaScript `code` makes of `given` with the exports of a module of web/."""
-    (folder / "given.json").write_text(json.dumps(given))
-    text = f'const given = JSON.parse(require("fs").readFileSync("given.json"));\n{joined(web_folder(), entry)}'
-    (folder / "go.cjs").write_text(f"{text}\nconsole.log(JSON.stringify({code}));\n")
-    done = subprocess.run(["node", "go.cjs"], cwd=folder, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
 
 
 def test_bounds_are_those_of_scipy(tmp_path: Path) -> None:

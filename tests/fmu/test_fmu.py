@@ -1,0 +1,383 @@
+"""The C interface of exported FMUs in an importer, FMPy: states, refusals, flags, saved states, steps."""
+
+import contextlib
+import functools
+import io
+import shutil
+from ctypes import byref
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy import fmi2, fmi3
+from fmpy.build import build_platform_binary
+from fmpy.fmi1 import FMICallException
+from fmpy.logging import addLoggerProxy
+from fmu_tools import exported, unzipped
+
+from insenv.core.runner import make_runner
+from insenv.fmu import reference
+from insenv.fmu.subject import subject
+
+ALIGNMENT, AIDED = "qakf-improved", "lssvm"
+"""Small estimators: of increments alone, and with the inputs of fixes, which flags switch on."""
+PLANT = {2: "ship-swaying", 3: "car-parked"}
+"""A plant without inputs, and one with commands that a flag switches on."""
+both = pytest.mark.parametrize("fmi", (2, 3))
+
+
+class Slave:
+    """An instance of either version, with values in the flat order of the tables and a list of its messages.
+
+    Of FMI 2 only the last instance gets messages: FMPy's helper that formats them keeps one logger for all.
+    """
+
+    def __init__(self, id, fmi, folder=None, start=True, stop_time=None):
+        self.what, self.fmi, self.said = subject(id, {}), fmi, []
+        self.model, self.interval = self.what.model, self.what.sample_interval
+        folder = str(folder or unzipped(id, fmi))
+        read = fmpy.read_model_description(folder, validate=False)
+        self.references = {
+            kind: [v.valueReference for v in read.modelVariables if v.causality == kind] for kind in ("input", "output")
+        }
+        self.booleans = {v.valueReference for v in read.modelVariables if v.type == "Boolean"}
+        self.widths = {v.valueReference: int(np.prod([int(d.start) for d in v.dimensions])) for v in read.modelVariables}
+        self.names = {v.name: v.valueReference for v in read.modelVariables}
+        self.shown = np.concatenate([np.full(row.size, row.name != "time") for row in self.model.outputs])
+        token, module = read.guid or read.instantiationToken, read.coSimulation.modelIdentifier
+        kind = fmi2.FMU2Slave if fmi == 2 else fmi3.FMU3Slave
+        self.fmu = kind(guid=token, unzipDirectory=folder, modelIdentifier=module, instanceName="one")
+        if fmi == 2:
+            callbacks = fmi2.fmi2CallbackFunctions()
+            callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda e, name, *message: self.said.append(message))
+            addLoggerProxy(byref(callbacks))  # formats the message
+            self.fmu.instantiate(callbacks=callbacks)
+        else:
+            self.fmu.instantiate(logMessage=lambda e, *message: self.said.append(message))
+        calls = ("getFMUstate", "setFMUstate", "serializeFMUstate", "deSerializeFMUstate")
+        names = calls if fmi == 2 else ("getFMUState", "setFMUState", "serializeFMUState", "deserializeFMUState")
+        self.state, self.restore, self.serialize, self.deserialize = (getattr(self.fmu, name) for name in names)
+        if start:
+            self.begin(stop_time)
+
+    def begin(self, stop_time=None, start_time=0.0):
+        times = {"startTime": start_time, "stopTime": stop_time}
+        if self.fmi == 2:
+            self.fmu.setupExperiment(**times)
+        self.fmu.enterInitializationMode(**({} if self.fmi == 2 else times))
+        self.fmu.exitInitializationMode()
+
+    def set(self, references, values):
+        """Set variables; the values of all are flat, in order."""
+        places = np.cumsum([0, *(self.widths[reference] for reference in references)])
+        parts = {r: list(values[places[n] : places[n + 1]]) for n, r in enumerate(references)}
+        for known in self.booleans & parts.keys():
+            self.fmu.setBoolean([known], [bool(value) for value in parts.pop(known)])
+        if parts:
+            write = self.fmu.setReal if self.fmi == 2 else self.fmu.setFloat64
+            write(list(parts), [value for part in parts.values() for value in part])
+
+    def give(self, **values):
+        """Set variables of one element, parameters and inputs, by name."""
+        known = [name if name in self.names else f"parameters.{name}" for name in values]
+        self.set([self.names[name] for name in known], list(values.values()))
+
+    def get(self, references):
+        if references[0] in self.booleans:
+            return self.fmu.getBoolean(references)
+        if self.fmi == 2:
+            return self.fmu.getReal(references)
+        return self.fmu.getFloat64(references, sum(self.widths[r] for r in references))
+
+    def outputs(self):
+        """All outputs, flat."""
+        known = {r: self.get([r]) for r in self.references["output"]}
+        return [float(value) for values in known.values() for value in values]
+
+    @property
+    def now(self):
+        return self.get([self.names["time"]])[0]
+
+    def step(self, k, n=1):
+        self.fmu.doStep(currentCommunicationPoint=k * self.interval, communicationStepSize=n * self.interval)
+
+    def run(self, rows, first=0, n=1):
+        """Make steps of n samples with a row of inputs each; return the outputs after each."""
+        found = np.empty((len(rows), int(self.shown.sum())))
+        for k, row in enumerate(rows):
+            if row.size:
+                self.set(self.references["input"], row.tolist())
+            self.step(first + k * n, n)
+            found[k] = self.outputs()
+        return found
+
+    def refused(self, call, *words):
+        """Check that the call ends with an error status and one message that contains all words."""
+        self.said.clear()
+        with pytest.raises(FMICallException) as raised:
+            call()
+        assert raised.value.status == 3 and len(self.said) == 1, self.said
+        status, category, text = self.said[0]
+        assert (status, category) == (3, b"logStatusError")
+        assert all(word in text.decode() for word in words), text
+
+    def no_step(self, point, length, *words):
+        """Check that a step is refused."""
+        self.refused(lambda: self.fmu.doStep(point, length), *words)
+
+
+@pytest.fixture
+def slave():
+    """Create instances that are freed at the end."""
+    with contextlib.ExitStack() as stack:
+
+        def make(*arguments, **named):
+            made = Slave(*arguments, **named)
+            stack.callback(made.fmu.freeInstance)
+            return made
+
+        yield make
+
+
+@functools.cache
+def signals(id):
+    return reference.signals(subject(id, {}))[0]
+
+
+def rows_for(id, count):
+    """Inputs of the reference signals, repeated."""
+    return signals(id)[np.arange(count) % reference.STEPS].copy()
+
+
+def expected(one, rows, **parameters):
+    """The outputs of the model after each row, by the interpreter."""
+    p = one.what.parameters.copy()
+    for name, value in parameters.items():
+        p[one.model.parameters.slice(name)] = value
+    return make_runner(one.model, p).run(len(rows), rows if rows.size else None)[:, one.shown]
+
+
+@both
+def test_states_are_saved_restored_and_serialized_and_a_reset_begins_anew(slave, fmi):
+    rows, one, two = rows_for(ALIGNMENT, 100), slave(ALIGNMENT, fmi), slave(ALIGNMENT, fmi)
+    np.testing.assert_array_equal(one.outputs(), make_runner(one.model, one.what.parameters).output()[one.shown])
+    wanted = expected(one, rows)
+    for k in range(60):  # two instances, interleaved
+        np.testing.assert_array_equal(one.run(rows[k : k + 1], first=k)[0], wanted[k])
+        if k % 2 == 0:
+            np.testing.assert_array_equal(two.run(rows[k // 2 : k // 2 + 1], first=k // 2)[0], wanted[k // 2])
+    state = one.state()
+    data = bytes(one.serialize(state))
+    third = slave(ALIGNMENT, fmi)
+    for other in (one, two, third):
+        np.testing.assert_array_equal(one.run(rows[60:], first=60), wanted[60:])
+        other.restore(state)
+        assert bytes(other.serialize(other.state())) == data  # nothing of an instance is in it
+        one.restore(one.deserialize(data))
+    np.testing.assert_array_equal(two.run(rows[60:], first=60), wanted[60:])
+    for broken in (b"", data[:-1], bytes(len(data)), data[:200] + b"x" + data[201:]):
+        third.refused(lambda broken=broken: third.deserialize(broken), "serialized state")
+    one.fmu.reset()
+    one.begin()
+    np.testing.assert_array_equal(one.run(rows), wanted)
+
+
+@both
+@pytest.mark.parametrize("kind", ("estimator", "plant"))
+def test_steps_follow_the_start_time(slave, kind, fmi):
+    """The equations know no time: the outputs are those from 0; time, steps and stop time count from the start."""
+    id = ALIGNMENT if kind == "estimator" else PLANT[fmi]
+    begin, one = 37.25, slave(id, fmi, start=False)
+    one.begin(begin + 60 * one.interval, begin)
+    rows, first = rows_for(id, 50), round(begin / one.interval)
+    np.testing.assert_array_equal(one.run(rows, first), expected(one, rows))
+    assert one.now == pytest.approx(begin + 50 * one.interval, abs=1e-9)
+    one.no_step(0.0, one.interval, "communication point")
+    if kind == "plant":  # it makes many samples in a step
+        one.step(first + 50, 5)
+        assert one.now == pytest.approx(begin + 55 * one.interval, abs=1e-9)
+        one.refused(lambda: one.step(first + 55, 8), "passes the stop time")
+
+
+@both
+def test_steps_of_another_length_are_refused(slave, fmi):
+    rows, one = rows_for(ALIGNMENT, 20), slave(ALIGNMENT, fmi, stop_time=0.2)
+    for step in (0.0, -0.005, 0.0025, 0.0049, 0.0075, 0.01, 0.16, float("nan"), float("inf"), 1e300):
+        one.no_step(0.0, step, "communication step is", "allowed is one sample interval, 0.005 s", "output_interval=0.005")
+    for point in (0.005, -1.0, float("nan")):
+        one.no_step(point, 0.005, "communication point is", "the instance stands at 0 s")
+    # the refused calls have changed nothing; times with rounding errors are accepted
+    np.testing.assert_array_equal(one.run(rows), expected(one, rows))
+    one.fmu.doStep(0.1 + 1e-13, 0.1 + 0.005 - 0.1)
+    plant = slave(PLANT[fmi], fmi, stop_time=0.2)
+    plant.no_step(0.0, 0.205, "passes the stop time, 0.2 s")
+    plant.no_step(0.0, 0.0075, "communication step is", "whole number of sample intervals")
+    plant.no_step(0.0, 1e9, "communication step is", "up to 1e+09 sample intervals")
+    plant.fmu.doStep(0.0, 0.05 - 1e-10)  # ten samples
+    assert plant.now == pytest.approx(0.05, abs=1e-15)
+
+
+@both
+@pytest.mark.parametrize("kind", ("estimator", "plant"))
+def test_the_rest_of_summed_up_steps_counts_as_done(slave, kind, fmi):
+    """An importer that sums up its steps ends 400 steps of 0.005 s 2e-14 s before 2 s."""
+    id = ALIGNMENT if kind == "estimator" else PLANT[fmi]
+    rows, one, time = rows_for(id, 401), slave(id, fmi, stop_time=2.0), 0.0
+    while time < 2.0:
+        step = min(0.005, 2.0 - time)
+        if rows.size:
+            one.set(one.references["input"], rows[round(time / 0.005)].tolist())
+        one.fmu.doStep(time, step)
+        time += step
+    assert step < 1e-12
+    np.testing.assert_array_equal(one.outputs(), expected(one, rows[:400])[-1])
+
+
+@both
+def test_a_step_can_be_one_increment_of_its_own_length(slave, fmi):
+    rows, one = rows_for(ALIGNMENT, 100), slave(ALIGNMENT, fmi, start=False)
+    one.give(step_is_one_increment=True)
+    one.begin()
+    lengths, dt = np.tile([0.005, 0.01, 0.16, 0.0042], 25), one.model.inputs.slice("dt")
+    rows[:, dt] = lengths[:, None]
+    wanted, time = expected(one, rows), 0.0
+    for k, length in enumerate(lengths):
+        row = rows[k].copy()
+        row[dt] = 0.005  # dt follows the step, whatever it was
+        one.set(one.references["input"], row.tolist())
+        one.fmu.doStep(time, length)
+        time += length
+        np.testing.assert_array_equal(one.outputs(), wanted[k])
+    one.no_step(time, 11.0, "communication step is 11 s", "1e-06 to 10 s")
+
+
+@both
+def test_parameters_are_set_before_the_start_and_tunable_ones_between_steps(slave, fmi):
+    rows, one = rows_for(ALIGNMENT, 120), slave(ALIGNMENT, fmi, start=False)
+    one.give(latitude=0.7)
+    one.begin()
+    runner = make_runner(one.model, one.what.parameters)
+    runner.p[one.model.parameters.slice("latitude")] = 0.7
+    runner.start()
+    np.testing.assert_array_equal(one.run(rows[:60]), runner.run(60, rows[:60])[:, one.shown])
+    before = runner.output()
+    noise = 3.0 * float(runner.p[one.model.parameters.slice("angle_random_walk")][0])
+    runner.p[one.model.parameters.slice("angle_random_walk")] = noise
+    one.give(angle_random_walk=noise)
+    np.testing.assert_array_equal(one.outputs(), before[one.shown])  # it counts from the next step
+    np.testing.assert_array_equal(one.run(rows[60:], first=60), runner.run(60, rows[60:])[:, one.shown])
+    one.refused(lambda: one.give(angle_random_walk=-1.0), "angle_random_walk = -1")
+    one.refused(lambda: one.give(latitude=0.1), "latitude cannot be set in this state: step mode")
+
+
+@both
+def test_values_that_are_not_allowed_are_refused(slave, fmi):
+    plant = slave(PLANT[fmi], fmi, start=False)
+    plant.refused(lambda: plant.give(seed=5.5), "parameters.seed = 5.5 : allowed is a whole number")
+    one = slave(ALIGNMENT, fmi, start=False)
+    one.refused(lambda: one.give(latitude=2.0), "latitude = 2 rad", "-1.5708 to 1.5708")
+    one.refused(lambda: one.give(latitude=float("nan")), "latitude = nan rad")
+    one.widths[99_999] = 1
+    one.refused(lambda: one.set([99_999], [0.0]), "no variable has the value reference 99999")
+    one.refused(lambda: one.give(sample_interval=0.01), "sample_interval cannot be set")
+    one.refused(lambda: one.step(0), "not allowed in this state (instantiated)")
+    one.begin()
+    output = one.references["output"][0]
+    one.refused(lambda: one.set([output], [1.0] * one.widths[output]), "cannot be set")
+    row = rows_for(ALIGNMENT, 1)[0]
+    for value in (float("nan"), float("-inf")):
+        row[1] = value
+        one.refused(lambda: one.set(one.references["input"], row.tolist()), "delta_angle", "allowed is a finite number")
+    one.give(dt=0.0)
+    one.refused(lambda: one.step(0), "dt = 0 s: allowed is a finite number from 1e-06 to 10")
+    for dt in (9.9, 0.011, 0.0024):
+        one.give(dt=dt)
+        one.refused(lambda: one.step(0), f"dt = {dt:g} s in a step of 0.005 s", "half to twice the step")
+    one.give(dt=0.0051)
+    one.step(0)
+    one.fmu.terminate()
+    one.refused(lambda: one.step(1), "not allowed in this state (terminated)")
+
+
+def test_inputs_count_where_their_flags_are_true(slave):
+    """The flag of a velocity belongs to the flag of a fix; what a flag switches off may have any value."""
+    one, inputs = slave(AIDED, 2), subject(AIDED, {}).model.inputs
+    assert {one.names[name] for name in ("gnss_valid", "gnss_velocity_valid")} <= one.booleans
+    one.refused(lambda: one.fmu.setReal([one.names["gnss_valid"]], [1.0]), "gnss_valid is a Boolean")
+    one.refused(lambda: one.fmu.getBoolean([one.names["gnss_age"]]), "gnss_age is a Real")
+    rows = rows_for(AIDED, 40)
+    rows[10:20, inputs.slice("gnss_valid")] = rows[15:40, inputs.slice("gnss_velocity_valid")] = 1.0
+    wanted = expected(one, rows)
+    for flag, off in (("gnss_", rows[:, inputs.slice("gnss_valid")][:, 0] == 0), ("gnss_velocity_", np.r_[:15, 20:40])):
+        for name in inputs.names:
+            if name.startswith(flag) and not inputs[name].flag:
+                rows[off, inputs.slice(name)] = np.nan
+    np.testing.assert_array_equal(one.run(rows), wanted)
+    one.give(gnss_valid=True, gnss_velocity_valid=False)
+    one.refused(lambda: one.step(40), "gnss_age = nan s", "allowed is a finite number")
+    one.give(gnss_age=0.0, gnss_latitude=9.0)
+    one.refused(lambda: one.step(40), "gnss_latitude = 9 rad")
+
+
+def test_a_plant_takes_several_samples_a_step_and_holds_its_commands(slave):
+    one = slave("car-parked", 3)
+    inputs = one.model.inputs
+    commands = np.zeros((30, inputs.size))
+    commands[10:20, inputs.slice("command_speed")] = 4.0
+    commands[10:20, inputs.slice("command_valid")] = 1.0
+    wanted = expected(one, np.repeat(commands, 10, axis=0))[9::10]
+    commands[20:, inputs.slice("command_speed")] = np.nan
+    np.testing.assert_array_equal(one.run(commands, n=10), wanted)
+    one.give(command_valid=True)
+    one.refused(lambda: one.step(300), "command_speed = nan", "allowed is a finite number")
+
+
+def test_an_instance_that_diverges_reports_it_and_can_be_reset(slave):
+    rows, one = rows_for(ALIGNMENT, 20), slave(ALIGNMENT, 2)
+    rows[5:, :3], rows[5:, 3:6] = 1e3, 1e5
+    with pytest.raises(FMICallException):
+        one.run(rows)
+    assert b"diverged" in one.said[-1][2]
+    one.refused(lambda: one.step(0), "not allowed in this state (failed)")
+    one.fmu.reset()
+    one.begin()
+    np.testing.assert_array_equal(one.run(rows[:5]), expected(one, rows[:5]))
+
+
+def test_debug_logging_reports_the_states(slave):
+    one = slave(ALIGNMENT, 3)
+    assert one.said == []
+    one.fmu.setDebugLogging(True, ["logEvents"])
+    one.fmu.terminate()
+    assert one.said == [(0, b"logEvents", b"terminated")]
+    one.refused(lambda: one.fmu.setDebugLogging(True, ["logAny"]), "no category logAny")
+
+
+@both
+def test_simulate_fmu_gives_the_reference_signals(fmi):
+    folder, said = unzipped(ALIGNMENT, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref", []
+    inputs, wanted = (fmpy.read_csv(str(folder / name)) for name in ("in.csv", "ref.csv"))
+    if fmi == 3:  # FMPy accepts inputs of one shape only; dt keeps its start value, the sample interval
+        assert (inputs["dt"] == 0.005).all()
+        inputs = inputs[["time", "delta_angle", "delta_velocity"]]
+    given = {"input": inputs, "stop_time": 1.5, "validate": False, "logger": lambda *message: said.append(message[-1])}
+    found = fmpy.simulate_fmu(str(exported(ALIGNMENT, fmi)), output_interval=0.005, **given)
+    assert len(found) == 301 and found.dtype.names == wanted.dtype.names
+    for name in wanted.dtype.names[1:]:
+        np.testing.assert_array_equal(found[name][::10], wanted[name], err_msg=name)
+    np.testing.assert_allclose(found["time"][::10], wanted["time"], rtol=1e-12)
+    with pytest.raises(FMICallException):
+        fmpy.simulate_fmu(str(exported(ALIGNMENT, fmi)), output_interval=0.0123, **given)
+    assert b"communication step is 0.0123" in said[-1] and b"output_interval=0.005" in said[-1]
+
+
+@pytest.mark.parametrize("fmi", (pytest.param(2, marks=pytest.mark.slow), 3))
+def test_the_sources_rebuild_to_the_same_outputs(slave, tmp_path, fmi):
+    """By cmake, which `fmpy compile` uses."""
+    folder, built = tmp_path / "x", tmp_path / "built"
+    built.mkdir()
+    shutil.copytree(unzipped(ALIGNMENT, fmi), folder, ignore=shutil.ignore_patterns("binaries"))
+    with contextlib.redirect_stdout(io.StringIO()):
+        build_platform_binary(folder, build_dir=built)
+    rows, one = rows_for(ALIGNMENT, 100), slave(ALIGNMENT, fmi, folder=folder)
+    np.testing.assert_array_equal(one.run(rows), expected(one, rows))

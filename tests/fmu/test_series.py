@@ -1,0 +1,46 @@
+"""CSV of sampled inputs and outputs: read back to the bit, FMPy's arrays, wrong files."""
+
+import numpy as np
+import pytest
+
+from insenv.errors import InputError
+from insenv.fmu.series import Series, flattened, read_csv, write_csv
+
+
+def test_csv_reads_back_bit_identical(tmp_path):
+    columns = {"a": np.array([0.1, 1e-300, -1 / 3]), "m": np.arange(12.0).reshape(3, 2, 2) / 7}
+    flat = flattened(columns)
+    write_csv(tmp_path / "x.csv", Series(0.005 * np.arange(3), tuple(flat), np.array(list(flat.values())).T))
+    back = read_csv(tmp_path / "x.csv")
+    assert back.names == ("a", "m[1,1]", "m[1,2]", "m[2,1]", "m[2,2]")
+    np.testing.assert_array_equal(back.time, 0.005 * np.arange(3))
+    for name, value in back.named().items():
+        np.testing.assert_array_equal(value, columns[name])
+
+
+def test_csv_of_fmpy_with_blanks_inside_arrays(tmp_path):
+    (tmp_path / "x.csv").write_text('"time","a","b"\n0.0,1 2 3,4\n0.005,5 6 7,8\n')
+    back = read_csv(tmp_path / "x.csv")
+    assert back.names == ("a[1]", "a[2]", "a[3]", "b")
+    np.testing.assert_array_equal(back.values, [[1, 2, 3, 4], [5, 6, 7, 8]])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "no column 'time'"),
+        ("a,b\n1,2\n", "no column 'time'"),
+        ("time,a\n", "no data rows"),
+        ("time,a\n0,x\n", "line 2, column 'a': 'x' is not a number"),
+        ("time,a\n0,1\n1,\n", "line 3, column 'a': the value is missing"),
+        ("time,a\n0,nan\n", "line 2, column 'a': value is nan"),
+        ("time,a\n0,1\n1\n", "line 3 has 1 fields, expected 2"),
+        ("time,a,a\n0,1,2\n", "repeated columns: a"),
+        ('time,"a[1,1]"\n0,z\n', r"line 2, column 'a\[1,1\]'"),
+    ],
+)
+def test_a_bad_csv_is_named(tmp_path, text, said):
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(InputError, match=said) as wrong:
+        read_csv(tmp_path / "bad.csv")
+    assert "skip_empty" not in str(wrong.value)  # a key of the description of a log

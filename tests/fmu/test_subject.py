@@ -1,0 +1,111 @@
+"""What an FMU holds: an estimator, a plant, or both as a loop; settings, choices of states and aids, the start."""
+
+import numpy as np
+import pytest
+from command_line import call, refused
+from fmu_tools import scratch
+
+from insenv import estimators, run, scenario
+from insenv.cli.fmu import _settings
+from insenv.errors import InputError
+from insenv.files.resources import scenario_folder
+from insenv.fmu import export_fmu
+from insenv.fmu import run as run_fmu
+from insenv.fmu.reading import read_description
+from insenv.fmu.subject import subject
+
+LOSSY = (scenario_folder() / "ship-swaying.toml").read_text("utf-8").replace("[imu]", "[imu]\ndrop_probability = 0.01")
+
+
+def test_settings_are_start_values(bare):
+    settings = {"heading_sigma_deg": 2.0, "antenna_lever_arm": [1.0, 2.0, 3.0], "sample_interval": 0.01}
+    what = subject("loosely-coupled", settings)
+    rows = what.model.parameters.unpack(what.parameters)
+    assert rows["heading_sigma"] == pytest.approx(np.radians(2.0), rel=1e-15)
+    assert rows["antenna_lever_arm"].tolist() == [1.0, 2.0, 3.0] and what.sample_interval == 0.01
+    read = read_description(bare("loosely-coupled", settings=settings))
+    start = {v.name: v.start for v in read.modelVariables}
+    assert float(start["parameters.antenna_lever_arm[2]"]) == 2.0
+    assert start["dt"] == start["sample_interval"] == "0.01" and read.defaultExperiment.stepSize == "0.01"
+
+
+def test_settings_of_a_loop_are_those_of_both(bare):
+    what = subject("ship-swaying", {"seed": 7, "estimator.latitude": 0.7, "estimator.arw_deg_sqrt_h": 0.01}, "qakf-improved")
+    rows = what.model.parameters.unpack(what.parameters)
+    assert rows["seed"] == 7.0 and rows["estimator_latitude"] == 0.7
+    assert rows["estimator_angle_random_walk"] == pytest.approx(np.radians(0.01) / 60, rel=1e-15)
+    read = read_description(bare("ship-swaying", estimator="qakf-improved", settings={"seed": 7}))
+    assert "7.0" in [v.start for v in read.modelVariables if v.name == "parameters.seed"]
+    tunable = {v.name for v in read.modelVariables if v.variability == "tunable"}
+    assert "estimator.parameters.angle_random_walk" in tunable
+    assert all(name.startswith("estimator.") for name in tunable)  # the plant is not
+
+
+def test_an_estimator_starts_as_in_the_run_of_its_scenario():
+    known = scenario.build(scenario.load("ship-swaying"))
+    estimator = estimators.get("q-method")
+    rows = known.parameters_of(estimator)
+    np.testing.assert_array_equal(subject("q-method", {}).parameters, estimator.model.parameters.pack(rows))
+
+
+def test_states_and_aids_of_an_fmu_are_chosen_as_in_a_run():
+    made = subject("fusion", _settings(['fusion.aids=["odometer", "gnss"]', 'states=["odometer_scale"]']))
+    assert made.model.title == "16 states: navigation, biases, odometer_scale; aids: gnss, odometer"
+    loop = subject("car-odometer", {"estimator.aids": ["gnss"], "estimator.states": []}, "fusion")
+    outputs = loop.model.outputs.names
+    assert "estimator_odometer_count" not in outputs and "estimator_fix_count" in outputs
+    with pytest.raises(InputError, match="unknown name 'sonar'"):
+        subject("fusion", _settings(['aids=["sonar"]']))
+    refused(call("fmu", "export", "fusion", "--set", 'aids=["gnss"', "-o", "x.fmu"), "is no list: allowed is")
+
+
+@pytest.mark.parametrize(
+    ("what", "settings", "words"),
+    [
+        ("qakff", {}, ("no estimator or scenario 'qakff'", "did you mean 'qakf'")),
+        ("qakf", {"latitud": 1}, ("no parameter 'latitud'", "did you mean 'latitude'")),
+        ("qakf", {"latitude": 10}, ("latitude = 10 rad", "from -1.5708 to 1.5708")),
+        ("qakf", {"latitude": "north"}, ("latitude = 'north'",)),
+        ("qakf", {"latitude": True}, ("latitude = true",)),
+        ("qakf", {"start_quaternion": [1, 0]}, ("start_quaternion", "shape (4,)")),
+        ("qakf", {"sample_interval": 0}, ("sample_interval = 0 s", "allowed is a number from")),
+        ("qakf", {"step_is_one_increment": 2.0}, ("step_is_one_increment = 2.0", "true or false")),
+        ("qakf", {"angle_random_walk": 1e-5, "arw_deg_sqrt_h": 1.0}, ("angle_random_walk is set twice",)),
+        ("ship-swaying", {"seed": 1.5}, ("seed = 1.5", "whole number")),
+        ("ship-swaying", {"seed": -1}, ("seed = -1",)),
+        ("ship-swaying", {"seed": True}, ("seed = true",)),
+        ("ship-swaying", {"sample_interval": 0.01}, ("the scenario's rate_hz sets it",)),
+        ("ship-swaying", {"sed": 1}, ("no parameter 'sed'", "did you mean 'seed'")),
+        (("ship-swaying", "qakf"), {"estimator.latitud": 1.0}, ("no parameter 'latitud' in 'qakf'",)),
+        (("car-city-drive", "qakf"), {}, ("qakf", "moves")),
+        (("car-city-drive", "smoother"), {}, ("smoother", "from its end")),
+        (("qakf", "qakf"), {}, ("allowed is a scenario and an estimator",)),
+        (("lossy.toml", "qakf"), {}, ("loses inertial samples",)),
+    ],
+)
+def test_what_cannot_be_exported_is_named(tmp_path, monkeypatch, what, settings, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lossy.toml").write_text(LOSSY)
+    what, behind = what if isinstance(what, tuple) else (what, None)
+    with pytest.raises(InputError) as raised:
+        export_fmu(what, "x.fmu", estimator=behind, settings=settings)
+    assert all(word in str(raised.value) for word in words), raised.value
+    assert not (tmp_path / "x.fmu").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "id", "options"),
+    [
+        ("ship-swaying", "qakf-improved", {"fmi": 2}),
+        pytest.param("ship-swaying", "q-method", {"fmi": 3, "arrays": False}, marks=pytest.mark.slow),
+        pytest.param("car-city-drive", "loosely-coupled", {"fmi": 3}, marks=pytest.mark.slow),
+    ],
+)
+def test_the_outputs_of_a_loop_are_bit_identical_to_those_of_a_run(name, id, options):
+    duration = 10.0
+    found = run_fmu(export_fmu(name, scratch() / "loop.fmu", estimator=id, **options), stop_time=duration)
+    (result,) = run(name, [id], duration_s=duration).results
+    places, named = np.round(result.time / found.step).astype(int) - 1, found.named()
+    assert len(places) > 50
+    for row, values in result.outputs.items():
+        np.testing.assert_array_equal(named[f"estimator.{row}"][places], values, err_msg=row)

@@ -1,0 +1,56 @@
+"""Live pages, made once for all tests, and the JavaScript of pages in Node."""
+
+import functools
+import json
+import subprocess
+import tempfile
+from pathlib import Path
+
+from peers import program
+
+from insenv.files.resources import web_folder
+from insenv.report.page import assembled
+from insenv.report.page.html import joined
+from insenv.web.live import Live, live, live_document
+
+SHIP = ("ship-swaying", ("q-method",), 60.0)
+CAR = ("car-city-drive", ("loosely-coupled", "wander-sins"), 60.0)
+HOVER = ("multirotor-hover", ("wander-sins",), 10.0)
+
+
+@functools.cache
+def live_page(scenario: str, estimators: tuple[str, ...], duration_s: float) -> Live:
+    """A page's model and its controls."""
+    return live(scenario, estimators, duration_s=duration_s)
+
+
+@functools.cache
+def _folder() -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="insenv-pages-")
+    _folder.kept = folder
+    return Path(folder.name)
+
+
+@functools.cache
+def page_file(scenario: str, estimators: tuple[str, ...], duration_s: float) -> Path:
+    """The file of a page."""
+    path, made = _folder() / f"{scenario}.html", live_page(scenario, estimators, duration_s)
+    path.write_text(assembled(made.plant.scenario.title, {"live": live_document(made)}), encoding="utf-8", newline="\n")
+    return path
+
+
+def in_node(text: str, given: object, folder: Path) -> str:
+    """What JavaScript text prints in Node; it reads `given` from the file given.json."""
+    (folder / "given.json").write_text(json.dumps(given))
+    (folder / "go.cjs").write_text(text)
+    node = program("node", how="Debian: nodejs")
+    done = subprocess.run([node, "go.cjs"], cwd=folder, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def answers(entry: str, code: str, given: object, folder: Path) -> object:
+    """What JavaScript `code` makes of `given` with the exports of a module of web/."""
+    read = 'const given = JSON.parse(require("fs").readFileSync("given.json"));'
+    text = f"{read}\n{joined(web_folder(), entry)}\nconsole.log(JSON.stringify({code}));\n"
+    return json.loads(in_node(text, given, folder))

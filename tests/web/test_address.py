@@ -1,0 +1,51 @@
+"""Links to a live page: what they cannot mean is one sentence, and what they can is written and read alike."""
+
+from urllib.parse import quote
+
+import pytest
+from pages import CAR, SHIP, answers, live_page
+
+from insenv.web.live import live_document
+
+WINDOWS = ("5", "{}", "null", "[5]", "[[5,1]]", "[[-5,1]]", "[[null,1]]", '[["1",2]]', "[[1,2,3]]")
+BROKEN = {  # by scenario: fragment and what is said
+    "ship": {
+        "#imu.mass_kg=3": "imu.mass_kg: this page has no control of that name",
+        "#=3": '"": this page has no control of that name',
+        "#seed=1.5": "seed = 1.5: allowed is a whole number",
+        "#seed=2&seed=3": "seed stands in the link more than once: allowed is one value",
+        "#start.latitude_deg=95": "start.latitude_deg = 95 deg: allowed is -80 to 80 deg",
+        '#commands=[[1,{"sail":1}]]': 'unknown command "sail"',
+        "#commands=[1": "commands = [1: allowed is a list of values",
+        "#commands=[[0,[]]]": "commands: allowed are pairs of a sample and the values of commands",
+        '#commands=[[1.5,{"sea":1}]]': "commands at sample 1.5: allowed are whole numbers in order",
+        '#commands=[[5,{"sea":1}],[4,{"sea":1}]]': "commands at sample 4: allowed are whole numbers in order",
+        '#commands=[[0,{"sea":null}]]': "command sea = null: allowed is 0 to 3",
+        '#commands=[[0,{"sea":[2]}]]': "command sea = [2]: allowed is 0 to 3",
+    },
+    "car": {
+        f"#gnss.outages_s={quote(text)}": f"gnss.outages_s = {text} s: allowed are pairs of a begin of 0 s or later and an end "
+        "after it"
+        for text in WINDOWS
+    },
+}
+SAID = "given[1].map((f) => { try { module_address.stateOf(f, given[0]); return null; } catch (e) { return e.message; } })"
+
+
+@pytest.mark.parametrize(("kind", "page"), [("ship", SHIP), ("car", CAR)])
+def test_a_broken_link_is_one_sentence(kind, page, tmp_path):
+    found = answers("address.js", SAID, [live_document(live_page(*page)), list(BROKEN[kind])], tmp_path)
+    told = dict(zip(BROKEN[kind], found, strict=True))
+    wrong = {fragment: said for fragment, said in told.items() if BROKEN[kind][fragment] not in (said or "")}
+    assert wrong == {}
+
+
+def test_a_state_is_written_and_read_alike(tmp_path):
+    state = {
+        "seed": 7,
+        "values": {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25},
+        "commands": [{"sample": 3, "values": {"speed": 2.5}}],
+    }
+    code = "[module_address.addressOf(given[1], 1)].flatMap((link) => [link, module_address.stateOf(link, given[0])])"
+    link, back = answers("address.js", code, [live_document(live_page(*CAR)), state], tmp_path)
+    assert back == state and "seed=7" in link and "imu.grade=navigation" in link
