@@ -15,7 +15,12 @@ from insenv.core.tables import Row, Table
 from insenv.estimators import get, registered
 
 STATE = Table((Row("a", "A number", "m", start=1.0),))
-STEP = "def made(held, more=0):\n    def step(p, x, u, k=2, *, last=5):\n        return {'a': x.a + len(str(held)) + more}\n    return step\n"
+STEP = """
+def made(held, more=0):
+    def step(p, x, u, k=2, *, last=5):
+        return {'a': x.a + len(str(held)) + more}
+    return step
+"""
 
 
 def made(held, text=STEP, module="insenv.made"):
