@@ -82,7 +82,7 @@ def message(model, wrong):
         ({"vehicle": {}}, "vehicle.kind is missing: must be one of 'car', 'ship'"),
         ({"vehicle": {"kind": "shp"}}, "vehicle.kind = 'shp': must be one of 'car', 'ship'; did you mean 'ship'?"),
         ({"vehicle": {"kind": "car", "car": 0}}, "vehicle.car = 0 [m]: must be greater than 0"),
-        ({"legs": [{"drive_s": 1, "count": 1}]}, "legs[0].count: unknown key; it belongs at the top of the file (allowed: drive_s)"),
+        ({"leg": {"drive_s": 1, "count": 1}}, "leg.count: unknown key; it belongs at the top of the file (allowed: drive_s)"),
         ({"car": 3}, f"car: unknown key; it belongs in [vehicle] {NAMES}"),
         ({"drive_s": 3}, f"drive_s: unknown key; did you mean 'duration_s'? {NAMES}"),
         (3, "3: must be a table of keys"),
