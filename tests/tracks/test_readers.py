@@ -14,7 +14,7 @@ PLAIN = ROOT / "examples" / "logs"
 
 def test_one_of_several_tracks_is_named(tmp_path):
     """What `insenv run --gpx --kml` writes: the truth and an estimate."""
-    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=4.0)
+    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=10.0)
     insenv.write(report, tmp_path, ["gpx", "kml"], name="two")
 
     def track(path, which):
