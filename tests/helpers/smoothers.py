@@ -1,10 +1,8 @@
-"""Three fixed-interval smoothers of a filter's recorded pass, in NumPy, as a reference for the compiled one.
+"""Two fixed-interval smoothers of a filter's recorded pass, in NumPy, as a reference for the compiled one.
 
 They start from the same record and are equal in exact arithmetic:
 
 bryson_frazier  the adjoint filter of `insenv.estimators.parts.adjoint`; inverts nothing.
-two_filter      the paper's form: a backward filter that starts without information, combined with the forward filter
-                (Fraser, Potter 1969).
 rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed state after it.
 
 The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is
@@ -92,32 +90,6 @@ def rts(run: Pass) -> tuple[Array, Array]:
         state = gain @ (state + run.scalars[k + 1].correction)
         covariance = P + gain @ (covariance - predicted) @ gain.T
         states[k], covariances[k] = state, covariance
-    return states, covariances
-
-
-def two_filter(run: Pass) -> tuple[Array, Array]:
-    """As `bryson_frazier`; the filter backward carries the information Y and Y times its estimate, y."""
-    states, covariances = _like(run)
-    n = run.covariance.shape[-1]
-    Y, y = np.zeros((n, n)), np.zeros(n)
-    for k in reversed(range(len(run.covariance))):
-        P = run.covariance[k]
-        combined = np.linalg.solve(np.eye(n) + P @ Y, P)
-        states[k], covariances[k] = combined @ y, (combined + combined.T) / 2
-        if k == 0:
-            break
-        now, before = run.scalars[k], run.predicted(k)
-        y = y + Y @ now.correction  # about the predicted state from here on
-        explained = np.zeros(n)
-        for h, gain, weight, left in zip(now.H, now.gain, now.weight, now.left, strict=True):
-            if weight > 0:
-                variance = 1 / weight - h @ before @ h
-                Y, y = Y + np.outer(h, h) / variance, y + h * ((left + h @ explained) / variance)
-            before, explained = before - np.outer(gain, h @ before), explained + gain * left
-        back = np.linalg.solve(np.eye(n) + Y @ run.noise[k], np.column_stack([Y, y]))
-        Phi = run.transition[k]
-        Y, y = Phi.T @ back[:, :n] @ Phi, Phi.T @ back[:, n]
-        Y = (Y + Y.T) / 2
     return states, covariances
 
 
