@@ -1,6 +1,4 @@
-"""Fixed-interval smoothing: against dense least squares on a time-varying system, and form against form on a flight."""
-
-from dataclasses import replace
+"""Fixed-interval smoothing: the compiled form against that of Rauch, Tung and Striebel, and runs and replays."""
 
 import casadi as ca
 import numpy as np
@@ -10,7 +8,7 @@ from places import ROOT
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from smoothers import Pass, Scalars, bryson_frazier, rts
+from smoothers import Pass, Scalars, rts
 
 import insenv
 from insenv import geodesy, replay
@@ -30,87 +28,6 @@ from insenv.runs.smoothed import Smoother, smooth, smoother_outputs
 from insenv.scenario import build, load
 
 PLACE = ("latitude", "longitude", "height")
-FORMS = (bryson_frazier, rts)
-
-
-# --- a linear system whose transition changes from step to step -------------------------------------------------------
-
-
-def linear_problem(seed, instants=40, n=4):
-    """(transitions, noises, sensitivities, variances, measurements, start covariance), different at every instant."""
-    rng = np.random.default_rng(seed)
-    Phi = 0.95 * np.array([np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(instants)])
-    G = rng.normal(size=(instants, n, 2))  # noise of rank 2
-    Q = 0.1 * G @ G.transpose(0, 2, 1)
-    H = rng.normal(size=(instants, 2, n))
-    R = rng.uniform(0.1, 2.0, (instants, 2))
-    start = np.diag(rng.uniform(0.5, 2.0, n))
-    x, z = np.linalg.cholesky(start) @ rng.normal(size=n), []
-    for k in range(instants):
-        if k:
-            x = Phi[k] @ x + np.sqrt(0.1) * G[k] @ rng.normal(size=2)
-        z.append(H[k] @ x + np.sqrt(R[k]) * rng.normal(size=2))
-    return Phi, Q, H, R, np.array(z), start
-
-
-def filtered(problem):
-    """The pass of a Kalman filter, and its estimates after each instant."""
-    Phi, Q, H, R, z, start = problem
-    m, P = np.zeros(len(start)), start
-    estimates, covariances, scalars = [], [], []
-    for k in range(len(z)):
-        if k:
-            m, P = Phi[k] @ m, Phi[k] @ P @ Phi[k].T + Q[k]
-        rows = []
-        correction = np.zeros(len(m))
-        for h, r, value in zip(H[k], R[k], z[k], strict=True):
-            weight = 1 / (h @ P @ h + r)
-            gain, left = P @ h * weight, value - h @ (m + correction)
-            P = P - np.outer(gain, h @ P)
-            correction = correction + gain * left
-            rows.append((h, gain, weight, left))
-        m = m + correction
-        estimates.append(m)
-        covariances.append(P)
-        scalars.append(Scalars(*(np.array(part) for part in zip(*rows, strict=True))))
-    return Pass(Phi, Q, np.array(covariances), scalars), np.array(estimates)
-
-
-def batch_least_squares(problem):
-    """All states at once from all measurements: mean (K, n) and covariance blocks (K, n, n) of the joint Gaussian."""
-    Phi, Q, H, R, z, start = problem
-    K, n = len(z), len(start)
-    joint = np.zeros((K * n, K * n))  # covariance of the states before any measurement
-    block = [slice(k * n, (k + 1) * n) for k in range(K)]
-    joint[block[0], block[0]] = start
-    for k in range(1, K):
-        for j in range(k):
-            joint[block[k], block[j]] = Phi[k] @ joint[block[k - 1], block[j]]
-            joint[block[j], block[k]] = joint[block[k], block[j]].T
-        joint[block[k], block[k]] = Phi[k] @ joint[block[k - 1], block[k - 1]] @ Phi[k].T + Q[k]
-    A = np.zeros((2 * K, K * n))
-    for k in range(K):
-        A[2 * k : 2 * k + 2, block[k]] = H[k]
-    S = A @ joint @ A.T + np.diag(R.ravel())
-    gain = np.linalg.solve(S, A @ joint).T
-    mean, covariance = gain @ z.ravel(), joint - gain @ A @ joint
-    return mean.reshape(K, n), np.array([covariance[b, b] for b in block])
-
-
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("seed", range(2))
-def test_every_form_is_the_least_squares_solution_of_a_time_varying_system(form, seed):
-    problem = linear_problem(seed)
-    kept, estimates = filtered(problem)
-    states, covariances = form(kept)
-    mean, expected = batch_least_squares(problem)
-    assert np.abs(estimates + states - mean).max() < 1e-11 * np.abs(mean).max()
-    assert np.abs(covariances - expected).max() < 1e-11 * np.abs(expected).max()
-    shifted = replace(kept, transition=np.roll(kept.transition, 1, axis=0))  # one instant off
-    assert np.abs(estimates + form(shifted)[0] - mean).max() > 0.1
-
-
-# --- the filter of a vehicle -----------------------------------------------------------------------------------------
 
 
 def drive(duration_s=40.0, outages=((15.0, 25.0),), seed=0, **gnss):
@@ -161,20 +78,20 @@ def kept_pass(kept, p, own=SMOOTHING):
             duration = rows["last_stretch"][0]
             Q = np.diag(density * np.r_[np.full(9, duration), -np.expm1(-2 * duration / times)])
             used = np.any([rows[name] == 1 for name in rows if name.startswith("scalar_")], axis=0)
-            # all in the axes after the turns of this instant, so that the forms need not know of any
-            T, H, gain = np.eye(15), rows["H"].copy(), rows["gain"].copy()
+            # all in the axes after the turns of this instant, so that the other form need not know of any
+            T, gain = np.eye(15), rows["gain"].copy()
             for k in reversed(np.flatnonzero(used)):
                 if rows["turned"][k]:
                     C = Rotation.from_rotvec(rows["turn"][k]).as_matrix()
                     T = T @ block_diag(np.eye(3), C, C, np.eye(6))
-                H[k], gain[k] = T @ H[k], T @ gain[k]
+                gain[k] = T @ gain[k]
             transition.append(T @ Phi)
             noise.append(T @ Q @ T.T)
-            scalars.append(Scalars(H[used], gain[used], rows["weight"][used], rows["left"][used]))
+            scalars.append(Scalars(gain[used], rows["weight"][used], rows["left"][used]))
     return Pass(np.array(transition), np.array(noise), np.array(covariance), scalars)
 
 
-def test_all_forms_agree_on_a_drive_with_an_outage_and_a_stop():
+def test_both_forms_agree_on_a_drive_with_an_outage_and_a_stop():
     columns, p = drive()
     wanted = np.arange(len(columns["dt"])) % 5 == 4
     columns["standing"][wanted] = (columns["time"][wanted] > 30) & (columns["time"][wanted] < 31)
@@ -185,14 +102,12 @@ def test_all_forms_agree_on_a_drive_with_an_outage_and_a_stop():
     kept = kept_pass(run_.record, p)
     assert min(weight for s in kept.scalars for weight in s.weight) == 0  # the one refused
     sigma = np.sqrt(np.einsum("kii->ki", covariances))
-    for form, bound in zip(FORMS, (1e-8, 1e-7), strict=True):
-        other, other_covariances = form(kept)
-        assert np.abs((other - states) / sigma).max() < bound, form
-        unit = sigma[:, :, None] * sigma[:, None, :]
-        assert np.abs((other_covariances - covariances) / unit).max() < bound, form
+    other, other_covariances = rts(kept)
+    assert np.abs((other - states) / sigma).max() < 1e-7
+    assert np.abs((other_covariances - covariances) / (sigma[:, :, None] * sigma[:, None, :])).max() < 1e-7
 
 
-def test_from_an_unknown_start_all_forms_agree_from_where_the_attitude_is_found():
+def test_from_an_unknown_start_both_forms_agree_from_where_the_attitude_is_found():
     """Before that the states are the filter's; after it the covariance also holds what is of second order."""
     plant = build(load("ship-at-sea"), seed=4, duration_s=15.0)
     columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
@@ -212,14 +127,13 @@ def test_from_an_unknown_start_all_forms_agree_from_where_the_attitude_is_found(
     later = Pass(*(part[begin:] for part in (whole.transition, whole.noise, whole.covariance, whole.scalars)))
     sigma = np.sqrt(np.einsum("kii->ki", covariances[begin:]))
     cross = np.cross(np.eye(3)[:, None], np.eye(3))  # a x b = cross[i, j] a_i b_j
-    for form in FORMS:
-        other, expected = form(later)
-        explained = P[begin:] - expected
-        for part in (slice(0, 3), DV, TILT):
-            both = np.einsum("kab,kcd->kacbd", P[begin:, TILT, TILT], explained[:, part, part])
-            expected[:, part, part] += np.einsum("aci,bdj,kacbd->kij", cross, cross, both)
-        assert np.abs((other - states[begin:]) / sigma).max() < 1e-6
-        assert np.abs((expected - covariances[begin:]) / (sigma[:, :, None] * sigma[:, None, :])).max() < 1e-6
+    other, expected = rts(later)
+    explained = P[begin:] - expected
+    for part in (slice(0, 3), DV, TILT):
+        both = np.einsum("kab,kcd->kacbd", P[begin:, TILT, TILT], explained[:, part, part])
+        expected[:, part, part] += np.einsum("aci,bdj,kacbd->kij", cross, cross, both)
+    assert np.abs((other - states[begin:]) / sigma).max() < 1e-6
+    assert np.abs((expected - covariances[begin:]) / (sigma[:, :, None] * sigma[:, None, :])).max() < 1e-6
 
 
 def test_the_forward_pass_is_bit_identical_to_the_filter():
