@@ -31,6 +31,12 @@ UNITS = {"magnetometer": 1e9, "odometer": 3.6, "heading": 180 / np.pi}
 """Factors from SI to the units of the files: nT, km/h, deg."""
 DESCRIPTION = """
 title = "Simulated"
+barometer = { file = "barometer.csv", time = "t", height = "v0" }
+magnetometer = { file = "magnetometer.csv", time = "t", field = ["v0", "v1", "v2"], field_unit = "nT", axes = "FLU" }
+odometer = { file = "odometer.csv", time = "t", speed = "v0", speed_unit = "km/h", lever_arm_m = [-1.0, 0.5, 0.4] }
+dvl = { file = "dvl.csv", time = "t", velocity = ["v0", "v1", "v2"], axes = "FRD", lever_arm_m = [2.0, 0.0, 1.0] }
+heading = { file = "heading.csv", time = "t", azimuth = "v0", azimuth_sigma = "v1", baseline_m = [0.9, 0.1, 0.0] }
+initial = { latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0, heading_deg = 30.0, static_until_s = 5.0 }
 [imu]
 file = "imu.csv"
 time = "t"
@@ -43,40 +49,6 @@ accel_unit = "m/s"
 axes = "FRD"
 rate_hz = 100.0
 grade = "tactical"
-[initial]
-latitude_deg = 48.0
-longitude_deg = 11.0
-height_m = 500.0
-heading_deg = 30.0
-static_until_s = 5.0
-[barometer]
-file = "barometer.csv"
-time = "t"
-height = "v0"
-[magnetometer]
-file = "magnetometer.csv"
-time = "t"
-field = ["v0", "v1", "v2"]
-field_unit = "nT"
-axes = "FLU"
-[odometer]
-file = "odometer.csv"
-time = "t"
-speed = "v0"
-speed_unit = "km/h"
-lever_arm_m = [-1.0, 0.5, 0.4]
-[dvl]
-file = "dvl.csv"
-time = "t"
-velocity = ["v0", "v1", "v2"]
-axes = "FRD"
-lever_arm_m = [2.0, 0.0, 1.0]
-[heading]
-file = "heading.csv"
-time = "t"
-azimuth = "v0"
-azimuth_sigma = "v1"
-baseline_m = [0.9, 0.1, 0.0]
 """
 
 
@@ -143,11 +115,11 @@ def test_of_two_readings_in_a_sample_the_later_counts_and_none_beyond_the_window
     ("old", "new", "message"),
     [
         ('field_unit = "nT"', 'field_unit = "Oe"', r"magnetometer\.field_unit = 'Oe'"),
-        ('azimuth_sigma = "v1"', "", r"heading.*give either azimuth_sigma"),
+        ('azimuth_sigma = "v1", ', "", r"heading.*give either azimuth_sigma"),
         ("baseline_m = [0.9, 0.1, 0.0]", "baseline_m = [0, 0, 0]", r"heading\.baseline_m.*a length"),
         ('speed = "v0"', 'speed = "v7"', r"no column 'v7'"),
-        ('height = "v0"', 'height = "v0"\ngrade = "ms56"', r"barometer\.grade = 'ms56'.*did you mean 'ms5611'"),
-        ('height = "v0"', 'height = "v0"\ntime_offset_s = 1e5', r"barometer: its times .* do not overlap the imu's"),
+        ('height = "v0"', 'height = "v0", grade = "ms56"', r"barometer\.grade = 'ms56'.*did you mean 'ms5611'"),
+        ('height = "v0"', 'height = "v0", time_offset_s = 1e5', r"barometer: its times .* do not overlap the imu's"),
     ],
 )
 def test_wrong_descriptions(recorded: tuple[Any, Any, Any], old: str, new: str, message: str) -> None:
