@@ -125,7 +125,7 @@ def test_files_cut_anywhere_or_garbled_end_in_words(kind, tmp_path):
     short = replace(drive(), messages=drive().messages[:400], increments=drive().increments[:400])
     whole = WRITERS[kind](short, tmp_path / f"whole.{kind}").read_bytes()
     draw, path = random.Random(1), tmp_path / f"flight.{kind}"
-    for trial in range(12):
+    for trial in range(25):
         data = bytearray(whole[: draw.randrange(len(whole))])
         for _ in range(trial % 3 * 20 if data else 0):
             data[draw.randrange(len(data))] = draw.randrange(256)

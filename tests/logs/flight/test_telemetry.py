@@ -77,7 +77,7 @@ def test_a_moored_ship_is_aligned_at_its_home_position(tmp_path):
 
 
 def test_the_log_holds_what_the_instruments_showed(tmp_path):
-    path, again = streamed(tmp_path / "flight.tlog", "multirotor-hover", "loosely-coupled", 3.0), None
+    path = streamed(tmp_path / "flight.tlog", "multirotor-hover", "loosely-coupled", 3.0)
     again = Simulation(load_scenario("multirotor-hover"), "loosely-coupled")
     shown = {"magnetometer": [], "barometer": []}
     for _ in range(600):
@@ -116,7 +116,7 @@ def test_accuracies_are_those_of_gps_raw_int(tmp_path):
     assert found.velocity_sigma[4].tolist() == [100.0] * 3  # the receiver had no velocity then
 
 
-def test_no_imu_at_a_usable_rate_and_no_gnss(tmp_path):
+def test_messages_that_are_missing(tmp_path):
     imu, whole = {"HIL_SENSOR", "HIGHRES_IMU"}, telemetry(drive(), tmp_path / "flight.tlog")
     none = telemetry(drive(), tmp_path / "none.tlog", lambda message: message.get_type() in imu)
     few = telemetry(
@@ -134,6 +134,10 @@ def test_no_imu_at_a_usable_rate_and_no_gnss(tmp_path):
     status, _, err = call("replay", path, "-e", "loosely-coupled")
     assert status == 2 and "needs GNSS" in err
     assert load(described(whole, 'gnss = "none"')).gnss is None
+    path = telemetry(drive(), tmp_path / "hil.tlog", lambda message: message.get_type() == "GPS_RAW_INT")
+    log, (_, fix) = load(path), drive().fixes[0]
+    assert any(note.startswith("HIL_GPS: eph and epv are taken as accuracies in cm") for note in log.notes)
+    np.testing.assert_allclose(log.gnss.position_sigma[0], fix.position_sigma, atol=5.1e-3)
 
 
 def test_another_unit_receiver_and_reference(tmp_path):
