@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,26 @@ class DataflashWriter:
     CODES = {"b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "q": "q", "Q": "Q", "f": "f", "d": "d", "N": "16s"}
     SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "E": ("I", 100), "L": ("i", 1e7)}
 
-    def __init__(self) -> None:
+    STANDARD = {
+        "IMT": ("QBfffffffff", "TimeUS,I,DelT,DelvT,DelaT,DelAX,DelAY,DelAZ,DelVX,DelVY,DelVZ"),
+        "IMU": ("QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+        "GPS": ("QBBIHBcLLeffffB", "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U"),
+        "GPA": ("QBCCCCfBIH", "TimeUS,I,VDop,HAcc,VAcc,SAcc,YAcc,VV,SMS,Delta"),
+        "ATT": ("Qccc", "TimeUS,Roll,Pitch,Yaw"),
+        "POS": ("QLLf", "TimeUS,Lat,Lng,Alt"),
+        "XKF1": ("QBfff", "TimeUS,C,VN,VE,VD"),
+        "PARM": ("QNf", "TimeUS,Name,Value"),
+        "MAG": ("QBhhh", "TimeUS,I,MagX,MagY,MagZ"),
+        "BARO": ("QBff", "TimeUS,I,Alt,Press"),
+    }
+
+    def __init__(self, *names: str) -> None:
+        """names: messages of `STANDARD` that are defined."""
         self.data = bytearray()
         self.kinds: dict[str, tuple[int, str, list[tuple[str, float | None]]]] = {}
         self._define("FMT", "BBnNZ", "Type,Length,Name,Format,Columns", 0x80, 89)
+        for name in names:
+            self.define(name, *self.STANDARD[name])
 
     def define(self, name: str, form: str, columns: str) -> None:
         number = 0x20 + len(self.kinds)
@@ -42,6 +57,27 @@ class DataflashWriter:
 class UlogWriter:
     """PX4 ULog: header, flag bits, formats; then subscriptions and data messages."""
 
+    STAMP = ("uint64_t", "timestamp")
+    SAMPLED = ("uint64_t", "timestamp_sample")
+    STANDARD = {
+        "sensor_combined": [
+            STAMP, ("float[3]", "gyro_rad"), ("uint32_t", "gyro_integral_dt"), ("int32_t", "accelerometer_timestamp_relative"),
+            ("float[3]", "accelerometer_m_s2"), ("uint32_t", "accelerometer_integral_dt"),
+        ],
+        "vehicle_gps_position": [
+            STAMP, SAMPLED, ("double", "latitude_deg"), ("double", "longitude_deg"), ("double", "altitude_msl_m"),
+            ("double", "altitude_ellipsoid_m"), ("float", "s_variance_m_s"), ("float", "eph"), ("float", "epv"),
+            ("float", "vel_n_m_s"), ("float", "vel_e_m_s"), ("float", "vel_d_m_s"), ("float", "heading"),
+            ("float", "heading_accuracy"), ("uint8_t", "fix_type"), ("bool", "vel_ned_valid"),
+        ],
+        "vehicle_attitude": [STAMP, ("float[4]", "q")],
+        "vehicle_local_position": [
+            STAMP, *(("float", name) for name in ("x", "y", "z", "vx", "vy", "vz")), ("double", "ref_lat"),
+            ("double", "ref_lon"), ("float", "ref_alt"), ("bool", "xy_global"), ("bool", "z_global"),
+        ],
+        "vehicle_magnetometer": [STAMP, SAMPLED, ("float[3]", "magnetometer_ga")],
+        "vehicle_air_data": [STAMP, SAMPLED, ("float", "baro_alt_meter")],
+    }  # fmt: skip
     SIZES = {"uint64_t": "Q", "float": "f", "double": "d", "int32_t": "i", "uint32_t": "I", "uint8_t": "B", "bool": "?"}
 
     def __init__(self, start_us: int = 0) -> None:
@@ -52,11 +88,11 @@ class UlogWriter:
     def _message(self, kind: str, body: bytes) -> None:
         self.data += struct.pack("<HB", len(body), ord(kind)) + body
 
-    def formats(self, topics: dict[str, Sequence[tuple[str, str]]]) -> None:
-        """All topics: name -> (type, field), type may be an array as "float[3]"; then their subscriptions."""
-        for name, fields in topics.items():
-            text = f"{name}:" + "".join(f"{kind} {field};" for kind, field in fields)
-            self._message("F", text.encode())
+    def formats(self, *topics: str) -> None:
+        """Those of `STANDARD`, in which a type may be an array as "float[3]"; then their subscriptions."""
+        for name in topics:
+            fields = self.STANDARD[name]
+            self._message("F", (f"{name}:" + "".join(f"{kind} {field};" for kind, field in fields)).encode())
             letters = "<"
             for kind, _ in fields:
                 base, _, count = kind.rstrip("]").partition("[")

@@ -1,15 +1,9 @@
-"""Three fixed-interval smoothers of a filter's recorded pass, in NumPy, as a reference for the compiled one.
+"""The smoother of Rauch, Tung and Striebel (1965) on a filter's recorded pass, in NumPy, as a reference for the compiled one.
 
-They start from the same record and are equal in exact arithmetic:
-
-bryson_frazier  the adjoint filter of `insenv.estimators.parts.adjoint`; inverts nothing.
-two_filter      the paper's form: a backward filter that starts without information, combined with the forward filter
-                (Fraser, Potter 1969).
-rts             Rauch, Tung and Striebel (1965): each filtered state corrected by the smoothed state after it.
+Each filtered state is corrected by the smoothed state after it.  From the same record it is equal in exact arithmetic.
 
 The error state is relative to the filter's state after feedback: just after the measurements of an instant its estimate is
-0, and at a measurement the state that it refers to jumps by the correction fed back. A filter without feedback is the same
-case: its estimate is the state and its correction the jump.
+0, and at a measurement the state that it refers to jumps by the correction fed back.
 """
 
 from __future__ import annotations
@@ -27,11 +21,10 @@ Array = NDArray[np.float64]
 class Scalars:
     """The scalar measurements of one instant in the order used.
 
-    H (m, n): sensitivities. gain (m, n). weight (m): inverse variances of the innovations; 0 with a gain of 0: not used.
-    left (m): innovations minus what the measurements before them explained.
+    gain (m, n). weight (m): inverse variances of the innovations; 0 with a gain of 0: not used. left (m): innovations minus
+    what the measurements before them explained.
     """
 
-    H: Array
     gain: Array
     weight: Array
     left: Array
@@ -61,26 +54,12 @@ class Pass:
         return self.transition[k] @ self.covariance[k - 1] @ self.transition[k].T + self.noise[k]
 
 
-def bryson_frazier(run: Pass) -> tuple[Array, Array]:
-    """Smoothed error states (K, n) about the fed-back states, and their covariances (K, n, n)."""
-    states, covariances = _like(run)
-    n = run.covariance.shape[-1]
-    s, L = np.zeros(n), np.zeros((n, n))
-    for k in reversed(range(len(run.covariance))):
-        P = run.covariance[k]
-        states[k], covariances[k] = P @ s, P - P @ L @ P
-        now = run.scalars[k]
-        for h, gain, weight, left in reversed(list(zip(now.H, now.gain, now.weight, now.left, strict=True))):
-            closed = np.eye(n) - np.outer(gain, h)
-            s = closed.T @ s + h * (weight * left)
-            L = closed.T @ L @ closed + np.outer(h, h) * weight
-        s, L = run.transition[k].T @ s, run.transition[k].T @ L @ run.transition[k]
-    return states, covariances
-
-
 def rts(run: Pass) -> tuple[Array, Array]:
-    """As `bryson_frazier`; every predicted covariance is inverted (scaled to a unit diagonal)."""
-    states, covariances = _like(run)
+    """Smoothed error states (K, n) about the fed-back states, and their covariances (K, n, n).
+
+    Every predicted covariance is inverted, scaled to a unit diagonal.
+    """
+    states, covariances = np.empty(run.covariance.shape[:2]), np.empty(run.covariance.shape)
     state, covariance = np.zeros(run.covariance.shape[-1]), run.covariance[-1]
     states[-1], covariances[-1] = state, covariance
     for k in reversed(range(len(run.covariance) - 1)):
@@ -93,33 +72,3 @@ def rts(run: Pass) -> tuple[Array, Array]:
         covariance = P + gain @ (covariance - predicted) @ gain.T
         states[k], covariances[k] = state, covariance
     return states, covariances
-
-
-def two_filter(run: Pass) -> tuple[Array, Array]:
-    """As `bryson_frazier`; the filter backward carries the information Y and Y times its estimate, y."""
-    states, covariances = _like(run)
-    n = run.covariance.shape[-1]
-    Y, y = np.zeros((n, n)), np.zeros(n)
-    for k in reversed(range(len(run.covariance))):
-        P = run.covariance[k]
-        combined = np.linalg.solve(np.eye(n) + P @ Y, P)
-        states[k], covariances[k] = combined @ y, (combined + combined.T) / 2
-        if k == 0:
-            break
-        now, before = run.scalars[k], run.predicted(k)
-        y = y + Y @ now.correction  # about the predicted state from here on
-        explained = np.zeros(n)
-        for h, gain, weight, left in zip(now.H, now.gain, now.weight, now.left, strict=True):
-            if weight > 0:
-                variance = 1 / weight - h @ before @ h
-                Y, y = Y + np.outer(h, h) / variance, y + h * ((left + h @ explained) / variance)
-            before, explained = before - np.outer(gain, h @ before), explained + gain * left
-        back = np.linalg.solve(np.eye(n) + Y @ run.noise[k], np.column_stack([Y, y]))
-        Phi = run.transition[k]
-        Y, y = Phi.T @ back[:, :n] @ Phi, Phi.T @ back[:, n]
-        Y = (Y + Y.T) / 2
-    return states, covariances
-
-
-def _like(run: Pass) -> tuple[Array, Array]:
-    return np.empty(run.covariance.shape[:2]), np.empty(run.covariance.shape)

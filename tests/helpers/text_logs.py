@@ -13,8 +13,8 @@ from insenv.logs import RecordedLog, load
 N = 100
 RATE = 50.0
 G = 9.80665
-
-IMU_TOML = """
+HEADER = "t,gx,gy,gz,ax,ay,az"
+TOML = """title = "test"
 [imu]
 file = "imu.csv"
 time = "t"
@@ -25,8 +25,7 @@ stamp = "interval_end"
 gyro_unit = "deg/s"
 accel_unit = "g"
 axes = "FRD"
-"""
-GNSS_TOML = """
+
 [gnss]
 file = "gnss.csv"
 time = "t"
@@ -52,6 +51,15 @@ def gnss_rows() -> np.ndarray:
     return np.column_stack([t, 45 + 1e-5 * t, -93 + 1e-5 * t, 200 + t, *np.full((3, 3), 0.5) * [[1], [2], [3]]])
 
 
+def si(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.radians(rows[:, 1:4]), rows[:, 4:7] * G
+
+
+def increments(rows: np.ndarray) -> np.ndarray:
+    gyro, accel = si(rows)
+    return np.column_stack([rows[:, 0], gyro / RATE, accel / RATE])
+
+
 def as_text(rows: np.ndarray, header: str = "", sep: str = ",") -> str:
     lines = [sep.join(f"{v:.12g}" for v in row) for row in rows]
     return "\n".join(([header] if header else []) + lines) + "\n"
@@ -62,26 +70,33 @@ class Folder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.toml = 'title = "test"\n' + IMU_TOML + GNSS_TOML
-        self.write("imu.csv", as_text(imu_rows(), "t,gx,gy,gz,ax,ay,az"))
+        self.toml = TOML
+        self.imu(imu_rows())
         self.write("gnss.csv", as_text(gnss_rows(), "t,lat,lon,h,sn,se,sd"))
 
     def write(self, name: str, text: str | bytes) -> None:
         (self.path / name).write_bytes(text.encode() if isinstance(text, str) else text)
 
-    def change(self, old: str, new: str, name: str = "") -> None:
-        if name:
-            text = (self.path / name).read_text()
-            assert old in text
-            self.write(name, text.replace(old, new, 1))
-        else:
-            assert old in self.toml
+    def imu(self, rows: np.ndarray, more: str = "") -> None:
+        """Write the samples; more: names of further columns."""
+        self.write("imu.csv", as_text(rows, HEADER + more))
+
+    def change(self, *pairs: tuple[str, str]) -> None:
+        """Replace texts of the description, each once."""
+        for old, new in pairs:
+            assert old in self.toml, old
             self.toml = self.toml.replace(old, new, 1)
 
     def hold_increments(self, angle: str) -> None:
         """Describe the samples as increments: angles in the unit `angle`, velocities in m/s."""
-        for old, new in (('"rate"', '"increment"'), ('"deg/s"', f'"{angle}"'), ('accel_unit = "g"', 'accel_unit = "m/s"')):
-            self.change(old, new)
+        self.change(('"rate"', '"increment"'), ('"deg/s"', f'"{angle}"'), ('accel_unit = "g"', 'accel_unit = "m/s"'))
+
+    def fixes_in_the_imu_file(self, more: str = "") -> None:
+        """Describe the fixes as columns lat, lon and h of the samples."""
+        self.change(
+            ('file = "gnss.csv"', f'file = "imu.csv"{more}'),
+            ('position_sigma = ["sn", "se", "sd"]', "position_sigma_m = [1.0, 1.0, 2.0]"),
+        )
 
     def line(self, name: str, number: int, text: str) -> None:
         lines = (self.path / name).read_text().split("\n")
@@ -92,16 +107,10 @@ class Folder:
         self.write("log.toml", self.toml)
         return load(self.path / "log.toml")
 
-    def error(self) -> str:
+    def error(self, *words: str) -> str:
+        """The message of the error of loading, in which all the words stand."""
         with pytest.raises(InputError) as caught:
             self.load()
+        missing = [word for word in words if word not in str(caught.value)]
+        assert not missing, f"{missing} not in {caught.value}"
         return str(caught.value)
-
-
-def si(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.radians(rows[:, 1:4]), rows[:, 4:7] * G
-
-
-def increments(rows: np.ndarray) -> np.ndarray:
-    gyro, accel = si(rows)
-    return np.column_stack([rows[:, 0], gyro / RATE, accel / RATE])

@@ -1,10 +1,9 @@
 """Fixtures of the tests of logs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
+from interpreted import interpreted  # noqa: F401
 from text_logs import Folder
 
 

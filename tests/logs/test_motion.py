@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -57,42 +56,34 @@ def drive(folder: Path, stands_s: float, push: float, *, speed: float = 0.0, vel
     return path
 
 
-@pytest.mark.parametrize("velocity", [True, False])
-@pytest.mark.parametrize("push", [0.3, 2.0])
+@pytest.mark.parametrize(("push", "velocity"), [(0.3, True), (0.3, False), (2.0, True)])
 def test_the_time_at_rest_is_found(push: float, velocity: bool, tmp_path: Path) -> None:
-    """Also where the start is gentle, and where the receiver gives no velocity."""
-    found = load(drive(tmp_path, 30.0, push, velocity=velocity)).description.initial.static_until_s
+    """Also where the start is gentle, and where the receiver gives no velocity; what the description states goes before."""
+    path = drive(tmp_path, 30.0, push, velocity=velocity)
+    found = load(path).description.initial.static_until_s
     assert found is not None and 28.9 < found < 31.2
-
-
-def test_what_the_description_states_goes_before(tmp_path: Path) -> None:
-    path = drive(tmp_path, 30.0, 2.0, more="[initial]\nstatic_until_s = 12.0\n")
+    text = path.read_text()
+    path.write_text(text + "[initial]\nstatic_until_s = 12.0\n")
     assert load(path).description.initial.static_until_s == 12.0
-    path = drive(tmp_path, 30.0, 2.0, more="[initial]\nstatic_from_s = 10.0\n")
+    path.write_text(text + "[initial]\nstatic_from_s = 10.0\n")
     assert load(path).description.initial.static_until_s == pytest.approx(30.0, abs=1.01)
 
 
-@pytest.mark.parametrize("velocity", [True, False])
-@pytest.mark.parametrize("speed", [1.0, 20.0])
+@pytest.mark.parametrize(("speed", "velocity"), [(1.0, True), (1.0, False), (20.0, True)])
 def test_a_smooth_ride_is_no_rest(speed: float, velocity: bool, tmp_path: Path) -> None:
     log = load(drive(tmp_path, 60.0, 0.0, speed=speed, velocity=velocity))
     assert log.description.initial.static_until_s is None
 
 
-def test_a_navigation_starts_without_static_until(tmp_path: Path) -> None:
-    result = replay(drive(tmp_path, 30.0, 2.0), "loosely-coupled").results[0]
-    assert abs(result.outputs["velocity_n"][-1, 0] - 20.0) < 0.5
-
-
 @pytest.mark.parametrize("velocity", [True, False])
 def test_an_alignment_in_place_is_refused_on_a_vehicle_that_travels(velocity: bool, tmp_path: Path) -> None:
+    """A navigation starts there by itself."""
     path = drive(tmp_path, 20.0, 2.0, velocity=velocity)
     for id in ("q-method", "gyrocompass", "analytic"):
-        with pytest.raises(
-            InputError, match=r"'" + id + r"' aligns a vehicle in place: that of the log moves \(at .* m/s about"
-        ):
+        with pytest.raises(InputError, match=rf"'{id}' aligns a vehicle in place: that of the log moves \(at .* m/s about"):
             replay(path, id)
-    drive(tmp_path, 20.0, 2.0, velocity=velocity)
+    result = replay(path, "loosely-coupled").results[0]
+    assert abs(result.outputs["velocity_n"][-1, 0] - 20.0) < 0.5
     path.write_text(path.read_text().replace('title = "drive"', 'title = "drive"\nstop_s = 19.0'))
     assert replay(path, "q-method").results[0].outputs["q_nb"].shape[1] == 4
 
@@ -108,17 +99,17 @@ def test_one_wrong_fix_does_not_refuse_an_alignment(velocity: bool, tmp_path: Pa
     assert "nothing in it shows" not in " ".join(replay(path, "q-method").results[0].notes)
 
 
-def test_a_moving_log_without_fixes_says_that_nothing_shows_it(tmp_path: Path) -> None:
-    place = "[initial]\nlatitude_deg = 47.0\nlongitude_deg = 15.0\nheight_m = 400.0\n"
-    path = drive(tmp_path, 20.0, 2.0)
-    path.write_text(IMU + place)
-    assert any("nothing in it shows whether the vehicle stays" in note for note in replay(path, "q-method").results[0].notes)
-    path = drive(tmp_path, 60.0, 0.0)  # at rest all the time, as the inertial unit shows
-    path.write_text(IMU + place)
-    assert not any("nothing in it shows" in note for note in replay(path, "q-method").results[0].notes)
+@pytest.mark.parametrize(("stands_s", "push", "said"), [(20.0, 2.0, True), (60.0, 0.0, False)])
+def test_a_moving_log_without_fixes_says_that_nothing_shows_it(
+    stands_s: float, push: float, said: bool, tmp_path: Path
+) -> None:
+    """One at rest all the time shows it by its inertial unit."""
+    path = drive(tmp_path, stands_s, push)
+    path.write_text(IMU + "[initial]\nlatitude_deg = 47.0\nlongitude_deg = 15.0\nheight_m = 400.0\n")
+    notes = replay(path, "q-method").results[0].notes
+    assert any("nothing in it shows whether the vehicle stays" in note for note in notes) == said
 
 
-@pytest.mark.skipif(importlib.util.find_spec("onavdata") is None, reason="onavdata is not installed")
 def test_the_real_car_stands_until_it_drives_and_is_not_aligned_in_place_after_that(tmp_path: Path) -> None:
     text = (ROOT / "examples" / "n380-car.toml").read_text()
     path = tmp_path / "car.toml"

@@ -13,7 +13,7 @@ from insenv.scenario import load as scenario_of
 def parked(tmp_path_factory):
     """Of an industrial unit, as a file, of which reading finds the time at rest."""
     scenario = scenario_of("car-parked")
-    scenario = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"grade": "industrial"})})
+    scenario = scenario.model_copy(update={"rate_hz": 100.0, "imu": scenario.imu.model_copy(update={"grade": "industrial"})})
     log = insenv.record(scenario, seed=10001, duration_s=120.0)
     files = insenv.write(log, tmp_path_factory.mktemp("log"), ["log"])
     return load(next(file for file in files if file.suffix == ".toml"))

@@ -11,7 +11,7 @@ import pytest
 import insenv
 from insenv.scenario import build, load
 
-CAR: dict[str, Any] = {**load("car-survey").model_dump(mode="json", exclude_unset=True), "duration_s": 20.0}
+CAR: dict[str, Any] = {**load("car-survey").model_dump(mode="json", exclude_unset=True), "duration_s": 10.0}
 COMMANDS = ({"at_s": 0.5, "speed": 5.0}, {"at_s": 2.0, "yaw_rate": 0.1}, {"at_s": 2.0, "speed": 6.0})
 
 
@@ -45,7 +45,7 @@ def test_run_follows_them() -> None:
     [
         ({"speed": 1.0}, r"commands\[0\]: at_s is missing"),
         ({"at_s": 1.0, "sped": 1.0}, r"commands\[0\]: unknown command 'sped'; did you mean 'speed'\?"),
-        ({"at_s": -1.0, "speed": 1.0}, r"commands\[0\].at_s = -1 s: allowed is 0 or later"),
+        ({"at_s": -1.0, "speed": 1.0}, r"commands\[0\].at_s = -1 s"),
         ({"at_s": 1.0, "speed": 1e3}, r"commands\[0\]: command_speed"),
     ],
 )
@@ -54,14 +54,10 @@ def test_wrong_entries(entry: dict[str, float], message: str) -> None:
         load(with_commands(entry))
 
 
-def test_a_moored_ship_takes_none() -> None:
-    values = load("ship-swaying").model_dump(mode="json", exclude_unset=True)
-    with pytest.raises(insenv.InputError, match="takes no commands"):
-        load({**values, "commands": [{"at_s": 1.0, "speed": 1.0}]})
-
-
 def test_others_refuse_them() -> None:
-    with pytest.raises(insenv.InputError, match="nothing else does"):
-        insenv.limit(with_commands(*COMMANDS))
-    with pytest.raises(insenv.InputError, match="nothing else does"):
-        gymnasium.make("insenv/VehicleNavigation-v0", scenario=with_commands(*COMMANDS))
+    values = load("ship-swaying").model_dump(mode="json", exclude_unset=True)
+    with pytest.raises(insenv.InputError, match="takes no commands"):  # moored
+        load({**values, "commands": [{"at_s": 1.0, "speed": 1.0}]})
+    for use in (insenv.limit, lambda each: gymnasium.make("insenv/VehicleNavigation-v0", scenario=each)):
+        with pytest.raises(insenv.InputError, match="nothing else does"):
+            use(with_commands(*COMMANDS))

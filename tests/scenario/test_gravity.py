@@ -11,9 +11,9 @@ from insenv.scenario import load, plant_of
 ARCSEC = np.pi / 180 / 3600
 
 
-def parked(height_m=0.0, duration_s=120.0, **gravity):
+def parked(height_m=0.0, duration_s=120.0, rate_hz=50.0, **gravity):
     return {
-        "title": "parked", "duration_s": duration_s, "rate_hz": 50.0, "gravity": gravity,
+        "title": "parked", "duration_s": duration_s, "rate_hz": rate_hz, "gravity": gravity,
         "start": {"latitude_deg": 45.0, "longitude_deg": 10.0, "height_m": height_m},
         "vehicle": {"kind": "car", "legs": [{"wait_s": 600.0}]},
     }  # fmt: skip
@@ -48,25 +48,19 @@ KNOWN = {"start_latitude": np.pi / 4, "start_longitude": np.radians(10.0), "star
          "start_heading": 0.0, "start_velocity_n": np.zeros(3), "start_height": 0.0}  # fmt: skip
 
 
-@pytest.mark.parametrize("id", ["wander-sins", "q-method", "gyrocompass", "inertial-fir"])
-def test_truth_and_estimators_share_normal_gravity_at_six_kilometres(id):
+def test_truth_and_estimators_share_normal_gravity_at_six_kilometres():
     """A perfect unit at rest at 6 km and 45 deg: the north component, 4.9e-5 m/s^2, is 1 arcsec of tilt."""
-    known = {"wander-sins": {**KNOWN, "start_height": 6000.0}}.get(id, {})
-    found = ensemble(parked(height_m=6000.0, duration_s=900.0), [id], [0], tuning={id: known})
-    assert np.abs(found.attitude_errors_deg(id)[0, -1, :2]).max() * 3600 < 0.05
-    force = found.truth["true_delta_velocity"][0, -1] * 50.0
-    assert force[0] == pytest.approx(4.882e-5, rel=1e-3)
+    ids = ["wander-sins", "q-method", "gyrocompass", "inertial-fir"]
+    tuning = {"wander-sins": {**KNOWN, "start_height": 6000.0}}
+    found = ensemble(parked(height_m=6000.0, duration_s=900.0, rate_hz=10.0), ids, [0], tuning=tuning)
+    for id in ids:
+        assert np.abs(found.attitude_errors_deg(id)[0, -1, :2]).max() * 3600 < 0.05, id
+    assert found.truth["true_delta_velocity"][0, -1, 0] * 10.0 == pytest.approx(4.882e-5, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    "key, value, message",
-    [
-        ("deflection_north_arcsec", 400.0, "gravity.deflection_north_arcsec = 400.0 [arcsec]: must be less than or equal to"),
-        ("disturbance_mgal", "x", "gravity.disturbance_mgal = 'x' [mGal]: "),
-        ("deflection_arcsec", 1.0, "gravity.deflection_arcsec: unknown key"),
-    ],
+    ("key", "value"), [("deflection_north_arcsec", 400.0), ("disturbance_mgal", "x"), ("deflection_arcsec", 1.0)]
 )
-def test_wrong_values(key, value, message):
-    with pytest.raises(InputError) as error:
+def test_wrong_values(key, value):
+    with pytest.raises(InputError, match=rf"gravity.{key}( = {value!r} \[\w+\]: must be|: unknown key)"):
         load(parked(**{key: value}))
-    assert message in str(error.value)

@@ -17,7 +17,7 @@ from insenv.scenario import build, load
 from insenv.scenario.build import reseeded
 
 
-def ship(latitude_deg=89.98, heading_deg=0.0, duration_s=900.0, speed=6.0, **more):
+def ship(latitude_deg=89.995, heading_deg=0.0, duration_s=100.0, speed=6.0, **more):
     return load({
         "title": "near a pole", "duration_s": duration_s, "rate_hz": 20.0, **more,
         "estimators": ["loosely-coupled"], "gnss": {},
@@ -26,21 +26,17 @@ def ship(latitude_deg=89.98, heading_deg=0.0, duration_s=900.0, speed=6.0, **mor
     })  # fmt: skip
 
 
-def first_time(scenario):
-    """Time at which the way along the meridian has 100 m left."""
-    return ((90.0 - abs(scenario.start.latitude_deg)) * np.pi / 180 * POLAR_RADIUS - 100.0) / 6.0
-
-
-@pytest.mark.parametrize(("latitude", "heading", "pole"), [(89.98, 0.0, "north"), (-89.98, 180.0, "south")])
+@pytest.mark.parametrize(("latitude", "heading", "pole"), [(89.995, 0.0, "north"), (-89.995, 180.0, "south")])
 def test_a_course_over_a_pole_is_refused_everywhere_with_the_time(latitude, heading, pole):
     scenario = ship(latitude, heading)
-    said = rf"starts at latitude_deg = {latitude:g}, comes within 100 m of the {pole} pole at {first_time(scenario):.1f}"[:-1]
+    time_s = (0.005 * np.pi / 180 * POLAR_RADIUS - 100.0) / 6.0  # at which the way along the meridian has 100 m left
+    said = rf"latitude_deg = {latitude:g}, comes within 100 m of the {pole} pole at {time_s:.1f}"[:-1]
     for use in (
         build,
         lambda s: insenv.run(s, "loosely-coupled"),
         insenv.record,
         lambda s: insenv.campaign(s, "loosely-coupled", 2),
-        lambda s: reseeded(build(s, duration_s=300.0), [1, 2]) and build(s),
+        lambda s: reseeded(build(s, duration_s=60.0), [1, 2]) and build(s),
         lambda s: insenv.export_fmu(s, "never.fmu"),
         Simulation,
     ):
@@ -49,13 +45,13 @@ def test_a_course_over_a_pole_is_refused_everywhere_with_the_time(latitude, head
 
 
 def test_a_course_that_stays_away_is_simulated():
-    for scenario in (ship(duration_s=340.0), ship(heading_deg=180.0), ship(heading_deg=90.0), ship(speed=0.0)):
+    for scenario in (ship(duration_s=70.0), ship(heading_deg=180.0), ship(heading_deg=90.0), ship(speed=0.0)):
         assert build(scenario).samples > 0
 
 
 def test_an_environment_refuses_a_start_from_which_the_vehicle_may_come_there():
     with pytest.raises(InputError, match=r"is 2\.23 km from the north pole, and in 60 s at up to .* m/s it may come"):
-        gymnasium.make("insenv/ShipNavigation-v0", scenario=ship(heading_deg=180.0), duration_s=60.0)
+        gymnasium.make("insenv/ShipNavigation-v0", scenario=ship(89.98, heading_deg=180.0), duration_s=60.0)
     gymnasium.make("insenv/ShipNavigation-v0", scenario=ship(89.0, heading_deg=180.0), duration_s=60.0)
 
 

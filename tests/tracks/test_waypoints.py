@@ -3,13 +3,12 @@
 import gymnasium
 import numpy as np
 import pytest
+from closed_track import truth_of
 
 import insenv
 from insenv.campaigns.plan import make_plan
 from insenv.campaigns.variation import variation_of, varied
-from insenv.core.runner import make_runner
 from insenv.errors import InputError
-from insenv.scenario import build
 from insenv.tracks.waypoints import WaypointsSection
 
 PLACES = [
@@ -27,21 +26,16 @@ def scenario(places=PLACES, vehicle=None, **more):
 
 def test_the_drive_keeps_to_the_plan():
     loaded = scenario(vehicle={"bank": "level"})
-    plant = build(loaded)
-    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    time = (np.arange(plant.samples) + 1) * plant.sample_interval
-    velocity, latitude, longitude = (
-        shown["velocity_n"],
-        np.degrees(shown["latitude"]).ravel(),
-        np.degrees(shown["longitude"]).ravel(),
-    )
+    time, shown = truth_of(loaded)
+    velocity = shown["velocity_n"]
+    latitude, longitude = (np.degrees(shown[name]).ravel() for name in ("latitude", "longitude"))
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     assert speed.max() == pytest.approx(20.0, abs=0.1)
     assert speed[time < 1.0].max() < 0.05 and speed[-1] < 0.05
     assert (latitude[-1], longitude[-1]) == (pytest.approx(45.02, abs=1e-6), pytest.approx(7.015, abs=1e-6))
     assert shown["height"].ravel()[-1] == pytest.approx(330.0, abs=0.05)
     at_stop = np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.01)) < 0.5
-    assert 19.0 < at_stop.sum() * plant.sample_interval < 24.0
+    assert 19.0 < at_stop.sum() / 50.0 < 24.0
     # the corner at the second place: an arc that leaves it some metres inside
     assert 1.0 < np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.0)).min() < 25.0
     push = np.linalg.norm(np.gradient(velocity[:, :2], time, axis=0), axis=1)
@@ -51,16 +45,9 @@ def test_the_drive_keeps_to_the_plan():
 
 
 def test_a_coordinated_turn_banks():
-    plant = build(scenario())
-    shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
+    _, shown = truth_of(scenario(rate_hz=20.0))
     roll = np.degrees(np.array(insenv.attitude.numeric.to_euler(shown["q_nb"]))[0])
     assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
-
-
-def test_a_wrong_key_beside_the_places_is_named():
-    """The list of places has the name of the kind."""
-    with pytest.raises(InputError, match=r"vehicle\.lateral_mps2 = 0.0 \[m/s2\]: must be greater than 0"):
-        scenario(vehicle={"lateral_mps2": 0.0})
 
 
 @pytest.mark.parametrize(
@@ -69,10 +56,7 @@ def test_a_wrong_key_beside_the_places_is_named():
         (PLACES[:1], "vehicle.waypoints.*: must have two places or more"),
         ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
         ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
-        (
-            [PLACES[0], {**PLACES[1], "latitude_deg": 95.0}],
-            r"latitude_deg = 95.0 .deg.: must be less than or equal to 89\.999$",
-        ),
+        ([PLACES[0], {**PLACES[1], "latitude_deg": 95.0}], r"latitude_deg = 95.0 .deg.: must be less than or equal to"),
         ([PLACES[0], PLACES[1], PLACES[0]], r"waypoints\[1\]: a turn of 180 deg: allowed is up to 171.9 deg, or a stop_s"),
         ([{**PLACES[0], "stop_s": 86400.0}, PLACES[1]], "the plan lasts 86474.* s or more: allowed is up to 86400 s"),
         ([{**PLACES[0], "latitude_deg": 89.9}, {**PLACES[1], "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
@@ -82,6 +66,21 @@ def test_a_wrong_key_beside_the_places_is_named():
 def test_wrong_plans_are_refused(places, message):
     with pytest.raises(InputError, match=message):
         scenario(places)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "message"),
+    [
+        (
+            {"lateral_mps2": 0.0},
+            r"vehicle\.lateral_mps2 = 0.0 \[m/s2\]: must be greater than 0",
+        ),  # the list is named as the kind
+        ({"knot_s": 3600.0}, r"knot_s = 3600 s: allowed is at most the duration of the track, 93 s"),
+    ],
+)
+def test_wrong_keys_beside_the_places_are_named(vehicle, message):
+    with pytest.raises(InputError, match=message):
+        scenario(PLACES[:2], vehicle=vehicle)
 
 
 @pytest.mark.slow
@@ -117,22 +116,11 @@ def test_a_place_that_is_passed_at_a_distance_is_noted():
     assert scenario(stopped, imu={"grade": "tactical"}).notes == ()
 
 
-def test_knots_longer_than_the_plan_are_refused():
-    with pytest.raises(InputError, match=r"knot_s = 3600 s: allowed is at most the duration of the track, 93 s"):
-        scenario(PLACES[:2], vehicle={"knot_s": 3600.0})
-
-
 @pytest.mark.slow
-def test_a_plan_of_hours_has_longer_knots(tmp_path):
+def test_a_plan_of_hours_has_longer_knots():
     """278 km at 15 m/s: five hours, more knots of half a second than a track can have."""
-    path = tmp_path / "far.toml"
-    path.write_text(
-        'title = "far"\nduration_s = 2.0\n[vehicle]\nkind = "waypoints"\n'
-        "waypoints = [{ latitude_deg = 48.0, longitude_deg = 11.0, speed_mps = 15.0 },"
-        " { latitude_deg = 45.5, longitude_deg = 11.0, speed_mps = 15.0 }]\n"
-        '[imu]\ngrade = "perfect"\n'
-    )
-    shape = insenv.load(path).vehicle.shape
+    places = [{"latitude_deg": latitude, "longitude_deg": 11.0, "speed_mps": 15.0} for latitude in (48.0, 45.5)]
+    shape = scenario(places, duration_s=2.0).vehicle.shape
     assert shape.duration_s > 18_000 and 1.0 < shape.interval < 1.3
 
 

@@ -33,14 +33,13 @@ def stepped(scenario: str, id: str, seed: int) -> Any:
 
 def test_a_function_with_the_equations_of_a_filter_gives_its_results_to_the_bit() -> None:
     ids = ["loosely-coupled", stepped("car-city-drive", "loosely-coupled", 5)]
-    model, function = insenv.run("car-city-drive", ids, seed=5, duration_s=10.0).results
+    model, function = insenv.run("car-city-drive", ids, seed=5, duration_s=3.0).results
     assert function.estimator == "stepper"
     for name, values in model.errors.items():
         np.testing.assert_allclose(function.errors[name], values, atol=1e-12, err_msg=name)
         np.testing.assert_array_equal(function.sigma[name], model.sigma[name])
     assert function.limit == model.limit and function.from_s == model.from_s == 0.0
-    assert "called 2000 times" in function.notes[0] and "real time" in function.notes[0]
-    assert function.us_per_sample > 10 * model.us_per_sample, "slow, and said"
+    assert "called 600 times" in function.notes[0] and "real time" in function.notes[0]
 
 
 def gravity(sample: Any) -> Any:
@@ -70,9 +69,8 @@ def test_an_attitude_may_have_any_of_its_forms(form: str) -> None:
     def level(sample: Any) -> Any:
         rotation = Rotation.from_euler("ZYX", [sample.known.heading, sample.known.pitch, sample.known.roll])
         q = rotation.as_quat(scalar_first=True)
-        return {"quaternion": q, "matrix": rotation.as_matrix(), "rotation": rotation, "dict": {"C_nb": rotation.as_matrix()}}[
-            form
-        ]
+        C_nb = rotation.as_matrix()
+        return {"quaternion": q, "matrix": C_nb, "rotation": rotation, "dict": {"C_nb": C_nb}}[form]
 
     known = build(load("ship-swaying"), duration_s=1.0).knowledge
     q = insenv.run("ship-swaying", level, duration_s=1.0).results[0].outputs["q_nb"][0]
@@ -80,25 +78,19 @@ def test_an_attitude_may_have_any_of_its_forms(form: str) -> None:
     np.testing.assert_allclose(abs(q @ expected), 1.0, atol=1e-14)
 
 
-def test_nothing_is_scored_before_the_first_estimate_and_the_latest_holds() -> None:
+def test_nothing_is_scored_before_the_first_estimate_and_no_truth_is_in_a_sample() -> None:
+    """The latest estimate holds."""
+    seen: set[str] = set()
+
     def slow(sample: Any) -> Any:
-        return [1.0, 0.0, 0.0, 0.0] if abs(sample.time - 0.5) < 1e-9 else None
-
-    result = insenv.run("ship-swaying", slow, duration_s=1.0).results[0]
-    assert result.time[0] == pytest.approx(0.5) and len(result.time) == 101
-
-
-def test_no_truth_is_in_a_sample() -> None:
-    seen: list[str] = []
-
-    def look(sample: Any) -> Any:
-        seen[:] = dir(sample)
+        seen.update(dir(sample))
         with pytest.raises(ValueError, match="read-only"):
             sample.delta_angle[0] = 1.0
-        return np.eye(3)
+        return [1.0, 0.0, 0.0, 0.0] if abs(sample.time - 0.5) < 1e-9 else None
 
-    insenv.run("car-city-drive", look, duration_s=0.1)
-    assert {"known", "time", "dt", "delta_angle", "delta_velocity", "gnss_valid", "gnss_latitude"} <= set(seen)
+    result = insenv.run("car-city-drive", slow, duration_s=1.0).results[0]
+    assert result.time[0] == pytest.approx(0.5) and len(result.time) == 101
+    assert {"known", "time", "dt", "delta_angle", "delta_velocity", "gnss_valid", "gnss_latitude"} <= seen
     assert not [name for name in seen if "true" in name or name in ("q_nb", "velocity_n", "latitude", "gyro_bias_true")]
 
 

@@ -1,0 +1,137 @@
+"""ArduPilot's logs: old clocks, parameters, attitude alone, instruments, and the time of their samples."""
+
+import numpy as np
+import pytest
+from flight_drive import described
+from flight_writers import DataflashWriter
+
+from insenv import attitude, replay
+from insenv.errors import InputError
+from insenv.logs import load
+from insenv.logs.units import standard_height
+
+REST = (0.0, 0.0, 0.0, 0.0, 0.0, -9.8)
+
+
+def at_rest(path, parameters=(), attitude=False, instruments=False):
+    """Ten seconds at rest as ArduPilot writes them, fixes at 5 Hz."""
+    log = DataflashWriter("IMU", "GPS", "PARM", "ATT", "MAG", "BARO")
+    for name, value in dict(parameters).items():
+        log.add("PARM", 0, name.encode(), value)
+    for i in range(1000):
+        at = i * 10_000
+        log.add("IMU", at, 0, *REST)
+        if i % 20 == 0:
+            log.add("GPS", at, 0, 3, 0, 0, 12, 0.8, 47.0, 15.0, 400.0, 0.0, 0.0, 0.0, 0, 1)
+        if attitude and i % 10 == 0:
+            log.add("ATT", at, 1.0, 2.0, 90.0)
+        if instruments and i % 10 == 0:
+            for instance in (0, 1):
+                log.add("MAG", at, instance, 200 + instance, -10, 440)
+            log.add("BARO", at, 0, 3.0, 95_000.0)
+    path.write_bytes(log.data)
+    return path
+
+
+def test_fixes_of_2014_are_stamped_by_t(tmp_path):
+    """ArduPilot 3.2: TimeMS of a GPS message is the time of the GPS week, T that since boot; of an IMU message since boot."""
+    log = DataflashWriter()
+    log.define("IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")
+    log.define("GPS", "BIHBcLLeeEefI", "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,VZ,T")
+    log.define("ATT", "Iccc", "TimeMS,Roll,Pitch,Yaw")
+    for i in range(1000):
+        t = 50_000 + i * 20
+        log.add("IMU", t, *REST)
+        log.add("ATT", t, 0, 0, 0)
+        if i % 10 == 0:
+            log.add("GPS", 3, 345_600_000 + i * 20, 1800, 9, 1.2, 47.0, 15.0, 0.0, 400.0, 0.0, 0.0, 0.0, t)
+    (tmp_path / "old.BIN").write_bytes(log.data)
+    found = load(tmp_path / "old.BIN").gnss
+    np.testing.assert_allclose(found.time, 50.0 + 0.2 * np.arange(100), atol=1e-9)
+    assert found.latitude[0] == pytest.approx(np.radians(47.0))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "arm"),
+    [
+        ({"GPS_POS1_X": 0.5, "GPS_POS1_Y": 0.0, "GPS_POS1_Z": -0.25, "INS_POS1_X": 0.125}, [0.375, 0.0, -0.25]),
+        ({"GPS1_POS_X": 0.0, "GPS1_POS_Y": 0.0, "GPS1_POS_Z": 0.0}, [0.0, 0.0, 0.0]),  # never set
+    ],
+)
+def test_the_lever_arm_comes_from_the_parameters_in_the_log(parameters, arm, tmp_path):
+    log = load(at_rest(tmp_path / "flight.BIN", parameters))
+    assert log.lever_arm_b == pytest.approx(arm)
+    said = [note for note in log.notes if "lever arm" in note]
+    assert "GPS_POS1_X, Y, Z less INS_POS1_X" in said[0] if any(arm) else not said
+
+
+def test_attitude_alone_is_a_reference(tmp_path):
+    log = load(at_rest(tmp_path / "flight.BIN", attitude=True))
+    assert log.reference.latitude is None and log.reference.heading is not None
+    assert any("ATT: attitude without position and velocity" in note for note in log.notes)
+    result = replay(log, "q-method").results[0]
+    assert set(result.errors) == {"roll_deg", "pitch_deg", "heading_deg"}
+    assert result.errors["pitch_deg"][-1] == pytest.approx(-2.0, abs=0.05)
+    with pytest.raises(InputError, match="must give position, velocity and attitude"):
+        replay(log, "loosely-coupled", start="reference")
+
+
+def test_instruments_and_an_offset_of_the_fixes(tmp_path):
+    log = load(described(at_rest(tmp_path / "flight.BIN", instruments=True), "gnss_time_offset_s = -0.25"))
+    assert log.gnss.time[0] == pytest.approx(-0.25)  # an offset is added, as in every log
+    found = {each.id: each.values for each in log.instruments}
+    assert sorted(found) == ["barometer", "magnetometer"]
+    np.testing.assert_allclose(found["magnetometer"], np.tile([2e-5, -1e-6, 4.4e-5], (100, 1)), rtol=1e-9)
+    # the pressure, not the height above the place of arming; ICAO Doc 7488: 540.3 m at 950 hPa
+    np.testing.assert_allclose(found["barometer"], 540.3, atol=0.2)
+
+
+@pytest.mark.parametrize(("pressure", "height"), [(101_325.0, 0.0), (89_874.6, 1000.157), (26_436.3, 10_015.76)])
+def test_heights_of_the_standard_atmosphere(pressure, height):
+    """Tables of ICAO Doc 7488 by geopotential height, as geometric heights."""
+    assert float(standard_height(np.array(pressure))) == pytest.approx(height, abs=0.2)
+    assert np.isnan(standard_height(np.array([0.0]))).all()
+
+
+def test_the_start_comes_from_the_log_where_it_stands(tmp_path):
+    """A car as ArduPilot would log it: at rest, then under way; no reference, no initial conditions."""
+    log, draw, heading = DataflashWriter("IMU", "GPS"), np.random.default_rng(1), np.radians(70.0)
+    for i in range(30 * 100):
+        t = i / 100
+        push = 2.0 if t > 12 else 0.0  # m/s^2
+        log.add("IMU", round(t * 1e6), 0, *draw.normal(0, 1e-3, 3), *(draw.normal(0, 0.02, 3) + [push, 0, -9.8]))
+        if i % 20 == 0:
+            speed, way = max(t - 12, 0) * 2.0, max(t - 12, 0) ** 2
+            north, east = way * np.cos(heading), way * np.sin(heading)
+            place = 47.0 + north / 111_190.0, 15.0 + east / (111_320.0 * np.cos(np.radians(47.0))), 400.0
+            log.add("GPS", round(t * 1e6), 0, 4, 0, 0, 12, 0.8, *place, speed, 70.0, 0.0, 0, 1)
+    path = tmp_path / "flight.bin"
+    path.write_bytes(log.data)
+    assert load(path).description.initial.static_until_s == pytest.approx(12.0, abs=1.01)
+    report = replay(path, ["loosely-coupled"])
+    found = attitude.numeric.to_euler(report.results[0].outputs["q_nb"])[2][-1]
+    assert np.degrees(found) == pytest.approx(70.0, abs=1.0)
+    assert any("no accuracy of the fixes' position" in note for note in report.notes)
+
+
+def test_gaps_twice_out_of_order_and_restarts(tmp_path):
+    """An inertial unit whose log has gaps, repeated and swapped samples and a restart of the clock."""
+    log = DataflashWriter("IMU")
+    first = [t for t in range(0, 10_000_000, 10_000) if not 3_000_000 < t < 3_200_000]  # a gap that is bridged
+    first[500], first[501] = first[501], first[500]
+    first.insert(600, first[599])
+    second = [t + 15_000_000 for t in range(0, 4_000_000, 10_000)]  # after a gap that is too long
+    third = list(range(1_000_000, 3_000_000, 10_000))  # after a restart
+    for t in (*first, *second, *third):
+        log.add("IMU", t, 0, *REST)
+    path = tmp_path / "flight.BIN"
+    path.write_bytes(log.data)
+    found = load(path)
+    assert (found.imu_time[0], found.imu_time[-1]) == (pytest.approx(0.01), pytest.approx(9.99))
+    assert found.gaps.count == 1 and found.gaps.samples == 19
+    assert (np.diff(found.imu_time) > 0).all()
+    assert any("2 samples twice or out of order" in note for note in found.notes)
+    assert any(note.startswith("3 segments between restarts and gaps longer than 1 s: the longest") for note in found.notes)
+    assert load(described(path, "start_s = 12.0")).imu_time[-1] == pytest.approx(18.99)
+    with pytest.raises(InputError, match=r"0 samples of .* from start_s = 100 s: its times are"):
+        load(described(path, "start_s = 100.0"))

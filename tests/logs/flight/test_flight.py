@@ -1,0 +1,159 @@
+"""Flight logs: what a simulated flight writes in each format comes back with the estimates of the flight itself."""
+
+import gzip
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command_line import call, strict
+from flight_drive import UNDULATION, WRITERS, described, drive, telemetry, ulog
+
+from insenv import attitude, estimators, geodesy
+from insenv.errors import InputError
+from insenv.logs import GnssFixes, load
+from insenv.runs.follower import Follower
+from insenv.runs.replayed import sample_columns
+
+FIX = ("time", "latitude", "longitude", "height", "position_sigma", "velocity_n", "velocity_sigma")
+# how finely each format writes: position of fixes (m: north or east, height), velocity (m/s)
+RESOLUTION = {"tlog": (1e-7, 1e-3, 1e-2), "BIN": (1e-7, 1e-2, 1e-6), "ulg": (1e-12, 1e-9, 1e-6)}
+
+
+def followed(log):
+    """The flight's own estimator, told what it was told, on the samples of the log."""
+    plant = drive().vehicle.simulation.plant
+    estimator = estimators.get("loosely-coupled")
+    follower = Follower.started(estimator, plant.parameters_of(estimator), 1)
+    columns, dropped = sample_columns(log, slice(None))
+    assert dropped == 0
+    follower.follow(columns, len(log.imu_time))
+    return follower.named()
+
+
+def differences(one, other, rows=slice(None)):
+    """Largest differences of position (m), velocity (m/s) and attitude (rad)."""
+    one, other = ({name: group[name][rows] for name in other} for group in (one, other))
+    place = ("latitude", "longitude", "height")
+    metres = geodesy.numeric.ned_offset(*(one[name] for name in place), *(other[name] for name in place))
+    turned = attitude.numeric.multiply(attitude.numeric.conjugate(one["q_nb"]), other["q_nb"])
+    velocity = one["velocity_n"] - other["velocity_n"]
+    return float(np.abs(metres).max()), float(np.abs(velocity).max()), float(2 * np.abs(turned[:, 1:]).max())
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_flight_comes_back_with_its_estimate(kind, tmp_path):
+    own = drive()
+    log = load(described(WRITERS[kind](own, tmp_path / f"flight.{kind}")))
+    # every sample at its time, with its increments to single precision
+    np.testing.assert_allclose(log.imu_time, own.time_us * 1e-6, rtol=0, atol=1e-9)
+    samples = np.hstack([log.delta_angle, log.delta_velocity])
+    np.testing.assert_allclose(samples, own.increments, rtol=1.2e-7, atol=1e-13)
+    assert log.gaps.count == 0
+    # every fix at its time of validity, to its resolution
+    degrees, height, speed = RESOLUTION[kind]
+    half = np.radians(degrees) / 2 + 2e-16
+    exact = GnssFixes(*(np.array([getattr(fix, name) for _, fix in own.fixes]) for name in FIX))
+    bounds = (1e-6, half, half, height / 2 + 1e-9, 5.1e-3, speed / 2 + 1e-5, 5.1e-3)
+    for name, bound in zip(FIX, bounds, strict=True):
+        np.testing.assert_allclose(getattr(log.gnss, name), getattr(exact, name), rtol=0, atol=bound, err_msg=name)
+    # and so the estimate.  A filter averages the fixes, and with them what rounding did to them
+    got = followed(log)
+    rounded = replace(exact, position_sigma=log.gnss.position_sigma, velocity_sigma=log.gnss.velocity_sigma)
+    angles, velocities = own.increments[:, :3], own.increments[:, 3:]
+    without_rounding = followed(replace(log, delta_angle=angles, delta_velocity=velocities, gnss=rounded))
+    position, velocity, angle = differences(got, without_rounding)
+    # the sum of the velocities' rounding grows with the root of the filter's memory, some 20 fixes (1.5 m over 0.07 m/s)
+    assert position < max(degrees * 111_320.0, height) / 2 + 5 * speed / 2 + 1e-5
+    assert velocity < speed / 2 + 1e-5
+    assert angle < speed / 2 / 2.0 + 1e-6  # heading comes from velocity, over the speed of some metres a second
+    # The flight itself took each fix 50 ms later, when it arrived, and knew its accuracy better than to the centimetre: half a
+    # centimetre of 1.5 m changes a filter's gain by 0.7 %, of the 3 m that a fix may be off that is 2 cm.
+    since = own.time_us[:, None] * 1e-6 - np.array([arrives for arrives, _ in own.fixes])
+    settled = np.where(since >= 0, since, np.inf).min(axis=1) < 0.9
+    position, velocity, angle = differences(got, own.estimate, settled)
+    assert position < 0.05 and velocity < 0.02 and angle < 4e-3
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_reference_in_a_log_and_its_replay(kind, tmp_path):
+    path = WRITERS[kind](drive(), tmp_path / f"flight.{kind}")
+    log = load(path)
+    reference = log.reference
+    rows = np.rint(reference.time / drive().interval).astype(int) - 1
+    truth = {name: values[rows] for name, values in drive().truth.items()}
+    height = UNDULATION if kind == "BIN" else 0.0  # ArduPilot's logs do not tell the undulation
+    places = [truth["latitude"], truth["longitude"], truth["height"] - height]
+    metres = geodesy.numeric.ned_offset(reference.latitude, reference.longitude, reference.height, *places)
+    assert np.abs(metres).max() < 0.02
+    np.testing.assert_allclose(reference.velocity_n, truth["velocity_n"], atol=0.0051)
+    q = attitude.numeric.from_euler(reference.roll, reference.pitch, reference.heading)
+    turned = attitude.numeric.multiply(attitude.numeric.conjugate(q), truth["q_nb"])
+    assert 2 * np.abs(turned[:, 1:]).max() < np.radians(0.01)
+    assert any("own estimate" in note for note in log.notes) == (kind != "tlog")  # HIL_STATE_QUATERNION is a simulator's truth
+    status, out, err = call("replay", path, "-e", "loosely-coupled", "--start", "reference", "--json")
+    assert status == 0, err
+    report = strict(out)
+    (result,) = report["results"]
+    assert len(report["notes"]) >= 3 and result["rms"]["north_m"] < 3.0 and result["rms"]["roll_deg"] < 1.0
+
+
+def later(message):
+    """The same message with a time of Unix."""
+    if not hasattr(message, "time_usec"):
+        return message
+    copy = type(message)(*(getattr(message, name) for name in message.fieldnames))
+    copy.time_usec += 1_700_000_000_000_000
+    return copy
+
+
+@pytest.mark.parametrize("kind", ["ulg", "tlog"])
+def test_unix_time_stamps_keep_their_microseconds(kind, tmp_path):
+    path, own = tmp_path / f"flight.{kind}", drive()
+    if kind == "ulg":
+        ulog(own, path, start_us=1_700_000_000_000_000)
+    else:
+        telemetry(replace(own, messages=[[later(m) for m in group] for group in own.messages]), path)
+    log = load(path)
+    assert log.imu_time[0] == 0.0 and any("Unix time" in note for note in log.notes)
+    np.testing.assert_allclose(np.diff(log.imu_time), own.interval, rtol=0, atol=1e-12)
+    assert log.gnss.time[0] == pytest.approx(own.fixes[0][1].time - own.interval, abs=2e-6)
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_files_cut_anywhere_or_garbled_end_in_words(kind, tmp_path):
+    short = replace(drive(), messages=drive().messages[:400], increments=drive().increments[:400])
+    whole = WRITERS[kind](short, tmp_path / f"whole.{kind}").read_bytes()
+    draw, path = random.Random(1), tmp_path / f"flight.{kind}"
+    for trial in range(25):
+        data = bytearray(whole[: draw.randrange(len(whole))])
+        for _ in range(trial % 3 * 20 if data else 0):
+            data[draw.randrange(len(data))] = draw.randrange(256)
+        path.write_bytes(data)
+        try:
+            assert np.isfinite(load(path).delta_velocity).all()
+        except InputError as error:
+            assert path.name in str(error)
+    path.write_bytes(gzip.compress(whole))
+    with pytest.raises(InputError):
+        load(path)
+    packed = path.with_suffix(f".{kind}.gz")
+    path.rename(packed)
+    assert len(load(packed).imu_time) == 400
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('flight = "a.log"', "must end in .tlog, .BIN, .ulg, .mcap, .db3 or .bag"),
+        ('flight = "a.tlog"\nleverarm = 1', "leverarm: unknown key"),
+        ('flight = "a.tlog"\nstart_s = 2\nstop_s = 1', "stop_s = 1 .*must be after"),
+        ('flight = "a.tlog"\ngrade = "gold"', "gold"),
+        ('flight = "a.tlog"\ngnss_delay_s = 0.25', "gnss_delay_s = 0.25 s: .* write gnss_time_offset_s = -0.25"),
+        ('flight = "a.tlog"', "a.tlog: file not found"),
+    ],
+)
+def test_wrong_descriptions(text, said, tmp_path):
+    (tmp_path / "log.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        load(tmp_path / "log.toml")

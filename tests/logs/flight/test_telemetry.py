@@ -1,0 +1,206 @@
+"""MAVLink telemetry logs: messages, parameters and places; one of insenv replays as well as the run that it came from."""
+
+import random
+import struct
+
+import numpy as np
+import pytest
+from command_line import call
+from flight_drive import START_UNIX, described, drive, telemetry
+
+from insenv import replay, run
+from insenv.errors import InputError
+from insenv.logs import load
+from insenv.logs.flight.parameters import settings
+from insenv.logs.flight.records import TelemetryLog
+from insenv.mavlink import Stream, Vehicle
+from insenv.mavlink.simulation import Simulation
+from insenv.mavlink.wire import TlogWriter, dialect, open_link
+from insenv.scenario import build
+from insenv.scenario import load as load_scenario
+
+
+def streamed(path, scenario, estimator, seconds):
+    vehicle = Vehicle(load_scenario(scenario), estimator, speed=0.0, start_unix=START_UNIX)
+    with open_link("udpout:127.0.0.1:14599") as link, TlogWriter(path) as log:
+        Stream(vehicle, link, log).run(seconds)
+    return path
+
+
+def rms(report, channel, from_s):
+    result = report.results[0]
+    return float(np.sqrt(np.mean(result.errors[channel][result.time > from_s] ** 2)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["ship-underway", "car-city-drive"])
+def test_a_replay_is_as_good_as_the_run(scenario, tmp_path):
+    """The scenario's own seed, 200 s, the last 100 s: the same estimator on the same samples and fixes, from another start."""
+    path = streamed(tmp_path / "drive.tlog", scenario, "loosely-coupled", 200.0)
+    again = replay(path, "loosely-coupled", start="reference")
+    original = run(scenario, "loosely-coupled", duration_s=200.0)
+    for channel in ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "vd_mps", "roll_deg", "pitch_deg"):
+        own = rms(original, channel, 100.0)
+        assert rms(again, channel, 100.0) < max(1.1 * own, own + 0.2 * again.results[0].stated()[channel]), channel
+
+
+def test_lever_arm_data_sheet_and_settings_are_in_the_log(tmp_path):
+    log = load(streamed(tmp_path / "drive.tlog", "car-city-drive", "loosely-coupled", 3.0))
+    assert log.lever_arm_b == pytest.approx([-1.2, 0.3, -1.0])
+    parameters = build(load_scenario("car-city-drive")).parameters
+    for name in ("angle_random_walk", "gyro_bias_sigma"):
+        np.testing.assert_allclose(log.unit[name], parameters[name], rtol=1e-6)
+    assert log.settings["loosely-coupled"]["fix_wander_sigma"] == pytest.approx([1.5, 1.5, 3.05])
+    assert any("lever arm of the antenna -1.2, 0.3, -1 m" in note for note in log.notes)
+    told = load(described(tmp_path / "drive.tlog", 'lever_arm_m = [0.0, 0.0, 0.0]\ngrade = "consumer"'))
+    assert told.lever_arm_b.tolist() == [0.0, 0.0, 0.0] and told.unit is None
+
+
+def test_settings_of_another_version_are_taken_as_far_as_they_go():
+    """A parameter more and one less: the rest is the estimator's; those of another estimator are not."""
+    vehicle = Vehicle(load_scenario("car-city-drive"), "loosely-coupled", speed=0.0)
+    values = {parameter.name: parameter.value() for parameter in vehicle.parameters.all}
+    assert settings(values)["loosely-coupled"]["innovation_gate"] == 5.0
+    values["E_NEW_NAME"] = 1.0
+    del values["E_INN_GATE"]
+    found = settings(values)["loosely-coupled"]
+    assert "innovation_gate" not in found and found["fix_wander_sigma"] == pytest.approx([1.5, 1.5, 3.05])
+    assert "q-method" not in settings(values) and settings({}) == {}
+
+
+def test_a_moored_ship_is_aligned_at_its_home_position(tmp_path):
+    path = streamed(tmp_path / "moored.tlog", "ship-moored-paper", "q-method", 10.0)
+    again, original = replay(path, "q-method"), run("ship-moored-paper", "q-method", duration_s=10.0)
+    assert any("the place is that of HOME_POSITION, 28.2" in note for note in again.notes)
+    for channel in ("roll_deg", "pitch_deg", "heading_deg"):
+        assert again.results[0].errors[channel][-1] == pytest.approx(original.results[0].errors[channel][-1], abs=2e-4)
+
+
+def test_the_log_holds_what_the_instruments_showed(tmp_path):
+    path = streamed(tmp_path / "flight.tlog", "multirotor-hover", "loosely-coupled", 3.0)
+    again = Simulation(load_scenario("multirotor-hover"), "loosely-coupled")
+    shown = {"magnetometer": [], "barometer": []}
+    for _ in range(600):
+        again.advance()
+        for id, row in (("magnetometer", "magnetometer_field_b"), ("barometer", "barometer_height")):
+            if again.truth[f"{id}_new"]:
+                shown[id].append((again.time, *np.ravel(again.truth[row])))
+    found = {each.id: each for each in load(path).instruments}
+    for id, rows in shown.items():
+        written = np.array(rows)[:45]
+        assert len(written) == 45
+        np.testing.assert_allclose(found[id].time[:45], written[:, 0], atol=1e-6)
+        np.testing.assert_allclose(found[id].values[:45], written[:, 1:], rtol=1e-6, atol=1e-11)
+
+
+def test_accuracies_are_those_of_gps_raw_int(tmp_path):
+    """eph and epv of HIL_GPS are dilutions by the definition, here 0.9 and 1.5; GPS_RAW_INT states metres, fix by fix."""
+    mavlink, path = dialect(), tmp_path / "flight.tlog"
+    packer, place = mavlink.MAVLink(None, srcSystem=1, srcComponent=1), (470000000, 150000000, 400000)
+    with TlogWriter(path) as log:
+        for i in range(1, 1001):
+            t = i * 10_000
+            sample = (0.0, 0.0, -9.8, 0.0, 0.0, 0.0, *[0.0] * 7, 0b111111, 0)
+            messages = [mavlink.MAVLink_hil_sensor_message(t, *sample)]
+            if i % 100 == 0:
+                speed = 65535 if i == 500 else 0
+                messages += [
+                    mavlink.MAVLink_hil_gps_message(t, 3, *place, 90, 150, speed, 0, 0, 0, 0, 9),
+                    mavlink.MAVLink_gps_raw_int_message(t, 3, *place, 90, 150, 0, 0, 9, 445000, 1000 + i, 2000 + i, 300, 0),
+                ]
+            for message in messages:
+                log.write(1_700_000_000_000_000 + t, message.pack(packer))
+    found, more = load(path).gnss, np.arange(1, 11) * 0.1
+    np.testing.assert_allclose(found.position_sigma, np.stack([1 + more, 1 + more, 2 + more], axis=1), atol=1e-9)
+    assert found.velocity_sigma[0].tolist() == pytest.approx([0.3] * 3)
+    assert found.velocity_sigma[4].tolist() == [100.0] * 3  # the receiver had no velocity then
+
+
+def test_messages_that_are_missing(tmp_path):
+    imu, whole = {"HIL_SENSOR", "HIGHRES_IMU"}, telemetry(drive(), tmp_path / "flight.tlog")
+    none = telemetry(drive(), tmp_path / "none.tlog", lambda message: message.get_type() in imu)
+    few = telemetry(
+        drive(), tmp_path / "few.tlog",
+        lambda message: message.get_type() in imu and (message.get_type() == "HIL_SENSOR" or message.time_usec % 500_000 != 0),
+    )  # fmt: skip
+    for path, said in (
+        (none, "no inertial unit at a usable rate, 20 Hz or more: found none at all"), (few, "found HIGHRES_IMU at 2 Hz"),
+        (described(whole, 'imu = "IMU[7]"'), r"no imu 'IMU\[7\]'.*HIL_SENSOR"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=said):
+            load(path)
+    path = telemetry(drive(), tmp_path / "blind.tlog", lambda message: "GPS" in message.get_type())
+    assert any(note == "no GNSS: the log has no fixes" for note in load(path).notes)
+    status, _, err = call("replay", path, "-e", "loosely-coupled")
+    assert status == 2 and "needs GNSS" in err
+    assert load(described(whole, 'gnss = "none"')).gnss is None
+    path = telemetry(drive(), tmp_path / "hil.tlog", lambda message: message.get_type() == "GPS_RAW_INT")
+    log, (_, fix) = load(path), drive().fixes[0]
+    assert any(note.startswith("HIL_GPS: eph and epv are taken as accuracies in cm") for note in log.notes)
+    np.testing.assert_allclose(log.gnss.position_sigma[0], fix.position_sigma, atol=5.1e-3)
+
+
+def test_another_unit_receiver_and_reference(tmp_path):
+    text = 'imu = "HIGHRES_IMU"\ngnss = "GPS_RAW_INT"\nreference = "ATTITUDE_QUATERNION, GLOBAL_POSITION_INT"\n'
+    text += "gnss_time_offset_s = -0.1\nlever_arm_m = [0.5, 0.0, -1.0]\nposition_sigma_m = [3.0, 4.0, 5.0]"
+    own = drive()
+    log = load(described(telemetry(own, tmp_path / "flight.tlog"), text))
+    assert log.rate_hz == pytest.approx(50.0, rel=1e-3)
+    assert (log.gnss.velocity_sigma[:, 2] == 100.0).all()  # GPS_RAW_INT knows nothing of the vertical velocity
+    assert (log.gnss.position_sigma == [3.0, 4.0, 5.0]).all() and log.lever_arm_b.tolist() == [0.5, 0.0, -1.0]
+    valid = np.array([fix.time for _, fix in own.fixes])
+    assert np.abs(log.gnss.time + 0.1 - valid[: len(log.gnss.time)]).max() < 1e-6
+    estimate = own.estimate["velocity_n"][np.rint(log.reference.time / own.interval).astype(int) - 1]
+    np.testing.assert_allclose(log.reference.velocity_n, estimate, atol=0.0051)
+    assert any("own estimate" in note for note in log.notes)
+
+
+def test_broken_bytes_cost_the_record_that_they_are_in(tmp_path):
+    whole = telemetry(drive(), tmp_path / "flight.tlog").read_bytes()
+    records = sum(len(group) for group in drive().messages)
+    clean = TelemetryLog(whole)
+    assert len(list(clean)) == records == clean.records and clean.skipped == clean.wrong == 0
+    draw = random.Random(3)
+    for _ in range(4):  # bytes cut off at the end cost the last one
+        at = draw.randrange(len(whole) // 2)
+        broken = TelemetryLog(whole[:at] + bytes((whole[at] ^ 0x55,)) + whole[at + 1 : -5])
+        assert records - 3 <= len(list(broken)) <= records - 1
+    junk = TelemetryLog(draw.randbytes(100_000) + whole[: len(whole) // 10])
+    assert len(list(junk)) >= records // 10 - 10
+    (tmp_path / "junk.tlog").write_bytes(draw.randbytes(5000))
+    with pytest.raises(InputError, match="not a MAVLink telemetry log"):
+        load(tmp_path / "junk.tlog")
+
+
+def test_mavlogdump_reads_what_we_write(tmp_path):
+    """pymavlink's own reader: every message, none lost."""
+    from pymavlink import mavutil
+
+    path, own = telemetry(drive(), tmp_path / "flight.tlog"), drive()
+    source, got = mavutil.mavlink_connection(str(path), dialect="common"), []
+    try:
+        while (message := source.recv_msg()) is not None:
+            got.append((message.get_type(), message.get_seq(), (message._timestamp - START_UNIX) * 1e6))
+    finally:
+        source.close()
+    sent = [(message.get_type(), int(t)) for t, group in zip(own.time_us, own.messages, strict=True) for message in group]
+    assert [(name, sequence) for name, sequence, _ in got] == [(name, i % 256) for i, (name, _) in enumerate(sent)]
+    assert np.abs(np.array([t for _, _, t in got]) - [t for _, t in sent]).max() < 5
+
+
+def test_a_writer_that_was_cut_off_leaves_a_readable_part(tmp_path):
+    path = tmp_path / "flight.tlog"
+    writer = TlogWriter(path)
+    frame = dialect().MAVLink_heartbeat_message(1, 0, 0, 0, 4, 3).pack(dialect().MAVLink(None, srcSystem=1))
+    for i in range(10):
+        writer.write(1_700_000_000_000_000 + i * 4, frame, link=1)
+    writer.flush()
+    part = path.with_name("flight.tlog.part").read_bytes()
+    assert not path.exists()
+    assert [record.time_us & 3 for record in TelemetryLog(part[:-3])] == [1] * 9
+    writer.close()
+    writer.close()
+    assert path.read_bytes() == part and list(tmp_path.iterdir()) == [path]
+    assert part[:8] == struct.pack(">Q", 1_700_000_000_000_001)
+    with pytest.raises(InputError, match="no-such-folder"):
+        TlogWriter(tmp_path / "no-such-folder" / "flight.tlog")

@@ -1,0 +1,163 @@
+"""The files of a log: archives, comments, missing values, and every kind of wrong file and row."""
+
+import gzip
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from text_logs import N, as_text, imu_rows
+
+from insenv.errors import InputError
+from insenv.logs.readers import read_table
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "text", "said"),
+    [
+        ("imu.csv", 5, "10.08,0,-1e6,0,0,0,-1", "imu.csv: line 5, column 'gy': gyro is -1e+06 deg/s, allowed -1e+05 to 1e+05"),
+        ("imu.csv", 5, "10.08,0,0,0,0,0,1e300", "line 5, column 'az': accel is 1e+300 g, allowed -2e+05 to 2e+05 g"),
+        ("imu.csv", 5, "10.08,nan,0,0,0,0,-1", "imu.csv: line 5, column 'gx': value is nan"),
+        ("imu.csv", 5, "10.08,0,0,inf,0,0,-1", "line 5, column 'gz': value is inf"),
+        ("imu.csv", 5, "10.03,0,0,0,0,0,-1", "line 5: time goes backwards from 10.06 s (line 4) to 10.03 s"),
+        ("imu.csv", 5, "10.06,0,0,0,0,0,-1", "line 5: time 10.06 s twice (also line 4)"),
+        ("imu.csv", 5, "10.08,0,0,0,0,0", "line 5 has 6 fields, expected 7 as in the header"),
+        ("imu.csv", 5, "10.08,0,0,0,0,0,-1,5", "line 5 has 8 fields, expected 7"),
+        ("imu.csv", 5, "10.08,0,abc,0,0,0,-1", "line 5, column 'gy': 'abc' is not a number"),
+        ("imu.csv", 5, "10.08,0,,0,0,0,-1", "line 5, column 'gy': the value is missing"),
+        ("imu.csv", 1, "t,gx,gy,gz,ax,ay,up", "no column 'az'; did you mean 'gz'? (allowed: t, gx, gy"),
+        ("gnss.csv", 3, "11.5,45,-93,200,1,0,1", "line 3, column 'se': standard deviation is 0 m, must be above 0"),
+        ("gnss.csv", 3, "11.5,45,-93,200,1,1,-2", "line 3, column 'sd': standard deviation is -2 m"),
+        ("gnss.csv", 3, "11.5,95,-93,200,1,1,1", "line 3, column 'lat': latitude is 95 deg, allowed -90 to 90 deg"),
+        ("gnss.csv", 3, "11.5,45,-393,200,1,1,1", "longitude is -393 deg"),
+        ("gnss.csv", 3, "9.5,45,-93,200,1,1,1", "gnss.csv: line 3: time goes backwards from 10.5 s"),
+        ("gnss.csv", 3, "11.5,45,nan,200,1,1,1", "gnss.csv: line 3, column 'lon': value is nan"),
+    ],
+)
+def test_wrong_rows(folder, name, line, text, said):
+    folder.line(name, line, text)
+    folder.error(said)
+
+
+def test_wrong_values_of_different_columns_are_all_named(folder):
+    folder.line("gnss.csv", 2, "10.5,123,-93,210,0.5,1,1.5")
+    folder.line("gnss.csv", 3, "11.5,45,-93,210,-0.5,1,1.5")
+    folder.error("line 2, column 'lat': latitude is 123 deg", "line 3, column 'sn': standard deviation is -0.5 m")
+
+
+def test_increments_beyond_what_a_gyro_measures(folder):
+    """In 20 ms; where stamps come in bursts, the 5 us between two of them say nothing of the rate."""
+    folder.hold_increments("deg")
+    rows = imu_rows()
+    rows[:, 0] = 10.0 + np.repeat(np.arange(N // 5), 5) / 10.0 + np.tile(np.arange(5) * 5e-6, N // 5)
+    rows[:, 1:4] = 2.0  # 100 deg/s; within the 5 us between two stamps it would be 4e5 deg/s
+    folder.imu(rows)
+    np.testing.assert_allclose(folder.load().delta_angle, np.radians(2.0))
+    folder.imu(imu_rows())
+    folder.line("imu.csv", 5, "10.08,0,0,2001,0,0,-1")
+    folder.error("line 5, column 'gz': gyro is 2001 deg, allowed -2000 to 2000 deg")
+
+
+def test_a_file_that_is_cut_off(folder):
+    """In mid-row, an error; in the last number, a note."""
+    text = (folder.path / "imu.csv").read_text()
+    last = text.rstrip("\n").rfind("\n") + 1
+    for cut in (3, 20, 31):
+        folder.write("imu.csv", text[: last + cut])
+        folder.error(f"line {N + 1} has", "expected 7", "cut off in mid-row")
+    folder.write("imu.csv", text[:-8])
+    assert "is the file cut off?" in folder.load().notes[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "the file is empty"),
+        (b"\n \n", "the file is empty"),
+        (b"t,gx,gy,gz,ax,ay,az\n", "no data rows"),
+        (b"t,gx\0\0\1", "not a text file"),
+        (b"t,gx,gy,gz,ax,ay,az\n1,0,0,0,0,0,-1\n2,0,0,0,0,0,-1\n", "at least 3"),
+    ],
+)
+def test_empty_and_binary_files(folder, content, said):
+    folder.write("imu.csv", content)
+    folder.error(said)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("none.csv", "none.csv: file not found"), ("folder.csv", "folder.csv: cannot be read"), ("x.zip", "cannot be unpacked"),
+        ("x.csv.gz", "cannot be unpacked"), ("package:no_such_package/a.csv", "'no_such_package' is not installed"),
+        ("package:insenv/../a.csv", "must be package:NAME/path"), ("package:insenv/a.csv", "holds no such file"),
+    ],
+)  # fmt: skip
+def test_files_that_cannot_be_read(folder, name, said):
+    (folder.path / "folder.csv").mkdir()
+    folder.write("x.zip", "no zip")
+    folder.write("x.csv.gz", gzip.compress(b"1,2,3\n" * 99)[:-9])
+    folder.change(('"gnss.csv"', f'"{name}"'))
+    folder.error(said)
+
+
+def test_archives_comments_blank_lines_and_a_byte_order_mark(folder):
+    expected = folder.load().delta_angle
+    text = "\ufeff# a remark\n" + (folder.path / "imu.csv").read_text().replace("\n", "\r\n").replace("t,gx", '"t", "gx"')
+    lines = text.split("\r\n")
+    lines[5:5] = ["", "# another"]
+    raw = "\r\n".join(lines).encode()
+    folder.write("raw.csv", raw)
+    folder.write("raw.csv.gz", gzip.compress(raw))
+    with zipfile.ZipFile(folder.path / "raw.zip", "w") as archive:
+        archive.writestr("imu.csv", raw)
+    good = folder.toml
+    for name in ("raw.csv", "raw.csv.gz", "raw.zip"):
+        folder.toml = good.replace('"imu.csv"', f'"{name}"')
+        np.testing.assert_array_equal(folder.load().delta_angle, expected)
+
+
+def test_fixes_in_the_rows_of_the_samples_with_text_for_missing_values(folder):
+    words = ["nan,nan,nan", ",,", "NaN,-93,200", "null,null,null", "45,-93,n/a"]
+    text = ["t,gx,gy,gz,ax,ay,az,lat,lon,h"]
+    for k, line in enumerate(as_text(imu_rows()).splitlines()):
+        text.append(line + "," + ("45,-93,200" if k % 25 == 0 else words[k % len(words)]))
+    folder.write("imu.csv", "\n".join(text) + "\n")
+    folder.fixes_in_the_imu_file("\nskip_empty = true")
+    log = folder.load()
+    assert len(log.gnss.time) == 4 and len(log.imu_time) == N
+    np.testing.assert_array_equal(log.gnss.position_sigma[-1], [1, 1, 2])
+    folder.change(("skip_empty = true", "skip_empty = false"))
+    folder.error("skip_empty = true skips such rows")
+
+
+PARTS = [
+    "t,a,b\n",
+    "1,2,3\n",
+    "1,2\n",
+    "x",
+    ",",
+    "\n",
+    "#",
+    "nan,1,2\n",
+    "3,,1\n",
+    "4,-,null\n",
+    " ",
+    "\r",
+    '"',
+    ";",
+    "1e400,0,0\n",
+]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=200) | st.lists(st.sampled_from(PARTS)).map(lambda parts: "".join(parts).encode()))
+def test_whatever_the_bytes_a_table_or_an_input_error(raw):
+    for columns in ([0, 1], ["t", "b"]):
+        for skip_empty, optional in ((False, []), (True, []), (False, columns[1:]), (True, columns[1:])):
+            try:
+                table = read_table("f", raw, columns, skip_empty=skip_empty, optional=optional)
+            except InputError as error:
+                assert str(error).startswith("f:")
+            else:
+                assert table.values.shape == (table.lines.size, 2)

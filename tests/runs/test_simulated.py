@@ -1,0 +1,79 @@
+"""Runs of simulated scenarios."""
+
+import json
+
+import numpy as np
+import pytest
+
+from insenv import campaign, run
+from insenv.errors import InputError
+from insenv.evaluation.errors import CHANNELS
+from insenv.scenario import load
+
+
+def test_a_run_is_reproducible_and_depends_on_its_seed():
+    first, again, other = (run("ship-swaying", seed=seed, duration_s=2.0).results[0].outputs["q_nb"] for seed in (3, 3, 4))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_report_is_the_documented_json():
+    report = run("car-city-drive", ["loosely-coupled", "wander-sins"], duration_s=5.0)
+    document = json.loads(json.dumps(report.as_json()))
+    assert document["scenario"] == "car-city-drive"
+    assert document["imu_samples"] == 1000 and document["duration_s"] == 5.0
+    for result in document["results"]:
+        assert set(result["final"]) == set(result["rms"]) == set(result["max"]) == set(result["limit"]) == set(CHANNELS)
+        assert result["us_per_sample"] > 0
+
+
+def test_progress_is_reported_to_the_end():
+    """In pieces of 20,000 samples."""
+    calls = []
+    run("static-ecef", ["analytic"], duration_s=105.0, progress=lambda done, total: calls.append((done, total)))
+    assert calls[-1] == (21000, 21000) and len(calls) > 1
+
+
+@pytest.mark.parametrize(
+    ("scenario", "id", "message"),
+    [
+        ("ship-swaying", "loosely-coupled", "needs GNSS"),
+        ("car-city-drive", "q-method", "in place"),
+        ("ship-swaying", "q-metod", "did you mean 'q-method'"),
+    ],
+)
+def test_an_estimator_that_cannot_run_on_the_scenario_is_an_error(scenario, id, message):
+    with pytest.raises(InputError, match=message):
+        run(scenario, [id], duration_s=10.0)
+
+
+def test_lost_samples_are_bridged_and_counted():
+    scenario = load("ship-swaying")
+    lossy = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"drop_probability": 0.01})})
+    report = run(lossy, duration_s=30.0)
+    assert any("bridged" in note for note in report.notes)
+    assert 36 < int(report.notes[0].split()[0]) < 84
+    assert np.abs(report.results[0].errors["roll_deg"][-1]) < 0.1
+
+
+@pytest.mark.parametrize(("imu", "perfect"), [({}, True), (None, True), ({"gyro_bias_deg_h": 0.1}, False)])
+def test_a_perfect_unit_for_want_of_a_section_is_said(imu, perfect):
+    values = load("ship-swaying").model_dump(exclude_unset=True)
+    assert run(values, duration_s=1.0).notes == ()
+    del values["imu"]
+    if imu is not None:
+        values["imu"] = {"lever_arm_m": [1.0, 0.0, 0.0], **imu}
+    said = ["the inertial unit is perfect, because [imu] is missing or states no errors"] if perfect else []
+    assert run(values, "q-method", duration_s=1.0).as_json()["notes"] == said
+    notes = campaign(values, "q-method", runs=2, duration_s=1.0).as_json()["notes"]
+    assert [note for note in notes if "perfect" in note] == said
+
+
+@pytest.mark.parametrize(("seeds", "duration_s"), [(4, 30.0), pytest.param(8, None, marks=pytest.mark.slow)])
+def test_free_inertial_errors_agree_with_the_predicted_covariance(seeds, duration_s):
+    """Without GNSS, in ten minutes: errors in units of the predicted sigma are of order one."""
+    ratios = []
+    for seed in range(seeds):
+        result = run("aircraft-free-inertial", seed=seed, duration_s=duration_s).results[0]
+        ratios.append([result.errors[c][-1] / result.limit[c] for c in ("north_m", "east_m")])
+    assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 4.0

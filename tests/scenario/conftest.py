@@ -1,0 +1,1 @@
+from interpreted import interpreted  # noqa: F401

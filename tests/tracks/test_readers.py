@@ -1,0 +1,155 @@
+"""Files of tracks: GPX, KML, NMEA, logs and results."""
+
+import numpy as np
+import pytest
+from closed_track import closed_form, scenario, truth_of
+from places import ROOT
+
+import insenv
+from insenv.errors import InputError
+from insenv.report import OutputFolder, write_files
+
+PLAIN = ROOT / "examples" / "logs"
+
+
+def test_one_of_several_tracks_is_named(tmp_path):
+    """What `insenv run --gpx --kml` writes: the truth and an estimate."""
+    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=10.0)
+    insenv.write(report, tmp_path, ["gpx", "kml"], name="two")
+
+    def track(path, which):
+        return scenario(path, rate_hz=400.0, vehicle={"track": which} if which is not None else {}).vehicle
+
+    for path in (tmp_path / "two.gpx", tmp_path / "two.kml"):
+        first, truth, other, by_number = (track(path, which) for which in (None, "truth", "loosely-coupled", 1))
+        names = "has the tracks 'truth', 'loosely-coupled'"
+        assert f"{path.name} {names}: the first is taken; vehicle.track chooses another" in first.notes
+        assert not truth.notes and np.array_equal(first.shape.points, truth.shape.points)
+        assert not np.array_equal(other.shape.points, truth.shape.points)
+        assert np.array_equal(by_number.shape.points, other.shape.points)
+        for wrong, said in (
+            ("trth", "'trth': no such track in .*did you mean 'truth'"),
+            (2, f"2: .* {names}, numbered from 0"),
+        ):
+            with pytest.raises(InputError, match=f"vehicle.track = {said}"):
+                track(path, wrong)
+
+
+def test_results_and_logs_are_tracks(tmp_path):
+    report = insenv.run("car-city-drive", "loosely-coupled", duration_s=10.0)
+    (npz, *_) = write_files(report, OutputFolder(tmp_path / "run"), figure=False).paths
+    loaded = scenario(npz)
+    assert loaded.duration_s == pytest.approx(10.0, abs=0.5)
+    time, shown = truth_of(loaded)
+    again = np.interp(time + report.truth.time[0], report.truth.time, report.truth.latitude)
+    assert 6.37e6 * np.abs(shown["latitude"].ravel() - again).max() < 0.05
+    loaded, reference = scenario(PLAIN / "plain.toml"), insenv.logs.load(PLAIN / "plain.toml").reference
+    time, shown = truth_of(loaded, 60.0)
+    again = np.interp(time + reference.time[0], reference.time, reference.longitude)
+    assert 6.37e6 * np.abs(shown["longitude"].ravel() - again).max() < 0.2
+    report = insenv.replay(PLAIN / "plain.toml", "velocity-integration")
+    (npz, *_) = write_files(report, OutputFolder(tmp_path / "replay"), figure=False).paths
+    with pytest.raises(InputError, match=r"a replay has no truth.*allowed is the result of a simulated run, or the log itself"):
+        scenario(npz)
+
+
+@pytest.fixture
+def plain(tmp_path):
+    """The description of the example log beside a copy of its files."""
+    for file in PLAIN.glob("plain*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    return tmp_path / "plain.toml"
+
+
+def test_a_log_of_files_of_different_lengths_is_a_track_with_a_note(plain):
+    text = plain.with_name("plain-reference.csv").read_text(encoding="utf-8")
+    header, *lines = [line.split(",") for line in text.splitlines()]
+    for name, columns, count in (("place", slice(1, 4), 1200), ("more", slice(4, None), 700)):
+        text = "\n".join(",".join([row[0], *row[columns]]) for row in [header, *lines[:count]])
+        plain.with_name(f"{name}.csv").write_text(text + "\n", encoding="utf-8")
+    description = plain.read_text(encoding="utf-8")
+    old, files = 'file = "plain-reference.csv"', 'file = ["place.csv", "more.csv"]'
+    plain.write_text(description.replace(old, files), encoding="utf-8")
+    loaded = scenario(plain)
+    assert loaded.duration_s < 70.0
+    assert loaded.notes[0].startswith("reference: joined by time: 700 rows have the same time in ")
+    for text, said in (("", r"more.csv: the file is empty$"), ("time_s,vn\n", r"more.csv: no data rows")):
+        plain.with_name("more.csv").write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=said):
+            scenario(plain)
+    plain.write_text(description.replace(old, 'file = ""'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"^[^\n]*reference.file = '': must be a path[^\n]*$"):
+        scenario(plain)
+
+
+def test_the_data_of_a_log_are_part_of_its_fingerprint(plain):
+    """The description alone is the same for two drives."""
+    first, data = scenario(plain), plain.with_name("plain-reference.csv")
+    lines = data.read_text(encoding="utf-8").splitlines(keepends=True)
+    data.write_text("".join(lines[:-20]), encoding="utf-8")
+    second = scenario(plain)
+    assert first.vehicle.sha256 != second.vehicle.sha256 and second.duration_s < first.duration_s
+    with pytest.raises(InputError, match="the file has changed"):
+        insenv.load(first.model_dump(mode="json"))
+    data.unlink()
+    with pytest.raises(InputError, match=r"plain-reference.csv: file not found"):
+        scenario(plain)
+
+
+@pytest.mark.parametrize(("name", "text"), [("t.gpx", "no xml"), ("t.xyz", "a"), ("t.csv", "")])
+def test_files_that_are_no_tracks(name, text, tmp_path):
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=name):
+        scenario(tmp_path / name)
+
+
+def gga(time, latitude, longitude, height):
+    """A sentence GGA with its checksum; the geoid is 48 m above the ellipsoid."""
+
+    def angle(value, digits):
+        whole = int(np.degrees(value))
+        return f"{whole:0{digits}d}{(np.degrees(value) - whole) * 60.0:010.7f}"
+
+    clock = f"{int(time) // 3600 % 24:02d}{int(time) // 60 % 60:02d}{time % 60:05.2f}"
+    text = f"GPGGA,{clock},{angle(latitude, 2)},N,{angle(longitude, 3)},E,1,08,0.9,{height - 48.0:.3f},M,48.0,M,,"
+    return f"${text}*{np.bitwise_xor.reduce(np.frombuffer(text.encode(), np.uint8)):02X}"
+
+
+TIME = np.arange(0.0, 60.0)
+
+
+def check_same(path):
+    at, shown = truth_of(scenario(path, rate_hz=20.0), 58.0)
+    true = closed_form(at)
+    assert 6.37e6 * np.abs(shown["latitude"].ravel() - true[:, 0]).max() < 0.02
+    assert np.abs(shown["height"].ravel() - true[:, 2]).max() < 0.02
+
+
+def test_nmea_over_midnight(tmp_path):
+    path = tmp_path / "t.nmea"
+    lines = [gga(86370.0 + t, *row[:3]) for t, row in zip(TIME, closed_form(TIME), strict=True)]
+    lines.insert(3, "$GPGSV,1,1,00*79")
+    path.write_text("\n".join(lines), encoding="ascii")
+    check_same(path)
+    lines[10] = lines[10].replace("E,1", "E,2")
+    path.write_text("\n".join(lines), encoding="ascii")
+    with pytest.raises(InputError, match=r"line 11: .*checksum"):
+        scenario(path)
+
+
+KML = (
+    '<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2"><Placemark><gx:Track>{}</gx:Track>'
+    "</Placemark></kml>"
+)
+
+
+def test_kml(tmp_path):
+    path, rows = tmp_path / "t.kml", closed_form(TIME)
+    whens = "".join(f"<when>2026-01-01T00:00:{int(t):02d}Z</when>" for t in TIME)
+    coords = "".join(f"<gx:coord>{np.degrees(b):.9f} {np.degrees(a):.9f} {h:.3f}</gx:coord>" for a, b, h, *_ in rows)
+    path.write_text(KML.format(whens + coords), encoding="utf-8")
+    check_same(path)
+    for text, said in ((KML.format(coords), "0 times for 60 places"), ("<!DOCTYPE a []><kml/>", "declares a document type")):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=said):
+            scenario(path)

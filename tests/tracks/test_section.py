@@ -1,0 +1,181 @@
+"""kind = "recorded": tracks against closed forms and simulated drives, and what is no track."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from closed_track import ATTITUDE, LATITUDE, closed_form, scenario, truth_of, write_csv, write_gpx
+
+import insenv
+from insenv import geodesy
+from insenv.core.batch import make_batch
+from insenv.core.runner import make_runner
+from insenv.errors import InputError
+from insenv.scenario import build, reseeded
+
+
+@pytest.fixture(scope="module")
+def csv(tmp_path_factory):
+    path = tmp_path_factory.mktemp("track") / "track.csv"
+    time = np.arange(0.0, 620.5, 0.5)
+    write_csv(path, time, closed_form(time))
+    return path
+
+
+def test_a_closed_form_through_csv(csv):
+    loaded = scenario(csv, vehicle={"columns": ATTITUDE})
+    assert loaded.duration_s == 620.0
+    assert loaded.start.latitude_deg == pytest.approx(45.0, abs=1e-8)
+    time, shown = truth_of(loaded, 40.0)
+    true = closed_form(time)
+    north = 6.37e6 * (shown["latitude"].ravel() - true[:, 0])
+    east = 6.37e6 * np.cos(LATITUDE) * (shown["longitude"].ravel() - true[:, 1])
+    apart = np.abs(np.column_stack([north, east, shown["height"].ravel() - true[:, 2]])).max(axis=1)
+    assert apart.max() < 2e-4 and apart[time > 3.0].max() < 5e-6  # at the begin nothing before it tells of the curvature
+    step = 1e-3
+    rate = (closed_form(time + step) - closed_form(time - step)) / (2.0 * step)
+    R_M, R_N = geodesy.numeric.radii(np.sin(true[:, 0]))
+    speed = [(R_M + true[:, 2]) * rate[:, 0], (R_N + true[:, 2]) * np.cos(true[:, 0]) * rate[:, 1], -rate[:, 2]]
+    assert np.abs(shown["velocity_n"] - np.column_stack(speed))[time > 3.0].max() < 1e-5
+    roll, pitch, heading = insenv.attitude.numeric.to_euler(shown["q_nb"])
+    turned = np.column_stack([roll - true[:, 3], pitch - true[:, 4], np.angle(np.exp(1j * (heading - true[:, 5])))])
+    assert np.abs(turned).max() < 2e-4 and np.abs(turned)[time > 3.0].max() < 5e-6
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "position", "velocity"), [(30.0, 1e-5, 1e-6), pytest.param(600.0, 1e-3, 1e-5, marks=pytest.mark.slow)]
+)
+def test_a_perfect_unit_drifts_less_than_a_millimetre_in_ten_minutes(csv, duration_s, position, velocity):
+    perfect = {"draw_errors": False, "tilt_sigma_deg": 0.001, "heading_sigma_deg": 0.001}
+    loaded = scenario(csv, vehicle={"columns": ATTITUDE}, duration_s=duration_s, knowledge=perfect)
+    (result,) = insenv.run(loaded, "wander-sins").results
+    worst = {name: float(np.abs(error).max()) for name, error in result.errors.items()}
+    assert max(worst[name] for name in ("north_m", "east_m", "down_m")) < position, worst
+    assert max(worst[name] for name in ("vn_mps", "ve_mps", "vd_mps")) < velocity, worst
+
+
+@pytest.mark.slow
+def test_every_runner_gives_the_same_bits(csv):
+    loaded = scenario(csv, vehicle={"columns": ATTITUDE}, imu={"grade": "tactical"}, gnss={"grade": "spp"}, rate_hz=20.0)
+    plant = build(loaded, seed=3, duration_s=20.0)
+    native = np.array(make_runner(plant.model, plant.parameters, "native").run(plant.samples))
+    interpreted = np.array(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples))
+    assert native.tobytes() == interpreted.tobytes()
+    vectors = np.array([plant.model.parameters.pack(each.parameters) for each in reseeded(plant, [3, 4])])
+    every = np.array(make_batch(plant.model, 2, vectors, backend="native").run(plant.samples, every=1))
+    assert every[0].tobytes() == native.tobytes()
+
+
+def test_a_course_alone_gives_the_heading(tmp_path):
+    time = np.arange(0.0, 120.0)
+    write_gpx(tmp_path / "t.gpx", time, closed_form(time), digits=9)
+    at, shown = truth_of(scenario(tmp_path / "t.gpx", rate_hz=50.0), 110.0)
+    true = closed_form(at)
+    assert np.abs(6.37e6 * (shown["latitude"].ravel() - true[:, 0])).max() < 0.02
+    course = np.arctan2(*np.gradient(true[:, :2] * [1.0, np.cos(LATITUDE)], axis=0).T[::-1])
+    heading = insenv.attitude.numeric.to_euler(shown["q_nb"])[2]
+    fast = np.hypot(*shown["velocity_n"][:, :2].T) > 10.0
+    assert np.abs(np.angle(np.exp(1j * (heading - course))))[fast].max() < np.radians(0.5)
+
+
+def test_heights_that_are_missing_are_noted_or_refused(tmp_path):
+    time, path = np.arange(0.0, 100.0), tmp_path / "t.gpx"
+    write_gpx(path, time, closed_form(time))
+    text = path.read_text(encoding="utf-8")
+    path.write_text(re.sub("<ele>.*?</ele>", "", text, count=1), encoding="utf-8")
+    with pytest.raises(InputError, match="point 1 has no height, others have one"):
+        scenario(path)
+    path.write_text(re.sub("<ele>.*?</ele>", "", text), encoding="utf-8")
+    loaded = scenario(path, vehicle={"height_offset_m": 50.0})
+    assert loaded.vehicle.notes == ("t.gpx has no heights: the track is at height_offset_m above the ellipsoid",)
+    assert loaded.start.height_m == pytest.approx(50.0)
+
+
+def test_a_track_of_one_hertz_does_not_ring(tmp_path):
+    """A drive as GPX once a second, to a centimetre: velocity and acceleration between the points are those of the drive."""
+    time, true = truth_of(insenv.load({**insenv.load("car-city-drive").model_dump(mode="json"), "rate_hz": 100.0}), 120.0)
+    time, true = time[9::10], {name: values[9::10] for name, values in true.items()}
+    second = np.isclose(time, np.rint(time), atol=1e-6)
+    place = np.column_stack([true[name].ravel()[second] for name in ("latitude", "longitude", "height")])
+    write_gpx(tmp_path / "t.gpx", time[second], place)
+    at, shown = truth_of(scenario(tmp_path / "t.gpx", rate_hz=50.0), 115.0)
+    when = at + time[second][0]
+    apart = shown["velocity_n"] - np.column_stack([np.interp(when, time, true["velocity_n"][:, k]) for k in range(3)])
+    inner = (at > 3.0) & (at < 112.0)
+    assert np.sqrt(np.mean(apart[inner, :2] ** 2)) < 0.15
+    resting = np.interp(when, time, (np.hypot(*true["velocity_n"][:, :2].T) > 0.01).astype(float)) == 0.0
+    settled = resting & inner & ~np.isin(np.arange(len(at)), np.flatnonzero(~resting)[:, None] + np.arange(-150, 151))
+    assert settled.any() and np.abs(apart[settled, :2]).max() < 0.1
+    ours = np.linalg.norm(np.gradient(shown["velocity_n"][:, :2], at, axis=0), axis=1)[inner]
+    theirs = np.linalg.norm(np.gradient(true["velocity_n"][:, :2], time, axis=0), axis=1)
+    assert ours.max() < 1.3 * theirs.max()
+
+
+# --- refusals ------------------------------------------------------------------------------------------
+
+TIME = np.arange(100.0)
+ROWS = closed_form(TIME)
+LONG = np.arange(1000.0)
+GAP, LONG_GAP = (TIME < 30) | (TIME > 45), (LONG < 100) | (LONG > 400)
+JUMP = ROWS + np.where(TIME[:, None] >= 60, [[100.0 / 6.37e6, 0, 0, 0, 0, 0]], 0.0)
+BACK = np.where(TIME == 50, 40.0, TIME)
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "vehicle", "said"),
+    [
+        (TIME[GAP], ROWS[GAP], {}, "no points between 29 s and 46 s: a gap of 17 s, allowed max_gap_s = 10 s$"),
+        (LONG[LONG_GAP], closed_form(LONG[LONG_GAP]), {"max_gap_s": 400.0}, "a gap of 302 s with knots every 1 s: allowed are"),
+        (TIME, JUMP, {}, "a jump near (59|60) s: .* m/s2 over a second, allowed max_acceleration_mps2 = 20"),
+        (BACK, ROWS, {}, "time goes from 49 s to 40 s at point 51"),
+        (TIME[:5], ROWS[:5], {}, "5 points: allowed is 8 or more"),
+        (TIME, ROWS, {"columns": {"roll": "roll", "pitch": "pitch"}}, r"vehicle\.columns: no heading"),
+        (TIME, ROWS, {"track": "a"}, "vehicle.track = 'a': allowed with .gpx and .kml"),
+        (TIME, ROWS, {"columns": {"position_unit": "rad"}}, "check position_unit"),
+        (TIME, ROWS, {"columns": {"latitude": "lat"}}, "'lat'"),
+    ],
+)  # fmt: skip
+def test_what_is_no_track(tmp_path, time, values, vehicle, said):
+    write_csv(tmp_path / "t.csv", time, values)
+    with pytest.raises(InputError, match=said):
+        scenario(tmp_path / "t.csv", vehicle=vehicle)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"duration_s": 120.0}, r"^scenario: duration_s = 120 s: the track lasts 99 s$"),
+        ({"rate_hz": 2.0, "vehicle": {"knot_s": 0.1}}, r"knots every 0.1 s with samples every 0.5 s"),
+        ({"rate_hz": 4.0, "vehicle": {"columns": ATTITUDE}}, r"rotation of 0.\d+ rad in a sample: allowed is 0.25 rad"),
+        ({"start": {"latitude_deg": 46.0, "longitude_deg": 7.0}}, r"start\.latitude_deg = 46: the track begins at 45"),
+    ],
+)
+def test_scenarios_that_do_not_fit_their_track(tmp_path, more, said):
+    values = ROWS.copy()
+    values[:, 5] = 1.5 * TIME
+    write_csv(tmp_path / "t.csv", TIME, values)
+    with pytest.raises(InputError, match=said):
+        scenario(tmp_path / "t.csv", **more)
+    with pytest.raises(InputError, match="allowed is up to 99 s, the duration of the track"):
+        build(scenario(tmp_path / "t.csv"), duration_s=100.0)
+
+
+def test_a_file_beside_a_scenario_that_must_not_change(tmp_path):
+    write_csv(tmp_path / "t.csv", TIME, ROWS)
+    dumped = json.loads(json.dumps(scenario(tmp_path / "t.csv").model_dump(mode="json")))
+    insenv.load(dumped)
+    (tmp_path / "s.toml").write_text('title = "t"\n[vehicle]\nkind = "recorded"\nfile = "t.csv"\n', encoding="utf-8")
+    assert insenv.load(tmp_path / "s.toml").duration_s == 99.0
+    write_csv(tmp_path / "t.csv", TIME, ROWS + 1e-9)
+    with pytest.raises(InputError, match="the file has changed"):
+        insenv.load(dumped)
+    (tmp_path / "t.csv").unlink()
+    with pytest.raises(InputError, match=r"t.csv: file not found"):
+        insenv.load(tmp_path / "s.toml")
+
+
+def test_a_misspelt_kind_is_named_first():
+    """Whether [start] and duration_s are missing depends on it."""
+    with pytest.raises(InputError, match=r"^scenario: vehicle.kind = 'record': must be one of .*; did you mean 'recorded'\?$"):
+        scenario("drive.gpx", vehicle={"kind": "record"})
