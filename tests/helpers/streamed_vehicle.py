@@ -20,9 +20,13 @@ SILENT = dict.fromkeys(DEFAULT_HZ, 0.0)
 UNSUPPORTED, DENIED, ACCEPTED = 3, 2, 0
 
 
-def quiet(scenario="car-city-drive", **options):
-    """A vehicle without streamed messages."""
-    return Vehicle(load(scenario), rates=SILENT, **options)
+def quiet(scenario="car-city-drive", hz=None, **options):
+    """A vehicle without streamed messages.  hz: samples a second, too few for a vibration, for long runs."""
+    loaded = load(scenario) if isinstance(scenario, str) else scenario
+    if hz is not None:
+        smooth = loaded.vehicle.model_copy(update={"engine": ()} if hasattr(loaded.vehicle, "engine") else {})
+        loaded = loaded.model_copy(update={"rate_hz": hz, "vehicle": smooth})
+    return Vehicle(loaded, rates=SILENT, **options)
 
 
 def steps(vehicle, seconds):
