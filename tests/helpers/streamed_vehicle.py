@@ -182,3 +182,26 @@ def logged(path):
     frames = [frame for _, frame in records(path)]
     number = next(i for i, frame in enumerate(frames) if int.from_bytes(frame[7:10], "little") != 22)
     return frames[:number], frames[number:]
+
+
+# --- estimates that a client sends ---------------------------------------------------------------------
+
+UNKNOWN = [float("nan")] * 21
+
+
+def estimate(name, **changes):
+    """A client's estimate as the vehicle reads it, with changed fields."""
+    fields = {
+        "ODOMETRY": {
+            "time_usec": 5_000_000, "frame_id": 1, "child_frame_id": 12, "x": 1.0, "y": 2.0, "z": 3.0, "q": [1.0, 0, 0, 0],
+            "vx": 1.0, "vy": 0.0, "vz": 0.0, "rollspeed": 0.0, "pitchspeed": 0.0, "yawspeed": 0.0,
+            "pose_covariance": UNKNOWN, "velocity_covariance": UNKNOWN, "reset_counter": 0, "estimator_type": 5,
+        },
+        "ATTITUDE": dict.fromkeys(("time_boot_ms", "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
+        "ATTITUDE_QUATERNION": {"time_boot_ms": 5000, "q1": 1.0} | dict.fromkeys(("q2", "q3", "q4", "a", "b", "c"), 0.0),
+        "VISION_POSITION_ESTIMATE": dict.fromkeys(("usec", "x", "y", "z", "roll", "pitch", "yaw"), 0)
+        | {"covariance": UNKNOWN},
+    }[name]  # fmt: skip
+    offset = changes.pop("repr_offset_q", None)
+    more = [] if offset is None else [offset]
+    return sent(name, *{**fields, **changes}.values(), *more, system=42, component=191)
