@@ -4,16 +4,14 @@ PX4 and ArduPilot themselves are not run here.
 """
 
 import itertools
-import json
 import math
-import socket
-import struct
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from autopilots import Px4StandIn, exchange, servo_frame
 from pymavlink.dialects.v20 import common as m
 from streamed_vehicle import Clock
 
@@ -24,7 +22,6 @@ from insenv.mavlink.lockstep import ArduPilotLockstep, Controls, Motion, Px4Lock
 from insenv.mavlink.lockstep.ardupilot import SILENT_S, answer, unpack
 from insenv.mavlink.lockstep.cadence import SHORTEST_WAIT_S, Cadence
 from insenv.mavlink.lockstep.px4 import COMPONENT
-from insenv.mavlink.wire import open_link
 from insenv.scenario import load
 
 INTERVAL = 0.005
@@ -52,52 +49,8 @@ def microseconds(*samples):
     return [round(sample * INTERVAL * 1e6) for sample in range(*samples)]
 
 
-class Px4StandIn(threading.Thread):
-    """Connects, sends HEARTBEAT, reads HIL_SENSOR and answers each with outputs at its time.
-
-    It does not answer the first `silent` sensors nor those of `skip`, and disconnects after `last` (None: never).
-    """
-
-    def __init__(self, simulator, silent=0, last=None, skip=frozenset(), flags=1):
-        super().__init__(daemon=True)
-        self.port = simulator.link.address.port
-        self.silent, self.last, self.skip, self.flags = silent, last, skip, flags
-        self.times, self.answered, self.error = [], [], None
-        self.start()
-
-    def run(self):
-        try:
-            self._fly()
-        except OSError:
-            pass
-        except BaseException as error:
-            self.error = error
-
-    def _fly(self):
-        mav = m.MAVLink(None, srcSystem=1, srcComponent=1)
-        mav.robust_parsing = True
-        with socket.create_connection(("127.0.0.1", self.port), timeout=10) as link:
-            link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            link.sendall(m.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3).pack(mav))
-            while data := link.recv(4096):
-                for message in mav.parse_buffer(data) or []:
-                    assert message.get_type() != "BAD_DATA"
-                    if message.get_type() != "HIL_SENSOR":
-                        continue
-                    self.times.append(message.time_usec)
-                    count = len(self.times)
-                    if count > self.silent and count not in self.skip:
-                        controls = [count / 1e4, -0.5, 0.25, *[0.0] * 13]
-                        mode = m.MAV_MODE_FLAG_SAFETY_ARMED if count % 2 else 0
-                        outputs = m.MAVLink_hil_actuator_controls_message(message.time_usec, controls, mode, self.flags)
-                        link.sendall(outputs.pack(mav))
-                        self.answered.append(message.time_usec)
-                    if count == self.last:
-                        return
-
-    def done(self):
-        self.join(10)
-        assert not self.is_alive() and self.error is None
+def standing_in(simulator, **options):
+    return Px4StandIn(simulator.link.address.port, **options)
 
 
 # --- PX4 -----------------------------------------------------------------------------------------
@@ -106,7 +59,7 @@ class Px4StandIn(threading.Thread):
 def test_px4_starts_silent_and_then_runs_in_lockstep():
     sensors, taken = Sensors(), []
     with Px4Lockstep(sensors, INTERVAL, taken.append, address=TCP) as simulator:
-        px4 = Px4StandIn(simulator, silent=20)
+        px4 = standing_in(simulator, silent=20)
         progress = simulator.run(steps=1000)
         assert progress.steps == sensors.samples == 1000
     px4.done()
@@ -129,7 +82,7 @@ def test_px4_outputs_act_in_the_next_step():
         return sensors()
 
     with Px4Lockstep(step, INTERVAL, lambda c: outputs.append(c.values[0]), address=TCP) as simulator:
-        px4 = Px4StandIn(simulator)
+        px4 = standing_in(simulator)
         simulator.run(steps=300)
     px4.done()
     sent = np.float32(np.arange(1, 300) / 1e4).astype(float)
@@ -138,7 +91,7 @@ def test_px4_outputs_act_in_the_next_step():
 
 def test_a_lost_answer_of_px4_neither_stops_nor_shifts_anything():
     with Px4Lockstep(Sensors(), INTERVAL, address=TCP, patience=0.05) as simulator:
-        px4 = Px4StandIn(simulator, silent=3, skip=frozenset({100, 101, 200}))
+        px4 = standing_in(simulator, silent=3, skip=frozenset({100, 101, 200}))
         progress = simulator.run(steps=300)
     px4.done()
     assert progress.steps == 300 and progress.unanswered == 3 and progress.answers == 297 - 3
@@ -148,7 +101,7 @@ def test_px4_that_answers_every_second_sample_costs_no_wait():
     """As PX4's rover does at half the sample rate: learnt after two answers."""
     taken = []
     with Px4Lockstep(Sensors(), INTERVAL, taken.append, address=TCP, patience=0.3) as simulator:
-        px4 = Px4StandIn(simulator, silent=3, skip=frozenset(range(11, 1001, 2)))
+        px4 = standing_in(simulator, silent=3, skip=frozenset(range(11, 1001, 2)))
         progress = simulator.run(steps=1000)
         assert progress.samples_per_answer == 2
     px4.done()
@@ -180,7 +133,7 @@ def test_the_number_of_samples_per_answer_is_learnt_and_forgotten():
 def test_a_speed_paces_px4(speed):
     clock = Clock(0.0)
     with Px4Lockstep(Sensors(), INTERVAL, address=TCP, speed=speed, clock=clock, sleep=clock.sleep) as simulator:
-        px4 = Px4StandIn(simulator, silent=10)
+        px4 = standing_in(simulator, silent=10)
         simulator.run(steps=400)
     px4.done()
     assert clock() == pytest.approx(400 * INTERVAL / speed, rel=0.02)
@@ -189,7 +142,7 @@ def test_a_speed_paces_px4(speed):
 def test_px4_without_lockstep_is_not_waited_for_but_runs_at_the_pace_of_the_wall_clock():
     clock = Clock(0.0)
     with Px4Lockstep(Sensors(), INTERVAL, address=TCP, clock=clock, sleep=clock.sleep) as simulator:
-        px4 = Px4StandIn(simulator, flags=0)
+        px4 = standing_in(simulator, flags=0)
         progress = simulator.run(steps=200)
         assert not simulator.in_step
     px4.done()
@@ -199,11 +152,11 @@ def test_px4_without_lockstep_is_not_waited_for_but_runs_at_the_pace_of_the_wall
 
 def test_px4_disconnects_and_reconnects():
     with Px4Lockstep(Sensors(), INTERVAL, address=TCP, patience=5.0) as simulator:
-        first, second = Px4StandIn(simulator, silent=2, last=50), []
+        first, second = standing_in(simulator, silent=2, last=50), []
 
         def stop():
             if not second and not first.is_alive() and not simulator.link.peers:
-                second.append(Px4StandIn(simulator, silent=2))
+                second.append(standing_in(simulator, silent=2))
             return False
 
         progress = simulator.run(steps=200, stop=stop)
@@ -237,27 +190,12 @@ def test_wrong_simulators_are_refused():
 def test_px4_gets_the_vehicle_and_requests_an_interval():
     """Complete sensors at each sample, every fix once; HIL_STATE_QUATERNION as simulator_mavlink requests it: of nobody."""
     car = Vehicle(load("car-city-drive"), rates=px4_rates(200.0), component=COMPONENT, hil_acceleration="mm/s^2")
-    got, interval = [], car.simulation.interval
-
-    def fly(link):
-        with link:
-            asked = False
-            while sum(g.get_type() == "HIL_SENSOR" and g.id == 0 for g in got) < 400:
-                link.wait(0.05)
-                for _, message in link.receive():
-                    got.append(message)
-                    if not asked:
-                        asked = True
-                        link.send(m.MAVLink_command_long_message(0, 0, 511, 0, 115, 5000, 0, 0, 0, 0, 0))
-                    if message.get_type() == "HIL_SENSOR" and message.id == 0:
-                        link.send(m.MAVLink_hil_actuator_controls_message(message.time_usec, [0.0] * 16, 0, 1))
-
-    with Px4Lockstep(px4_messages(car), interval, answer=lambda message: answers(car, message), address=TCP) as simulator:
-        link = open_link(f"tcpout:127.0.0.1:{simulator.link.address.port}", system=1, component=1)
-        thread = threading.Thread(target=fly, args=(link,), daemon=True)
-        thread.start()
+    request = m.MAVLink_command_long_message(0, 0, 511, 0, 115, 5000, 0, 0, 0, 0, 0)
+    with Px4Lockstep(px4_messages(car), INTERVAL, answer=lambda message: answers(car, message), address=TCP) as simulator:
+        px4 = standing_in(simulator, ask=(request,))
         simulator.run(steps=400)
-        thread.join(10)
+    px4.done()
+    got = px4.got
     kinds = {name: [g for g in got if g.get_type() == name] for name in {g.get_type() for g in got}}
     assert set(kinds) == {"HEARTBEAT", "HIL_SENSOR", "HIL_GPS", "HIL_STATE_QUATERNION", "STATUSTEXT", "COMMAND_ACK"}
     assert all((g.get_srcSystem(), g.get_srcComponent()) == (1, 200) for g in got)
@@ -296,10 +234,6 @@ def still():
     return lambda: replace(STILL, time=next(samples) * INTERVAL)
 
 
-def servo_frame(number, pulses=(1500,) * 16):
-    return struct.pack(f"<HHI{len(pulses)}H", {16: 18458, 32: 29569}[len(pulses)], 400, number, *pulses)
-
-
 @contextmanager
 def running(simulator):
     """The simulator's side in a thread; gives its port."""
@@ -320,13 +254,6 @@ def running(simulator):
             ended.set()
             thread.join(10)
     assert not errors
-
-
-def exchange(link, number, *pulses):
-    link.send(servo_frame(number, *pulses))
-    line = link.recv(4096)
-    assert line.startswith(b"\n") and line.endswith(b"\n") and line.count(b"\n") == 2  # as the protocol requires
-    return json.loads(line)
 
 
 def times(link, *numbers):
