@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 
@@ -54,6 +55,13 @@ def test_a_stream_without_a_receiver_reports_it():
         to = f"tcpout:127.0.0.1:{closed.getsockname()[1]}"
         status, out, err = call("stream", "ship-swaying", "--to", to, "--speed", 0, "--duration", 1)
     assert (status, err) == (0, "") and f"none sent: no receiver at {to}" in out
+
+
+def test_a_stream_in_another_thread_takes_no_signals():
+    before = [signal.getsignal(number) for number in signal.Signals]
+    with ThreadPoolExecutor(1) as pool:
+        done = pool.submit(call, "stream", "ship-swaying", *NOWHERE, "--speed", 0, "--duration", 0.1)
+        assert done.result()[0] == 0 and before == [signal.getsignal(number) for number in signal.Signals]
 
 
 def test_several_addresses_are_several_links_that_sign_with_numbers_of_their_own(tmp_path):

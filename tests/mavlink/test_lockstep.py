@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from autopilots import Px4StandIn, exchange, servo_frame
 from pymavlink.dialects.v20 import common as m
-from streamed_vehicle import Clock
+from streamed_vehicle import Clock, wait_for
 
 from insenv.errors import InputError
 from insenv.mavlink import Vehicle
@@ -302,6 +302,7 @@ def test_ardupilot_invalid_frames_and_strangers(sockets):
         for wrong in (b"", b"x", good[:-1], good + b"\0", b"\0" * 40, servo_frame(2, [1500] * 32)[:40], bytes(3000)):
             assert unpack(wrong) is None
             stranger.send(wrong)
+        wait_for(lambda: simulator.progress.refused == 7)
         exchange(link, 1)
         stranger.send(servo_frame(2, [2000] * 16))
         exchange(link, 2)

@@ -132,19 +132,21 @@ def resident_mb():
 
 
 @pytest.mark.parametrize("periods, seconds", [(3, 1.0), pytest.param(10, 60.0, marks=pytest.mark.slow)])
-def test_a_stream_at_full_speed_has_flat_memory_and_accounts_for_every_number(tmp_path, opened, periods, seconds):
+def test_a_stream_at_full_speed_has_flat_memory_and_accounts_for_every_number(tmp_path, monkeypatch, periods, seconds):
+    monkeypatch.setattr("insenv.mavlink.stream.WATCH_S", 0.01)
     vehicle, log = Vehicle(load("car-city-drive"), speed=0.0), tmp_path / "long.tlog"
     with open_link("tcpin:127.0.0.1:0") as link, TlogWriter(log) as recorder:
         client = subprocess.Popen([sys.executable, "-c", COUNTING, str(link.address.port)], stdout=subprocess.PIPE, text=True)
         wait_for(lambda: link.receive() or link.peers)
-        stream, memory = Stream(vehicle, link, recorder), []
+        stream, memory, watched = Stream(vehicle, link, recorder), [], []
         for _ in range(periods):
-            stream.run(seconds)
+            stream.run(seconds, watched.append)
             memory.append(resident_mb())
         for _ in range(100):  # send what is pending for the client
             link.receive()
             time.sleep(0.001 * seconds)
     received, skipped = map(int, client.communicate(timeout=60)[0].split())
+    assert watched and 0.0 < vehicle.view.load <= 1.0
     assert seconds < 60.0 or max(memory[1:]) - min(memory[1:]) < 3.0
     total, statistics = sum(stream.sent.values()), link.statistics
     assert total == statistics.sent_messages == statistics.sent_frames + statistics.dropped_frames

@@ -224,6 +224,7 @@ def test_tcp_clients_come_and_go_and_their_number_is_limited(opened, sockets):
         # a reset instead of an orderly close
         client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         client.close()
+        vehicle.send(heartbeat())
         until(vehicle, lambda got: vehicle.send(heartbeat()) and not vehicle.peers)
     for _ in range(MOST_CLIENTS + 2):
         sockets(TCP, to=vehicle.address.port)
