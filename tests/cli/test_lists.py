@@ -18,6 +18,7 @@ def test_the_names_fit_a_screen():
     names = re.split(r"[\s,]+", out)
     assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(names)
     assert {name for name in (*IMU_GRADES, *GNSS_GRADES) if not name.startswith("paper-")} <= set(names)
+    refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
 
 
 def test_grades_of_real_units_come_first():
@@ -54,7 +55,3 @@ def test_each_kind_with_its_titles(what):
         for row in rows:
             assert next(str(row[name]) for name in ("name", "id", "kind") if name in row) in out
             assert re.sub(r"\s+", "", row["title"])[:12] in flat
-
-
-def test_an_unknown_kind():
-    refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")

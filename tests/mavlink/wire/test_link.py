@@ -27,32 +27,26 @@ UDP, TCP = socket.SOCK_DGRAM, socket.SOCK_STREAM
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "kind", "host", "port"),
     [
-        ("udpout:10.0.0.2:14550", ("udpout", "10.0.0.2", 14550)),
-        ("udpin::14550", ("udpin", "127.0.0.1", 14550)),
-        ("udpin:14550", ("udpin", "127.0.0.1", 14550)),
-        ("tcpin:0.0.0.0:0", ("tcpin", "0.0.0.0", 0)),
-        ("tcpout:[::1]:5760", ("tcpout", "::1", 5760)),
-        ("serial:/dev/ttyUSB0:115200", ("serial", "/dev/ttyUSB0", 115200)),
-        ("serial:/dev/ttyUSB0", ("serial", "/dev/ttyUSB0", 57600)),
-        ("serial:COM3:921600", ("serial", "COM3", 921600)),
+        ("udpout:10.0.0.2:14550", "udpout", "10.0.0.2", 14550), ("udpin::14550", "udpin", "127.0.0.1", 14550),
+        ("udpin:14550", "udpin", "127.0.0.1", 14550), ("tcpin:0.0.0.0:0", "tcpin", "0.0.0.0", 0),
+        ("tcpout:[::1]:5760", "tcpout", "::1", 5760), ("serial:/dev/ttyUSB0:115200", "serial", "/dev/ttyUSB0", 115200),
+        ("serial:/dev/ttyUSB0", "serial", "/dev/ttyUSB0", 57600), ("serial:COM3:921600", "serial", "COM3", 921600),
     ],
-)
-def test_addresses(text, wanted):
-    address = parse_address(text)
-    assert (address.kind, address.host, address.port) == wanted
-    assert parse_address(str(address)) == address
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "udp:1:2", "udpout:127.0.0.1:0", "udpout:h:65536", "udpin:h:x", "udpin:::1:5", "serial:", "serial:/dev/x:0",
-     "udpout:h:-1"],
 )  # fmt: skip
-def test_errors_of_wrong_addresses_name_what_is_allowed(text):
-    with pytest.raises(InputError, match=r"address .*(must be|written in brackets)"):
-        parse_address(text)
+def test_addresses(text, kind, host, port):
+    address = parse_address(text)
+    assert (address.kind, address.host, address.port) == (kind, host, port) and parse_address(str(address)) == address
+
+
+def test_errors_of_wrong_addresses_name_what_is_allowed():
+    for text in (
+        "", "udp:1:2", "udpout:127.0.0.1:0", "udpout:h:65536", "udpin:h:x", "udpin:::1:5", "serial:", "serial:/dev/x:0",
+        "udpout:h:-1",
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=r"address .*(must be|written in brackets)"):
+            parse_address(text)
 
 
 def test_links_that_cannot_be_opened_are_errors(opened, monkeypatch):
