@@ -228,8 +228,9 @@ def test_coarse_imu_messages_are_those_of_ardupilot_and_undulation_changes_heigh
         assert message.zacc == round(means[5] / 9.80665 * 1e3) and message.xgyro == round(means[0] * 1e3)
         assert message.xmag == round(fine.xmag * 1e3) and message.temperature == round(fine.temperature * 100)
     names = ("GLOBAL_POSITION_INT", "GPS_RAW_INT", "HOME_POSITION", "HIL_STATE_QUATERNION")
-    before = [read(vehicle, name) for name in names]
+    before, shown = [read(vehicle, name) for name in names], read(vehicle, "VFR_HUD").alt
     vehicle.view.undulation = 47.5
+    assert shown - read(vehicle, "VFR_HUD").alt == pytest.approx(47.5, abs=1e-3)
     after = [read(vehicle, name) for name in names]
     for old, new in zip(before, after, strict=True):
         name = "altitude" if old.get_type() == "HOME_POSITION" else "alt"
