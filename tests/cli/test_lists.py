@@ -1,12 +1,9 @@
 """`insenv list`: a screen of names, and each kind with its titles."""
 
-import os
 import re
-import sys
 
 import pytest
 from command_line import call, refused, strict
-from places import ROOT
 
 from insenv.cli.lists import What, real_first
 from insenv.sensors import GNSS_GRADES, IMU_GRADES
@@ -21,6 +18,7 @@ def test_the_names_fit_a_screen():
     names = re.split(r"[\s,]+", out)
     assert {"ship-swaying", "q-method", "car", "gnss", "tactical", "rtk", "insenv/Tuning-v0"} <= set(names)
     assert {name for name in (*IMU_GRADES, *GNSS_GRADES) if not name.startswith("paper-")} <= set(names)
+    refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
 
 
 def test_grades_of_real_units_come_first():
@@ -57,27 +55,3 @@ def test_each_kind_with_its_titles(what):
         for row in rows:
             assert next(str(row[name]) for name in ("name", "id", "kind") if name in row) in out
             assert re.sub(r"\s+", "", row["title"])[:12] in flat
-
-
-def test_an_unknown_kind():
-    refused(call("list", "grade"), "'grade'", "allowed is one of", "'grades'")
-
-
-@pytest.mark.skipif(os.name == "nt", reason="terminals of POSIX")
-def test_tables_follow_the_width_of_the_terminal():
-    from terminal import at_terminal
-
-    def shown(columns, *arguments):
-        command = [sys.executable, "-m", "insenv", *arguments]
-        text, status = at_terminal(command, columns, environment={"PYTHONPATH": str(ROOT)})
-        assert status == 0, text
-        return [re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", line).rstrip() for line in text.splitlines()]
-
-    narrow, wide = (shown(columns, "list", "estimators") for columns in (70, 160))
-    assert max(map(len, narrow)) == 70 and 100 < max(map(len, wide)) <= 160 and len(wide) < len(narrow)
-    for columns in (50, 80, 160):
-        lines = shown(columns, "run", "car-city-drive", "--duration", "5", "-e", "wander-sins")
-        row = next(line for line in lines if line.startswith("heading [deg]"))
-        assert "…" not in row and len(row.split()) >= 6  # no digit is cut off
-        text = [line for line in lines if line.startswith(("final", "time", "note"))]
-        assert max(map(len, text)) <= columns

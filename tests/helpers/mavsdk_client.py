@@ -16,6 +16,11 @@ from mavsdk.plugins.mission_raw import MissionRaw
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import Telemetry
 
+STREAMS = (
+    "position", "attitude_quaternion", "attitude_euler", "velocity_ned", "odometry", "imu", "ground_truth", "raw_gps",
+    "gps_info", "health", "health_all_ok", "home", "landed_state",
+)  # fmt: skip
+
 
 def flat(value):
     """A MAVSDK value as JSON: objects become dicts of what they hold."""
@@ -23,29 +28,17 @@ def flat(value):
         return value.name
     if hasattr(value, "__dict__"):
         return {name: flat(item) for name, item in vars(value).items() if not name.startswith("_")}
-    if isinstance(value, (list, tuple)):
-        return [flat(item) for item in value]
-    return value
-
-
-STREAMS = (
-    "position", "attitude_quaternion", "attitude_euler", "velocity_ned", "position_velocity_ned", "odometry", "imu",
-    "ground_truth", "raw_gps", "gps_info", "health", "health_all_ok", "home", "landed_state", "altitude", "heading",
-    "unix_epoch_time",
-)  # fmt: skip
+    return [flat(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def main(url, seconds, parameter, value):
-    seen = {name: [] for name in STREAMS}
-    lock = threading.Lock()
+    seen, lock = {name: [] for name in STREAMS}, threading.Lock()
     sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-    print(sdk.add_any_connection(url), file=sys.stderr)
-    begun = time.monotonic()
+    sdk.add_any_connection(url)
     system = sdk.first_autopilot(timeout_s=30.0)
     if system is None:
         sys.exit("no vehicle found")
-    found_after = time.monotonic() - begun
-    telemetry = Telemetry(system)
+    telemetry, begun = Telemetry(system), time.monotonic()
 
     def keep(name):
         def callback(data, _):
@@ -56,38 +49,27 @@ def main(url, seconds, parameter, value):
 
     for name in STREAMS:
         getattr(telemetry, f"subscribe_{name}")(keep(name))
-    parameters = Param(system)
-    every = flat(parameters.get_all_params())
-    before = parameters.get_param_float(parameter)
+    parameters, missions = Param(system), MissionRaw(system)
+    every, before = flat(parameters.get_all_params()), parameters.get_param_float(parameter)
     parameters.set_param_float(parameter, value)
-    after = parameters.get_param_float(parameter)
-    version = flat(Info(system).get_version())
-    missions = MissionRaw(system)
-    downloads = [flat(get()) for get in (missions.download_mission, missions.download_geofence, missions.download_rallypoints)]
-    found_at = begun + found_after
+    kinds = [flat(system.vehicle_type()), flat(system.autopilot_type())]
+    found = {
+        "system": [system.get_system_id(), system.component_ids(), *kinds],
+        "parameters": every,
+        "set": [before, parameters.get_param_float(parameter)],
+        "version": flat(Info(system).get_version()),
+        "downloads": [
+            flat(get()) for get in (missions.download_mission, missions.download_geofence, missions.download_rallypoints)
+        ],
+    }
 
     def healthy():
         return True in seen["health_all_ok"][-1:] and all(all(health.values()) for health in seen["health"][-1:])
 
-    while (now := time.monotonic() - found_at) < seconds or (now < 30.0 and not healthy()):
+    while (now := time.monotonic() - begun) < seconds or (now < 30.0 and not healthy()):
         time.sleep(0.05)
     with lock:
-        document = {
-            "found_after": found_after,
-            "system": [
-                system.get_system_id(),
-                system.component_ids(),
-                flat(system.vehicle_type()),
-                flat(system.autopilot_type()),
-            ],
-            "seen": {name: list(rows) for name, rows in seen.items()},
-            "parameters": every,
-            "set": [before, after],
-            "version": version,
-            "downloads": downloads,
-        }
-    print(json.dumps(document))
-    sys.stdout.flush()
+        print(json.dumps(found | {"seen": seen}), flush=True)
     sdk.destroy()
 
 

@@ -1,17 +1,40 @@
 """Fixtures of the MAVLink tests."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
+import socket
 from contextlib import ExitStack
 
 import pytest
 
-from insenv.mavlink.wire import Link, open_link
+from insenv.mavlink.wire import open_link
+
+
+@pytest.fixture(autouse=True, scope="module")
+def interpreted():
+    """No model is compiled here: the runs are short."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("INSENV_BACKEND", "interpreter")
+        yield
 
 
 @pytest.fixture
-def opened() -> Iterator[Callable[..., Link]]:
+def opened():
     """Open links that are closed at the end."""
     with ExitStack() as stack:
         yield lambda *a, **k: stack.enter_context(open_link(*a, **k))
+
+
+@pytest.fixture
+def sockets():
+    """Plain sockets that are closed at the end: bound to loopback, or connected to a port of it."""
+    with ExitStack() as stack:
+
+        def make(kind=socket.SOCK_DGRAM, bound=False, to=None):
+            made = stack.enter_context(socket.socket(socket.AF_INET, kind))
+            made.settimeout(5)
+            if bound:
+                made.bind(("127.0.0.1", 0))
+            if to is not None:
+                made.connect(("127.0.0.1", to))
+            return made
+
+        yield make

@@ -1,0 +1,268 @@
+"""What programs of others make of the stream: MAVSDK discovers, reads and sees; MAVProxy links up; tshark reads a log."""
+
+import json
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from command_line import ROOT, call, strict
+from peers import lacking, package, program
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import common
+from streamed_vehicle import PROGRAM, SILENT, free_port, records
+
+from insenv import attitude, geodesy
+from insenv.mavlink import Vehicle
+from insenv.scenario import load
+
+
+def streaming(port, *options):
+    """`insenv stream` of the car in a process of its own."""
+    command = [
+        sys.executable,
+        "-c",
+        PROGRAM,
+        "stream",
+        "car-city-drive",
+        "--to",
+        f"udpout:127.0.0.1:{port}",
+        "--json",
+        *options,
+    ]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.slow
+def test_mavsdk_discovers_a_healthy_vehicle_and_sees_what_is_simulated():
+    """The same vehicle simulated here sample by sample agrees within the resolution of the messages."""
+    package("mavsdk")
+    port = free_port()
+    vehicle = streaming(port, "--speed", "4")  # the car stands for 30 s, and is not aligned before it drives
+    try:
+        script = str(ROOT / "tests" / "helpers" / "mavsdk_client.py")
+        client = [sys.executable, script, f"udpin://127.0.0.1:{port}", "5", "MAN_SPEED", "7.5"]
+        answer = subprocess.run(client, capture_output=True, text=True, timeout=90)
+    finally:
+        vehicle.send_signal(signal.SIGINT)
+        out, _ = vehicle.communicate(timeout=30)
+    assert answer.returncode == 0, answer.stderr
+    (document,) = [line for line in answer.stdout.splitlines() if line.startswith("{")]
+    found, summary = json.loads(document), strict(out)
+    seen = found["seen"]
+    assert found["system"] == [1, [1], "ROVER", "GENERIC"] and seen["landed_state"][-1] == "ON_GROUND"
+    assert seen["health_all_ok"][-1] is True and all(seen["health"][-1].values())
+    assert (found["version"]["flight_sw_major"], found["version"]["flight_sw_minor"]) == (0, 1)
+    assert found["set"] == [15.0, 7.5] and summary["received"]["PARAM_SET"] >= 1 and not summary["saturated"]
+    # MAVSDK refuses these downloads unless AUTOPILOT_VERSION announces them
+    assert found["downloads"] == [[], [], []] and summary["received"]["MISSION_REQUEST_LIST"] == 3
+    twin = Vehicle(load("car-city-drive"), rates=SILENT, speed=4.0)
+    listed = {row["name"]: row["value"] for row in found["parameters"]["float_params"]}
+    expected = {parameter.name: pytest.approx(parameter.value(), rel=1e-6, abs=1e-30) for parameter in twin.parameters.all}
+    assert listed | {"MAN_SPEED": 15.0} == expected and not found["parameters"]["int_params"]
+    agrees(seen, twin, [sampled(twin) for _ in range(round(summary["simulated_s"] * 200))])
+
+
+def sampled(twin):
+    """The simulation after its next sample."""
+    twin.step()
+    simulation = twin.simulation
+    truth, estimate = ({name: np.array(v) for name, v in rows.items()} for rows in (simulation.truth, simulation.estimate))
+    magnetic = twin.view.air.magnetic_b.copy()
+    return SimpleNamespace(t=truth, e=estimate, sums=simulation.increments.copy(), magnetic=magnetic, fix=simulation.fix)
+
+
+def agrees(seen, twin, rows):
+    def at(time_us):
+        return rows[round(time_us / 5000) - 1]
+
+    def numbers(row, names, unit=""):
+        return [row[name + unit] for name in names.split()]
+
+    def places(row):
+        return [row["latitude_deg"] / 0.51e-7, row["longitude_deg"] / 0.51e-7, row["absolute_altitude_m"] / 0.6e-3]
+
+    def known(latitude, longitude, height):
+        return np.array([np.degrees(latitude) / 0.51e-7, np.degrees(longitude) / 0.51e-7, height / 0.6e-3])
+
+    def place(rows):
+        return known(rows["latitude"], rows["longitude"], rows["height"])
+
+    assert min(len(seen[name]) for name in ("attitude_quaternion", "odometry", "attitude_euler", "ground_truth")) > 30
+    assert len(seen["imu"]) > 100 and seen["raw_gps"] and seen["gps_info"][-1]["fix_type"] == "FIX_3D"
+    for row in seen["attitude_quaternion"]:
+        q, expected = np.array(numbers(row, "w x y z")), at(row["timestamp_us"]).e["q_nb"]
+        np.testing.assert_allclose(q * np.sign(q @ expected), expected, rtol=0, atol=1e-7)
+    for row in seen["attitude_euler"]:
+        expected = np.degrees(np.array(attitude.numeric.to_euler(at(row["timestamp_us"]).e["q_nb"])))
+        np.testing.assert_allclose(numbers(row, "roll pitch yaw", "_deg"), expected, rtol=3e-7, atol=1e-6)
+    for row in seen["odometry"]:
+        e = at(row["time_usec"]).e
+        offset = geodesy.numeric.ned_offset(e["latitude"], e["longitude"], e["height"], *twin.view.home)
+        velocity_b = attitude.numeric.to_dcm(e["q_nb"]).T @ e["velocity_n"]
+        np.testing.assert_allclose(numbers(row["position_body"], "x y z", "_m"), offset, rtol=1e-7, atol=1e-6)
+        np.testing.assert_allclose(numbers(row["velocity_body"], "x y z", "_m_s"), velocity_b, rtol=1e-6, atol=1e-7)
+        assert row["pose_covariance"]["covariance_matrix"][0] == pytest.approx(e["position_sigma"][0] ** 2, rel=1e-6)
+    for row in seen["imu"]:
+        sample = round(row["timestamp_us"] / 5000)
+        mean = (rows[sample - 1].sums - (rows[sample - 5].sums if sample > 4 else 0.0)) / 0.02
+        field = rows[sample - 1].magnetic * 1e4
+        for name, unit, values in (
+            ("acceleration_frd", "_m_s2", mean[3:]), ("angular_velocity_frd", "_rad_s", mean[:3]),
+            ("magnetic_field_frd", "_gauss", field),
+        ):  # fmt: skip
+            np.testing.assert_allclose(numbers(row[name], "forward right down", unit), values, rtol=1e-6, atol=1e-6)
+    for row in seen["ground_truth"]:
+        assert np.max(np.abs(places(row) - place(at(row["timestamp_us"]).t))) <= 1.0
+    estimates = [row.e for row in rows[19::20]]  # those of 10 Hz
+    for row in seen["position"]:
+        assert min(np.max(np.abs(places(row) - place(e))) for e in estimates) <= 1.0
+    for row in seen["velocity_ned"]:
+        reported = numbers(row, "north east down", "_m_s")
+        assert min(np.max(np.abs(e["velocity_n"] - reported)) for e in estimates) <= 0.00501
+    fixes = {round(row.fix.time * 1e6): row.fix for row in rows if row.fix is not None}
+    for row in seen["raw_gps"]:
+        fix = fixes[row["timestamp_us"]]
+        assert np.max(np.abs(places(row) - known(fix.latitude, fix.longitude, fix.height))) <= 1.0
+    assert seen["home"][-1]["latitude_deg"] == pytest.approx(np.degrees(twin.view.home[0]), abs=0.51e-7)
+
+
+@pytest.mark.slow
+def test_mavproxy_links_up_reads_all_parameters_and_lists_waypoints(tmp_path):
+    if not os.environ.get("INSENV_MAVPROXY"):
+        lacking("INSENV_MAVPROXY names no python that has MAVProxy (make .venv/.stamp-mavproxy-1.8.75)")
+    python = os.path.abspath(os.environ["INSENV_MAVPROXY"])
+    port = free_port()
+    # on a busy machine MAVProxy, with a default buffer, loses some of 375 messages/s: reduce the messages for autopilots
+    vehicle = streaming(port, "--rate", "HIL_SENSOR=0", "--rate", "HIGHRES_IMU=10")
+    proxy = subprocess.Popen(
+        [python, str(Path(python).parent / "mavproxy.py"), f"--master=udpin:127.0.0.1:{port}", f"--state-basedir={tmp_path}"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    said, reader = [], None
+
+    def read():
+        said.extend(iter(lambda: proxy.stdout.read(1), ""))
+
+    def wait_for(pattern, seconds):
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            if found := re.search(pattern, "".join(said)):
+                return found
+            time.sleep(0.1)
+        pytest.fail(f"MAVProxy did not say {pattern!r}:\n{''.join(said)}")
+
+    def ask(line):
+        proxy.stdin.write(line + "\n")
+        proxy.stdin.flush()
+
+    try:
+        reader = threading.Thread(target=read, daemon=True)
+        reader.start()
+        wait_for(r"online system 1", 60)  # "link 1 OK" appears only after a loss
+        received = int(wait_for(r"Received (\d+) parameters", 30).group(1))
+        ask("param show E_INN_GATE")
+        wait_for(r"E_INN_GATE +5\.0", 10)
+        ask("wp list")
+        wait_for(r"Requesting 0 waypoints", 15)
+        ask("param set E_INN_GATE 4")
+        time.sleep(2)
+        ask("param fetch E_INN_GATE")
+        wait_for(r"E_INN_GATE = 4\.0", 15)
+        wait_for(r"GPS lock", 15)
+        ask("link")
+        lost = wait_for(r"link 1 OK \(\d+ packets, .* (\d+) lost", 10).group(1)
+    finally:
+        proxy.stdin.close()
+        proxy.send_signal(signal.SIGINT)
+        proxy.wait(timeout=30)
+        reader.join(timeout=10)
+        proxy.stdout.close()
+        vehicle.send_signal(signal.SIGINT)
+        out, err = vehicle.communicate(timeout=30)
+    assert lost == "0" and vehicle.returncode == 0, err
+    assert received == len(Vehicle(load("car-city-drive")).parameters)
+    code = "import sys; from pymavlink import mavutil; r = mavutil.mavlogfile(sys.argv[1])\n"
+    code += "while r.recv_match() is not None: pass\n"
+    code += "print(r.mav_loss, r.mav_count, 'ODOMETRY' in r.messages)"
+    shown = subprocess.run([python, "-c", code, str(tmp_path / "mav.tlog")], capture_output=True, text=True, timeout=60)
+    loss, count, has_odometry = shown.stdout.split()
+    assert (loss, has_odometry) == ("0", "True") and int(count) > 500, shown.stderr
+    assert '"PARAM_REQUEST_LIST"' in out and '"FILE_TRANSFER_PROTOCOL"' in out
+
+
+LINKTYPE_IPV4 = 228
+PORT = 14550  # of the dissector
+FIELDS = ("sequence", "crc", "msgid", "rawpayload", "rawheader", "ATTITUDE_QUATERNION_q1", "ATTITUDE_QUATERNION_time_boot_ms")
+
+
+def capture(frames):
+    """The frames as a capture of UDP datagrams over IPv4."""
+    parts = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, LINKTYPE_IPV4)]
+    for time_us, frame in frames:
+        udp = struct.pack(">HHHH", PORT + 1, PORT, 8 + len(frame), 0) + frame
+        place = bytes((127, 0, 0, 1))
+        packet = struct.pack(">BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 0, 0, 64, 17, 0, place, place) + udp
+        parts += [struct.pack("<IIII", *divmod(time_us, 10**6), len(packet), len(packet)), packet]
+    return b"".join(parts)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """A log of 6 s, and how many messages of each kind were sent or recorded: it begins with all parameters."""
+    log = tmp_path_factory.mktemp("flight") / "flight.tlog"
+    arguments = ("--to", "udpout:127.0.0.1:9", "--speed", 0, "--duration", 6, "--tlog", log, "--json")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("INSENV_BACKEND", "interpreter")
+        sent = Counter(strict(call("stream", "car-city-drive", *arguments)[1])["sent"])
+    return log, sent + Counter(PARAM_VALUE=len(Vehicle(load("car-city-drive")).parameters))
+
+
+def test_pymavlink_reads_a_whole_log(flight):
+    log, recorded = flight
+    reader, types = mavutil.mavlogfile(str(log)), Counter()
+    while (message := reader.recv_match()) is not None:
+        types[message.get_type()] += 1
+    assert types == recorded and (reader.mav_loss, reader.mav_count) == (0, recorded.total())
+    reader.close()
+
+
+@pytest.mark.slow
+def test_tshark_decodes_a_whole_log(flight, tmp_path):
+    """With the dissector that pymavlink generates."""
+    tshark, dissector = program("tshark", how="Debian: tshark"), tmp_path / "mavlink.lua"
+    log, recorded = flight
+    frames = list(records(log))
+    (tmp_path / "flight.pcap").write_bytes(capture(frames))
+    definitions = Path(common.__file__).with_suffix(".xml")
+    generate = ["-m", "pymavlink.tools.mavgen", "--no-validate", "--lang", "WLua", "--wire-protocol", "2.0", "-o", dissector]
+    subprocess.run([sys.executable, *generate, definitions], check=True, capture_output=True, timeout=120)
+    shown = subprocess.run(
+        [tshark, "-r", tmp_path / "flight.pcap", "-X", f"lua_script:{dissector}", "-Y", "mavlink_proto", "-T", "fields"]
+        + [word for name in FIELDS for word in ("-e", f"mavlink_proto.{name}")],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    rows = [dict(zip(FIELDS, line.split("\t"), strict=True)) for line in shown.stdout.splitlines()]
+    names = {number: kind.msgname for number, kind in common.mavlink_map.items()}
+    assert Counter(names[int(row["msgid"])] for row in rows) == recorded
+    assert [int(row["sequence"]) for row in rows] == [number % 256 for number in range(len(rows))]
+    assert [int(row["crc"], 16) for row in rows] == [int.from_bytes(frame[-2:], "little") for _, frame in frames]
+    assert not any(row["rawpayload"] or row["rawheader"] for row in rows)
+
+    reader = common.MAVLink(None)
+    decoded = [m for m in (reader.decode(bytearray(frame)) for _, frame in frames) if m.get_type() == "ATTITUDE_QUATERNION"]
+    attitude = [row for row in rows if row["ATTITUDE_QUATERNION_q1"]]
+    assert [int(row["ATTITUDE_QUATERNION_time_boot_ms"]) for row in attitude] == [m.time_boot_ms for m in decoded]
+    np.testing.assert_allclose([float(row["ATTITUDE_QUATERNION_q1"]) for row in attitude], [m.q1 for m in decoded], rtol=1e-5)

@@ -1,0 +1,82 @@
+"""The live simulation: agreement with `insenv run`, lost samples, a receiver that is off, new alignments."""
+
+import numpy as np
+import pytest
+from streamed_vehicle import ACCEPTED, command, quiet, steps
+
+from insenv import attitude, run
+from insenv.errors import InputError
+from insenv.mavlink import Simulation
+from insenv.scenario import load
+
+
+@pytest.mark.parametrize("scenario, estimator", [("car-city-drive", "loosely-coupled"), ("ship-swaying", "qakf")])
+def test_estimates_are_those_of_a_run(scenario, estimator):
+    result = run(load(scenario), [estimator], duration_s=5.0).results[0]
+    vehicle, found = quiet(scenario, estimator=estimator), []
+    for _ in range(1000):
+        vehicle.step()
+        found.append(vehicle.simulation.estimate["q_nb"].copy())
+    every = round(1000 / len(result.time))
+    np.testing.assert_array_equal(np.array(found)[every - 1 :: every], result.outputs["q_nb"])
+    assert vehicle.simulation.time == pytest.approx(result.time[-1])
+
+
+def test_a_lost_sample_is_bridged_by_the_one_before():
+    vehicle = quiet()
+    vehicle.parameters.all[vehicle.parameters.find("S_IMU_DROP_PROB")].set(0.2)
+    simulation, truth = vehicle.simulation, vehicle.simulation.truth
+    before = simulation.increments.copy()
+    for _ in range(400):
+        held = simulation.last_increment.copy()
+        vehicle.step()
+        shown = held if not truth["imu_valid"] else np.concatenate([truth["delta_angle"], truth["delta_velocity"]])
+        np.testing.assert_array_equal(simulation.last_increment, shown)
+        np.testing.assert_allclose(simulation.increments - before, shown, rtol=0, atol=1e-12)
+        before = simulation.increments.copy()
+    assert 40 < simulation.bridged < 130
+
+
+@pytest.mark.parametrize(
+    "scenario, estimator, message",
+    [
+        ("car-city-drive", "smoother", "loosely-coupled"),
+        ("ship-swaying", "loosely-coupled", "GNSS"),
+        ("car-city-drive", "q-method", "in place"),
+    ],
+)
+def test_estimators_that_cannot_run_live_are_refused(scenario, estimator, message):
+    with pytest.raises(InputError, match=message):
+        Simulation(load(scenario), estimator)
+
+
+def test_a_receiver_that_is_off_is_an_outage_to_the_estimator():
+    """The estimate is bit-identical to that of an outage window of the scenario."""
+    cut = quiet(hz=20)
+    steps(cut, 5.5)
+    cut.set_gnss(False)
+    steps(cut, 4.0)
+    with_outage = load("car-city-drive")
+    gnss = with_outage.gnss.model_copy(update={"outages_s": ((5.5, 9.5),)})
+    other = quiet(with_outage.model_copy(update={"gnss": gnss}), hz=20)
+    steps(other, 9.5)
+    np.testing.assert_array_equal(cut.simulation.estimate["q_nb"], other.simulation.estimate["q_nb"])
+    assert float(cut.simulation.estimate["height"]) == float(other.simulation.estimate["height"])
+
+
+def test_a_new_alignment_starts_with_the_errors_of_the_first():
+    vehicle = quiet(hz=20)
+    simulation, truth, estimate = vehicle.simulation, vehicle.simulation.truth, vehicle.simulation.estimate
+
+    def error():
+        return np.linalg.norm(attitude.numeric.error_rotation_vector(estimate["q_nb"], truth["q_nb"]))
+
+    first = error()
+    steps(vehicle, 60.0)
+    assert np.hypot(*truth["velocity_n"][:2]) > 5
+    assert command(vehicle, 31010)[0] == ACCEPTED and simulation.alignments == 2
+    assert error() == pytest.approx(first, rel=0.2) and error() > 1e-3
+    assert np.linalg.norm(estimate["velocity_n"] - truth["velocity_n"]) < 1.0
+    assert vehicle.make("ATTITUDE").yaw == pytest.approx(float(attitude.numeric.to_euler(estimate["q_nb"])[2]), abs=1e-9)
+    steps(vehicle, 30.0)
+    assert vehicle.view.state == "navigating"
