@@ -112,12 +112,7 @@ def test_against_the_formula_of_the_paper_in_the_navigation_frame():
 
 @pytest.mark.parametrize(
     ("row", "sigma"),
-    [
-        ("gyro_bias_sigma", 2e-6),
-        ("accel_bias_sigma", 1e-3),
-        ("antenna_lever_arm_sigma", 0.05),
-        ("gnss_delay_sigma", 0.01),
-    ],
+    [("gyro_bias_sigma", 2e-6), ("accel_bias_sigma", 1e-3), ("antenna_lever_arm_sigma", 0.05), ("gnss_delay_sigma", 0.01)],
 )
 def test_what_a_constant_error_does_is_what_is_stated(row, sigma):
     """Each component of the error in turn, in the data: the root of the sum of the squares is the stated sigma."""

@@ -251,8 +251,7 @@ def test_all_runners_give_the_same_bits(filter, way, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "aids"),
-    [("car-odometer", ["odometer", "zero_velocity"]), ("multirotor-hover", ["gnss", "magnetometer"])],
+    ("name", "aids"), [("car-odometer", ["odometer", "zero_velocity"]), ("multirotor-hover", ["gnss", "magnetometer"])]
 )
 def test_without_the_velocity_of_gnss_or_with_a_measured_heading_there_is_no_alignment(name, aids):
     plant = build(_known(name, heading_sigma_deg=180.0), seed=1, duration_s=5.0)
