@@ -115,7 +115,6 @@ COARSE = {"coarse_time": 90.0, "tilt_sigma": 0.002, "heading_sigma": 0.03, "velo
     [
         ("analytic", 60.0, 1e-9, {}),
         ("ecef-kf", 120.0, 2e-5, COARSE),
-        ("inertial-fir", 180.0, 1.3e-7, {"block_samples": 2}),  # of the attenuation of what turns with the Earth
         ("q-method", 120.0, 1e-6, {}),
         ("qakf", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
         ("qakf-improved", 120.0, 1e-4, {"start_quaternion": [0.9, -0.3, 0.2, 0.1]}),
