@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from insenv import attitude, geodesy
+from insenv.bench.truth import drift_ned
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts import vertical_channel
@@ -34,6 +35,14 @@ def test_the_plain_form_is_of_first_order_and_the_exact_one_far_better():
     coarse, fine = drift("wander-sins-plain", 200.0)[:2], drift("wander-sins-plain", 400.0)[:2]
     assert (coarse / fine == pytest.approx(2.0, rel=0.2)) and coarse.max() > 0.1
     assert drift("wander-sins", 200.0).max() < 1e-3
+
+
+@pytest.mark.parametrize("vehicle", ["ship", "car", "aircraft"])
+def test_drift_with_a_perfect_unit_is_of_second_order(vehicle):
+    """Below a millimetre; it falls at least with the square of the interval: 4 for second order, 8 for third."""
+    assert drift_ned(vehicle, 200.0).max() < (0.1 if vehicle == "ship" else 1.0)  # mm
+    coarse, fine = (drift_ned(vehicle, rate, disturbed=False).max() for rate in (50.0, 100.0))
+    assert coarse / fine > 3.5
 
 
 def test_only_the_papers_gravity_moves_it_at_rest():
