@@ -230,9 +230,8 @@ def test_command(tmp_path, monkeypatch):
     answer = strict(out)
     assert answer["file"] == "m.json" and answer["runs"][0]["seeds"] == [20, 21, 22, 23, 24]
     assert answer["parameters"]["support"] == 20 == len(json.loads((tmp_path / "m.json").read_text())["machine"]["support"])
-    scenario = (
-        (scenario_folder() / "large-misalignment.toml").read_text("utf-8") + '\n[estimator.lssvm]\nfile = "m.json"\n'
-    ).replace("600.0", "60.0")
+    text = (scenario_folder() / "large-misalignment.toml").read_text("utf-8").replace("600.0", "60.0")
+    scenario = text + '\n[estimator.lssvm]\nfile = "m.json"\n'
     (tmp_path / "own.toml").write_text(scenario)
     code, out, err = call("run", "own.toml", "-e", "lssvm", "--json")
     assert code == 0, err
