@@ -27,7 +27,6 @@ def functions():
     p, x = ca.SX.sym("p", MODEL.parameters.size), ca.SX.sym("x", MODEL.state.size)
     age = ca.SX.sym("age")
     named = MODEL.parameters.symbols(p), MODEL.state.symbols(x)
-    part = aqe.linearised(named[1].stretch_q_wb, None, named[1].stretch_velocity, named[1].stretch_distance)
     found = aqe.unscented(q, P, v, d)
     antenna = gnss_fix.antenna(*named, age)
     H = aqe.fix_sensitivity(named[0], named[1], age, antenna)
@@ -38,7 +37,6 @@ def functions():
         "right": ca.Function("right", [q], [quaternion_error.right(q)]),
         "basis": ca.Function("basis", [v], [aqe.basis(v)]),
         "sensitivity": ca.Function("sensitivity", [q, v], [quaternion_error.sensitivity(q, v)]),
-        "Phi": ca.Function("Phi", [x], [quaternion_error.transition(named[1], part)]),
         "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H]),
         "unscented": ca.Function("unscented", [q, P, v, d], [found.G, found.mean, found.extra, found.C]),
     }
@@ -130,39 +128,6 @@ def moved(state, u):
     runner.x[:] = state
     runner.run(len(u), u, 0)
     return runner.x.copy()
-
-
-def error_state(estimate, truth):
-    """Error state (16) of a state vector relative to another."""
-    e, t = MODEL.state.unpack(estimate), MODEL.state.unpack(truth)
-    places = [(*geodesy.numeric.geodetic_from_q_ew(s["q_ew"])[:2], s["height"]) for s in (e, t)]
-    ned = geodesy.numeric.ned_offset(*places[0], *places[1])
-    wander = geodesy.numeric.geodetic_from_q_ew(t["q_ew"])[2]
-    dr = Rotation.from_euler("z", wander).inv().apply(ned)
-    bias = t["gyro_bias"] - e["gyro_bias"], t["accel_bias"] - e["accel_bias"]
-    return np.concatenate([e["q_wb"] - t["q_wb"], *bias, e["velocity_w"] - t["velocity_w"], dr])
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_transition_against_differences_of_the_mechanization(seed):
-    rng = np.random.default_rng(seed)
-    x = random_state(rng)
-    tangent = np.linalg.svd(MODEL.state.unpack(x)["q_wb"][None])[2][1:].T  # 4x3
-    u = constant(100, rng.normal(size=3) * 3e-3, rng.normal(size=3) * 0.1)
-    end = moved(x, u)
-    Phi = call("Phi", end)
-    directions = np.zeros((N, N - 1))
-    directions[DQ, :3] = tangent
-    directions[4:, 3:] = np.eye(12)
-    scale = np.r_[SCALE[:3], SCALE[4:]]
-    for j in range(N - 1):
-        step = directions[:, j] * scale[j]
-        up, down = moved(with_error(x, step), u), moved(with_error(x, -step), u)
-        difference = (error_state(up, end) - error_state(down, end)) / 2
-        # neglected over a second: products of the Earth's rate and the motion, some 1e-3 of the largest
-        size = np.concatenate([np.full(n, np.abs(difference[part]).max()) for part, n in
-                               ((DQ, 4), (GYRO, 3), (ACCEL, 3), (VELOCITY, 3), (POSITION, 3))])  # fmt: skip
-        assert (np.abs(Phi @ step - difference) < 0.03 * size + 2e-4 * SCALE).all(), j
 
 
 def test_errors_of_any_size_follow_the_closed_form():

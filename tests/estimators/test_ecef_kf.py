@@ -73,15 +73,6 @@ def test_recursion_is_the_papers_and_agrees_with_scipy(seed):
     assert errors[0] / errors[1] > 11
 
 
-def test_recursion_is_of_third_order():
-    q, w = np.array([1.0, 0, 0, 0]), np.array([0.3, -0.2, 0.5])
-    errors = []
-    for h in (0.1, 0.05):
-        found = turned(q, w * h, w * h)
-        errors.append(np.abs(found - Rotation.from_rotvec(2 * w * h).as_quat(scalar_first=True)).max())
-    assert errors[0] / errors[1] > 13  # local error of fourth order: 16
-
-
 def test_velocity_change_over_two_samples():
     """Against fine integration with rate and force linear in time."""
     rng, h, n = np.random.default_rng(1), 0.02, 4000

@@ -1,6 +1,5 @@
 """loosely-coupled: Jacobians against differences, fixes at their own time, consistency, its gate."""
 
-import casadi as ca
 import numpy as np
 import pytest
 from navigation import FUNCTIONS, MODEL, error_state, random_state, true_state, with_error, with_kept_motion
@@ -32,52 +31,6 @@ def test_a_vehicle_at_rest_stays_there(id, latitude_deg):
     moved = geodesy.numeric.ned_offset(y["latitude"], y["longitude"], y["height"], latitude, 3.1, 50.0)
     assert np.abs(moved).max() < 1e-5
     assert np.abs(y["velocity_n"]).max() < 1e-7
-
-
-def transition_over(u, x, count, covariance_interval):
-    """Mean of the filter's Phi over `count` samples, by columns: its action on rank-one covariances."""
-    quiet = dict.fromkeys(("angle_random_walk", "velocity_random_walk", "gyro_bias_sigma", "accel_bias_sigma"), 0.0)
-    p = MODEL.parameters.pack({"covariance_interval": covariance_interval, **quiet})
-    columns = []
-    for j in range(15):
-        vector = np.zeros(15)
-        vector[j] = SCALE[j]
-        start = x.copy()
-        start[MODEL.state.slice("covariance")] = np.array(ca.DM(symmetric.triangle(ca.DM(np.outer(vector, vector))))).ravel()
-        runner = make_runner(MODEL, p)
-        runner.x[:] = start
-        runner.run(count, u, 0)
-        P = symmetric.full_array(runner.x[MODEL.state.slice("covariance")], 15)
-        columns.append(P[:, j] / np.sqrt(P[j, j]))
-    return np.array(columns).T
-
-
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("covariance_interval", [0.0, 0.05])
-def test_transition_against_differences_of_the_mechanization(seed, covariance_interval):
-    rng = np.random.default_rng(seed)
-    x, count, dt = random_state(rng), 20, 0.01
-    u = np.tile(MODEL.inputs.start_vector(), (count, 1))
-    u[:, MODEL.inputs.slice("delta_angle")] = rng.normal(size=3) * 2e-3
-    u[:, MODEL.inputs.slice("delta_velocity")] = rng.normal(size=3) * 0.1
-    u[:, MODEL.inputs.slice("dt")] = dt
-    p = MODEL.parameters.pack({"gyro_correlation_time": 1e9, "accel_correlation_time": 1e9})
-
-    def moved(state):
-        runner = make_runner(MODEL, p)
-        runner.x[:] = state
-        runner.run(count, u, 0)
-        return runner.x.copy()
-
-    difference = np.zeros((15, 15))
-    for j in range(15):
-        step = np.zeros(15)
-        step[j] = SCALE[j]
-        up, down = moved(with_error(x, step)), moved(with_error(x, -step))
-        difference[:, j] = (error_state(up, moved(x)) - error_state(down, moved(x))) / 2
-    found = transition_over(u, x, count, covariance_interval)
-    # in units of SCALE: the filter's Phi is good to first order in its interval (0.05 s, rates up to 0.2 rad/s)
-    assert np.abs((found - difference) / SCALE[:, None]).max() < 0.02 * max(1.0, np.abs(difference / SCALE[:, None]).max())
 
 
 @pytest.mark.parametrize("seed", range(2))

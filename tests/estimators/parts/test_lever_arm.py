@@ -6,10 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
-from insenv.core.runner import make_runner
 from insenv.estimators.parts import lever_arm
 from insenv.runs.ensemble import ensemble
-from insenv.scenario import build, load
+from insenv.scenario import load
 
 
 def _functions():
@@ -83,26 +82,6 @@ def mast(**gnss):
     kept = {name: base[name] for name in ("title", "start", "vehicle")}
     return {**kept, "duration_s": 240.0, "rate_hz": 100.0, "knowledge": {"heading_sigma_deg": 1.0},
             "imu": {"grade": "navigation"}, "gnss": {"grade": "rtk", "lever_arm_m": [0, 0, -15.0], **gnss}}  # fmt: skip
-
-
-def outputs(scenario):
-    """The plant's outputs over 3 s by row name."""
-    plant = build(load(scenario), duration_s=3.0)
-    return plant.model.outputs.unpack(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples))
-
-
-def test_velocity_of_an_epoch_between_samples():
-    """The simulated velocity 3 ms before a sample, against a plant with samples at that time: 2.6 mm/s without w' x l."""
-    quiet = {"position_noise_m": 0.0, "velocity_noise_mps": 0.0}
-    early = outputs({**mast(**quiet, epoch_offset_s=0.003), "rate_hz": 200.0})
-    exact = outputs({**mast(**quiet, interval_s=0.001), "rate_hz": 1000.0})
-    at = np.flatnonzero(early["gnss_valid"])
-    there = np.round((early["time"][at] - 0.003) * 1000).astype(int) - 1
-    assert len(at) == 3 and np.allclose(exact["time"][there], early["time"][at] - 0.003)
-    assert np.abs(early["gnss_velocity_n"][at] - exact["gnss_velocity_n"][there]).max() < 1e-5
-    places = [[run[name][k] for name in ("gnss_latitude", "gnss_longitude", "gnss_height")]
-              for run, k in ((early, at), (exact, there))]  # fmt: skip
-    assert np.abs(geodesy.numeric.ned_offset(*places[0], *places[1])).max() < 1e-6
 
 
 @pytest.mark.slow
