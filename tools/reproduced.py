@@ -1,4 +1,4 @@
-"""Write the rows of `insenv reproduce` to `tests/reproduce/rows.json`, which `tests/reproduce/test_rows.py` compares.
+"""Write the rows of `insenv reproduce` to `tests/reproduce/rows.json`, which `tests/reproduce/test_reproduce.py` compares.
 
     python tools/reproduced.py              all papers, minutes
     python tools/reproduced.py ecef         one paper; the rows of the others are kept

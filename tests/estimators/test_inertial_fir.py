@@ -1,93 +1,23 @@
-"""inertial-fir and gyrocompass: specification and delay of the cascade, any attitude and rate, limits."""
+"""inertial-fir: its delay, weights and stated noise, levelling, any attitude, rate and place."""
 
-import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.signal import freqz, remez
+from cascade import impulse_response
+from resting import ATTITUDES, at_rest, attitude_error, drawn, samples
+from scipy.linalg import solve_continuous_are
+from scipy.signal import freqz
 
 from insenv import attitude, geodesy
-from insenv.core.numeric import vectorized
 from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
-from insenv.estimators.parts import fir, frozen_frame
-from insenv.estimators.parts.fir import CASCADE
+from insenv.estimators.parts import fir
+from insenv.estimators.parts.fir import BLOCK_S, CASCADE
 from insenv.evaluation.limits import closed_forms as limits
+from insenv.geodesy import OMEGA_IE
 from insenv.plant.feeding import input_rows
-from insenv.runs.ensemble import ensemble
-from insenv.scenario import load
 
-q_n0n = vectorized(frozen_frame.q_n0n, (2,), (3,))
-
-
-def lowpass(rate, pass_edge, stop_edge, pass_ripple, stop_db):
-    """The shortest symmetric low-pass of odd length within the specification, with gain 1 at frequency 0.
-
-    rate, pass_edge, stop_edge in Hz; pass_ripple: largest deviation of the gain from 1; stop_db: attenuation, dB.
-    """
-    stop_ripple = 10 ** (-stop_db / 20)
-    for taps in range(5, 400, 2):
-        bands, weight = [0, pass_edge, stop_edge, rate / 2], [1 / pass_ripple, 1 / stop_ripple]
-        h = remez(taps, bands, [1, 0], weight=weight, fs=rate, maxiter=200)
-        h = (h + h[::-1]) / (2 * h.sum())
-        passed = np.abs(freqz(h, worN=np.linspace(0, pass_edge, 200), fs=rate)[1])
-        stopped = np.abs(freqz(h, worN=np.linspace(stop_edge, rate / 2, 4000), fs=rate)[1])
-        if np.abs(passed - 1).max() <= pass_ripple and stopped.max() <= stop_ripple:
-            return h
-    raise ValueError("no filter of fewer than 400 taps keeps the specification")
-
-
-def design(decimation=(5, 4)):
-    """The cascade of the specification: a sub-filter stops what its decimation would fold onto the pass-band."""
-    rates = 1 / fir.BLOCK_S / np.concatenate([[1], np.cumprod(decimation)])
-    # a sub-filter stops all that its decimation would fold below STOP_HZ; the last one stops the rest
-    edges = [*(later - fir.STOP_HZ for later in rates[1:]), fir.STOP_HZ]
-    filters = [lowpass(rate, fir.PASS_HZ, edge, fir.PASS_RIPPLE, fir.STOP_DB) for rate, edge in zip(rates, edges, strict=True)]
-    return fir.Cascade(tuple(tuple(h.round(12).tolist()) for h in filters), decimation)
-
-
-def impulse_response(cascade):
-    """The equivalent single filter at the rate of the blocks, (span,)."""
-    total = np.ones(1)
-    for h, stride in zip(cascade.filters, cascade.strides, strict=True):
-        spread = np.zeros((len(h) - 1) * stride + 1)
-        spread[::stride] = h
-        total = np.convolve(total, spread)
-    return total
-
-
-def test_the_stored_coefficients_are_those_of_the_design():
-    designed = design()
-    assert designed.decimation == CASCADE.decimation
-    assert [len(h) for h in designed.filters] == [len(h) for h in CASCADE.filters] == [21, 19, 31]
-    for found, frozen in zip(designed.filters, CASCADE.filters, strict=True):
-        assert np.abs(np.array(found) - frozen).max() < 1e-10
-
-
-def test_two_decimations_three_symmetric_subfilters_within_specification():
-    rate, last = 1 / fir.BLOCK_S, len(CASCADE.filters) - 1
-    for i, h in enumerate(CASCADE.filters):
-        assert h == h[::-1] and len(h) % 2 == 1
-        assert sum(h) == pytest.approx(1, abs=1e-10)
-        own = rate / CASCADE.strides[i]
-        edge = fir.STOP_HZ if i == last else own / CASCADE.decimation[i] - fir.STOP_HZ
-        passed = np.abs(freqz(h, worN=np.linspace(0, fir.PASS_HZ, 300), fs=own)[1])
-        stopped = np.abs(freqz(h, worN=np.linspace(edge, own / 2, 9000), fs=own)[1])
-        assert np.abs(passed - 1).max() <= fir.PASS_RIPPLE
-        assert 20 * np.log10(stopped.max()) <= -fir.STOP_DB + 0.01
-
-
-def test_the_cascade_attenuates_sway_and_delays_by_half_its_span():
-    h = impulse_response(CASCADE)
-    assert len(h) == CASCADE.span == 711
-    f = np.linspace(fir.STOP_HZ, 5, 40_000)
-    assert 20 * np.log10(np.abs(freqz(h, worN=f, fs=10)[1]).max()) <= -fir.STOP_DB + 0.01
-    # group delay: the phase is linear to rounding
-    f = np.linspace(1e-4, 0.02, 50)
-    response = freqz(h, worN=f, fs=10)[1] * np.exp(2j * np.pi * f / 10 * CASCADE.delay)
-    assert np.abs(response.imag).max() < 1e-12
-    assert abs(inertial_fir.SPAN * fir.BLOCK_S - 180.0) < 1e-9
+G, LATITUDE, LEVEL = 9.8, 0.6, np.array([1.0, 0.0, 0.0, 0.0])
+QUIET = dict.fromkeys(("accel_bias_sigma", "gyro_bias_sigma", "angle_random_walk", "velocity_random_walk"), 0.0)
 
 
 def test_a_ramp_is_delayed_by_exactly_the_stated_delay():
@@ -109,15 +39,6 @@ def test_a_ramp_is_delayed_by_exactly_the_stated_delay():
     assert abs((0.5 + CASCADE.delay) * 0.1 + 54.0 - inertial_fir.DELAY * 0.1) < 1e-9
 
 
-@pytest.mark.parametrize("latitude", [0.5, -1.2])
-def test_equation_7_is_the_turn_of_the_navigation_frame_during_the_delay(latitude):
-    half = geodesy.OMEGA_IE * 89.55 / 2
-    ours = q_n0n(np.array([np.cos(half), np.sin(half)]), np.array([np.cos(latitude), 0, -np.sin(latitude)]))
-    paper = np.array([np.cos(half), np.cos(latitude) * np.sin(half), np.sin(latitude) * np.sin(half), 0])  # north, up, east
-    # n now to n at t_M here; the vector part in north, east, down
-    assert np.allclose(ours, [paper[0], paper[1], paper[3], -paper[2]], atol=1e-15)
-
-
 def test_the_stated_noise_is_that_of_the_weights():
     """The weights by the recursion of the mean, also after the memory is full."""
     memory = 100.0
@@ -130,25 +51,6 @@ def test_the_stated_noise_is_that_of_the_weights():
     printed[54], printed[0] = 1 / 54, -1 / 54
     for elapsed in (0.0, 60.0):
         assert [float(v) for v in inertial_fir.noise_times(elapsed, 0.0)] == pytest.approx(times_of(printed, (1.0,)), rel=1e-3)
-
-
-@pytest.mark.parametrize("memory", [20.0, 600.0])
-def test_the_heading_weighs_the_forces_as_its_stated_noise_says(memory):
-    """The answer to small northward forces, another one in each block, over 240 s: their sum with the weights of the mean."""
-    latitude, blocks = 0.5, 2400
-    fixes = (blocks - inertial_fir.SPAN) // inertial_fir.STRIDE + 1
-    slopes = slopes_of(edges_after(fixes, memory), inertial_fir.END)
-    used = inertial_fir.SPAN + (fixes - 1) * inertial_fir.STRIDE
-    force = np.zeros((blocks, 3))
-    force[:, 0] = 1e-6 * np.random.default_rng(3).standard_normal(blocks)
-    identity = np.array([1.0, 0, 0, 0])
-    quiet, shaken = (
-        at_rest("inertial-fir", identity, latitude, accel_bias=a, duration=240.0, dt=0.1, heading_memory=memory)[2]
-        for a in (0.0 * force, force)
-    )
-    gravity = float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))
-    expected = slopes @ force[used - len(slopes) : used, 0] / (gravity * geodesy.OMEGA_IE * np.cos(latitude))
-    assert shaken - quiet == pytest.approx(expected, rel=1e-3)
 
 
 def edges_after(fixes, memory):
@@ -183,13 +85,30 @@ def slopes_of(edges, end):
         vectors[place + inward] += edges[place] * np.array(end)
     blocks = np.zeros((len(vectors) - 1) * 20 + 1)
     blocks[::20] = vectors / 2.0  # 1/s
-    return np.convolve(impulse_response(CASCADE), blocks)
+    return np.convolve(impulse_response(), blocks)
+
+
+@pytest.mark.parametrize("memory", [20.0, 600.0])
+def test_the_heading_weighs_the_forces_as_its_stated_noise_says(memory):
+    """The answer to small northward forces, another one in each block, over 240 s: their sum with the weights of the mean."""
+    latitude, blocks = 0.5, 2400
+    fixes = (blocks - inertial_fir.SPAN) // inertial_fir.STRIDE + 1
+    slopes = slopes_of(edges_after(fixes, memory), inertial_fir.END)
+    used = inertial_fir.SPAN + (fixes - 1) * inertial_fir.STRIDE
+    force = np.zeros((blocks, 3))
+    force[:, 0] = 1e-6 * np.random.default_rng(3).standard_normal(blocks)
+    given = {"block_samples": 1, "heading_memory": memory}
+    runners = [at_rest("inertial-fir", LEVEL, latitude, 240.0, 0.1, given, accel_bias=a) for a in (0.0 * force, force)]
+    quiet, shaken = (attitude_error(runner, LEVEL)[2] for runner in runners)
+    gravity = float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))
+    expected = slopes @ force[used - len(slopes) : used, 0] / (gravity * geodesy.OMEGA_IE * np.cos(latitude))
+    assert shaken - quiet == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_weights_of_an_end_are_those_of_the_design():
     """Least noise of heading after 240 s by least squares, from the covariance of the filtered vectors."""
     gyro, force, blocks = np.radians(0.002) / 60, 20e-6, np.arange(2400)
-    h = impulse_response(CASCADE)
+    h = impulse_response()
     last = np.arange(719, 2400, 20)
     H = np.zeros((len(last), len(blocks)))
     for row, end in zip(H, last, strict=True):
@@ -210,115 +129,33 @@ def test_the_weights_of_an_end_are_those_of_the_design():
     assert gain.max() < 2 / 108.0
 
 
-def at_rest(id, q_nb, latitude, *, gyro_bias=(0, 0, 0), accel_bias=(0, 0, 0), duration=184.0, dt=0.05, **parameters):
-    """Attitude error (rotation vector in n, rad) after `duration` at rest."""
-    C_nb = attitude.numeric.to_dcm(q_nb)
-    rate = C_nb.T @ geodesy.numeric.earth_rate_n(latitude) + gyro_bias
-    force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))] + accel_bias
-    model, n = get(id).model, round(duration / dt)
-    columns = {
-        "delta_angle": np.tile(rate * dt, (n, 1)),
-        "delta_velocity": np.broadcast_to(force * dt, (n, 3)),
-        "dt": np.full(n, dt),
-    }
-    runner = make_runner(model, {"latitude": latitude, "block_samples": max(1, round(0.1 / dt)), **parameters})
-    runner.run(n, input_rows(model, columns, n), 0)
-    return attitude.numeric.error_rotation_vector(runner.outputs()["q_nb"], q_nb)
-
-
-quaternions = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
-
-
-@settings(max_examples=20, deadline=None)
-@given(quaternions, st.floats(-89, 89))
-def test_any_attitude_in_both_hemispheres(q, latitude_deg):
-    q = np.array(q) / np.linalg.norm(q)
-    latitude = np.radians(latitude_deg)
-    error = at_rest("inertial-fir", q, latitude, duration=180.0)
-    # the cascade attenuates what rotates with the Earth a little: gravity appears that much closer to the axis
-    gain = np.abs(freqz(impulse_response(CASCADE), worN=[geodesy.OMEGA_IE], fs=2 * np.pi / 0.1)[1][0])
+@pytest.mark.parametrize("latitude", [-1.5, -0.6, 0.02, 1.2])
+def test_any_attitude_is_found_but_for_the_attenuation_of_what_turns_with_the_earth(latitude):
+    """Gravity appears that much closer to the axis."""
+    gain = np.abs(freqz(impulse_response(), worN=[OMEGA_IE], fs=2 * np.pi / 0.1)[1][0])
     tilt = np.sin(2 * latitude) / 2 * (1 - gain)
-    assert abs(tilt) < 1.2e-7
-    assert np.allclose(error[:2], [0, tilt], atol=1e-9)
-    assert abs(error[2]) < 2e-9 / np.cos(latitude)
+    for q_nb in [*ATTITUDES, drawn(1)]:
+        error = attitude_error(at_rest("inertial-fir", q_nb, latitude, 180.0, parameters={"block_samples": 2}), q_nb)
+        assert np.allclose(error[:2], [0, tilt], atol=1e-9)
+        assert abs(error[2]) < 2e-9 / np.cos(latitude)
 
 
-@pytest.mark.parametrize("rate", [50.0, 100.0, 125.0, 200.0, 400.0])
+@pytest.mark.parametrize("rate", [50.0, 100.0, 125.0, 400.0])
 def test_one_model_serves_all_rates(rate):
     """Also where 0.1 s is not a whole number of samples: the delay uses the actual length of a block."""
-    known = {"block_samples": max(1, round(0.1 * rate))}
-    error = at_rest("inertial-fir", attitude.numeric.from_euler(0.1, -0.2, 2.0), 0.5, dt=1 / rate, **known)
-    assert np.abs(error).max() < 2e-7
+    q_nb, known = attitude.numeric.from_euler(0.1, -0.2, 2.0), {"block_samples": max(1, round(0.1 * rate))}
+    assert np.abs(attitude_error(at_rest("inertial-fir", q_nb, 0.5, 184.0, 1 / rate, known), q_nb)).max() < 2e-7
 
 
-@pytest.mark.parametrize("latitude_deg", [-50.0, 28.2, 70.0])
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize(("id", "duration"), [("inertial-fir", 240.0), ("gyrocompass", 1200.0)])
-def test_errors_from_biases_are_those_of_theory(id, duration, latitude_deg, axis):
-    """(15) of the paper and the part of the accelerometers, by `limits.bias_tilts`; body aligned with n."""
-    latitude, identity = np.radians(latitude_deg), np.array([1.0, 0, 0, 0])
-    gyro, accel = np.zeros(3), np.zeros(3)
-    gyro[axis], accel[axis] = np.radians(0.008) / 3600, 5e-5 * 9.8
-    level = 3.9e-8 * 250  # rad: what a gyro drifts where nothing holds it
-    by_gyro = at_rest(id, identity, latitude, gyro_bias=gyro, duration=duration)
-    expected = limits.bias_tilts(gyro, np.zeros(3), latitude, 0.0)
-    assert np.allclose(by_gyro, expected, rtol=0.02, atol=level * max(1, abs(np.tan(latitude))))
-    by_accel = at_rest(id, identity, latitude, accel_bias=accel, duration=duration)
-    expected = limits.bias_tilts(np.zeros(3), accel, latitude, 0.0)
-    assert np.allclose(by_accel, expected, rtol=0.01, atol=1.5e-6)
-
-
-@pytest.mark.parametrize("heading_error_deg", [0.0, 5.0, -60.0, -150.0])
-def test_gyrocompass_converges_from_any_heading(heading_error_deg):
-    q = attitude.numeric.from_euler(0.05, -0.1, 1.0)
-    start = 1.0 + np.radians(heading_error_deg)
-    error = at_rest("gyrocompass", q, -0.5, duration=1500.0, start_heading=start)
-    assert np.abs(error).max() < 2e-6
-
-
-def test_derivatives_of_the_feedback():
-    """Velocity error of a block from a rotation phi in n, (-g phi_E, g phi_N) T, at random attitudes."""
-    model = get("inertial-fir").model
-    p, x = (ca.SX.sym(n, t.size) for n, t in zip("px", (model.parameters, model.state), strict=True))
-    turn, named = ca.SX.sym("turn", 3), model.state.symbols(x)
-    named.q_n0i = frozen_frame.corrected(named, turn)
-    block = ca.Function("block", [p, x, turn], [frozen_frame.block_velocity_n(named)])
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        q_n0i, q_ib = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 4)))
-        half, latitude, g = rng.uniform(0, 0.1), rng.uniform(-1.4, 1.4), 9.8
-        values = {
-            "q_n0i": q_n0i, "q_ib": q_ib, "half_turn": [np.cos(half), np.sin(half)], "gravity": g, "block_time": 0.1,
-            "axis_n": [np.cos(latitude), 0, -np.sin(latitude)],
-        }  # fmt: skip
-        q_n0n_now = q_n0n(np.array(values["half_turn"]), np.array(values["axis_n"]))
-        q_ni = attitude.numeric.multiply(q_n0n_now * [1, -1, -1, -1], q_n0i)
-        values["force_sum"] = attitude.numeric.to_dcm(q_ni).T @ [0, 0, -g * 0.1]
-        state, step = model.state.pack(values), 1e-5
-        slopes = [
-            (block(0, state, step * axis).full() - block(0, state, -step * axis).full()).ravel() / (2 * step)
-            for axis in np.eye(3)
-        ]
-        expected = np.array([[0, -g, 0], [g, 0, 0], [0, 0, 0]]) * 0.1
-        assert np.allclose(np.transpose(slopes), expected, atol=1e-5)
-
-
-@pytest.mark.parametrize("id", ["inertial-fir", "gyrocompass"])
-def test_a_day_at_rest(id):
+def test_a_day_at_rest():
     """24 h: attitude stays at its limit (the averaged heading lags by 600 s of drift), covariance positive definite."""
-    latitude, dt, bias = 0.7, 0.1, np.radians([0.008, -0.008, 0.008]) / 3600
-    rate = geodesy.numeric.earth_rate_n(latitude) + bias
-    force = np.array([0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))])
-    model = get(id).model
-    held = model.inputs.pack({"delta_angle": rate * dt, "delta_velocity": force * dt, "dt": dt})
-    parameters = {"latitude": latitude, "block_samples": 1, "gyro_bias_sigma": 4e-8}
-    runner = make_runner(model, parameters)
-    runner.run(864_000, held, 0)
-    error = attitude.numeric.to_rotation_vector(runner.outputs()["q_nb"])
-    assert np.allclose(error, limits.bias_tilts(bias, np.zeros(3), latitude, 0.0), atol=4e-5)
-    if id == "inertial-fir":
-        v, t, vt = (float(runner.state[name]) for name in ("velocity_variance", "tilt_variance", "velocity_tilt"))
-        assert v > 0 and t > 0 and vt * vt < v * t
+    latitude, bias = 0.7, np.radians([0.008, -0.008, 0.008]) / 3600
+    columns, model = samples(LEVEL, latitude, 0.1, 0.1, gyro_bias=bias), get("inertial-fir").model
+    runner = make_runner(model, {"latitude": latitude, "block_samples": 1, "gyro_bias_sigma": 4e-8})
+    runner.run(864_000, input_rows(model, columns, 1)[0], 0)
+    assert np.allclose(attitude_error(runner, LEVEL), limits.bias_tilts(bias, np.zeros(3), latitude, 0.0), atol=4e-5)
+    v, t, vt = (float(runner.state[name]) for name in ("velocity_variance", "tilt_variance", "velocity_tilt"))
+    assert v > 0 and t > 0 and vt * vt < v * t
 
 
 def test_inertial_fir_does_not_depend_on_the_given_start():
@@ -326,27 +163,57 @@ def test_inertial_fir_does_not_depend_on_the_given_start():
     assert not {"start_heading", "start_roll", "start_pitch"} & set(prepared)
 
 
-@pytest.mark.parametrize("name", ["ship-moored-paper", "car-parked-paper", "ship-swaying"])
-def test_four_minutes_on_a_swaying_base_are_near_the_limit(name):
-    """Twelve seeds: RMS heading over the error from biases and the noise of the method, and over the stated accuracy.
+def levelled(seconds, **parameters):
+    """Tilt variance of `inertial-fir` after blocks of levelling from a known one, with a sway too large to learn from."""
+    model = get("inertial-fir").model
+    values = {"sway_velocity_sigma": 100.0, **QUIET, **parameters}
+    p, block = model.parameters.pack(values), model.kernels["level"]
+    x = model.state.pack({"block_time": BLOCK_S, "gravity": G, "axis_n": [np.cos(LATITUDE), 0, -np.sin(LATITUDE)],
+                          "tilt_variance": 0.0,
+                          "velocity_variance": 0.0, "force_sum": [0, 0, -G * BLOCK_S]})  # fmt: skip
+    u = model.inputs.start_vector()
+    for _ in range(round(seconds / BLOCK_S)):
+        done, result = 0, np.array(block.function(p, x, u, [])).ravel()
+        for span in block.spans:
+            x[span] = result[done : done + span.stop - span.start]
+            done += span.stop - span.start
+    return float(model.state.unpack(x)["tilt_variance"])
 
-    The short weights of the stop-band make the heading noise 1.4 times the optimum (docs/estimators); an
-    RMS of twelve seeds has a standard deviation of 20 %.
-    """
-    scenario = load(name)
-    found = ensemble(scenario, ["inertial-fir"], range(12), duration_s=240.0, records=60)
-    known = found.plants[0].knowledge
-    sensors = known.sensors
-    noise = limits.noise_tilts(sensors.angle_random_walk, sensors.velocity_random_walk, known.latitude, known.height, 240.0)
-    biases = [limits.bias_tilts(e[:3], e[3:], known.latitude, known.height) for e in found.sensor_error_n]
-    bias = np.sqrt(np.mean(np.square(biases), axis=0))
-    limit, own = np.degrees(np.hypot(bias, noise)), np.degrees(np.hypot(bias, 1.4 * noise))
-    errors = found.attitude_errors_deg("inertial-fir")
-    rms = np.sqrt(np.mean(errors[:, -1] ** 2, axis=0))
-    stated = np.degrees(found.outputs["inertial-fir"]["attitude_sigma"][0, -1])
-    assert limit[2] < rms[2] < 1.45 * own[2]
-    assert rms[2] < 1.6 * stated[2]
-    assert rms[:2].max() < 1.5 * limit[:2].max() + 0.0005
-    # before the first fix nothing is claimed
-    assert np.degrees(found.outputs["inertial-fir"]["attitude_sigma"][0, 40, 2]) == pytest.approx(180.0)
-    assert found.time[43] < 180.0 < found.time[45]
+
+def test_levelling_allows_for_the_drift_of_the_gyros():
+    """White noise grows with the time; a bias as noise that drifts as far as it does in 100 s."""
+    assert levelled(100.0, gyro_bias_sigma=4e-8) == pytest.approx((4e-8 * 100.0) ** 2, rel=1e-3)
+    assert levelled(100.0, angle_random_walk=2e-7) == pytest.approx(2e-7**2 * 100.0, rel=1e-3)
+
+
+def test_levelling_reaches_the_variance_of_the_optimal_loop():
+    """Two states, velocity and tilt, against the steady Riccati equation of the continuous filter."""
+    N, V, sway = 5e-6, 1e-3, 0.3
+    F, H = np.array([[0.0, G], [0.0, 0.0]]), np.array([[1.0, 0.0]])
+    P = solve_continuous_are(F.T, H.T, np.diag([V**2, N**2]), np.array([[sway**2]]))
+    found = levelled(300.0, angle_random_walk=N, velocity_random_walk=V, sway_velocity_sigma=sway)
+    assert found == pytest.approx(P[1, 1], rel=0.05)
+
+
+def test_tilt_of_the_fix_allows_for_what_the_gyros_drift_in_its_delay():
+    """At the first fix, of a vertical in the middle of the vectors: the delay of the cascade and half the baseline."""
+    model = get("inertial-fir").model
+    runner = make_runner(model, {**QUIET, "gyro_bias_sigma": 4e-8, "latitude": LATITUDE}, "interpreter")
+    runner.x[:] = model.state.pack({"fixes": 1.0, "tilt_variance": 0.0}, base=runner.x)
+    delay = BLOCK_S * (inertial_fir.CASCADE.span / 2) + 54.0
+    assert runner.outputs()["attitude_sigma"][:2] == pytest.approx([4e-8 * delay] * 2, rel=1e-6)
+    assert runner.outputs()["attitude_sigma"][2] == pytest.approx(4e-8 / (OMEGA_IE * np.cos(LATITUDE)), rel=1e-6)
+
+
+@pytest.mark.parametrize("tilt", [(2e-4, 0.0), (-1e-4, 3e-4)])
+def test_levelling_removes_a_tilt_about_either_axis(tilt):
+    """At rest, from a tilt that its variance allows: velocity feedback takes it out within two minutes."""
+    model, dt = get("inertial-fir").model, 0.1
+    given = {"latitude": LATITUDE, "block_samples": 1, "sway_velocity_sigma": 0.01, "heading_memory": 0.0, **QUIET}
+    runner = make_runner(model, given, "interpreter")
+    q = np.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])
+    rows = {"begin": 0.0, "fixes": 1.0, "q_n0i": q / np.linalg.norm(q), "velocity_variance": 1e-4, "tilt_variance": 1e-7}
+    runner.x[:] = model.state.pack(rows, base=runner.x)
+    runner.run(1200, input_rows(model, samples([1.0, 0, 0, 0], LATITUDE, 120.0, dt), 1200), 0)
+    left = 2 * runner.outputs()["q_nb"][1:3]
+    assert np.abs(left).max() < 0.02 * np.abs(tilt).max()

@@ -1,64 +1,31 @@
-"""qakf and qakf-improved: any start, any attitude, Jacobians, covariance; the vectors they share with the q-method."""
+"""qakf and qakf-improved: their equations, any start, their words; the printed ones against the textbook filter in NumPy."""
 
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from resting import at_rest, attitude_error, samples
 
 from insenv import attitude, geodesy, run
 from insenv.core import symmetric
 from insenv.core.numeric import vectorized
-from insenv.core.runner import make_runner
-from insenv.estimators import get, qakf
+from insenv.estimators import get, qakf, qakf_printed
 from insenv.estimators.parts import inertial_vectors
-from insenv.plant.feeding import input_rows
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load
 
 IDS = ["qakf", "qakf-improved"]
 PLAIN = {"smoothing_time": 0.0, "memory_time": 1e9}
-
-
-def at_rest(id, q_nb, latitude, duration=120.0, dt=0.05, accel_noise=0.0, **parameters):
-    """Runner after `duration` at rest, noise (m/s^2 per sample) from a fixed seed."""
-    C_nb, n = attitude.numeric.to_dcm(q_nb), round(duration / dt)
-    rate = C_nb.T @ geodesy.numeric.earth_rate_n(latitude)
-    force = C_nb.T @ [0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))]
-    force = force + accel_noise * np.random.default_rng(1).normal(size=(n, 3))
-    model = get(id).model
-    columns = {"delta_angle": np.tile(rate * dt, (n, 1)), "delta_velocity": force * dt, "dt": np.full(n, dt)}
-    runner = make_runner(model, {"latitude": latitude, **parameters})
-    runner.run(n, input_rows(model, columns, n), 0)
-    return runner
-
-
-def error(runner, q_nb):
-    return attitude.numeric.error_rotation_vector(runner.outputs()["q_nb"], q_nb)
-
-
-quaternions = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1)
-
-
-@settings(max_examples=25, deadline=None)
-@given(quaternions, quaternions, st.floats(-85, 85))
-def test_any_attitude_from_any_start(q, start, latitude_deg):
-    q = np.array(q) / np.linalg.norm(q)
-    # a start exactly half a turn off is an equilibrium that only noise leaves: test_start_opposite_to_the_truth
-    assume(abs(np.dot(q, start)) > 0.01 * np.linalg.norm(start))
-    for id, bound in (("qakf", 1e-4), ("qakf-improved", 1e-4)):
-        found = error(at_rest(id, q, np.radians(latitude_deg), start_quaternion=start), q)
-        assert np.abs(found).max() < bound, (id, found)
+PRINTED = ("qakf-printed", "qakf-improved-printed")
 
 
 @pytest.mark.parametrize("id", IDS)
 @pytest.mark.parametrize("opposite", np.eye(4)[1:])
 def test_start_opposite_to_the_truth(id, opposite):
-    """Half a turn off about each axis: every residual along the sphere is zero there."""
+    """Half a turn off about each axis: every residual along the sphere is zero there; noise leads away from it."""
     q = np.array([np.cos(0.3), 0.2, -0.4, 0.7])
     q /= np.linalg.norm(q)
-    start = attitude.numeric.multiply(opposite, q)
-    assert np.abs(error(at_rest(id, q, 0.6, accel_noise=1e-4, duration=200, start_quaternion=start), q)).max() < 2e-3
+    start = {"start_quaternion": attitude.numeric.multiply(opposite, q)}
+    assert np.abs(attitude_error(at_rest(id, q, 0.6, 200.0, parameters=start, accel_noise=1e-4), q)).max() < 2e-3
 
 
 def _observations():
@@ -72,7 +39,7 @@ def _observations():
     )
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_observation_and_its_jacobian_against_the_paper_s_matrices(seed):
     """H theta and the residual, multiplied by Q, against M Q and K Q of the definition and their differences."""
     rng = np.random.default_rng(seed)
@@ -94,7 +61,7 @@ def test_observation_and_its_jacobian_against_the_paper_s_matrices(seed):
         assert np.abs(H).max() < 1.0 + 1e-9 or place == 0
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_inverse_of_the_information(seed):
     A = np.random.default_rng(seed).normal(size=(3, 3)) * [1, 0.1, 10]
     A = A @ A.T
@@ -105,24 +72,18 @@ def test_inverse_of_the_information(seed):
 
 @pytest.mark.parametrize("id", IDS)
 def test_covariance_stays_positive_definite_over_a_day(id):
-    """24 h, one sample a second."""
-    runner = at_rest(id, np.array([0.6, 0.0, 0.8, 0.0]), 0.5, duration=86400.0, dt=1.0, accel_noise=1e-3)
-    P = symmetric.full_array(runner.state["covariance"], 3)
-    assert np.linalg.eigvalsh(P).min() > 0
-    assert np.abs(error(runner, np.array([0.6, 0.0, 0.8, 0.0]))).max() < 1e-4
+    runner = at_rest(id, [0.6, 0.0, 0.8, 0.0], 0.5, 86400.0, dt=1.0, accel_noise=1e-3)
+    assert np.linalg.eigvalsh(symmetric.full_array(runner.state["covariance"], 3)).min() > 0
+    assert np.abs(attitude_error(runner, [0.6, 0.0, 0.8, 0.0])).max() < 1e-4
 
 
 def test_low_pass_gain_delay_and_bypass():
     """Unit gain, the delay used by the stated accuracy, the Butterworth cut-off; time constant 0 changes nothing."""
     dt, tau, n = 0.02, 2.0, 10000
-    values, rates, value = ca.SX.sym("v", 3, 3), ca.SX.sym("r", 3, 3), ca.SX.sym("x", 3)
+    values, rates, value, time = ca.SX.sym("v", 3, 3), ca.SX.sym("r", 3, 3), ca.SX.sym("x", 3), dt * np.arange(1, n + 1)
     step = ca.Function("f", [values, rates, value], inertial_vectors.low_pass(values, rates, value, tau, dt))
-    v, r, found = np.zeros((3, 3)), np.zeros((3, 3)), np.empty((n, 3))
-    for k in range(n):
-        t = (k + 1) * dt
-        v, r = step(v, r, [1.0, t, np.sin(t / tau)])
-        v, r = np.array(v), np.array(r)
-        found[k] = v[2]
+    signals = np.stack([np.ones(n), time, np.sin(time / tau)])
+    found = np.array(step.mapaccum("whole", n, 2)(np.zeros((3, 3)), np.zeros((3, 3)), signals)[0])[2].reshape(n, 3)
     assert found[-1, 0] == pytest.approx(1.0, abs=1e-8)
     assert n * dt - found[-1, 1] == pytest.approx(2 * sum(inertial_vectors.DAMPING) * tau, rel=0.01)
     assert np.abs(found[n // 2 :, 2]).max() == pytest.approx(np.sqrt(0.5), rel=0.05)
@@ -138,6 +99,7 @@ def test_fade_in_is_smooth_at_both_ends():
         assert np.ptp([*around, round(place / 10)]) < 1e-9
 
 
+@pytest.mark.slow
 def test_paper_s_comparison_at_200_ug():
     """In-run scatter of the improved filter below the q-method's; the plain filter far slower than either."""
     scenario = load("turntable-quaternion")
@@ -151,13 +113,6 @@ def test_paper_s_comparison_at_200_ug():
     rms = {id: np.sqrt(np.mean(h[:, e.time >= 100] ** 2)) for id, h in heading.items()}
     assert rms["qakf-improved"] < 1.5 * rms["q-method"]
     assert rms["qakf"] > 2 * rms["q-method"]
-
-
-def test_stated_accuracy_on_a_swaying_ship():
-    e = ensemble(load("ship-swaying"), ["q-method", "qakf-improved"], range(16), records=60)
-    for id in ("q-method", "qakf-improved"):
-        error, sigma = e.attitude_errors_deg(id)[:, -1, 2], np.degrees(e.outputs[id]["attitude_sigma"][:, -1, 2])
-        assert 0.6 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.5
 
 
 def test_one_update_with_exact_vectors_takes_out_the_whole_error():
@@ -176,10 +131,84 @@ def test_one_update_with_exact_vectors_takes_out_the_whole_error():
     assert np.abs(left).max() < 0.01 * np.abs(theta).max()
 
 
-@pytest.mark.parametrize(("scenario", "seed"), [("ship-irregular-sea", 30060), ("large-misalignment", 30035)])
+@pytest.mark.parametrize(
+    ("scenario", "seed"), [pytest.param("ship-irregular-sea", 30060, marks=pytest.mark.slow), ("large-misalignment", 30035)]
+)
 def test_a_filter_that_creeps_says_so(scenario, seed):
     """Seeds with 9 and 48 deg of heading after ten minutes: a stated sigma of 8 deg is not what it is after convergence."""
     found = run(scenario, "qakf", seed=seed).results[0]
     assert abs(found.errors["heading_deg"][-1]) > 5.0
     for channel in ("roll_deg", "pitch_deg", "heading_deg"):
         assert abs(found.errors[channel][-1]) < 3 * found.sigma[channel][-1], channel
+
+
+def left(v):
+    """[v +]: v (x) q as a matrix times q."""
+    return np.array([[0, *-v], *np.column_stack([v, np.cross(np.eye(3), -v).T])])
+
+
+def right(v):
+    """[v -]: q (x) v as a matrix times q."""
+    return np.array([[0, *-v], *np.column_stack([v, np.cross(np.eye(3), v).T])])
+
+
+def textbook(alpha, beta, improved, b=1.0, s=0.0, known=0.0, least=1e-7, dt=0.05):
+    """Q (4) after all vectors: Kalman filter with a 4x4 gain, noise by Sage and Husa."""
+    q, P, K, r = np.array([1.0, 0, 0, 0]), np.eye(4), np.zeros((4, 4)), 0.0
+    for k, (a, c) in enumerate(zip(alpha / geodesy.NOMINAL_GRAVITY, beta / geodesy.NOMINAL_GRAVITY, strict=True)):
+        M = left(c) - right(a)
+        K = K + M.T @ M * dt
+        H = K if improved else M
+        e = -H @ q
+        d = 1 / (k + 1) if b == 1 else (1 - b) / (1 - b ** (k + 1))
+        r = max((1 - d) * r + d * np.trace(np.outer(e, e) - s * H @ P @ H.T) / 4, (least / geodesy.NOMINAL_GRAVITY) ** 2)
+        if known:
+            r = (known / geodesy.NOMINAL_GRAVITY) ** 2
+        gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + r * np.eye(4))
+        q = q + gain @ e
+        q /= np.linalg.norm(q)
+        P = (np.eye(4) - gain @ H) @ P @ (np.eye(4) - gain @ H).T + r * gain @ gain.T
+    return q
+
+
+def both_at_rest(id, q_nb, parameters, n=400, dt=0.05, latitude=0.6):
+    """A printed filter after n samples at rest with noise, and the vectors that it has seen."""
+    columns = samples(q_nb, latitude, n * dt, dt, accel_noise=1e-3)
+    runner = at_rest(id, q_nb, latitude, n * dt, dt, parameters, accel_noise=1e-3)
+    rate_n, time = geodesy.numeric.earth_rate_n(latitude), np.arange(n)[:, None] * dt
+    up = np.array([0, 0, -float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))])
+    turns = attitude.numeric.to_dcm(attitude.numeric.from_rotation_vector(rate_n * (time + dt / 2)))
+    turns_b = attitude.numeric.to_dcm(attitude.numeric.from_rotation_vector(columns["delta_angle"][0] / dt * time))
+    return runner, np.einsum("tij,tj->ti", turns_b, columns["delta_velocity"] / dt), np.einsum("tij,j->ti", turns, up)
+
+
+@pytest.mark.parametrize("id", PRINTED)
+@pytest.mark.parametrize(
+    "reading", [{}, {"forgetting": 0.97}, {"subtracted": 1.0, "least_noise_sigma": 1e-4}, {"noise_sigma": 1e-3}]
+)
+def test_against_the_textbook(id, reading):
+    q_nb = attitude.numeric.from_euler(0.1, -0.2, 0.7)
+    runner, alpha, beta = both_at_rest(id, q_nb, reading)
+    names = {"forgetting": "b", "subtracted": "s", "noise_sigma": "known", "least_noise_sigma": "least"}
+    expected = textbook(alpha, beta, "improved" in id, **{names[name]: value for name, value in reading.items()})
+    found = runner.state["q_start"]
+    # alpha here leaves out the rotation within a sample: 2e-6 rad
+    assert np.abs(attitude.numeric.error_rotation_vector(found, expected)).max() < 2e-3
+    assert np.abs(attitude.numeric.error_rotation_vector(found, expected)[:2]).max() < 2e-5
+    assert np.abs(attitude.numeric.error_rotation_vector(found, q_nb)).max() > 1e-4  # 20 s leave an error to compare
+
+
+@pytest.mark.parametrize("id", PRINTED)
+def test_without_noise_any_attitude_is_found(id):
+    q_nb = attitude.numeric.from_euler(-1.0, 0.4, 2.5)
+    error = np.abs(attitude_error(at_rest(id, q_nb, 0.6, 120.0), q_nb))
+    # from 2.5 rad of heading: what that leaves in the first residuals counts as noise from then on
+    assert error[:2].max() < 1e-3 and error[2] < 0.1
+
+
+def test_both_say_that_they_are_for_comparison():
+    for id in PRINTED:
+        estimator = get(id)
+        rows = {row.name: row.flat_start()[0] for row in estimator.model.parameters if row.name != "start_quaternion"}
+        assert "for comparison" in " ".join(estimator.objections(rows, 200.0))
+    assert get(PRINTED[0]).needed_s({}) == qakf_printed.SETTLING_S

@@ -2,50 +2,39 @@
 
 import numpy as np
 import pytest
+from resting import samples
 
-from insenv import attitude, geodesy
+from insenv import geodesy
+from insenv.bench import truth
+from insenv.bench.truth import drift_ned
 from insenv.core.runner import make_runner
 from insenv.estimators import get
 from insenv.estimators.parts import vertical_channel
 from insenv.plant.feeding import input_rows
-from insenv.scenario import build, load
 
 
-def drift(id, rate_hz, scenario="car-city-drive", duration_s=120.0):
-    """Largest position error north, east, down (m) on the true increments."""
-    loaded = load(scenario)
-    loaded = loaded.model_copy(update={"rate_hz": rate_hz, "gnss": None})
-    plant = build(loaded, duration_s=duration_s)
-    simulator = make_runner(plant.model, plant.parameters)
-    start = plant.model.state.unpack(simulator.x.copy())
-    truth = plant.model.outputs.unpack(simulator.run(plant.samples))
-    roll, pitch, heading = attitude.numeric.to_euler(start["q_nb"])
-    model = get(id).model
-    given = {f"start_{name}": start[name] for name in ("latitude", "longitude", "height", "velocity_n")}
-    runner = make_runner(model, {**given, "start_roll": roll, "start_pitch": pitch, "start_heading": heading})
-    columns = {name: truth[f"true_{name}"] for name in ("delta_angle", "delta_velocity")}
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    found = model.outputs.unpack(runner.run(plant.samples, input_rows(model, columns, plant.samples)))
-    places = [(t["latitude"], t["longitude"], t["height"]) for t in (found, truth)]
-    return np.abs(geodesy.numeric.ned_offset(*places[0], *places[1])).max(axis=0)
+def test_the_plain_form_is_of_first_order(monkeypatch):
+    monkeypatch.setattr(truth, "DURATION_S", 120.0)
+    coarse, fine = (drift_ned("car", rate, id="wander-sins-plain")[:2] for rate in (200.0, 400.0))
+    assert (coarse / fine == pytest.approx(2.0, rel=0.2)) and coarse.max() > 100.0  # mm
 
 
-def test_the_plain_form_is_of_first_order_and_the_exact_one_far_better():
-    coarse, fine = drift("wander-sins-plain", 200.0)[:2], drift("wander-sins-plain", 400.0)[:2]
-    assert (coarse / fine == pytest.approx(2.0, rel=0.2)) and coarse.max() > 0.1
-    assert drift("wander-sins", 200.0).max() < 1e-3
+@pytest.mark.parametrize("vehicle", ["ship", "car", "aircraft"])
+def test_drift_with_a_perfect_unit_is_of_second_order(vehicle):
+    """Below a millimetre; it falls at least with the square of the interval: 4 for second order, 8 for third."""
+    assert drift_ned(vehicle, 200.0).max() < (0.1 if vehicle == "ship" else 1.0)  # mm
+    coarse, fine = (drift_ned(vehicle, rate, disturbed=False).max() for rate in (50.0, 100.0))
+    assert coarse / fine > 3.5
 
 
-def test_only_the_papers_gravity_moves_it_at_rest():
+def test_only_the_papers_gravity_moves_the_plain_form_at_rest():
     """Its formula (5) differs from normal gravity: half the difference times the square of the time."""
-    runner_error = drift("wander-sins-plain", 200.0, "aircraft-parked", 60.0)
-    latitude = np.radians(load("aircraft-parked").start.latitude_deg)
-    height = load("aircraft-parked").start.height_m
-    difference = abs(
-        float(geodesy.numeric.normal_gravity_paper(np.sin(latitude), height))
-        - float(geodesy.numeric.normal_gravity(np.sin(latitude), height))
-    )
-    assert runner_error[2] == pytest.approx(difference * 60.0**2 / 2, rel=0.3, abs=2e-3)
+    latitude, model = 0.8, get("wander-sins-plain").model
+    runner = make_runner(model, {"start_latitude": latitude})
+    runner.run(3000, input_rows(model, samples([1.0, 0, 0, 0], latitude, 60.0, 0.02), 3000), 0)
+    gravities = geodesy.numeric.normal_gravity_paper, geodesy.numeric.normal_gravity
+    paper, normal = (float(gravity(np.sin(latitude), 0.0)) for gravity in gravities)
+    assert -runner.outputs()["height"] == pytest.approx((paper - normal) * 60.0**2 / 2, rel=0.01, abs=1e-4)
 
 
 @pytest.mark.parametrize("id", ["wander-sins", "wander-sins-plain"])

@@ -240,3 +240,24 @@ def transition(motion, duration, step=0.05, known_place=False):
     found = np.concatenate([r - r[0], v - v[0], -turn, starts[:, 9:]], axis=1)
     Phi = (found[1:16] - found[16:]).T / (2 * SCALE)
     return Phi, r[0], v[0], C[0]
+
+
+def with_fixes(motion, arm, seconds, dt, ages):
+    """Exact samples, and exact fixes of the antenna `age` before the ends of samples {number: age}."""
+    count = round(seconds / dt)
+    delta_angle, delta_velocity = motion.increments(dt, count)
+    columns = {"delta_angle": delta_angle, "delta_velocity": delta_velocity, "dt": np.full(count, dt)}
+    names = ("gnss_valid", "gnss_age", "gnss_latitude", "gnss_longitude", "gnss_height", "gnss_velocity_valid")
+    columns |= {name: np.zeros(count) for name in names} | {"gnss_velocity_n": np.zeros((count, 3))}
+    columns |= {f"gnss_{name}_sigma": np.full((count, 3), 1e-4) for name in ("position", "velocity")}
+    for number, age in ages.items():
+        t = dt * number - age
+        C = motion.attitude(t)
+        place = motion.position(t) + C @ arm
+        speed = motion.velocity(t) + C @ np.cross(motion.rate(t) - C.T @ EARTH_RATE, arm)
+        latitude, longitude, height = geodetic(place)
+        told = (1.0, age, latitude, longitude, height, 1.0)
+        for name, value in zip(names, told, strict=True):
+            columns[name][number - 1] = value
+        columns["gnss_velocity_n"][number - 1] = frame_n(place).T @ speed
+    return columns, count

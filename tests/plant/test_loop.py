@@ -1,6 +1,5 @@
 """The loop of a plant and an estimator gives the outputs of the plant followed by the estimator."""
 
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +15,7 @@ from insenv.plant import loop_model
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
-has_compiler = shutil.which("cc") is not None
-native = pytest.mark.skipif(not has_compiler, reason="no C compiler on the path")
-QUICK = ("q-method",)  # the others take long to compile: make test-slow
+QUICK = ("q-method",)  # two libraries are compiled for each estimator
 SAMPLES = 220  # a fix, some tens of covariances, the first windows
 
 
@@ -62,12 +59,10 @@ def test_the_loop_is_bit_identical_to_plant_then_estimator(id):
     assert np.array_equal(make_runner(model, rows, "interpreter").run(SAMPLES), expected)
 
 
-@native
 @pytest.mark.parametrize(
     "id", [pytest.param(id, marks=[] if id in QUICK else [pytest.mark.slow]) for id in sorted(registered())]
 )
 def test_the_loop_is_bit_identical_in_c_and_in_a_batch(id):
-    """Slow: two libraries are compiled for each estimator."""
     model, rows, expected = loop_and_expected(id)
     assert np.array_equal(make_runner(model, rows, "native").run(SAMPLES), expected)
     batch = make_batch(model, 3, {**rows, "seed": 19.0}, backend="native").run(SAMPLES, every=1)

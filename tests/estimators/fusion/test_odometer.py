@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+from peers import package
+from places import ROOT
 
 import insenv
 from insenv.estimators.fusion.odometer import UNTOLD_ARM
 from insenv.scenario import build, load
 
-N380 = Path(__file__).parents[2] / "examples" / "n380-car-position-only.toml"
+N380 = ROOT / "examples" / "n380-car-position-only.toml"
 AIDS = ["gnss", "zero_velocity", "non_holonomic"]
 KF_GINS = {  # the unit as KF-GINS is told of it
-    "arw_deg_sqrt_h": 0.3,
-    "vrw_mps_sqrt_h": 0.1,
-    "gyro_bias_deg_h": 50.0,
-    "accel_bias_mgal": 500.0,
+    "arw_deg_sqrt_h": 0.3, "vrw_mps_sqrt_h": 0.1, "gyro_bias_deg_h": 50.0, "accel_bias_mgal": 500.0,
     "correlation_time_s": 3600.0,
-}
+}  # fmt: skip
 
 
-@pytest.mark.skipif(importlib.util.find_spec("onavdata") is None, reason="onavdata is not installed")
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [KF_GINS, {}])
 def test_a_real_drive_has_its_heading_within_its_sigma(unit):
     """The unit is turned by 2 deg against the wheels; taken as 0 the heading is 1.6 deg off, 9 stated sigmas."""
+    package("onavdata")
     result = insenv.replay(N380, "fusion", settings={"fusion": {**unit, "aids": AIDS}}).results[0]
     moving = result.time >= 350.0
     heading, sigma = result.errors["heading_deg"][moving], result.sigma["heading_deg"][moving]
@@ -39,18 +36,14 @@ def test_a_real_drive_has_its_heading_within_its_sigma(unit):
     assert not any("does not fit" in note for note in result.notes)
 
 
-@pytest.mark.slow
-def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told():
+def test_the_mounting_is_a_state_and_the_lever_arm_is_noise_where_neither_is_told(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
     untold, told = (build(load(name), seed=1, duration_s=2.0) for name in ("car-city-drive", "car-odometer"))
     filter = insenv.fusion([], AIDS)
     assert float(untold.parameters_of(untold.adapted(filter))["non_holonomic_arm_sigma"]) == UNTOLD_ARM
     assert float(told.parameters_of(told.adapted(filter)).get("non_holonomic_arm_sigma", 0.0)) == 0.0
     chosen = insenv.run("car-city-drive", "fusion", duration_s=2.0, settings={"fusion": {"aids": AIDS}}).results[0]
     assert "odometer_mounting_error" in chosen.outputs
-
-
-def test_a_mounting_that_is_taken_as_exact_is_named():
-    result = insenv.run("car-city-drive", insenv.fusion([], AIDS), duration_s=2.0).results[0]
-    assert any("use the state odometer_mounting_error" in note for note in result.notes)
-    told = insenv.run("car-odometer", insenv.fusion([], AIDS), duration_s=2.0).results[0]
-    assert not any("nothing is told of how the unit is mounted" in note for note in told.notes)
+    exact, known = (insenv.run(name, filter, duration_s=2.0).results[0].notes for name in ("car-city-drive", "car-odometer"))
+    assert any("use the state odometer_mounting_error" in note for note in exact)
+    assert not any("nothing is told of how the unit is mounted" in note for note in known)

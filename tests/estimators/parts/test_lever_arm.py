@@ -1,4 +1,4 @@
-"""The antenna of a late fix on a long lever arm, on a vehicle whose rate changes."""
+"""The end of a lever arm some time ago on a vehicle whose rate changes; and the antenna of a late fix on a mast."""
 
 import casadi as ca
 import numpy as np
@@ -6,11 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
-from insenv.core.runner import make_runner
-from insenv.core.tables import Table
 from insenv.estimators.parts import lever_arm
 from insenv.runs.ensemble import ensemble
-from insenv.scenario import build, load
+from insenv.scenario import load
 
 
 def _functions():
@@ -68,7 +66,7 @@ def test_the_rate_of_the_fix_on_a_ramp_and_on_a_sway():
     dt, age = 0.005, 0.2
     for rate, bound in ((lambda t: 0.3 + 0.2 * t, 1e-9), (lambda t: 0.137 * np.sin(2 * np.pi * t / 8), 1e-3)):
         x = np.r_[0, 0, 0, age / 2]
-        for k in range(1, 4001):
+        for k in range(1, 1601):
             now = np.array([rate((k - 0.5) * dt), 0, 0])  # the mean over a sample
             x[:3] = call("followed", x, now, dt, float(k == 1))
         change = call("acceleration", x, now, dt)[0]
@@ -76,7 +74,6 @@ def test_the_rate_of_the_fix_on_a_ramp_and_on_a_sway():
         assert abs(end - age * change - rate(k * dt - age)) < bound
     # a lag is never shorter than four samples
     assert np.allclose(call("acceleration", np.zeros(4), np.ones(3), dt), 1 / (lever_arm.SHORTEST * dt))
-    assert isinstance(lever_arm.MEMORY, Table)
 
 
 def mast(**gnss):
@@ -87,26 +84,7 @@ def mast(**gnss):
             "imu": {"grade": "navigation"}, "gnss": {"grade": "rtk", "lever_arm_m": [0, 0, -15.0], **gnss}}  # fmt: skip
 
 
-def test_velocity_of_an_epoch_between_samples():
-    """The simulated velocity 3 ms before a sample, against a plant with samples at that time: 2.6 mm/s without w' x l."""
-    quiet = {"position_noise_m": 0.0, "velocity_noise_mps": 0.0}
-    early = outputs({**mast(**quiet, epoch_offset_s=0.003), "rate_hz": 200.0})
-    exact = outputs({**mast(**quiet, interval_s=0.001), "rate_hz": 1000.0})
-    at = np.flatnonzero(early["gnss_valid"])
-    there = np.round((early["time"][at] - 0.003) * 1000).astype(int) - 1
-    assert len(at) == 20 and np.allclose(exact["time"][there], early["time"][at] - 0.003)
-    assert np.abs(early["gnss_velocity_n"][at] - exact["gnss_velocity_n"][there]).max() < 1e-5
-    places = [[run[name][k] for name in ("gnss_latitude", "gnss_longitude", "gnss_height")]
-              for run, k in ((early, at), (exact, there))]  # fmt: skip
-    assert np.abs(geodesy.numeric.ned_offset(*places[0], *places[1])).max() < 1e-6
-
-
-def outputs(scenario):
-    """The plant's outputs over 20 s by row name."""
-    plant = build(load(scenario), duration_s=20.0)
-    return plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("id", ["loosely-coupled", "aqe-sukf"])
 def test_a_late_fix_on_a_mast_is_as_good_as_stated(id):
     """Fixes 0.2 s late on a mast of 15 m in sway, 8 seeds: position and velocity err as stated (2.3 times without w')."""
@@ -117,13 +95,3 @@ def test_a_late_fix_on_a_mast_is_as_good_as_stated(id):
     velocity = (o["velocity_n"] - t["velocity_n"])[:, late] / o["velocity_sigma"][:, late]
     for error in (position, velocity):
         assert (np.sqrt((error**2).mean(axis=(0, 1))) < 1.3).all()
-
-
-def test_ecef_kf_with_late_fixes_on_a_mast():
-    """The observation's innovation is the fix's noise: without w' x l it is the sway's, 0.3 m/s."""
-    scenario = mast(latency_s=0.2, velocity_noise_mps=0.005)
-    scenario |= {"vehicle": {**scenario["vehicle"], "start_speed_mps": 5.0}}
-    found = ensemble(scenario, ["ecef-kf"], range(2), records=24000, tuning={"ecef-kf": {"moving": 1}})
-    used = (found.truth["gnss_valid"][0] > 0) & (found.time > 60.0)
-    assert np.count_nonzero(used) == 180
-    assert np.sqrt((found.outputs["ecef-kf"]["innovation"][:, used] ** 2).mean()) < 0.03

@@ -1,135 +1,39 @@
-"""Navigation estimators: exactness, Jacobians against differences, fixes at their own time, consistency."""
+"""loosely-coupled: Jacobians against differences, fixes at their own time, consistency, its gate."""
 
-import casadi as ca
 import numpy as np
 import pytest
 from navigation import FUNCTIONS, MODEL, error_state, random_state, true_state, with_error, with_kept_motion
-from scipy.linalg import expm
+from resting import samples
 from scipy.stats import chi2
 
 from insenv import attitude, geodesy
-from insenv.bench.truth import drift_ned
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
-from insenv.estimators.parts import error_model, kalman
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
+RTK = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
 SCALE = np.repeat([1.0, 1e-2, 1e-5, 1e-6, 1e-4], 3)  # sizes of the error state's groups for differences
-
-
-@pytest.mark.parametrize(("vehicle", "bound_mm"), [("ship", 0.1), ("car", 1.0), ("aircraft", 1.0)])
-def test_drift_with_a_perfect_unit(vehicle, bound_mm):
-    assert drift_ned(vehicle, 200.0).max() < bound_mm
-
-
-@pytest.mark.parametrize("vehicle", ["ship", "car", "aircraft"])
-def test_drift_falls_at_least_with_the_square_of_the_interval(vehicle):
-    coarse, fine = (drift_ned(vehicle, rate, disturbed=False).max() for rate in (50.0, 100.0))
-    assert coarse / fine > 3.5  # 4 for second order, 8 for third
 
 
 @pytest.mark.parametrize("latitude_deg", [0.0, 45.0, -60.0, 89.9, -89.999])
 @pytest.mark.parametrize("id", ["wander-sins", "loosely-coupled"])
 def test_a_vehicle_at_rest_stays_there(id, latitude_deg):
-    model, dt, n = get(id).model, 0.01, 6000
-    latitude = np.radians(latitude_deg)
-    C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(0.1, -0.2, 2.5))
-    rate = C_nb.T @ geodesy.numeric.earth_rate_n(latitude)
-    axis_n = np.array([np.cos(latitude), 0, -np.sin(latitude)])
-    force = -C_nb.T @ geodesy.numeric.normal_gravity_about_axis(axis_n, 50.0)
-    runner = make_runner(
-        model,
-        {
-            "start_latitude": latitude,
-            "start_longitude": 3.1,
-            "start_height": 50,
-            "start_roll": 0.1,
-            "start_pitch": -0.2,
-            "start_heading": 2.5,
-        },
-    )
-    columns = {"delta_angle": np.tile(rate * dt, (n, 1)), "delta_velocity": np.tile(force * dt, (n, 1)), "dt": np.full(n, dt)}
-    y = model.outputs.unpack(runner.run(n, input_rows(model, columns, n)))
+    model, latitude = get(id).model, np.radians(latitude_deg)
+    q_nb = attitude.numeric.from_euler(0.1, -0.2, 2.5)
+    gravity = geodesy.numeric.normal_gravity_about_axis(np.array([np.cos(latitude), 0, -np.sin(latitude)]), 50.0)
+    columns = samples(q_nb, latitude, 60.0, 0.01)
+    columns["delta_velocity"][:] = -attitude.numeric.to_dcm(q_nb).T @ gravity * 0.01
+    start = {"start_latitude": latitude, "start_longitude": 3.1, "start_height": 50.0}
+    runner = make_runner(model, {**start, "start_roll": 0.1, "start_pitch": -0.2, "start_heading": 2.5})
+    y = model.outputs.unpack(runner.run(6000, input_rows(model, columns, 6000)))
     moved = geodesy.numeric.ned_offset(y["latitude"], y["longitude"], y["height"], latitude, 3.1, 50.0)
     assert np.abs(moved).max() < 1e-5
     assert np.abs(y["velocity_n"]).max() < 1e-7
 
 
-def transition_over(u, x, count, covariance_interval):
-    """Mean of the filter's Phi over `count` samples, by columns: its action on rank-one covariances."""
-    p = MODEL.parameters.pack(
-        {
-            "covariance_interval": covariance_interval,
-            "angle_random_walk": 0,
-            "velocity_random_walk": 0,
-            "gyro_bias_sigma": 0,
-            "accel_bias_sigma": 0,
-        }
-    )
-    columns = []
-    for j in range(15):
-        vector = np.zeros(15)
-        vector[j] = SCALE[j]
-        start = x.copy()
-        start[MODEL.state.slice("covariance")] = np.outer(vector, vector)[np.triu_indices(15)][_column_order()]
-        runner = make_runner(MODEL, p)
-        runner.x[:] = start
-        runner.run(count, u, 0)
-        P = symmetric.full_array(runner.x[MODEL.state.slice("covariance")], 15)
-        columns.append(P[:, j] / np.sqrt(P[j, j]))
-    return np.array(columns).T
-
-
-def _column_order():
-    rows, columns = np.triu_indices(15)
-    return np.argsort([symmetric.place(i, j) for i, j in zip(rows, columns, strict=True)])
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("covariance_interval", [0.0, 0.05])
-def test_transition_against_differences_of_the_mechanization(seed, covariance_interval):
-    rng = np.random.default_rng(seed)
-    x, count, dt = random_state(rng), 20, 0.01
-    u = np.tile(MODEL.inputs.start_vector(), (count, 1))
-    u[:, MODEL.inputs.slice("delta_angle")] = rng.normal(size=3) * 2e-3
-    u[:, MODEL.inputs.slice("delta_velocity")] = rng.normal(size=3) * 0.1
-    u[:, MODEL.inputs.slice("dt")] = dt
-    p = MODEL.parameters.pack({"gyro_correlation_time": 1e9, "accel_correlation_time": 1e9})
-
-    def moved(state):
-        runner = make_runner(MODEL, p)
-        runner.x[:] = state
-        runner.run(count, u, 0)
-        return runner.x.copy()
-
-    difference = np.zeros((15, 15))
-    for j in range(15):
-        step = np.zeros(15)
-        step[j] = SCALE[j]
-        up, down = moved(with_error(x, step)), moved(with_error(x, -step))
-        difference[:, j] = (error_state(up, moved(x)) - error_state(down, moved(x))) / 2
-    found = transition_over(u, x, count, covariance_interval)
-    # in units of SCALE: the filter's Phi is good to first order in its interval (0.05 s, rates up to 0.2 rad/s)
-    assert np.abs((found - difference) / SCALE[:, None]).max() < 0.02 * max(1.0, np.abs(difference / SCALE[:, None]).max())
-
-
-def test_propagation_is_a_congruence_and_first_order_exact():
-    rng = np.random.default_rng(1)
-    stored, A = ca.SX.sym("P", 120), ca.SX.sym("A", error_model.N, error_model.N)
-    function = ca.Function("f", [stored, A], [kalman.propagate(stored, A, ca.SX.zeros(15))])
-    L = rng.normal(size=(15, 15))
-    P = L @ L.T
-    small = rng.normal(size=(15, 15)) * 1e-5
-    result = symmetric.full_array(function(P[np.triu_indices(15)][_column_order()], small).full().ravel(), 15)
-    assert np.abs(result - expm(small) @ P @ expm(small).T).max() < 1e-7 * np.abs(P).max()
-    large = rng.normal(size=(15, 15))
-    result = symmetric.full_array(function(P[np.triu_indices(15)][_column_order()], large).full().ravel(), 15)
-    assert np.linalg.eigvalsh(result).min() > 0
-
-
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("age", [0.0, 0.0037, 0.2])
 def test_fix_sensitivities_against_differences(seed, age):
     rng = np.random.default_rng(seed)
@@ -204,10 +108,9 @@ def position_error(columns, y):
 )
 def test_a_fix_between_samples_or_late_is_as_good_as_one_on_time(timing):
     """At 12 to 20 m/s a time error of 3.7 ms is about 5 cm, one of 0.2 s is metres; the fixes are good to 2 cm."""
-    exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
 
     def rms(**gnss):
-        _, columns, _, y = next(navigated("car-city-drive", {**exact, **gnss}, duration_s=200.0))
+        _, columns, _, y = next(navigated("car-city-drive", {**RTK, **gnss}, duration_s=100.0))
         return np.sqrt((position_error(columns, y)[10000:] ** 2).mean(axis=0))
 
     on_time, other = rms(latency_s=0.0, epoch_offset_s=0.0), rms(**timing)
@@ -215,18 +118,16 @@ def test_a_fix_between_samples_or_late_is_as_good_as_one_on_time(timing):
     assert (other < 1.25 * on_time + 0.002).all()
 
 
-def test_covariance_is_consistent_over_seeds():
-    """Normalised error of position, velocity and attitude over 24 seeds inside the 99.9 % chi-square bounds."""
-    white = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
-    runs = navigated("car-city-drive", white, {"grade": "leador"}, range(24), matched=True, duration_s=150.0)
-    total, count = 0.0, 0
+@pytest.mark.parametrize("seeds", [4, pytest.param(24, marks=pytest.mark.slow)])
+def test_covariance_is_consistent_over_seeds(seeds):
+    """Normalised error of position, velocity and attitude inside the 99.9 % chi-square bounds."""
+    runs = navigated("car-city-drive", RTK, {"grade": "leador"}, range(seeds), matched=True, duration_s=120.0)
+    total = 0.0
     for _, columns, runner, _ in runs:
         error = error_state(runner.x, true_state(runner.x, columns))[:9]
-        P = symmetric.full_array(runner.state["covariance"], 15)[:9, :9]
-        total += error @ np.linalg.solve(P, error)
-        count += 9
-    low, high = chi2.ppf([0.0005, 0.9995], count)
-    assert low < total < high, f"NEES {total / count:.2f} per degree of freedom, bounds {low / count:.2f} to {high / count:.2f}"
+        total += error @ np.linalg.solve(symmetric.full_array(runner.state["covariance"], 15)[:9, :9], error)
+    low, high = chi2.ppf([0.0005, 0.9995], 9 * seeds)
+    assert low < total < high
 
 
 def test_outliers_are_gated():
@@ -242,8 +143,7 @@ def test_outliers_are_gated():
 
 def test_a_filter_that_rejects_every_fix_opens_its_gate():
     """Started 500 m off with a small sigma: after ten rejected fixes the gate opens."""
-    exact = {"grade": "rtk", "outages_s": (), "outlier_probability": 0.0}
     lost = {"start_latitude": np.radians(47.0745), "position_sigma": 0.01, "velocity_sigma": 1e-3, "tilt_sigma": 1e-4}
-    _, columns, _, y = next(navigated("car-city-drive", exact, parameters=lost, duration_s=100.0))
+    _, columns, _, y = next(navigated("car-city-drive", RTK, parameters=lost, duration_s=100.0))
     assert y["nis_refused_count"][-1].sum() >= 10
     assert np.abs(position_error(columns, y)[-1]).max() < 5.0

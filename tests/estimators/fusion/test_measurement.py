@@ -51,6 +51,28 @@ def kept_motion():
     }
 
 
+def constants(**values):
+    """Values by name as constants of CasADi; None is left out."""
+    return Values(**{k: ca.SX(ca.DM(np.asarray(v, float).tolist())) for k, v in values.items() if v is not None})
+
+
+def number(expression):
+    return ca.evalf(ca.densify(expression)).full().ravel()
+
+
+def sensitivities(filter, generator, state, inputs):
+    """(H, values of the state, functions' symbols and flat values) of the first aid of a filter."""
+    tables = (filter.parameters, filter.state, filter.inputs)
+    given = (PARAMETERS, {k: v for k, v in state.items() if k in filter.state and v is not None}, inputs)
+    values = [numbers(table, generator, **each) for table, each in zip(tables, given, strict=True)]
+    flat = [np.concatenate([np.ravel(each[row.name]) for row in table]) for each, table in zip(values, tables, strict=True)]
+    symbols = [ca.SX.sym(name, table.size) for name, table in zip("pxu", tables, strict=True)]
+    named = [table.symbols(each) for table, each in zip(tables, symbols, strict=True)]
+    done, _ = update(filter.aids[0], filter.states, filter.places, filter.n, *named)
+    H = np.array(ca.Function("H", symbols, [ca.vertcat(*[ca.densify(s.H) for s in done.scalars])])(*flat))
+    return H, values[1], symbols, named, flat
+
+
 INPUTS = {
     "delta_angle": np.array([2e-3, -1e-3, 4e-3]),
     "delta_velocity": np.array([3e-3, -5e-3, -0.049]),
@@ -104,25 +126,13 @@ def test_sensitivities_equal_differences_through_the_feedback(id, age):
     generator = np.random.default_rng(5)
     filter = composition("all", [*UNIT, *(state.name for state in OF_AID.get(id, ()))], [id])
     aid = filter.aids[0]
-    q_ew = np.array(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.4)).ravel()
-    state = {key: value for key, value in {**STATE, **kept_motion(), "q_ew": q_ew}.items() if value is not None}
-    values = (
-        numbers(filter.parameters, generator, **PARAMETERS),
-        numbers(filter.state, generator, **state),
-        numbers(filter.inputs, generator, **{k: age if k.endswith("_age") else value for k, value in INPUTS.items()}),
-    )
-    tables = (filter.parameters, filter.state, filter.inputs)
-    flat = [np.concatenate([np.ravel(each[row.name]) for row in table]) for each, table in zip(values, tables, strict=True)]
-    p, x, u = (ca.SX.sym(name, table.size) for name, table in zip("pxu", tables, strict=True))
-    P, X, U = (table.symbols(each) for table, each in zip(tables, (p, x, u), strict=True))
-
-    done, _ = update(aid, filter.states, filter.places, filter.n, P, X, U)
-    H = np.array(ca.Function("H", [p, x, u], [ca.vertcat(*[ca.densify(s.H) for s in done.scalars])])(*flat))
-
+    state = {**STATE, **kept_motion(), "q_ew": np.ravel(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.4))}
+    inputs = {k: age if k.endswith("_age") else value for k, value in INPUTS.items()}
+    H, _, symbols, (P, X, U), flat = sensitivities(filter, generator, state, inputs)
     error = ca.SX.sym("error", filter.n)
     fed_back = Values(**{**vars(X), **corrected(X, error, filter.states, filter.places)})
     residual = aid.residual(P, Navigation(fed_back, U, filter.states, filter.places, ca.SX.zeros(filter.n)), U)
-    after = ca.Function("after", [p, x, u, error], [residual])
+    after = ca.Function("after", [*symbols, error], [residual])
     step = np.full(filter.n, 1e-6)
     step[:3] = 0.05
     # accelerometer errors are fed back into the motion to come, not into that which is kept
@@ -148,22 +158,14 @@ def test_a_late_fix_shows_the_accelerometers():
     """After an age t an error b of the accelerometers is C b t^2 / 2 of position and -C b t of velocity."""
     age, generator = 0.3, np.random.default_rng(6)
     filter = composition("late", ["accel_scale"], ["gnss"])
-    q_ew = np.array(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.0)).ravel()
-    state = {key: value for key, value in {**STATE, **kept_motion(), "q_ew": q_ew}.items() if key in filter.state}
-    tables = (filter.parameters, filter.state, filter.inputs)
-    given = (PARAMETERS, {k: v for k, v in state.items() if v is not None}, {**INPUTS, "gnss_age": age})
-    values = [numbers(table, generator, **each) for table, each in zip(tables, given, strict=True)]
-    flat = [np.concatenate([np.ravel(each[row.name]) for row in table]) for each, table in zip(values, tables, strict=True)]
-    p, x, u = (ca.SX.sym(name, table.size) for name, table in zip("pxu", tables, strict=True))
-    P, X, U = (table.symbols(each) for table, each in zip(tables, (p, x, u), strict=True))
-    done, _ = update(filter.aids[0], filter.states, filter.places, filter.n, P, X, U)
-    H = np.array(ca.Function("H", [p, x, u], [ca.vertcat(*[ca.densify(s.H) for s in done.scalars])])(*flat))
+    state = {**STATE, **kept_motion(), "q_ew": np.ravel(geodesy.numeric.q_ew_from_geodetic(0.8, 0.3, 0.0))}
+    H, values, *_ = sensitivities(filter, generator, state, {**INPUTS, "gnss_age": age})
     bias = H[:, filter.places["accel_bias"]]
     C_nb = Rotation.from_quat(STATE["q_wb"], scalar_first=True).as_matrix()
-    gain = 1 - np.ravel(values[1]["accel_scale"])
+    gain = 1 - np.ravel(values["accel_scale"])
     np.testing.assert_allclose(bias[:3], C_nb * gain * age**2 / 2, atol=1e-9)
     np.testing.assert_allclose(bias[3:], -C_nb * gain * age, atol=1e-9)
-    force = INPUTS["delta_velocity"] / INPUTS["dt"] - np.ravel(values[1]["accel_bias"])
+    force = INPUTS["delta_velocity"] / INPUTS["dt"] - np.ravel(values["accel_bias"])
     np.testing.assert_allclose(H[3:, filter.places["accel_scale"]], -C_nb * force * age, atol=1e-7)
 
 
@@ -179,19 +181,16 @@ def test_the_rate_of_a_past_time_is_that_of_this_time(age):
         **STATE, **kept_motion(), "past_time": 0.03, "past_age": ages - 0.03,
         "past_rate": (now - ages[:, None] - dt / 2) * growth,
     }  # fmt: skip
-    del kept["covariance"]
-    x = Values(**{name: ca.SX(ca.DM(np.asarray(value).tolist())) for name, value in kept.items()})
-    u = Values(delta_angle=ca.SX(ca.DM(((now - dt / 2) * growth * dt).tolist())), dt=ca.SX(dt))
-    seen = ca.evalf(history.past(x, u, ca.SX(age)).rate_b).full().ravel()
+    u = constants(delta_angle=(now - dt / 2) * growth * dt, dt=dt)
+    seen = number(history.past(constants(**kept), u, ca.SX(age)).rate_b)
     np.testing.assert_allclose(seen, (now - age) * growth, atol=1e-9)
 
 
 @pytest.mark.parametrize("age", [0.4, 0.93, 1.03, 1.6])
 def test_a_late_measurement_sees_the_motion_of_its_time(age):
     """At constant velocity the way back is velocity times age, for measurements older than what is kept too."""
-    x = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in {**STATE, **kept_motion()}.items() if v is not None})
-    u = Values(delta_angle=ca.SX(ca.DM(INPUTS["delta_angle"].tolist())), dt=ca.SX(INPUTS["dt"]))
-    way = ca.evalf(history.past(x, u, ca.SX(age)).way_w).full().ravel()
+    u = constants(delta_angle=INPUTS["delta_angle"], dt=INPUTS["dt"])
+    way = number(history.past(constants(**STATE, **kept_motion()), u, ca.SX(age)).way_w)
     np.testing.assert_allclose(way, STATE["velocity_w"] * age, atol=1e-9)
 
 
@@ -207,12 +206,10 @@ def test_a_point_of_a_body_at_rest_does_not_move_over_the_earth(age):
     earth_rate_b = Rotation.from_quat(STATE["q_wb"], scalar_first=True).inv().apply(geodesy.numeric.earth_rate_n(0.8))
     still = {"velocity_w": np.zeros(3), "way_w": np.zeros(3), "past_way": np.zeros((history.SLOTS, 3)), "q_ew": q_ew}
     still |= {"past_velocity": np.zeros((history.SLOTS, 3)), "past_rate": np.tile(earth_rate_b, (history.SLOTS, 1))}
-    known = {**STATE, **kept_motion(), **still, "previous_delta_angle": earth_rate_b * INPUTS["dt"]}
-    x = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in known.items() if v is not None})
-    u = Values(**{k: ca.SX(ca.DM(np.asarray(v).tolist())) for k, v in INPUTS.items()})
-    u.delta_angle = ca.SX(ca.DM((earth_rate_b * INPUTS["dt"]).tolist()))
+    x = constants(**{**STATE, **kept_motion(), **still, "previous_delta_angle": earth_rate_b * INPUTS["dt"]})
+    u = constants(**{**INPUTS, "delta_angle": earth_rate_b * INPUTS["dt"]})
     velocity_w = Navigation(x, u, (), {}, ca.SX.zeros(9)).point(ca.DM([10.0, -20.0, 30.0]), ca.SX(age))[1]
-    np.testing.assert_allclose(ca.evalf(velocity_w).full().ravel(), 0.0, atol=1e-12)
+    np.testing.assert_allclose(number(velocity_w), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.02])
@@ -223,15 +220,12 @@ def test_an_unknown_scale_of_a_barometer_does_not_measure_the_height(scale):
     height of `multirotor-hover` came out at 0.82 times the limit.
     """
     filter = composition("height", [state.name for state in OF_AID["barometer"]], ["barometer"])
-    x = {**{k: v for k, v in STATE.items() if v is not None}, **kept_motion(), "q_ew": [1.0, 0.0, 0.0, 0.0], "height": 160.0}
-    state = Values(**filter.state.unpack(filter.state.pack({k: v for k, v in x.items() if k in filter.state})))
-    state = Values(**{name: ca.SX(ca.DM(np.asarray(value).tolist())) for name, value in vars(state).items()})
-    state.barometer_scale = ca.SX([scale])
-    p = Values(**{row.name: ca.SX(ca.DM(row.flat_start())) for row in filter.parameters})
-    u = Values(**{row.name: ca.SX(ca.DM(row.flat_start())) for row in filter.inputs})
-    u.delta_angle, u.delta_velocity, u.dt = ca.SX(3, 1), ca.SX(3, 1), ca.SX(0.01)
+    x = {**STATE, **kept_motion(), "q_ew": [1.0, 0.0, 0.0, 0.0], "height": 160.0, "barometer_scale": [scale]}
+    kept = filter.state.pack({k: v for k, v in x.items() if k in filter.state and v is not None})
+    state, p = constants(**filter.state.unpack(kept)), constants(**{row.name: row.flat_start() for row in filter.parameters})
+    u = constants(**{row.name: row.flat_start() for row in filter.inputs} | {"dt": 0.01})
     done, _ = update(filter.aids[0], filter.states, filter.places, filter.n, p, state, u)
-    H = ca.evalf(ca.densify(done.scalars[0].H)).full().ravel()
+    H = number(done.scalars[0].H)
     assert H[2] == -1.0  # down
     gained = -kept_motion()["way_w"][2]
     np.testing.assert_allclose(H[filter.places["barometer_scale"]], -gained, rtol=1e-12)

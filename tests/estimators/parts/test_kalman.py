@@ -8,6 +8,7 @@ import navigation
 import numpy as np
 import pytest
 from earth_fixed import ACCEL, GYRO, PHI, POSITION, VELOCITY
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from insenv import geodesy
@@ -77,7 +78,7 @@ def check_truth(state, error):
     assert np.allclose(state["gyro_bias"], error[GYRO]) and np.allclose(state["accel_bias"], error[ACCEL])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_feedback_of_the_15_states_returns_to_the_truth(seed):
     error = error_of(seed)
     r, v, C, C_ew = shifted(error)
@@ -86,7 +87,7 @@ def test_feedback_of_the_15_states_returns_to_the_truth(seed):
     check_truth(navigation.MODEL.state.unpack(after), error)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_feedback_of_the_12_states_returns_to_the_truth(seed):
     error = error_of(seed)
     _, v, C, _ = shifted(error)
@@ -119,6 +120,19 @@ def test_a_fix_after_a_long_outage_returns_the_position(id, height_m):
     place = found["latitude"], found["longitude"], found["height"]
     error = geodesy.numeric.position_error(*place, latitude, longitude, 0.0)
     assert np.hypot(*error[:2]) < 10.0 and abs(error[2]) < 3.0
+
+
+@pytest.mark.parametrize(("n", "size"), [(12, 1e-5), (15, 1e-5), (15, 1.0)])
+def test_propagation_is_a_congruence_and_first_order_exact(n, size):
+    """(1 + A) P (1 + A)^T + Q of the stored triangle; of a small A that of exp(A), of a large one a covariance too."""
+    rng = np.random.default_rng(1)
+    L, A, noise = rng.normal(size=(n, n)), rng.normal(size=(n, n)) * size, rng.uniform(size=n) * size
+    P = L @ L.T
+    found = kalman.propagate(symmetric.triangle(ca.SX(ca.DM(P))), ca.sparsify(ca.SX(ca.DM(A))), ca.SX(ca.DM(noise)))
+    found = symmetric.full_array(np.array(ca.DM(ca.evalf(found))).ravel(), n)
+    assert np.linalg.eigvalsh(found).min() > 0
+    if size < 1.0:
+        assert np.abs(found - expm(A) @ P @ expm(A).T - np.diag(noise)).max() < 1e-7 * np.abs(P).max()
 
 
 def test_scalar_measurements_one_after_another_are_the_joint_update():
@@ -171,7 +185,7 @@ def stored(P):
     return np.array([P[i, j] for j in range(len(P)) for i in range(j + 1)])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_feedback_of_the_16_states_returns_to_the_truth(seed):
     """All errors measured: attitude and velocity relative to the computed frame, which the position error turns."""
     error = error_of(seed)
@@ -193,7 +207,7 @@ def test_feedback_of_the_16_states_returns_to_the_truth(seed):
     check_truth(model.state.unpack(after), error)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_feedback_turns_the_covariance_with_the_estimate(seed):
     """Seen in the axes of the estimated body it is what Kalman's equations give, however far the attitude turns."""
     rng = np.random.default_rng(seed)

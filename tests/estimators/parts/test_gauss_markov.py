@@ -1,9 +1,10 @@
-"""Process noise of the filters against closed forms: white noise, Gauss-Markov biases, errors of manoeuvres, start."""
+"""Process noise of the filters against closed forms: Gauss-Markov biases, white noise, errors of manoeuvres, start."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from insenv import geodesy
 from insenv.core import symmetric
 from insenv.core.runner import make_runner
 from insenv.estimators import get
@@ -19,7 +20,7 @@ PLACES = {
     "aqe-ekf": {"gyro": slice(4, 7), "accel": slice(7, 10), "velocity": slice(10, 13), "position": slice(13, 16)},
 }  # fmt: skip
 PLACES |= {"smoother": PLACES["loosely-coupled"], "aqe-sukf": PLACES["aqe-ekf"]}
-IDS = list(PLACES)
+IDS, QUATERNION = list(PLACES), ("aqe-ekf", "aqe-sukf")
 SETTINGS = {
     "loosely-coupled": {"covariance_interval": 0.05, "standing_window": 0.0},
     "smoother": {"covariance_interval": 0.05, "standing_window": 0.0},
@@ -67,30 +68,17 @@ def test_bias_variances_are_those_of_gauss_markov_processes(id):
         assert np.abs(P[place, place] - expected).max() < 0.03 * expected[0, 0]
 
 
-@pytest.mark.parametrize("id", IDS)
-def test_white_noise_of_the_accelerometers_is_integrated_once_and_twice(id):
-    seconds, V = 8.0, 3e-3
-    P, _ = grown(id, seconds, velocity_random_walk=V)
-    velocity = PLACES[id]["velocity"]
-    assert np.allclose(P[velocity, velocity], V**2 * seconds * np.eye(3), rtol=0, atol=0.01 * V**2 * seconds)
-    if "position" in PLACES[id]:
-        position = PLACES[id]["position"]
-        assert np.allclose(P[position, velocity], V**2 * seconds**2 / 2 * np.eye(3), rtol=0, atol=0.02 * V**2 * seconds**2 / 2)
-        assert np.allclose(P[position, position], V**2 * seconds**3 / 3 * np.eye(3), rtol=0, atol=0.03 * V**2 * seconds**3 / 3)
-
-
-@pytest.mark.parametrize("id", ["aqe-ekf", "aqe-sukf"])
-def test_white_noise_within_one_update(id):
-    """All blocks of one interval of 8 s, whatever is integrated inside."""
-    seconds, V = 8.0, 3e-3
-    P, _ = grown(id, seconds, velocity_random_walk=V, filter_interval=seconds)
-    velocity, position = PLACES[id]["velocity"], PLACES[id]["position"]
-    for rows, columns, size in (
-        (velocity, velocity, seconds),
-        (position, velocity, seconds**2 / 2),
-        (position, position, seconds**3 / 3),
-    ):
-        assert np.allclose(P[rows, columns], V**2 * size * np.eye(3), rtol=0, atol=1e-3 * V**2 * size)
+@pytest.mark.parametrize(
+    ("id", "interval", "near"), [*((id, {}, 0.03) for id in IDS), *((id, {"filter_interval": 8.0}, 1e-3) for id in QUATERNION)]
+)
+def test_white_noise_of_the_accelerometers_is_integrated_once_and_twice(id, interval, near):
+    """Also within one update of 8 s, whatever is integrated inside."""
+    T, V = 8.0, 3e-3
+    P, _ = grown(id, T, velocity_random_walk=V, **interval)
+    velocity, position = PLACES[id]["velocity"], PLACES[id].get("position")
+    pairs = [(velocity, velocity, T)] + ([(position, velocity, T**2 / 2), (position, position, T**3 / 3)] if position else [])
+    for order, (rows, columns, size) in enumerate(pairs, 1):
+        assert np.allclose(P[rows, columns], V**2 * size * np.eye(3), rtol=0, atol=near * order / 3 * V**2 * size)
 
 
 @pytest.mark.parametrize("id", IDS)
@@ -122,3 +110,44 @@ def test_start_covariance_of_a_quaternion_error(sigma):
     assert np.allclose(runner.state["q_wb"], true, atol=1e-12)
     found = tilt_of("aqe-ekf", P, runner.state) / 4
     assert np.allclose(found, np.diag([expected[0], expected[0], expected[1]]), rtol=0, atol=1e-9 + 1e-6 * expected[1])
+
+
+LATITUDE = 0.5
+FADING = {"gyro_bias_sigma": 1e-7, "accel_bias_sigma": 1e-4, "gyro_correlation_time": 600.0, "accel_correlation_time": 200.0}
+
+
+def two_hours_at_rest(id, dt, **parameters):
+    """The runner of a filter that sees no measurement, after 600 s and after 7200 s."""
+    model, g = get(id).model, float(geodesy.numeric.normal_gravity(np.sin(LATITUDE), 0.0))
+    rate = geodesy.numeric.earth_rate_n(LATITUDE)
+    inputs = model.inputs.pack({"delta_angle": rate * dt, "delta_velocity": (0, 0, -g * dt), "dt": dt})
+    runner = make_runner(model, {**FADING, **parameters}, "interpreter")
+    for seconds in (600, 6600):
+        runner.run(round(seconds / dt), inputs, 0)
+        yield runner
+
+
+@pytest.mark.parametrize("id", [id for id in IDS if id != "ecef-kf"])
+def test_without_measurements_a_bias_keeps_its_variance_and_its_estimate_fades(id):
+    """At rest without a fix: variance sigma^2 as at the start, estimate exp(-t / time) of that at the start."""
+    gyro, accel, n = PLACES[id]["gyro"], PLACES[id]["accel"], 16 if id in QUATERNION else 15
+    still = {} if id in QUATERNION else {"standing_window": 0.0}  # no detection of rest
+    start = {"start_gyro_bias": (3e-7, 0, 0), "start_accel_bias": (0, 2e-4, 0), "start_latitude": LATITUDE}
+    for runner, done in zip(two_hours_at_rest(id, 1.0, **still, **start), (600.0, 7200.0), strict=True):
+        P = symmetric.full_array(runner.state["covariance"], n)
+        assert np.allclose(np.diag(P[gyro, gyro]), 1e-14, rtol=1e-9) and np.allclose(np.diag(P[accel, accel]), 1e-8, rtol=1e-9)
+        assert np.allclose(runner.state["gyro_bias"][0], 3e-7 * np.exp(-done / 600.0), rtol=1e-9)
+        assert np.allclose(runner.state["accel_bias"][1], 2e-4 * np.exp(-done / 200.0), rtol=1e-9)
+
+
+def test_ecef_kf_never_knows_its_biases_worse_than_at_the_start():
+    nothing_learnt = {"latitude": LATITUDE, "velocity_sigma": 1e3, "update_interval": 1.0}
+    at_start = two_hours_at_rest("ecef-kf", 0.5, **nothing_learnt)
+    runner = next(at_start)
+    x = runner.x.copy()
+    x[runner.model.state.slice("gyro_bias")] = 3e-7
+    runner.x[:] = x
+    next(at_start)
+    P = np.sqrt(np.diag(symmetric.full_array(runner.state["covariance"], 12)))
+    assert np.allclose(P[6:9], 1e-4, rtol=1e-3) and np.allclose(P[9:12], 1e-7, rtol=1e-3)
+    assert np.abs(runner.state["gyro_bias"]).max() < 1e-3 * 3e-7  # faded: 11 correlation times
