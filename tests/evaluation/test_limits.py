@@ -16,7 +16,7 @@ from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.evaluation.errors import CHANNELS, POSITION, VELOCITY
 from insenv.evaluation.limits import Limit, Prior, bound, closed_forms, ratio, ratio_bounds
-from insenv.evaluation.limits.bound import limit_of
+from insenv.evaluation.limits.bound import bound_of_unit, limit_of
 from insenv.evaluation.limits.fixes import fixes_of
 from insenv.evaluation.limits.mechanization import DR, DV, PSI, earth_axes, integrals
 from insenv.evaluation.limits.mooring import Mooring, mooring_of
@@ -463,6 +463,20 @@ def test_a_limit_is_kept_on_disk_and_a_broken_file_is_not_believed(tmp_path, mon
     path.write_bytes(b"not a file of NumPy")
     limits._kept.cache_clear()
     assert np.array_equal(insenv.limit("static-ecef", duration_s=2.0).sigma["heading_deg"], first.sigma["heading_deg"])
+
+
+def test_errors_of_a_unit_that_nothing_shows_keep_what_is_known_of_them():
+    """At rest, over 2 s, each has its name and its component."""
+    plant = build(changed("static-ecef", duration_s=2.0, imu={"grade": "perfect", "gyro_arw_deg_sqrt_h": 1.0}), seed=1)
+    told = {"gyro_bias": np.array([5e-6, 1e-5, 2e-5]), "gyro_scale": np.array([1e-5, 2e-5, 3e-5]),
+            "gyro_misalignment": 1e-6 * np.arange(1.0, 7.0)}  # fmt: skip
+    sigmas = {f"{name.replace('scale', 'scale_factor')}_sigma": values for name, values in told.items()}
+    rows = {**rows_of(plant), "gyro_bias": np.zeros(3), **sigmas}
+    found = bound_of_unit(plant.model, rows, prior_of(plant), plant.samples, in_place=True)
+    gyros = {name: values for name, values in found.items() if name.startswith("gyro")}
+    assert gyros.keys() == told.keys()
+    for name, values in told.items():
+        assert gyros[name] == pytest.approx(values, rel=0.01), name
 
 
 def test_a_sensor_that_is_not_known_gives_no_limit():
