@@ -22,9 +22,6 @@ from insenv.errors import InputError, InsenvError
 posix = pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="signals of POSIX")
 
 
-# --- workers ------------------------------------------------------------------------------------------
-
-
 def test_threads_and_processes_are_bit_identical():
     plan = small_plan(24)
     assert [len(b) for b in plan.blocks] == [8] * 3
@@ -122,9 +119,6 @@ def test_a_worker_of_another_version_is_refused():
         running._block(small_plan(8), 0, "the digest of another version")
 
 
-# --- interruptions ------------------------------------------------------------------------------------
-
-
 def interrupt(done, total):
     """A progress function that interrupts after the first block."""
     if done:
@@ -209,9 +203,6 @@ def test_an_interruption_ends_blocks_that_run(tmp_path, pool, after_s):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     assert not list((tmp_path / "out").glob("blocks/00000?.npz"))
-
-
-# --- blocks that were begun ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("looks", [1, 3, 30])

@@ -3,7 +3,6 @@
 import copy
 import pickle
 import warnings
-from functools import partial
 
 import gymnasium
 import numpy as np
@@ -11,8 +10,6 @@ import pytest
 from gymnasium import wrappers
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
-from gymnasium.wrappers import vector as vector_wrappers
 
 from insenv.envs import IDS, agents, testing
 from insenv.errors import InputError
@@ -117,9 +114,6 @@ def test_observations_show_the_measurements_of_instruments_and_no_truth():
         check_env(env.unwrapped, skip_render_check=True)
 
 
-# --- wrappers and copies ------------------------------------------------------------------------------
-
-
 def test_wrappers_of_observations_actions_and_statistics():
     env = wrappers.RecordEpisodeStatistics(wrappers.ClipAction(gymnasium.make(SHIP, **SHORT)))
     size, agent = env.observation_space.shape[0], agents.make("q-method", env)
@@ -134,31 +128,6 @@ def test_wrappers_of_observations_actions_and_statistics():
     assert truncated and info["episode"]["l"] == 8 and np.isfinite(observation).all()
     # rows that are constant during an episode are normalised to 0; the samples are not
     assert np.abs(observation[-1, :49]).max() > 0.1
-
-
-def test_batches_normalised():
-    venv = vector_wrappers.NormalizeObservation(gymnasium.make_vec(SHIP, 4, **SHORT))
-    venv = vector_wrappers.DictInfoToList(vector_wrappers.RecordEpisodeStatistics(venv))
-    venv.reset(seed=1)
-    for _ in range(12):
-        observation, _, _, _, infos = venv.step(np.tile(LEVEL, (4, 1)))
-    assert np.isfinite(observation).all() and len(infos) == 4 and infos[2]["q_nb"].shape == (4,)
-
-
-def test_several_processes_give_the_results_of_one():
-    makers = [partial(gymnasium.make, SHIP, **SHORT)] * 2
-    interfaces = SyncVectorEnv(makers), AsyncVectorEnv(makers)
-    shown = []
-    try:
-        for interface in interfaces:
-            steps = [interface.reset(seed=5)[0]]
-            for _ in range(12):
-                observation, reward, *_ = interface.step(np.tile(LEVEL, (2, 1)))
-                steps.append(np.column_stack([observation, reward]))
-            shown.append(steps)
-    finally:
-        interfaces[1].close()
-    testing.assert_same(*shown, "SyncVectorEnv and AsyncVectorEnv")
 
 
 def test_copies_pickles_and_snapshots_of_batches_continue_bit_identically():

@@ -10,7 +10,7 @@ from places import ROOT
 
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
-from insenv.envs import IDS, AlignmentEnv, agents, estimate_action, knowledge_of, testing
+from insenv.envs import IDS, AlignmentEnv, agents, estimate_action, knowledge_of
 from insenv.scenario import build, load
 
 sys.path.insert(0, str(ROOT / "examples"))
@@ -20,9 +20,6 @@ import rank_policies
 SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
 SHORT = {"samples_per_step": 7, "duration_s": 0.3}
 COMPACT = {"observation": "compact", "action": "correction"}
-
-
-# --- observations -------------------------------------------------------------------------------------
 
 
 def test_observations_are_the_sensor_outputs_of_a_run():
@@ -60,19 +57,6 @@ def test_observations_are_the_sensor_outputs_of_a_run():
     assert new >= 7 and held >= 15
 
 
-def test_float32_is_float64_rounded():
-    wide, narrow = (gymnasium.make(SHIP, **SHORT, dtype=dtype) for dtype in ("float64", "float32"))
-    assert narrow.observation_space.dtype == narrow.action_space.dtype == np.float32
-    pairs = [(wide.reset(seed=1)[0], narrow.reset(seed=1)[0])]
-    action = np.full(wide.action_space.shape, -0.5, dtype=np.float32)
-    for _ in range(3):
-        one, other = wide.step(action), narrow.step(action)
-        pairs.append((one[0], other[0]))
-        assert one[1] == other[1]  # the model computes the same
-    for one, other in pairs:
-        assert other.dtype == np.float32 and np.array_equal(one.astype(np.float32), other)
-
-
 def test_compact_observations_are_of_order_one():
     venv = gymnasium.make_vec(SHIP, 16, samples_per_step=100, duration_s=3.0, **COMPACT)
     assert venv.single_observation_space.shape == (12,) and venv.single_action_space.shape == (4,)
@@ -104,9 +88,6 @@ def test_the_compact_observation_vanishes_for_the_true_attitude_and_measures_a_t
     earth = geodesy.numeric.earth_rate_n(env.snapshot().parameters[env.setup.task.model.parameters.slice("known_latitude")][0])
     turned = attitude.numeric.rotate(attitude.numeric.from_rotation_vector(-250.0 * earth), np.array([0.0, tilt, 0.0]))
     assert info["error"] == pytest.approx(turned, abs=1e-8)
-
-
-# --- rewards ------------------------------------------------------------------------------------------
 
 
 def measure_of(error, limit):
@@ -159,9 +140,6 @@ def test_the_reward_of_a_navigation_counts_nine_components():
         _, reward, terminated, _, info = env.step(action)
         assert not terminated and info["error"] == pytest.approx(e, rel=1e-3, abs=1e-9)
         assert reward == pytest.approx(-measure_of(e, info["limit"]) / 20.0, rel=1e-3)
-
-
-# --- actions ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("id", [SHIP, DRIVE])
@@ -279,10 +257,3 @@ def test_reported_headings_are_wrapped():
     known = venv.unwrapped.named(observation)["known_attitude"]
     assert np.abs(known).max() <= 2.0 * np.pi and np.abs(known[:, 2]).max() > np.pi
     venv.step(agents.make("gyrocompass", venv).act(observation, info))
-
-
-def test_the_seed_of_a_run_gives_its_knowledge_in_both_interfaces():
-    env, venv = gymnasium.make(DRIVE, **SHORT), gymnasium.make_vec(DRIVE, 2, **SHORT)
-    for seed in (3, 4):
-        one, other = env.reset(options={"run_seed": seed}), venv.reset(options={"run_seed": seed})
-        testing.assert_same([one[0]], [other[0][0]], "a row with the seed of a run")

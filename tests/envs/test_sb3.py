@@ -60,9 +60,6 @@ def test_its_checker_accepts_the_tuning_environment():
         checker.check_env(TuningEnv(**SHORT), warn=True, skip_render_check=True)
 
 
-# --- training -----------------------------------------------------------------------------------------
-
-
 def trained(example, figure, folder, *arguments):
     """Run a training example, check its figure, and return what it printed."""
     peers.package("stable_baselines3", HOW)
@@ -88,27 +85,21 @@ def number_after(text, printed):
 
 
 @pytest.mark.slow
-def test_a_trained_tuner_beats_the_untuned_filter_on_held_out_seeds(tmp_path):
+def test_what_is_trained_is_better_on_held_out_seeds(tmp_path):
+    """A tuner than the untuned filter, an aligner than analytic, and a driver as good as the best fixed pattern."""
     printed = trained("train_tuner", "tuner.png", tmp_path)
     gain, error = number_after("PPO minus untuned, seed by seed:", printed)
-    assert gain > 4 * error, printed
     untuned, correct = (
         float(re.search(rf"^{name} +(-?[\d.]+)", printed, re.MULTILINE)[1]) for name in ("untuned", "correct data sheets")
     )
-    assert correct > untuned + 0.5, printed  # it is not mistuned
+    assert gain > 4 * error and correct > untuned + 0.5, printed  # it is not mistuned
 
-
-@pytest.mark.slow
-def test_a_trained_aligner_beats_analytic_on_held_out_seeds(tmp_path):
     printed = trained("train_aligner", "aligner.png", tmp_path, "--minutes", "3")
     learnt, classical = number_after("PPO", printed), number_after("analytic", printed)
     assert learnt[0] - classical[0] > 4.0 * np.hypot(learnt[1], classical[1]), printed
 
-
-@pytest.mark.slow
-def test_a_trained_driver_is_at_least_as_good_as_the_best_fixed_pattern(tmp_path):
     printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path)
     gain, error = number_after("PPO minus the pattern chosen, seed by seed:", printed)
     assert gain > -2.0 * error, printed
-    assert number_after("PPO", printed)[0] > number_after("random commands", printed)[0] + 0.3, printed
-    assert number_after("PPO", printed)[0] < number_after("bound of the fixes", printed)[0], printed
+    learnt = number_after("PPO", printed)[0]
+    assert number_after("random commands", printed)[0] + 0.3 < learnt < number_after("bound of the fixes", printed)[0], printed

@@ -12,7 +12,7 @@ from insenv.envs.knowledge import KNOWN
 from insenv.envs.starts import InnerStarts
 from insenv.errors import InputError
 from insenv.scenario import build
-from insenv.scenario.sensor_notes import CONSTANT, _power, data_sheets, sensor_notes
+from insenv.scenario.sensor_notes import CONSTANT, data_sheets, sensor_notes
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 IDS = ("insenv/Tuning-v0", "insenv/Manoeuvre-v0")
@@ -132,12 +132,6 @@ def test_data_sheets_of_many_units_are_those_of_each(in_place):
         assert vars(sensor_notes({name: values[i] for name, values in rows.items()}, in_place)) == {
             name: values[i] for name, values in sheets.items()
         }
-
-
-@pytest.mark.parametrize("exponent", [2, 0.5])
-def test_powers_of_data_sheets_are_those_of_floats_to_the_bit(exponent):
-    values = np.random.default_rng(3).lognormal(-5.0, 8.0, 20000)
-    assert _power(values, exponent).tolist() == [value**exponent for value in values.tolist()]
 
 
 def test_a_unit_of_which_nothing_is_known_has_the_smallest_figures():

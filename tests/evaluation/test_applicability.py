@@ -147,9 +147,6 @@ def test_scale_factors_set_smaller_than_those_of_the_unit_are_noted():
         assert len(of(replay(log, "loosely-coupled").results[0])) == count
 
 
-# --- recorded logs -----------------------------------------------------------------------------------
-
-
 def log_at_rest(folder, imu="", estimator=""):
     n, dt = 1000, 0.1
     rate = geodesy.numeric.earth_rate_n(np.radians(30.0))
@@ -214,9 +211,6 @@ def test_gyrocompass_from_a_heading_that_is_far_off(monkeypatch):
     error, sigma = found.errors["heading_deg"], found.sigma["heading_deg"]
     assert (np.abs(error) < 3 * sigma).all() and np.abs(error)[found.time > 400].max() > 30.0
     assert any("from 180 deg not at all" in note for note in found.notes)
-
-
-# --- the hand-over -----------------------------------------------------------------------------------
 
 
 def test_the_hand_over_carries_what_biases_do():
