@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -125,6 +126,22 @@ def interrupt(done, total):
         raise KeyboardInterrupt
 
 
+@contextmanager
+def alarm_interrupts(after_s=0.0):
+    """The alarm's signal is Ctrl-C; after_s: when it comes, 0: it is sent by the test."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupted)
+    signal.setitimer(signal.ITIMER_REAL, after_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
 def test_an_interrupted_campaign_resumes_with_bit_identical_results(tmp_path):
     plan, done = small_plan(), []
     expected = run_campaign(plan)
@@ -190,18 +207,9 @@ def test_an_interruption_ends_blocks_that_run(tmp_path, pool, after_s):
     """Without that, the blocks of 8 runs, each of which takes minutes on the interpreter, would be waited for."""
     plan = replace(make_plan(slow_ship(), "q-method", 16, first_seed=3, duration_s=7200.0), block_samples=1)
 
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGALRM, interrupted)
-    signal.setitimer(signal.ITIMER_REAL, after_s)
     said = "before the first of 2 blocks was begun|0 of 2 blocks are finished and kept, and [12] begun"
-    try:
-        with pytest.raises(KeyboardInterrupt, match=said):
-            run_campaign(plan, store=Folder(tmp_path / "out", plan), workers=pool)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+    with alarm_interrupts(after_s), pytest.raises(KeyboardInterrupt, match=said):
+        run_campaign(plan, store=Folder(tmp_path / "out", plan), workers=pool)
     assert not list((tmp_path / "out").glob("blocks/00000?.npz"))
 
 
@@ -241,16 +249,10 @@ def test_an_interrupted_block_is_kept_and_finished(tmp_path, monkeypatch):
 
         return original(plan, number, look, part)
 
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(running, "run_block", interrupting)
-    before = signal.signal(signal.SIGALRM, interrupted)
-    try:
-        with pytest.raises(KeyboardInterrupt, match="0 of 1 blocks are finished and kept, and 1 begun: --resume continues"):
-            run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1))
-    finally:
-        signal.signal(signal.SIGALRM, before)
+    said = "0 of 1 blocks are finished and kept, and 1 begun: --resume continues"
+    with alarm_interrupts(), pytest.raises(KeyboardInterrupt, match=said):
+        run_campaign(plan, store=Folder(tmp_path, plan), workers=threads(1))
     assert [path.name for path in (tmp_path / "blocks").iterdir()] == ["000000.begun.npz"] and len(asked) >= 20
     monkeypatch.setattr(running, "run_block", original)
     resumed = run_campaign(plan, store=Folder(tmp_path, plan, resume=True))
