@@ -44,7 +44,6 @@ def turned(angle_deg):
     return replace(base, model=replace(base.model, id="turned", output=output))
 
 
-@pytest.mark.slow
 def test_two_estimators_with_a_known_difference():
     """The heading error of a perfect unit is that of its start, N(0, s^2); turned by d its rms is sqrt(s^2 + d^2)."""
     data = json.loads(car().model_dump_json())
@@ -53,17 +52,14 @@ def test_two_estimators_with_a_known_difference():
     pair = found.pairs["turned"]["heading_deg"]
     assert pair.ratio.low <= np.hypot(0.5, 0.4) / 0.5 <= pair.ratio.high
     assert pair.difference.low <= np.hypot(0.5, 0.4) - 0.5 <= pair.difference.high
-    assert pair.is_real and pair.runs == 96 and pair.smaller < 48
-    assert not found.pairs["turned"]["north_m"].is_real
+    assert pair.is_real and pair.runs == 96 and pair.smaller < 48 and not found.pairs["turned"]["north_m"].is_real
     assert found.first == "wander-sins" and "turned / wander-sins" in repr(found)
     document = comparison_page_document(found)
     assert_shows(document, comparison_tables(found))
-    assert document["tables"][0]["caption"] == "turned compared with wander-sins, run by run"
     (panel,) = document["sections"][0]["panels"]
     assert {"name": "heading [deg]", "value": pair.ratio.value, "low": pair.ratio.low, "high": pair.ratio.high} in panel["rows"]
     # the same runs, to the bit, as of a campaign of one
-    alone = insenv.campaign(load(data), "wander-sins", 96, seed=1, duration_s=0.5)
-    assert same(alone, found.summaries["wander-sins"])
+    assert same(insenv.campaign(load(data), "wander-sins", 96, seed=1, duration_s=0.5), found.summaries["wander-sins"])
 
 
 def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
@@ -77,40 +73,34 @@ def test_a_run_that_diverged_for_one_is_left_out_of_the_pair():
 
 def test_a_comparison_over_different_times_says_so():
     """The rms of an alignment is that of the last quarter."""
-    found = insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=8.0)
-    note = "rms from 6 s on of analytic, over the whole runs of wander-sins: their ratio compares different times"
-    assert found.notes == (note,) and found.as_json()["notes"] == [note]
+    found = insenv.campaign(car(), ["wander-sins", "analytic"], 2, duration_s=2.0)
+    (note,) = found.as_json()["notes"]
+    assert found.notes == (note,) and "from 1.5 s on of analytic, over the whole runs of wander-sins" in note
     assert note in comparison_page_document(found)["notes"] and f"note: {note}" in printed(comparison_tables(found))
 
 
-def test_the_command_compares(tmp_path):
-    given = ("campaign", "ship-swaying", "-e", "q-method", "-e", "analytic", "-n", "4", "--duration", "1")
-    status, out, err = call(*given, "--out", tmp_path / "out", "--table", "csv")
+def test_the_command_compares_and_its_folder_takes_no_other_campaign(tmp_path):
+    def command(scenario, *ids, more=("--no-figure",)):
+        given = ("campaign", scenario, *(part for id in ids for part in ("-e", id)), "-n", "2", "--duration", "1")
+        return call(*given, "--out", tmp_path / "out", *more)
+
+    status, out, err = command("ship-swaying", "q-method", "analytic", more=("--table", "csv"))
     assert (status, err) == (0, "") and "analytic compared with q-method, run by run" in out
     assert max(map(len, out.splitlines()[:-1])) <= 80
-    names = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*")}
+    before = {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
+    names = {path.relative_to(tmp_path / "out").as_posix() for path in before}
     assert {"comparison.json", "q-method/campaign.json", "analytic/runs.csv", "analytic/blocks/000000.npz"} <= names
     assert {"comparison.html", "q-method/campaign.html"} <= names
-    status, out, _ = call(*given, "--out", tmp_path / "out", "--resume", "--json", "--no-figure")
-    document = strict(out)
-    assert status == 0 and [one["estimator"] for one in document["campaigns"]] == ["q-method", "analytic"]
-    assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
-
-
-def test_a_folder_with_a_comparison_takes_no_other_campaign(tmp_path):
-    def command(scenario, *ids, **more):
-        given = ("campaign", scenario, *(part for id in ids for part in ("-e", id)), "-n", "2", "--duration", "1")
-        return call(*given, "--out", tmp_path / "out", "--no-figure", *more.get("more", ()))
-
-    assert command("ship-swaying", "q-method", "analytic")[::2] == (0, "")
-    before = {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")}
     status, _, err = command("car-city-drive", "loosely-coupled")
     assert status == 2 and "holds the comparison of analytic, q-method: choose another folder for one estimator" in err
     status, _, err = command("car-city-drive", "loosely-coupled", "fusion")
     assert status == 2 and "holds another comparison: its campaign of analytic differs in scenario, name" in err
     assert {path: path.read_bytes() for path in (tmp_path / "out").rglob("*.*")} == before
-    added = command("ship-swaying", "q-method", "analytic", "wander-sins", more=("--resume",))
-    assert added[::2] == (0, ""), added  # the same runs: one comparison
+    # the same runs: one comparison
+    status, out, _ = command("ship-swaying", "q-method", "analytic", "wander-sins", more=("--resume", "--json", "--no-figure"))
+    document = strict(out)
+    assert status == 0 and [one["estimator"] for one in document["campaigns"]] == ["q-method", "analytic", "wander-sins"]
+    assert set(document["paired"][0]["errors"]) == {"roll_deg", "pitch_deg", "heading_deg"}
     alone = ("campaign", "ship-swaying", "-e", "analytic", "-n", "2", "--duration", "1", "--no-figure", "--out")
     assert call(*alone, tmp_path / "other" / "run-1")[0] == 0
     assert call(*alone, tmp_path / "other")[0] == 0  # a folder that only has campaigns in folders of its own
@@ -134,8 +124,8 @@ def test_settings_are_those_of_a_run_and_of_the_scenario(tmp_path):
 
 
 def test_an_estimator_that_is_named_twice_runs_once_in_every_command(tmp_path):
-    twice = ("ship-swaying", "-e", "q-method", "-e", "q-method", "--duration", "10")
-    status, out, err = call("campaign", *twice, "-n", "4", "--out", tmp_path / "out")
+    twice = ("ship-swaying", "-e", "q-method", "-e", "q-method", "--duration", "1")
+    status, out, err = call("campaign", *twice, "-n", "2", "--no-figure", "--out", tmp_path / "out")
     assert (status, err) == (0, "") and "compared with" not in out and (tmp_path / "out" / "campaign.json").is_file()
     status, out, err = call("run", *twice, "--json")
     assert (status, err) == (0, "") and [one["estimator"] for one in strict(out)["results"]] == ["q-method"]

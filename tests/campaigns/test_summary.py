@@ -1,17 +1,21 @@
-"""The statistics of a campaign against NumPy, from blocks with drawn errors in place of the simulated ones."""
+"""The statistics of a campaign against NumPy: of the runs, and of drawn errors in place of the simulated ones."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import slow_ship
+from campaigns import printed, slow_ship, small_plan
 from scipy.stats import chi2
 
+import insenv
+from insenv import run
+from insenv.campaigns import Folder, make_plan, run_campaign, running
 from insenv.campaigns import block as block_module
-from insenv.campaigns import make_plan, parse_variation, run_campaign, running
 from insenv.campaigns import plan as plan_module
 from insenv.campaigns.block import run_block
+from insenv.campaigns.presentation import campaign_arrays, campaign_rows, campaign_tables
+from insenv.report.tables import comparison
 from insenv.scenario import load
 
 PERCENTILES = (2.5, 16.0, 50.0, 84.0, 97.5)
@@ -30,13 +34,12 @@ def parked(runs):
 def drawn(monkeypatch):
     """`run(plan)` gives the summary, and the arrays that stood in place of errors, squares, sigmas and NEES."""
 
-    def run(plan, change=lambda arrays: None):
+    def run(plan):
         rng, kept, first = np.random.default_rng(2), [], block_module.run_block(plan, 0)
 
         def replaced(plan, number, stopped, part):
             arrays = {name: value.copy() for name, value in first.items()}
-            runs = plan.blocks[number]
-            arrays["seed"] = np.array([plan.first_seed + run for run in runs], dtype=float)
+            arrays["seed"] = np.array([plan.first_seed + run for run in plan.blocks[number]], dtype=float)
             for name in ("error", "mean_square", "mean_variance", "nees"):
                 if name in arrays:
                     size = rng.normal(size=arrays[name].shape)
@@ -53,6 +56,7 @@ def drawn(monkeypatch):
 
 
 def test_navigation_over_the_runs(drawn):
+    """The sum of NEES over the runs is chi-square distributed; the bounds of one run would hold whatever the filter does."""
     found, arrays = drawn(parked(24))
     assert found.from_s == 0.0 and len(found.seeds) == 24
     for place, name in enumerate(found.channels):
@@ -64,57 +68,23 @@ def test_navigation_over_the_runs(drawn):
         assert np.allclose(found.stated[:, place], np.sqrt(variance.mean(axis=1)))
         assert np.allclose(found.rms[:, place], np.sqrt(square.mean(axis=1)))
         assert found.figures()[name]["stated"] == pytest.approx(np.sqrt(variance.mean()))
-
-
-def test_nees_has_the_bounds_of_a_mean_over_the_runs(drawn):
-    """The sum over the runs is chi-square distributed; the bounds of one run would hold whatever the filter does."""
-    found, arrays = drawn(parked(24))
     nees = found.nees
     assert nees.degrees == 9 and np.allclose(nees.mean, arrays["nees"].mean(axis=0))
     low, high = chi2.ppf([0.025, 0.975], 9 * 24) / 24
     assert (nees.low, nees.high) == pytest.approx((low, high))
-    rng = np.random.default_rng(1)
-    means = rng.chisquare(9, (4000, 24)).mean(axis=1)
+    means = np.random.default_rng(1).chisquare(9, (4000, 24)).mean(axis=1)
     assert np.mean((means > nees.low) & (means < nees.high)) == pytest.approx(0.95, abs=0.015)
 
 
 def test_alignment_counts_the_last_quarter(drawn):
-    plan = replace(make_plan(slow_ship(), "analytic", 16, first_seed=3, duration_s=2.0), block_samples=1)
-    found, arrays = drawn(plan)
+    found, arrays = drawn(small_plan(16))
     late = found.time >= 1.5 - 1e-9
     assert 0 < late.sum() < len(late)
-    for place, name in enumerate(found.channels):
+    for place, (name, row) in enumerate(found.figures().items()):
         square = arrays["mean_square"][:, late, place]
         assert np.allclose(found.rms[:, place], np.sqrt(square.mean(axis=1)))
-        assert found.figures()[name]["rms"] == pytest.approx(np.sqrt(square.mean()))
-
-
-def test_runs_far_from_the_median_are_listed(monkeypatch):
-    """Ten times the median run, not ten times the worst: several runs may be far off."""
-    plan = replace(make_plan(slow_ship(), "analytic", 16, first_seed=3, duration_s=2.0), block_samples=1)
-    original = block_module.run_block
-
-    def spoilt(plan, number, stopped, part):
-        arrays = original(plan, number)
-        arrays["mean_square"] = np.ones_like(arrays["mean_square"])
-        for run, factor in ((1, 9.0), (2, 11.0), (5, 300.0)):
-            arrays["mean_square"][run, :, 1] *= factor**2
-        return arrays
-
-    monkeypatch.setattr(running, "run_block", spoilt)
-    assert run_campaign(plan).far == (5, 8, 13, 16)
-
-
-def test_limits_of_runs_and_of_times_have_the_same_mean_square():
-    """Runs told their heading more or less well: the limit of a run over its last quarter, that of a time over the runs."""
-    variations = [parse_variation("knowledge.heading_sigma_deg=1:10")]
-    found = run_campaign(make_plan(slow_ship(), "analytic", 8, first_seed=1, duration_s=2.0, variations=variations))
-    late = found.time >= found.from_s - 1e-9
-    for place, name in enumerate(found.channels):
-        limit = found.courses[name].limit
-        if limit is not None and np.isfinite(found.limit[:, place]).all():
-            assert np.mean(limit[late] ** 2) == pytest.approx(np.mean(found.limit[:, place] ** 2), rel=1e-9), name
-    assert np.isfinite(found.limit[:, 2]).all()
+        assert row["rms"] == pytest.approx(np.sqrt(square.mean())), name
+        assert row["percentiles"]["50"] == pytest.approx(np.median(arrays["error"][:, -1, place])), name
 
 
 def test_a_record_holds_the_mean_square_since_the_one_before(monkeypatch):
@@ -123,7 +93,92 @@ def test_a_record_holds_the_mean_square_since_the_one_before(monkeypatch):
     each = run_block(plan, 0)
     monkeypatch.setattr(plan_module, "RECORDS", 6)
     assert plan.evaluation_samples == 1 and plan.evaluations == 10
-    one = run_block(plan, 0)
-    groups = each["error"].reshape(3, 6, 10, -1)
+    one, groups = run_block(plan, 0), each["error"].reshape(3, 6, 10, -1)
     assert np.allclose(one["mean_square"], np.mean(groups**2, axis=2), rtol=1e-9)
     assert np.array_equal(one["error"], groups[:, :, -1])
+
+
+def test_diverged_runs_are_left_out_and_runs_far_from_the_median_listed(monkeypatch):
+    """Ten times the median run, not ten times the worst: several runs may be far off."""
+    plan, original = small_plan(24), block_module.run_block
+    expected = run_campaign(plan)
+
+    def spoilt(plan, number, stopped, part):
+        arrays = {name: value.copy() for name, value in original(plan, number).items()}
+        arrays["mean_square"] = np.ones_like(arrays["mean_square"])
+        if number == 1:
+            arrays["error"][2, 30:, 1] = np.nan
+            arrays["mean_square"][4, 35:, 0] = np.inf
+            for run, factor in ((1, 9.0), (3, 11.0), (5, 300.0)):
+                arrays["mean_square"][run, :, 1] *= factor**2
+        return arrays
+
+    monkeypatch.setattr(running, "run_block", spoilt)
+    found = run_campaign(plan)
+    assert found.diverged == (3 + 8 + 2, 3 + 8 + 4) and found.far == (3 + 8 + 3, 3 + 8 + 5)
+    kept = ~np.isin(found.seeds, found.diverged)
+    assert kept.sum() == 22
+    pitch, whole = found.courses["pitch_deg"], expected.courses["pitch_deg"]
+    assert np.allclose(pitch.mean[:30], whole.mean[:30], rtol=1e-12)
+    assert pitch.mean[-1] == pytest.approx(expected.final[kept, 1].mean())
+    assert np.isfinite([row["rms"] for row in found.figures().values()]).all()
+    assert found.as_json()["diverged"] == [13, 15]
+
+
+def told(found):
+    return " ".join(printed(campaign_tables(found)).split())
+
+
+def test_health_of_every_run_and_its_shares():
+    """A run's health is that of `insenv run` with its seed; a gate of half a sigma refuses fixes until it opens."""
+    scenario = load("ship-underway").model_copy(update={"rate_hz": 10.0})
+    found = run_campaign(make_plan(scenario, "loosely-coupled", 3, first_seed=4, duration_s=60.0))
+    alone = run(scenario, "loosely-coupled", seed=5, duration_s=60.0).results[0].health
+    assert found.health[1].fixes == alone.fixes == 59
+    assert found.health[1].nis.mean == pytest.approx(alone.nis.mean, rel=1e-9)
+    shares = found.as_json()["health"]
+    assert shares["runs"] == 3 and shares["consistent"] == 1.0 and shares["overconfident"] == shares["diverged"] == 0.0
+    assert shares["nis"] == pytest.approx(np.mean([one.nis.mean for one in found.health]))
+    assert campaign_arrays(found)["runs/health/nis"].tolist() == [one.nis.mean for one in found.health]
+    assert told(found).count("health of 3 runs: 100 % consistent, 0 % overconfident, 0 % diverged") == 1
+    wrong = load({**scenario.model_dump(exclude_unset=True), "estimator": {"loosely-coupled": {"innovation_gate": 0.5}}})
+    lost = run_campaign(make_plan(wrong, "loosely-coupled", 1, first_seed=4, duration_s=60.0))
+    assert lost.verdicts()["consistent"] == 0.0 and lost.verdicts()["refused"] > 0.1
+    assert "health of 1 run:" in told(lost) and "1 run of 60 s, seed 4," in told(lost)
+    assert run_campaign(small_plan(2)).verdicts() is None and run_campaign(small_plan(2)).as_json()["health"] is None
+
+
+@pytest.mark.slow
+def test_each_aid_has_a_line_and_shares():
+    report = insenv.run("car-odometer", "fusion", duration_s=30)
+    assert "  odometer: consistent: 0 % of 300 measurements refused, NIS" in printed(comparison(report))
+    aids = insenv.campaign("car-odometer", "fusion", runs=2, duration_s=30).as_json()["health"]["aids"]
+    assert aids["odometer"]["consistent"] == 1.0 and aids["odometer"]["runs"] == 2
+
+
+def test_what_runs_say_of_their_end_is_counted(tmp_path):
+    """By the findings of `insenv run`: 6 s at sea show the heading in some runs, not in all."""
+    scenario = load("ship-at-sea").model_copy(update={"rate_hz": 10.0})
+    plan = make_plan(scenario, "velocity-integration", 4, first_seed=3, duration_s=6.0)
+    found = run_campaign(plan, store=Folder(tmp_path, plan))
+    for seed, held in zip(found.seeds, found.held, strict=True):
+        result = run(scenario, "velocity-integration", seed=int(seed), duration_s=6.0).results[0]
+        assert list(held) == [note for note in result.notes if "heading" in note and "heading found" not in note]
+    unknown = [int(seed) for seed, held in zip(found.seeds, found.held, strict=True) if held]
+    assert 0 < len(unknown) < 4
+    seeds = ", ".join(map(str, unknown))
+    assert f"note: in {len(unknown)} of 4 runs (seed {seeds}): the heading is unknown at the end: turns" in told(found)
+    sentence = "the estimate of dvl_scale is {ratio} times its sigma"  # the largest ratio is told
+    found = replace(found, held=({sentence: 5.25}, {}, {sentence: 70.1}, {}))
+    assert "in 2 of 4 runs (seed 3, 5): the estimate of dvl_scale is up to 70.1 times its sigma" in found.notes
+
+
+def test_runs_to_which_no_fix_came_or_that_are_too_short_are_noted():
+    values = load("ship-underway").model_dump(exclude_unset=True)
+    scenario = load({**values, "rate_hz": 10.0, "gnss": {**values["gnss"], "outages_s": [(0.0, 60.0)]}})
+    found = run_campaign(make_plan(scenario, "loosely-coupled", 2, first_seed=4, duration_s=20.0))
+    (note,) = (note for note in run(scenario, "loosely-coupled", duration_s=20.0).results[0].notes if "no fix came" in note)
+    assert f"in 2 of 2 runs: {note}" in found.notes
+    found = run_campaign(make_plan(slow_ship(), "q-method", 2, first_seed=3, duration_s=2.0))
+    assert any(note.startswith("too short: 2 s of data, q-method needs 100 s") for note in found.as_json()["notes"])
+    assert all(values[3] is None and values[2] is not None for _, values in campaign_rows(found))

@@ -6,15 +6,60 @@ import gymnasium
 import numpy as np
 import pytest
 
+from insenv import attitude
 from insenv.envs import ManoeuvreEnv, TuningEnv, knowledge_of
 from insenv.envs.knowledge import KNOWN
 from insenv.envs.starts import InnerStarts
 from insenv.errors import InputError
 from insenv.scenario import build
-from insenv.scenario.sensor_notes import CONSTANT, _power, data_sheets, sensor_notes
+from insenv.scenario.sensor_notes import CONSTANT, data_sheets, sensor_notes
 from insenv.sensors.imu_tables import IMU_PARAMETERS
 
 IDS = ("insenv/Tuning-v0", "insenv/Manoeuvre-v0")
+SHIP = "insenv/ShipAlignment-v0"
+SHORT = {"samples_per_step": 7, "duration_s": 0.3}
+
+
+def test_no_constant_attitude_is_an_estimate():
+    """Heading, sway phases and mounting differ between episodes, unless options keep the scenario's."""
+    venv = gymnasium.make_vec(SHIP, 64, **SHORT)
+    _, info = venv.reset(seed=1)
+    roll, pitch, heading = attitude.numeric.to_euler(info["q_nb"])
+    # half the width of the mounting draws, 11.5 deg RMS, with a sway of 7 and 3.5 deg RMS
+    assert np.std(roll) > np.radians(10.0) and np.std(pitch) > np.radians(8.0) and np.std(heading) > 1.4
+    as_told = {"heading_deg": None, "sway_phases": False, "mounting_deg": None}
+    _, info = venv.reset(seed=1, options=as_told)
+    assert np.ptp(attitude.numeric.to_euler(info["q_nb"]), axis=1) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_options_hold_for_one_episode():
+    env = gymnasium.make(SHIP, **SHORT)
+    plain, _ = env.reset(seed=1)
+    turned, info = env.reset(seed=1, options={"heading_deg": 200.0, "imu": "tactical", "initial_error": (2.0, 45.0)})
+    seen = env.unwrapped.named(turned)
+    # the option replaces the mean heading of the scenario; sway adds up to 3 deg at time 0
+    assert np.degrees(attitude.numeric.to_euler(info["q_nb"])[2]) % 360.0 == pytest.approx(200.0, abs=3.1)
+    assert seen["known_heading_sigma"] == pytest.approx(np.radians(45.0))
+    assert seen["known_gyro_bias_sigma"] > env.unwrapped.named(plain)["known_gyro_bias_sigma"]
+    assert np.array_equal(env.reset(seed=1)[0], plain)
+
+
+@pytest.mark.parametrize(
+    ("id", "given", "low", "high"),
+    [
+        (SHIP, {"imu": "random"}, 0.001, 4.0),
+        (SHIP, {"imu": "random", "imu_range": ("navigation", "tactical")}, 0.01, 4.0),
+        (IDS[1], {}, 4.0, 720.0),
+    ],
+)
+def test_a_random_unit_is_drawn_between_the_given_grades(id, given, low, high):
+    """The standard deviation of the turn-on bias, for the default range and a given one: uniform in its logarithm."""
+    env = gymnasium.make(id, **SHORT, **given).unwrapped
+    place, generators = env.setup.task.model.parameters.slice("gyro_bias_sigma"), map(np.random.default_rng, range(64))
+    drawn = np.degrees(env.setup.starts.draw(list(generators))[:, place][:, 0]) * 3600.0
+    assert low * 0.999 <= drawn.min() < low * (high / low) ** 0.1 and high * (low / high) ** 0.1 < drawn.max() <= high * 1.001
+    # half of the logarithmic draws lie below the geometric mean; 64 draws, 4 sigma
+    assert len(np.unique(drawn)) == 64 and abs(np.mean(drawn < np.sqrt(low * high)) - 0.5) < 4 * 0.5 / 8
 
 
 def _made(id: str) -> tuple[InnerStarts, np.ndarray, np.ndarray]:
@@ -43,7 +88,7 @@ def test_the_filter_of_each_row_starts_from_the_knowledge_of_that_row(id):
 @pytest.mark.parametrize(("kind", "given"), [(ManoeuvreEnv, {}), (TuningEnv, {"scenario": "ship-underway"})])
 def test_the_filter_knows_what_that_of_a_run_knows(kind, given):
     """Also the errors of the unit that grow with motion, and the part of a fix's error that lasts."""
-    env = kind(**given, backend="interpreter")
+    env = kind(**given)
     env.reset(seed=0, options={"run_seed": 3})
     starts, plant = env.setup.starts, build(env.setup.scenario, seed=3, driven=True)
     wanted = plant.parameters_of(starts._estimator, whole=False)
@@ -87,12 +132,6 @@ def test_data_sheets_of_many_units_are_those_of_each(in_place):
         assert vars(sensor_notes({name: values[i] for name, values in rows.items()}, in_place)) == {
             name: values[i] for name, values in sheets.items()
         }
-
-
-@pytest.mark.parametrize("exponent", [2, 0.5])
-def test_powers_of_data_sheets_are_those_of_floats_to_the_bit(exponent):
-    values = np.random.default_rng(3).lognormal(-5.0, 8.0, 20000)
-    assert _power(values, exponent).tolist() == [value**exponent for value in values.tolist()]
 
 
 def test_a_unit_of_which_nothing_is_known_has_the_smallest_figures():

@@ -22,6 +22,7 @@ def innovations(seed: int = 1) -> dict[str, np.ndarray]:
 
 def test_a_consistent_filter_is_contradicted_by_none_of_500_fixes_of_200_seeds() -> None:
     assert [seed for seed in range(200) if contradiction_notes(TIME, innovations(seed))] == []
+    assert contradiction_notes(TIME, {"q_nb": np.zeros((len(TIME), 4))}) == ()  # an estimator without test ratios
 
 
 def test_a_lasting_difference_of_four_sigma_is_found() -> None:
@@ -42,23 +43,8 @@ def test_outliers_do_not_contradict() -> None:
     assert contradiction_notes(TIME, outputs) == ()
 
 
-def test_a_jump_of_the_velocity_that_the_unit_does_not_measure() -> None:
-    """0.7 m/s, of a receiver whose noise is 0.02 m/s though it states 0.25; slow errors and gaps are no jumps."""
-    outputs = innovations()
-    outputs["innovation"] *= 0.2
-    outputs["test_ratio"] = outputs["innovation"] / 0.25
-    slow = {name: values.copy() for name, values in outputs.items()}
-    slow["innovation"][:, 5] += np.sin(TIME / 5.0)
-    assert jumps(TIME, slow) == []
-    outputs["innovation"][TIME > 30, 5] += 0.7
-    (found,) = jumps(TIME, outputs)
-    assert found.component == "vd" and found.size == pytest.approx(0.7, abs=0.05)
-    assert found.before == pytest.approx(30.0, abs=0.01) and found.after == pytest.approx(30.2, abs=0.01)
-    after_gap = TIME + np.where(TIME > 30, 60.0, 0.0)
-    assert jumps(after_gap, outputs) == []
-
-
 def jumping(size: float = 0.7) -> dict[str, np.ndarray]:
+    """Of a receiver whose noise is 0.02 m/s though it states 0.25: the velocity jumps at 30 s."""
     outputs = innovations()
     outputs["innovation"] *= 0.2
     outputs["innovation"][TIME > 30, 5] += size
@@ -66,32 +52,34 @@ def jumping(size: float = 0.7) -> dict[str, np.ndarray]:
     return outputs
 
 
+def test_a_jump_of_the_velocity_that_the_unit_does_not_measure() -> None:
+    (found,) = jumps(TIME, jumping())
+    assert found.component == "vd" and found.size == pytest.approx(0.7, abs=0.05)
+    assert found.before == pytest.approx(30.0, abs=0.01) and found.after == pytest.approx(30.2, abs=0.01)
+    assert any("receiver jumps" in note for note in contradiction_notes(TIME, jumping()))
+
+
+def test_what_is_no_jump() -> None:
+    """Slow errors, gaps, what is within the stated sigma of the estimate, and a velocity that the receiver does not measure."""
+    slow = jumping(0.0)
+    slow["innovation"][:, 5] += np.sin(TIME / 5.0)
+    assert jumps(TIME, slow) == []
+    after_gap = TIME + np.where(TIME > 30, 60.0, 0.0)
+    assert jumps(after_gap, jumping()) == []
+    sigma = np.full((len(TIME), 3), 0.15)
+    assert len(jumps(TIME, jumping() | {"velocity_sigma": sigma})) == 1
+    assert jumps(TIME, jumping() | {"velocity_sigma": sigma + [0.0, 0.0, 0.05]}) == []
+    outputs = jumping()
+    outputs["test_ratio"][:, 5] = outputs["innovation"][:, 5] / 100.0  # speed and course say nothing of the vertical velocity
+    assert jumps(TIME, outputs) == []
+
+
 def test_a_jump_of_an_estimate_that_is_wrong_already_is_its_own() -> None:
     """A heading told 60 deg off: the receiver was accused of jumps of metres per second."""
     outputs = jumping()
-    assert any("receiver jumps" in note for note in contradiction_notes(TIME, outputs))
     outputs["test_ratio"][(TIME > 10) & (TIME < 28), 0] = 9.0
     (note,) = contradiction_notes(TIME, outputs)
     assert note.startswith("the fixes contradict the estimate from")
-
-
-def test_a_jump_within_the_stated_sigma_of_the_estimate_is_its_own() -> None:
-    outputs = jumping()
-    outputs["velocity_sigma"] = np.full((len(TIME), 3), 0.15)
-    assert len(jumps(TIME, outputs)) == 1
-    outputs["velocity_sigma"][:, 2] = 0.2
-    assert jumps(TIME, outputs) == []
-
-
-def test_a_velocity_that_the_receiver_does_not_measure_does_not_jump() -> None:
-    """Speed and course say nothing of the vertical velocity: its sigma is 100 m/s."""
-    outputs = jumping()
-    outputs["test_ratio"][:, 5] = outputs["innovation"][:, 5] / 100.0
-    assert jumps(TIME, outputs) == []
-
-
-def test_estimators_without_six_test_ratios_have_no_notes() -> None:
-    assert contradiction_notes(TIME, {"q_nb": np.zeros((len(TIME), 4))}) == ()
 
 
 def test_the_touch_down_of_the_shipped_drone_is_said() -> None:

@@ -1,12 +1,22 @@
-"""Standard deviations by channel: misalignments about north and east seen as roll and pitch, against drawn attitudes."""
+"""Standard deviations by channel: against drawn attitudes, and against the errors of the estimators that state them."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from insenv import run
+from insenv.campaigns.block import run_block
+from insenv.campaigns.plan import make_plan
+from insenv.estimators.parts import applicability
 from insenv.evaluation.errors import ATTITUDE, stated_sigma, wrapped_deg
 from insenv.evaluation.symbols import sigma_of
+from insenv.scenario import load
+
+SEEDS = 9000
+"""First of the seeds: nothing was chosen on them."""
+IN_PLACE = ("q-method", "qakf", "qakf-improved", "inertial-fir", "ecef-kf", "gyrocompass", "analytic")
+SCENARIOS = ("ship-swaying", "ship-moored-paper", "car-parked", "car-parked-paper", "turntable-quaternion")
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 35.0, 90.0, -150.0])
@@ -26,3 +36,43 @@ def test_stated_sigma_is_the_scatter_of_roll_pitch_and_heading(heading_deg):
 def test_wrapped_angles():
     angles = np.array([-540.0, -180.0, -1.0, 0.0, 179.0, 180.0, 359.0])
     assert wrapped_deg(angles).tolist() == [-180.0, -180.0, -1.0, 0.0, 179.0, -180.0, -1.0]
+
+
+def test_the_answer_of_a_vehicle_at_rest_is_stated_as_the_sensors_allow():
+    """What the answer moves by noise alone is not counted twice."""
+    sigma = run("car-parked-paper", "q-method").results[0].sigma
+    assert sigma["heading_deg"][-1] == pytest.approx(0.039, rel=0.15)
+
+
+def beyond(scenario, estimator, runs):
+    """Share of the errors of attitude, over the runs and times, beyond three stated standard deviations, by channel."""
+    plan = make_plan(scenario, estimator, runs, first_seed=SEEDS)
+    found = [run_block(plan, block) for block in range(len(plan.blocks))]
+    error, sigma = (np.concatenate([part[name] for part in found])[..., :3] for name in ("error", "sigma"))
+    return np.mean(np.abs(error) > 3 * sigma, axis=(0, 1))
+
+
+# on some seas qakf has not converged for minutes
+SEA = {"q-method": 0.01, "qakf": 0.05, "qakf-improved": 0.01, "ecef-kf": 0.01, "gyrocompass": 0.01, "analytic": 0.01}
+# one seed of 64 on which qakf converges slowly is 1.6 %; people who step into the car move it for 2 % of the time
+STILL = {**dict.fromkeys(IN_PLACE, 0.015), "qakf": 0.035, "analytic": 0.03}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scenario", "estimator", "allowed"),
+    [("ship-irregular-sea", *each) for each in SEA.items()] + [(name, *each) for name in SCENARIOS for each in STILL.items()],
+)
+def test_three_sigma_holds_in_place_and_on_the_sea(scenario, estimator, allowed):
+    assert np.all(beyond(scenario, estimator, 64) < allowed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("estimator", ["loosely-coupled", "fusion"])
+def test_three_sigma_holds_up_to_the_heading_that_has_no_note(estimator):
+    """In flight, where it falls first: 0.8 % of 128 seeds at 10 deg, 1.9 % at 15 deg, 4.5 % at 20 deg."""
+    loaded, heading = load("aircraft-inflight-alignment"), np.degrees(applicability.LINEAR_HEADING)
+    told = {f"{name}_error_deg": None for name in ("roll", "pitch", "heading")}
+    told |= {"heading_sigma_deg": heading, "tilt_sigma_deg": 1.0}
+    scenario = loaded.model_copy(update={"knowledge": loaded.knowledge.model_copy(update=told)})
+    assert np.all(beyond(scenario, estimator, 128) < 0.02)  # one run throughout is 0.8 %

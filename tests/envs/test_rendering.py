@@ -1,0 +1,71 @@
+"""Images, text and video of an episode, and the history that they are drawn from."""
+
+import copy
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import wrappers
+from gymnasium.error import ResetNeeded
+
+from insenv.errors import InputError
+
+SHIP, DRIVE = "insenv/ShipAlignment-v0", "insenv/VehicleNavigation-v0"
+SHORT = {"samples_per_step": 10, "duration_s": 0.5}
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize("id", [SHIP, DRIVE])
+def test_an_image_shows_the_episode(id):
+    env = gymnasium.make(id, render_mode="rgb_array", **SHORT)
+    env.reset(seed=1)
+    before = env.render()
+    action = np.zeros(env.action_space.shape)
+    action[0], action[-1] = 1.0, -0.5
+    for _ in range(4):
+        env.step(action)
+    after = env.render()
+    assert after.shape == (480, 960, 3) and after.dtype == np.uint8
+    assert len(np.unique(after.reshape(-1, 3), axis=0)) > 20 and not np.array_equal(before, after)
+
+
+def test_text_shows_the_error_of_the_last_estimate():
+    env = gymnasium.make(DRIVE, render_mode="ansi", **SHORT)
+    env.reset(seed=1)
+    *_, info = env.step(np.eye(10)[0])
+    text = env.render()
+    assert f"{np.degrees(info['error'][2]):.4f}" in text and "position" in text and len(text.splitlines()) == 8
+    with pytest.raises(InputError, match="render_mode"):
+        gymnasium.make(SHIP, **SHORT).unwrapped.render()
+
+
+@pytest.mark.slow
+def test_a_video_is_recorded(tmp_path):
+    env = gymnasium.make(SHIP, render_mode="rgb_array", samples_per_step=20, duration_s=0.5)
+    env = wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: True, disable_logger=True)
+    env.reset(seed=1)
+    for _ in range(5):
+        env.step(LEVEL)
+    env.close()
+    videos = list(tmp_path.glob("videos/*.mp4"))
+    assert len(videos) == 1 and videos[0].stat().st_size > 2000
+
+
+def test_a_restored_copied_or_pickled_environment_carries_its_history():
+    env, other, plain = (gymnasium.make(SHIP, render_mode=mode, **SHORT).unwrapped for mode in ("ansi", "ansi", None))
+    for each, seed in ((env, 1), (other, 9), (plain, 1)):
+        each.reset(seed=seed)
+    for _ in range(4):
+        env.step(LEVEL)
+    other.restore(env.snapshot())
+    for copied in (other, pickle.loads(pickle.dumps(env)), copy.deepcopy(env)):
+        assert copied.render() == env.render()
+        copied.step(LEVEL)
+        assert len(copied.history) == 6 and len(env.history) == 5
+    plain.step(LEVEL)
+    other.restore(plain.snapshot())
+    with pytest.raises(ResetNeeded, match="a snapshot that was not rendered"):
+        other.render()
+    other.step(LEVEL)
+    assert "0.10 s" in other.render()

@@ -1,0 +1,105 @@
+"""Stable-Baselines3 on the environments; the examples' PPO on held-out seeds, which takes minutes."""
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import peers
+import pytest
+from places import ROOT
+
+from insenv.envs import TuningEnv
+from insenv.errors import InputError
+
+SHIP, TUNING = "insenv/ShipAlignment-v0", "insenv/Tuning-v0"
+SHORT = {"samples_per_step": 7, "duration_s": 0.3}
+HOW = "pip install -e '.[rl]'"
+
+
+def test_it_is_asked_for_when_it_is_missing(monkeypatch):
+    for name in ("stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.vec_env"):
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.delitem(sys.modules, "insenv.envs.sb3", raising=False)
+    with pytest.raises(InputError, match="needs Stable-Baselines3, which is not installed: pip install"):
+        importlib.import_module("insenv.envs.sb3")
+
+
+def test_an_end_by_time_of_an_alignment_is_terminal():
+    peers.package("stable_baselines3", HOW)
+    from insenv.envs.sb3 import BatchVecEnv
+
+    for id, truncated in ((SHIP, False), (TUNING, True)):
+        venv, plain = BatchVecEnv(id, 3, seed=4, **SHORT), gymnasium.make_vec(id, 3, autoreset_mode="SameStep", **SHORT)
+        assert np.array_equal(venv.reset(), plain.reset(seed=4)[0])
+        action = np.full(plain.action_space.shape, -0.5)
+        for step in range(10):
+            observation, reward, over, infos = venv.step(action)
+            expected = plain.step(action)
+            assert np.array_equal(observation, expected[0]) and np.allclose(reward, expected[1], rtol=1e-6)
+            assert over.tolist() == [step == 7] * 3
+            if over.all():
+                assert [info["TimeLimit.truncated"] for info in infos] == [truncated] * 3
+                assert np.array_equal(infos[2]["terminal_observation"], expected[4]["final_obs"][2])
+        assert venv.env_is_wrapped(gymnasium.Wrapper) == [False] * 3
+        with pytest.raises(InputError, match="the rows of a batch have no attributes of their own"):
+            venv.set_attr("x", 1)
+
+
+def test_its_checker_accepts_the_tuning_environment():
+    """Warnings are errors, except the advice to use float32, which cannot resolve an estimate."""
+    peers.package("stable_baselines3", HOW)
+    checker = importlib.import_module("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "Your action space has dtype float64")
+        checker.check_env(TuningEnv(**SHORT), warn=True, skip_render_check=True)
+
+
+def trained(example, figure, folder, *arguments):
+    """Run a training example, check its figure, and return what it printed."""
+    peers.package("stable_baselines3", HOW)
+    environment = {name: value for name, value in os.environ.items() if name != "INSENV_BACKEND"}
+    done = subprocess.run(
+        [sys.executable, ROOT / "examples" / f"{example}.py", *arguments, "--out", "figure"],
+        cwd=folder,
+        env={**environment, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=3000,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (folder / "figure" / figure).stat().st_size > 10_000
+    return done.stdout
+
+
+def number_after(text, printed):
+    """Return the number and its standard error after some text."""
+    found = re.search(re.escape(text) + r" +([+-]?[\d.]+) \+- ([\d.]+)", printed)
+    assert found is not None, printed
+    return float(found[1]), float(found[2])
+
+
+@pytest.mark.slow
+def test_what_is_trained_is_better_on_held_out_seeds(tmp_path):
+    """A tuner than the untuned filter, an aligner than analytic, and a driver as good as the best fixed pattern."""
+    printed = trained("train_tuner", "tuner.png", tmp_path)
+    gain, error = number_after("PPO minus untuned, seed by seed:", printed)
+    untuned, correct = (
+        float(re.search(rf"^{name} +(-?[\d.]+)", printed, re.MULTILINE)[1]) for name in ("untuned", "correct data sheets")
+    )
+    assert gain > 4 * error and correct > untuned + 0.5, printed  # it is not mistuned
+
+    printed = trained("train_aligner", "aligner.png", tmp_path, "--minutes", "3")
+    learnt, classical = number_after("PPO", printed), number_after("analytic", printed)
+    assert learnt[0] - classical[0] > 4.0 * np.hypot(learnt[1], classical[1]), printed
+
+    printed = trained("train_manoeuvre", "manoeuvre-curve.png", tmp_path)
+    gain, error = number_after("PPO minus the pattern chosen, seed by seed:", printed)
+    assert gain > -2.0 * error, printed
+    learnt = number_after("PPO", printed)[0]
+    assert number_after("random commands", printed)[0] + 0.3 < learnt < number_after("bound of the fixes", printed)[0], printed

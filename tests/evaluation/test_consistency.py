@@ -1,0 +1,78 @@
+"""NEES of each kind of filter, as a campaign computes it, against its own error state and covariance."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from navigation import FUNCTIONS, MODEL, error_state, random_state, with_error
+
+from insenv import geodesy
+from insenv.campaigns import make_plan, run_campaign
+from insenv.core import symmetric
+from insenv.core.numeric import vectorized
+from insenv.estimators import get
+from insenv.estimators.parts import quaternion_error
+from insenv.estimators.parts.quaternion_error import Y
+from insenv.evaluation.consistency import nees, normalised
+
+
+def test_nees_is_the_squared_error_over_the_covariance():
+    rng = np.random.default_rng(5)
+    numeric = vectorized(normalised, 9, (9, 9))
+    for _ in range(20):
+        L, e = rng.normal(size=(9, 9)), rng.normal(size=9)
+        assert numeric(e, L @ L.T) == pytest.approx(e @ np.linalg.solve(L @ L.T, e), rel=1e-8)
+
+
+def nees_of(id, estimate, truth):
+    """NEES as computed by the campaign's model, from a state vector and that of a navigation filter which is the truth."""
+    outputs = MODEL.outputs.unpack(np.array(MODEL.kernels["output"].function(MODEL.parameters.start_vector(), truth)).ravel())
+    x = get(id).model.state.symbols(ca.SX(ca.DM(estimate)))
+    rows = {name: outputs[name] for name in ("q_nb", "velocity_n", "latitude", "longitude", "height")}
+    true = type(x)(**{name: ca.SX(ca.DM(np.atleast_1d(value))) for name, value in rows.items()})
+    value, degrees = nees(get(id), x, type(x)(), true)
+    return float(ca.evalf(value)), degrees
+
+
+def test_nees_of_the_15_state_filter_is_that_of_its_own_error_state():
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        true = random_state(rng)
+        scale = 1e-2 * np.repeat([30.0, 0.5, 1e-3, 1e-5, 1e-3], 3)
+        L = rng.normal(size=(15, 15)) * scale[:, None]
+        estimate = MODEL.state.pack({"covariance": (L @ L.T).T[np.tril_indices(15)]}, with_error(true, L @ rng.normal(size=15)))
+        P = symmetric.full_array(MODEL.state.unpack(estimate)["covariance"], 15)[:9, :9]
+        error = error_state(estimate, true)[:9]
+        found, degrees = nees_of("loosely-coupled", estimate, true)
+        assert degrees == 9 and found == pytest.approx(error @ np.linalg.solve(P, error), rel=1e-4)  # equal to first order
+
+
+def test_nees_of_a_quaternion_error_counts_rotation_velocity_and_position():
+    """Small correlated errors, added to the truth and described by the covariance."""
+    rng = np.random.default_rng(7)
+    model, place = get("aqe-ekf").model, quaternion_error
+    for _ in range(5):
+        base = MODEL.state.unpack(random_state(rng))
+        shared = {n: base[n] for n in ("q_wb", "velocity_w", "q_ew", "height")}
+        L = rng.normal(size=(9, 9)) * np.repeat([1e-4, 0.2, 2.0], 3)[:, None]
+        e = L @ rng.normal(size=9)  # rotation, velocity, position, in w
+        into = np.zeros((place.N, 9))
+        into[place.DQ, 0:3] = 0.5 * np.array(ca.DM(ca.evalf(Y(ca.SX(ca.DM(base["q_wb"]))))))
+        into[place.VELOCITY, 3:6], into[place.POSITION, 6:9] = np.eye(3), np.eye(3)
+        P = into @ (L @ L.T) @ into.T
+        estimate = model.state.pack({**shared, "covariance": P.T[np.tril_indices(place.N)]})
+        # the filter's own function removes errors: psi is minus the rotation, without that of the computed frame
+        state = MODEL.state.pack(shared, random_state(rng))
+        theta = geodesy.numeric.transport_rate_w(e[6:9], base["q_ew"], base["height"])
+        back = np.concatenate([e[6:9], e[3:6], -e[0:3] - theta, np.zeros(6)])
+        found, degrees = nees_of("aqe-ekf", estimate, np.array(FUNCTIONS["corrected"](state, back)).ravel())
+        assert degrees == 9 and found == pytest.approx(e @ np.linalg.solve(L @ L.T, e), rel=2e-2)
+
+
+@pytest.mark.slow
+def test_nees_of_the_alignment_filter_lies_within_its_bounds():
+    """Drawn biases and initial errors, as in `insenv.reproduce`: three states, consistent after convergence."""
+    from insenv.reproduce.ecef import laboratory
+
+    found = run_campaign(make_plan(laboratory(5.0), "ecef-kf", 16, first_seed=0, duration_s=160.0))
+    assert found.nees is not None and found.nees.degrees == 3
+    assert found.as_json()["nees"]["share_inside"] > 0.9
