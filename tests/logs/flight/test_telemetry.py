@@ -1,11 +1,9 @@
 """MAVLink telemetry logs: messages, parameters and places; one of insenv replays as well as the run that it came from."""
 
 import random
-import struct
 
 import numpy as np
 import pytest
-from command_line import call
 from flight_drive import START_UNIX, described, drive, telemetry
 
 from insenv import replay, run
@@ -57,7 +55,6 @@ def test_lever_arm_data_sheet_and_settings_are_in_the_log(tmp_path):
 
 
 def test_settings_of_another_version_are_taken_as_far_as_they_go():
-    """A parameter more and one less: the rest is the estimator's; those of another estimator are not."""
     vehicle = Vehicle(load_scenario("car-city-drive"), "loosely-coupled", speed=0.0)
     values = {parameter.name: parameter.value() for parameter in vehicle.parameters.all}
     assert settings(values)["loosely-coupled"]["innovation_gate"] == 5.0
@@ -65,7 +62,7 @@ def test_settings_of_another_version_are_taken_as_far_as_they_go():
     del values["E_INN_GATE"]
     found = settings(values)["loosely-coupled"]
     assert "innovation_gate" not in found and found["fix_wander_sigma"] == pytest.approx([1.5, 1.5, 3.05])
-    assert "q-method" not in settings(values) and settings({}) == {}
+    assert "q-method" not in settings(values)
 
 
 def test_a_moored_ship_is_aligned_at_its_home_position(tmp_path):
@@ -119,20 +116,14 @@ def test_accuracies_are_those_of_gps_raw_int(tmp_path):
 def test_messages_that_are_missing(tmp_path):
     imu, whole = {"HIL_SENSOR", "HIGHRES_IMU"}, telemetry(drive(), tmp_path / "flight.tlog")
     none = telemetry(drive(), tmp_path / "none.tlog", lambda message: message.get_type() in imu)
-    few = telemetry(
-        drive(), tmp_path / "few.tlog",
-        lambda message: message.get_type() in imu and (message.get_type() == "HIL_SENSOR" or message.time_usec % 500_000 != 0),
-    )  # fmt: skip
     for path, said in (
-        (none, "no inertial unit at a usable rate, 20 Hz or more: found none at all"), (few, "found HIGHRES_IMU at 2 Hz"),
+        (none, "no inertial unit at a usable rate, 20 Hz or more: found none at all"),
         (described(whole, 'imu = "IMU[7]"'), r"no imu 'IMU\[7\]'.*HIL_SENSOR"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(InputError, match=said):
             load(path)
     path = telemetry(drive(), tmp_path / "blind.tlog", lambda message: "GPS" in message.get_type())
     assert any(note == "no GNSS: the log has no fixes" for note in load(path).notes)
-    status, _, err = call("replay", path, "-e", "loosely-coupled")
-    assert status == 2 and "needs GNSS" in err
     assert load(described(whole, 'gnss = "none"')).gnss is None
     path = telemetry(drive(), tmp_path / "hil.tlog", lambda message: message.get_type() == "GPS_RAW_INT")
     log, (_, fix) = load(path), drive().fixes[0]
@@ -201,6 +192,3 @@ def test_a_writer_that_was_cut_off_leaves_a_readable_part(tmp_path):
     writer.close()
     writer.close()
     assert path.read_bytes() == part and list(tmp_path.iterdir()) == [path]
-    assert part[:8] == struct.pack(">Q", 1_700_000_000_000_001)
-    with pytest.raises(InputError, match="no-such-folder"):
-        TlogWriter(tmp_path / "no-such-folder" / "flight.tlog")
