@@ -25,6 +25,7 @@ SIGMA, TITLE = 'position_sigma = ["sn", "se", "sd"]', 'title = "test"'
         (TITLE, f"{TITLE}\nvehicle_kind = 'shop'", "vehicle_kind = 'shop': unknown; did you mean 'ship'?"),
         (TITLE, "title = test", "not valid TOML"),
         ("[gnss]", '[reference]\nfile = "r.csv"\ntime = "t"\n[gnss]', "give the columns of position, velocity or attitude"),
+        ("[gnss]", '[gnss]\nspeed = "speed"\nspeed_sigma_mps = 0.1', "speed and course go together"),
         ("[gnss]", "[evaluation]\nfrom_s = 900\nto_s = 1\n[gnss]", "evaluation.to_s = 1 [s]: must be after from_s = 900 s"),
         ("[gnss]", "[gnss]\ntime_offset_s = 100.0", "do not overlap"),
         ("[imu]", "[imu]\nrate_hz = 100.0", "imu.rate_hz = 100 Hz, but the median step"),
