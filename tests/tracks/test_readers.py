@@ -60,13 +60,11 @@ def plain(tmp_path):
 
 
 def test_a_log_of_files_of_different_lengths_is_a_track_with_a_note(plain):
-    text = plain.with_name("plain-reference.csv").read_text(encoding="utf-8")
-    header, *lines = [line.split(",") for line in text.splitlines()]
-    for name, columns, count in (("place", slice(1, 4), 1200), ("more", slice(4, None), 700)):
-        text = "\n".join(",".join([row[0], *row[columns]]) for row in [header, *lines[:count]])
-        plain.with_name(f"{name}.csv").write_text(text + "\n", encoding="utf-8")
-    description = plain.read_text(encoding="utf-8")
-    plain.write_text(description.replace('"plain-reference.csv"', '["place.csv", "more.csv"]'), encoding="utf-8")
+    lines = plain.with_name("plain-reference.csv").read_text(encoding="utf-8").splitlines()[1:701]
+    more = "".join(f"{line.split(',')[0]},0\n" for line in lines)
+    plain.with_name("more.csv").write_text(f"time_s,more\n{more}", encoding="utf-8")
+    text = plain.read_text(encoding="utf-8")
+    plain.write_text(text.replace('"plain-reference.csv"', '["plain-reference.csv", "more.csv"]'), encoding="utf-8")
     loaded = scenario(plain)
     assert loaded.duration_s < 70.0
     assert loaded.notes[0].startswith("reference: joined by time: 700 rows have the same time in ")

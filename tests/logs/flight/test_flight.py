@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import call, strict
 from flight_drive import UNDULATION, WRITERS, described, drive, telemetry, ulog
 
-from insenv import attitude, estimators, geodesy
+from insenv import attitude, estimators, geodesy, replay
 from insenv.errors import InputError
 from insenv.logs import GnssFixes, load
 from insenv.runs.follower import Follower
@@ -90,11 +89,9 @@ def test_the_reference_in_a_log_and_its_replay(kind, tmp_path):
     turned = attitude.numeric.multiply(attitude.numeric.conjugate(q), truth["q_nb"])
     assert 2 * np.abs(turned[:, 1:]).max() < np.radians(0.01)
     assert any("own estimate" in note for note in log.notes) == (kind != "tlog")  # HIL_STATE_QUATERNION is a simulator's truth
-    status, out, err = call("replay", path, "-e", "loosely-coupled", "--start", "reference", "--json")
-    assert status == 0, err
-    report = strict(out)
-    (result,) = report["results"]
-    assert len(report["notes"]) >= 3 and result["rms"]["north_m"] < 3.0 and result["rms"]["roll_deg"] < 1.0
+    report = replay(log, "loosely-coupled", start="reference")
+    rms = {name: np.sqrt(np.mean(errors**2)) for name, errors in report.results[0].errors.items()}
+    assert len(report.notes) >= 3 and rms["north_m"] < 3.0 and rms["roll_deg"] < 1.0
 
 
 @pytest.mark.parametrize("kind", ["ulg", "tlog"])
