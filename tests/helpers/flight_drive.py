@@ -49,17 +49,15 @@ def drive() -> Drive:
     simulation = vehicle.simulation
     messages, increments, fixes = [], [], []
     names = ("q_nb", "velocity_n", "latitude", "longitude", "height")
-    estimate: dict[str, list[Any]] = {name: [] for name in names}
-    truth: dict[str, list[Any]] = {name: [] for name in names}
+    estimate, truth = [], []
     for _ in range(round(SECONDS / simulation.interval)):
         messages.append(vehicle.step())
         increments.append(simulation.last_increment.copy())
-        for name in names:
-            estimate[name].append(np.array(simulation.estimate[name]))
-            truth[name].append(np.array(simulation.truth[name]))
+        estimate.append([np.array(simulation.estimate[name]) for name in names])
+        truth.append([np.array(simulation.truth[name]) for name in names])
         if simulation.fixes > len(fixes):
             fixes.append((simulation.time, simulation.fix))
-    series = [{name: np.array(rows) for name, rows in group.items()} for group in (estimate, truth)]
+    series = [dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True)) for rows in (estimate, truth)]
     return Drive(vehicle, messages, np.array(increments), *series, fixes)
 
 
@@ -77,13 +75,13 @@ def telemetry(drive: Drive, path: Path, leave_out: Callable[[Any], bool] = lambd
 def dataflash(drive: Drive, path: Path) -> Path:
     """As ArduPilot writes: increments (IMT), fixes with their accuracy, its own solution (here the truth)."""
     log = DataflashWriter("IMT", "IMU", "GPS", "GPA", "ATT", "POS", "XKF1")
-    dt, truth, fixes = drive.interval, drive.truth, iter(drive.fixes)
-    arrives, fix = next(fixes)
+    dt, truth, fixes = drive.interval, drive.truth, list(drive.fixes)
     for i, (time_us, sample) in enumerate(zip(drive.time_us, drive.increments, strict=True)):
         log.add("IMT", time_us, 0, dt, dt, dt, *sample)
         if i % 8 == 0:
             log.add("IMU", time_us, 0, *(sample / dt))
-        if fix is not None and time_us * 1e-6 >= arrives - 1e-9:
+        if fixes and time_us * 1e-6 >= fixes[0][0] - 1e-9:
+            _, fix = fixes.pop(0)
             north, east, down = fix.velocity_n
             place = np.degrees(fix.latitude), np.degrees(fix.longitude), fix.height - UNDULATION
             speed, course = np.hypot(north, east), np.degrees(np.arctan2(east, north)) % 360
@@ -91,11 +89,10 @@ def dataflash(drive: Drive, path: Path) -> Path:
             log.add("GPS", stamp, 0, 4, 0, 0, 12, 0.8, *place, speed, course, down, 0, 1)
             horizontal, _, vertical = fix.position_sigma
             log.add("GPA", stamp, 0, 1, horizontal, vertical, fix.velocity_sigma[0], 0, 1, 0, 0)
-            arrives, fix = next(fixes, (0.0, None))
         if i % 20 == 0:
             log.add("ATT", time_us, *np.degrees(attitude.numeric.to_euler(truth["q_nb"][i])))
-            place = np.degrees(truth["latitude"][i]), np.degrees(truth["longitude"][i]), truth["height"][i] - UNDULATION
-            log.add("POS", time_us, *place)
+            height = truth["height"][i] - UNDULATION
+            log.add("POS", time_us, np.degrees(truth["latitude"][i]), np.degrees(truth["longitude"][i]), height)
             log.add("XKF1", time_us, 0, *truth["velocity_n"][i])
     path.write_bytes(log.data)
     return path
@@ -106,17 +103,16 @@ def ulog(drive: Drive, path: Path, start_us: int = 0) -> Path:
     log = UlogWriter(start_us)
     log.formats("sensor_combined", "vehicle_gps_position", "vehicle_attitude", "vehicle_local_position")
     origin = [drive.truth[name][0] for name in ("latitude", "longitude", "height")]
-    dt_us, fixes = round(drive.interval * 1e6), iter(drive.fixes)
-    arrives, fix = next(fixes)
+    dt_us, fixes = round(drive.interval * 1e6), list(drive.fixes)
     for i, (time_us, sample) in enumerate(zip(drive.time_us, drive.increments, strict=True)):
         at, rates = start_us + int(time_us), sample / drive.interval
         log.add("sensor_combined", at, rates[:3], dt_us, 0, rates[3:], dt_us)
-        if fix is not None and time_us * 1e-6 >= arrives - 1e-9:
+        if fixes and time_us * 1e-6 >= fixes[0][0] - 1e-9:
+            _, fix = fixes.pop(0)
             place = np.degrees(fix.latitude), np.degrees(fix.longitude), fix.height - UNDULATION, fix.height
             accuracy = fix.velocity_sigma[0], fix.position_sigma[0], fix.position_sigma[2]
             valid = start_us + round(fix.time * 1e6)
             log.add("vehicle_gps_position", at, valid, *place, *accuracy, *fix.velocity_n, np.nan, np.nan, 3, True)
-            arrives, fix = next(fixes, (0.0, None))
         if i % 20 == 0:
             now = {name: values[i] for name, values in drive.truth.items()}
             log.add("vehicle_attitude", at, now["q_nb"])

@@ -11,59 +11,38 @@ SIGMA, TITLE = 'position_sigma = ["sn", "se", "sd"]', 'title = "test"'
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('kind = "rate"', 'kind = "rates"', "imu.kind = 'rates': must be 'rate' or 'increment'"),
-        ('kind = "rate"\n', "", "imu.kind is missing: rate: angular rate"),
-        ("[imu]", "[imu]\nrate = 3", "imu.rate: unknown key; did you mean"),
-        ("[imu]", "[imu]\nrate_hz = -3.0", "imu.rate_hz = -3.0 [Hz]: must be greater than 0"),
-        ("[imu]", "[imu]\nmax_gap_s = 1e9", "imu.max_gap_s = 1000000000.0 [s]: must be less than or equal to 60"),
+        ('kind = "rate"', 'kind = "rates"', "imu.kind = 'rates'"),
+        ('kind = "rate"\n', "", "imu.kind is missing"),
+        ("[imu]", "[imu]\nrate = 3", "imu.rate: unknown key"),
+        ("[imu]", "[imu]\nmax_gap_s = 1e9", "imu.max_gap_s = 1000000000.0 [s]"),
         ('axes = "FRD"', 'axes = "FLD"', "imu.axes = 'FLD': the axes are left-handed"),
         ('axes = "FRD"', 'axes = "XYZ"', "imu.axes = 'XYZ': must be three letters"),
         ('axes = "FRD"', "axes = [[1, 0], [0, 1]]", "a mounting matrix must have three rows of three"),
         ('axes = "FRD"', "axes = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]", "orthonormal"),
-        ('gyro_unit = "deg/s"', 'gyro_unit = "deg"', "imu.gyro_unit = 'deg': does not go with kind = 'rate'"),
-        ('["gx", "gy", "gz"]', '["gx", "gy"]', "imu.gyro = ['gx', 'gy']: must be a list of three"),
-        ('["gx", "gy", "gz"]', '["gx", "gy", -1]', "imu.gyro[2] = -1: must be a column name"),
-        ("[1.0, 2.0, -3.0]", "[1.0, 2.0]", "gnss.lever_arm_m = [1.0, 2.0] [m]: must be a list of three"),
-        ("lever_arm_m = [1.0, 2.0, -3.0]", "", "gnss.lever_arm_m is missing"),
-        (SIGMA, "", "position_sigma"),
-        (SIGMA, "position_sigma_m = [0, 1, 1]", "gnss.position_sigma_m[0] = 0 [m]: must be greater"),
-        (TITLE, "", "title is missing"),
+        ('["gx", "gy", "gz"]', '["gx", "gy"]', "imu.gyro = ['gx', 'gy']"),
+        ('["gx", "gy", "gz"]', '["gx", "gy", -1]', "imu.gyro[2] = -1"),
+        (SIGMA, "position_sigma_m = [0, 1, 1]", "gnss.position_sigma_m[0] = 0 [m]"),
         (TITLE, f"{TITLE}\nvehicle_kind = 'shop'", "vehicle_kind = 'shop': unknown; did you mean 'ship'?"),
         (TITLE, "title = test", "not valid TOML"),
-        ("[gnss]", "[initial]\nlatitude_deg = 95.0\n[gnss]", "initial.latitude_deg = 95.0 [deg]: must be less than or equal"),
+        ("[gnss]", '[reference]\nfile = "r.csv"\ntime = "t"\n[gnss]', "give the columns of position, velocity or attitude"),
+        ("[gnss]", '[gnss]\nspeed = "speed"\nspeed_sigma_mps = 0.1', "speed and course go together"),
         ("[gnss]", "[evaluation]\nfrom_s = 900\nto_s = 1\n[gnss]", "evaluation.to_s = 1 [s]: must be after from_s = 900 s"),
+        ("[gnss]", "[gnss]\ntime_offset_s = 100.0", "do not overlap"),
+        ("[imu]", "[imu]\nrate_hz = 100.0", "imu.rate_hz = 100 Hz, but the median step"),
+        ("[imu]", '[imu]\ntime_unit = "ms"', "50000 Hz: allowed is up to 10000 Hz"),
+        (TITLE, f"{TITLE}\nstart_s = 99.0", "no imu rows from start_s = 99 s"),
+        ("[gnss]", "[gnss]\nkeep_where = { h = 7 }", "no row is left by gnss.keep_where"),
+        ('position_unit = "deg"', 'position_unit = "rad"', "is position_unit = 'rad' right?"),
     ],
 )
 def test_wrong_keys_and_values(folder, old, new, said):
-    folder.change((old, new))
-    assert folder.error(said).startswith(str(folder.path / "log.toml"))
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("[gnss]", "[gnss]\ntime_offset_s = 100.0", "do not overlap"),
-        ("[imu]", "[imu]\nrate_hz = 100.0", "imu.rate_hz = 100 Hz, but the median step"),
-        ("[imu]", '[imu]\ntime_unit = "ms"', "imu: 100 samples in 0.00198 s are 50000 Hz: allowed is up to 10000 Hz"),
-        (TITLE, f"{TITLE}\nstart_s = 99.0", "no imu rows from start_s = 99 s: its times are"),
-        (TITLE, f"{TITLE}\nstop_s = -99.0", "no imu rows to stop_s = -99 s: its times are"),
-        ("[gnss]", "[gnss]\nkeep_where = { h = 7 }", "no row is left by gnss.keep_where"),
-        (
-            'position_unit = "deg"',
-            'position_unit = "rad"',
-            "rad, allowed -1.5708 to 1.5708 rad; is position_unit = 'rad' right?",
-        ),
-    ],
-)
-def test_what_does_not_fit_the_files(folder, old, new, said):
     folder.change((old, new))
     folder.error(said)
 
 
 def test_a_description_that_is_not_there(tmp_path):
-    for path in (tmp_path / "none.toml", tmp_path):
-        with pytest.raises(InputError, match=r"file not found|cannot be read|a folder"):
-            load(path)
+    with pytest.raises(InputError, match="file not found"):
+        load(tmp_path / "none.toml")
 
 
 def test_all_faults_of_the_keys_are_listed_at_once(folder):
@@ -81,8 +60,7 @@ def test_all_faults_of_the_keys_are_listed_at_once(folder):
     assert all(line.startswith(str(folder.path)) for line in message.split("\n")) and len(message.split("\n")) == 13
 
 
-def test_all_faults_of_the_files_are_listed_at_once(folder):
-    """With those of the keys, which do not hide them."""
+def test_all_faults_of_the_files_are_listed_at_once_with_those_of_the_keys(folder):
     (folder.path / "gnss.csv").unlink()
     folder.change(('"gx", "gy"', '"wx", "wy"'), ('kind = "rate"', 'kind = "foo"'))
     folder.toml += '[reference]\nfile = ["a.csv", "b.csv"]\ntime = "t"\nvelocity = ["n", "e", "d"]\n'

@@ -1,5 +1,7 @@
 """kind = "fmu": an outside model as truth; here the outside model is an exported car, whose truth is known."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from closed_track import truth_of
@@ -25,14 +27,7 @@ def car():
 def exported(tmp_path_factory):
     """The car as an FMU of FMI 2 or 3, made once."""
     folder = tmp_path_factory.mktemp("fmu")
-
-    def path(fmi):
-        file = folder / f"car{fmi}.fmu"
-        if not file.exists():
-            insenv.export_fmu(car(), file, fmi=fmi)
-        return file
-
-    return path
+    return cache(lambda fmi: insenv.export_fmu(car(), folder / f"car{fmi}.fmu", fmi=fmi))
 
 
 @pytest.fixture(scope="module")
@@ -71,27 +66,23 @@ def test_the_track_is_that_of_the_fmu(fmi, exported, theirs):
 
 
 @pytest.mark.parametrize(
-    ("outputs", "more", "said"),
+    ("outputs", "step_s", "said"),
     [
-        ({"height": "altitude"}, {}, "no variable 'altitude'"),
-        ({"roll": "latitude"}, {}, "roll, pitch and heading, or quaternion"),
-        ({"quaternion": None, "quaternion_order": "xyzw"}, {}, "quaternion_order = 'xyzw' has no effect without quaternion"),
-        ({"velocity": ["a", "b"]}, {}, "velocity = .*: must be a list of three names of variables"),
-        ({"quaternion": ["a", "b"]}, {}, "quaternion = .*: must be a list of four names of variables"),
-        ({"velocity": [VELOCITY[1], VELOCITY[0], VELOCITY[2]]}, {}, r"velocity (north|east) is"),
-        ({"velocity": [*VELOCITY[:2], "velocity_n[4]"]}, {}, r"no variable 'velocity_n.4.'"),
-        ({}, {"step_s": 0.013}, r"step_s = 0.013 s: allowed is a whole multiple of its own step, 0.01 s$"),
-        ({}, {"step_s": 0.005}, r"step_s = 0.005 s: allowed is a whole multiple of its own step, 0.01 s$"),
+        ({"height": "altitude"}, 0.1, "no variable 'altitude'"),
+        ({"roll": "latitude"}, 0.1, "roll, pitch and heading, or quaternion"),
+        ({"quaternion": None, "quaternion_order": "xyzw"}, 0.1, "quaternion_order = 'xyzw' has no effect without quaternion"),
+        ({"quaternion": ["a", "b"]}, 0.1, "quaternion = .*: must be a list of four names of variables"),
+        ({"velocity": [VELOCITY[1], VELOCITY[0], VELOCITY[2]]}, 0.1, r"velocity (north|east) is"),
+        ({}, 0.013, r"step_s = 0.013 s: allowed is a whole multiple of its own step, 0.01 s$"),
     ],
 )
-def test_wrong_outputs_and_steps_are_refused(outputs, more, said, exported, capfd):
+def test_wrong_outputs_and_steps_are_refused(outputs, step_s, said, exported, capfd):
     with pytest.raises(InputError, match=said):
-        scenario(exported(3), outputs={**OUTPUTS, **outputs}, **more)
+        scenario(exported(3), outputs={**OUTPUTS, **outputs}, step_s=step_s)
     assert capfd.readouterr().out == ""  # the FMU's own words are no part of the output
 
 
-def test_files_that_are_no_fmu_are_refused(tmp_path):
+def test_a_file_that_is_no_fmu_is_refused(tmp_path):
     (tmp_path / "no.fmu").write_text("no", encoding="utf-8")
-    for name, said in (("none", "file not found"), ("no", "no FMU")):
-        with pytest.raises(InputError, match=rf"{name}.fmu: {said}"):
-            scenario(tmp_path / f"{name}.fmu")
+    with pytest.raises(InputError, match="no FMU"):
+        scenario(tmp_path / "no.fmu")

