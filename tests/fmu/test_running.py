@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -214,15 +213,6 @@ def test_a_dimension_of_a_structural_parameter_has_its_start_value():
     text = dict.fromkeys(("declaredType", "unit", "description"))
     read = SimpleNamespace(name="u", valueReference=1, type="Float64", causality="input", dimensions=[size], **text)
     assert read_variable(read).elements == ("u[1]", "u[2]", "u[3]")
-
-
-@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
-@pytest.mark.slow
-def test_a_closed_pipe_is_not_an_error():
-    command = [sys.executable, "-m", "insenv", "fmu", "run", str(exported(PLANT)), "--stop", "1"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        process.stdout.close()
-        assert (process.stderr.read(), process.wait(60)) == ("", 141)
 
 
 def test_the_command_writes_the_result_of_the_function(log, tmp_path):
