@@ -24,6 +24,7 @@ from insenv.fmu.reference import signals
 from insenv.fmu.running import Outputs
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 from insenv.fmu.subject import subject
+from insenv.plant.feeding import input_rows
 
 ID, PLANT, STEERED = "qakf-improved", "ship-swaying", "car-parked"
 MODEL = subject(ID, {})
@@ -42,20 +43,6 @@ def log(tmp_path):
     """100 samples of an estimator, 0.5 s, as a CSV file."""
     write_csv(tmp_path / "log.csv", table(COLUMNS))
     return tmp_path / "log.csv"
-
-
-@pytest.fixture
-def commands(tmp_path):
-    """Write a CSV file of commands, 40 rows, with changes by column name and row."""
-
-    def write(changes):
-        columns = {name: np.zeros(40) for name in ("command_valid", "command_speed", "command_yaw_rate")}
-        for (name, row), value in changes.items():
-            columns[name][row] = value
-        write_csv(tmp_path / "commands.csv", table(columns))
-        return tmp_path / "commands.csv"
-
-    return write
 
 
 @both
@@ -83,24 +70,23 @@ def test_a_plant_runs_without_inputs_and_its_outputs_feed_an_estimator(tmp_path)
     assert fed.time[0] == pytest.approx(2 * INTERVAL)  # the first row is at the end of the plant's first step
 
 
-@both
-def test_an_input_that_its_flag_switches_off_may_be_nan(commands, fmi):
-    fmu = exported(STEERED, fmi)
-    on = {(f"command_{name}", row): value for row in range(20, 40) for name, value in (("valid", 1.0), ("speed", 3.0))}
-    off = {("command_speed", row): np.nan for row in range(20)}
-    runner = make_runner(subject(STEERED, {}).model, subject(STEERED, {}).parameters)
-    inputs = runner.model.inputs
-    rows = np.tile(inputs.start_vector(), (40, 1))
-    rows[20:, inputs.slice("command_valid")], rows[20:, inputs.slice("command_speed")] = 1.0, 3.0
-    found = run(fmu, read_csv(commands(off | on), switched={"command_speed"}))
-    wanted = runner.model.outputs.unpack(runner.run(40, rows))
-    for name, values in found.named().items():
+def test_an_input_that_its_flag_switches_off_may_be_nan(tmp_path):
+    fmu, path, what = exported(STEERED, 3), tmp_path / "x.csv", subject(STEERED, {})
+    columns = {name: np.zeros(40) for name in ("command_valid", "command_speed", "command_yaw_rate")}
+    columns["command_valid"][20:], columns["command_speed"][20:] = 1.0, 3.0
+    runner = make_runner(what.model, what.parameters)
+    wanted = what.model.outputs.unpack(runner.run(40, input_rows(what.model, columns, 40)))
+    columns["command_speed"][:20] = np.nan
+    write_csv(path, table(columns))
+    for name, values in run(fmu, read_csv(path, switched={"command_speed"})).named().items():
         np.testing.assert_array_equal(values, wanted[name], err_msg=name)
-    assert call("fmu", "run", fmu, "--input", commands(off | on))[0] == 0
-    used = commands({**off, ("command_valid", 7): 1.0})
-    refused(call("fmu", "run", fmu, "--input", used), "step 7", "command_speed = nan", "allowed is a finite number")
-    half = commands({("command_valid", 30): 0.5})
-    refused(call("fmu", "run", fmu, "--input", half), "input command_valid = 0.5 in row 31: allowed is 0 or 1")
+    assert call("fmu", "run", fmu, "--input", path)[0] == 0
+    columns["command_valid"][7] = 1.0
+    write_csv(path, table(columns))
+    refused(call("fmu", "run", fmu, "--input", path), "step 7", "command_speed = nan", "allowed is a finite number")
+    columns["command_valid"][7] = 0.5
+    write_csv(path, table(columns))
+    refused(call("fmu", "run", fmu, "--input", path), "input command_valid = 0.5 in row 8: allowed is 0 or 1")
 
 
 GOOD = table(COLUMNS)
