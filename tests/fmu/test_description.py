@@ -19,7 +19,6 @@ from insenv.fmu.description import start_dependencies
 from insenv.fmu.reading import element_names
 from insenv.fmu.reference import FOLDER
 from insenv.fmu.subject import subject
-from insenv.fmu.variables import Kind, variables
 from insenv.scenario import names
 
 EXTRA = {"time", "sample_interval", "parameters.step_is_one_increment"}  # not rows of the tables
@@ -159,12 +158,3 @@ def test_another_tool_finds_it_compliant(bare, fmi):
     said = done.stdout + done.stderr
     assert f"seems to be compliant with FMI-{fmi}.0" in said and "No semantic error" in said
     assert "ERROR" not in said and "WARNING" not in said
-
-
-@pytest.mark.parametrize("id", ("smoother", "car-city-drive"))
-def test_the_rows_in_c_are_in_order(id):
-    listed = variables(subject(id, {}))
-    assert [v.number for v in listed] == list(range(len(listed)))
-    assert [v.place for v in listed] == list(np.cumsum([0, *(v.row.size for v in listed)])[:-1])
-    kinds = [v.kind for v in listed if v.kind not in (Kind.NONE, Kind.CONSTANT)]
-    assert kinds == sorted(kinds)
