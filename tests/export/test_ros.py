@@ -1,10 +1,5 @@
 """ROS bags and MCAP recordings: read by rosbags and by mcap's own reader, and replayed as logs."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -26,7 +21,7 @@ SCENARIO = {
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, dict[str, Path]]:
+def drive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ros")
     report, log = insenv.run(SCENARIO, "loosely-coupled"), insenv.record(SCENARIO)
     paths = insenv.write(report, folder, ["bag", "mcap"], log=log, name="drive")
@@ -35,20 +30,20 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, dict[str,
     return report, log, {"bag": folder / "drive-bag", "mcap": folder / "drive.mcap", "db3": paths[0]}
 
 
-def messages(path: Path) -> dict[str, list[tuple[int, Any]]]:
+def messages(path):
     """All messages by topic, with the times at which they were recorded, by rosbags."""
-    found: dict[str, list[tuple[int, Any]]] = {}
+    found = {}
     with highlevel.AnyReader([path]) as reader:
         for connection, at, raw in reader.messages():
             found.setdefault(connection.topic, []).append((at, reader.deserialize(raw, connection.msgtype)))
     return found
 
 
-def stamp(message: Any) -> int:
+def stamp(message):
     return int(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
 
 
-def test_messages_have_the_axes_units_and_times_of_ros(drive: Any) -> None:
+def test_messages_have_the_axes_units_and_times_of_ros(drive):
     _, log, paths = drive
     found = messages(paths["bag"])
     assert {topic: len(each) for topic, each in found.items()} == {
@@ -76,7 +71,7 @@ def test_messages_have_the_axes_units_and_times_of_ros(drive: Any) -> None:
     np.testing.assert_allclose([field.x, -field.y, -field.z], log.instruments[0].values[5])
 
 
-def test_odometry_is_the_track_in_east_north_up(drive: Any) -> None:
+def test_odometry_is_the_track_in_east_north_up(drive):
     """Independent of our rotations: scipy, and a plane Earth over the 100 m of the drive."""
     report, _, paths = drive
     found, truth = messages(paths["mcap"]), report.truth
@@ -97,19 +92,17 @@ def test_odometry_is_the_track_in_east_north_up(drive: Any) -> None:
     assert np.sqrt(covariance[35]) == pytest.approx(np.radians(result.sigma["heading_deg"][-1]))
 
 
-def test_mcap_is_read_by_its_own_reader(drive: Any) -> None:
+def test_mcap_is_read_by_its_own_reader(drive):
     reader = pytest.importorskip("mcap_ros2.reader")
     _, log, paths = drive
-    found = list(reader.read_ros2_messages(str(paths["mcap"]), topics=["/gnss/fix"]))
-    assert len(found) == len(log.gnss.time)
-    np.testing.assert_allclose([m.ros_msg.latitude for m in found], np.degrees(log.gnss.latitude), atol=1e-12)
+    found = [m.ros_msg.latitude for m in reader.read_ros2_messages(str(paths["mcap"]), topics=["/gnss/fix"])]
+    np.testing.assert_allclose(found, np.degrees(log.gnss.latitude), atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap", "db3"])
-def test_a_bag_is_replayed_as_a_log(drive: Any, kind: str) -> None:
+def test_a_bag_is_replayed_as_a_log(drive, kind):
     _, log, paths = drive
     back = load(paths[kind])
-    assert back.gnss is not None and back.reference is not None
     start = log.dt[0] / 2  # the clock begins with the first stamp, the middle of the first sample
     np.testing.assert_allclose(back.gnss.time + start, log.gnss.time, atol=1e-8)
     for name in ("latitude", "longitude"):
@@ -126,17 +119,9 @@ def test_a_bag_is_replayed_as_a_log(drive: Any, kind: str) -> None:
     assert "reference: /truth/odometry, a simulator's truth" in back.notes
 
 
-def test_the_free_inertial_drift_of_a_bag_is_that_of_the_log(drive: Any, tmp_path: Path) -> None:
-    _, log, paths = drive
-    bag = insenv.replay(paths["bag"], "wander-sins", start="reference").results[0]
-    whole = insenv.replay(log, "wander-sins", start="reference").results[0]
-    for name, value in whole.statistics()["rms"].items():
-        assert bag.statistics()["rms"][name] == pytest.approx(value, rel=0.05), name
-
-
-def test_perfect_sensors_through_a_bag_lose_nothing(tmp_path: Path) -> None:
+def test_perfect_sensors_through_a_bag_lose_nothing(tmp_path):
     """Half a sample of a wrong time stamp would be 0.2 deg in the turn."""
-    gnss = {**SCENARIO["gnss"], "grade": "perfect"}  # type: ignore[dict-item]
+    gnss = {**SCENARIO["gnss"], "grade": "perfect"}
     insenv.write(insenv.record({**SCENARIO, "imu": {"grade": "perfect"}, "gnss": gnss}), tmp_path, "bag", name="drive")
     text = 'flight = "drive-bag"\ngrade = "tactical"\nlever_arm_m = [0.5, 0.0, -1.0]\n'
     (tmp_path / "bag.toml").write_text(text, encoding="utf-8")
@@ -145,7 +130,7 @@ def test_perfect_sensors_through_a_bag_lose_nothing(tmp_path: Path) -> None:
     assert max(rms["north_m"], rms["east_m"], rms["down_m"]) < 1e-3
 
 
-def test_a_ros_1_bag_is_read_too(tmp_path: Path) -> None:
+def test_a_ros_1_bag_is_read_too(tmp_path):
     """A unit that lies still, level, heading unknown: by hand, with the writer of rosbags."""
     rosbag1 = pytest.importorskip("rosbags.rosbag1")
     from rosbags.typesys import Stores, get_typestore
@@ -167,33 +152,25 @@ def test_a_ros_1_bag_is_read_too(tmp_path: Path) -> None:
     assert log.gnss is None and log.imu_time[0] == pytest.approx(0.01, abs=1e-9)
 
 
-def test_what_is_no_bag_is_refused(tmp_path: Path, drive: Any) -> None:
-    (tmp_path / "x.mcap").write_bytes(b"no recording at all" * 100)
-    with pytest.raises(InputError, match=r"x\.mcap: not readable as a ROS bag"):
-        load(tmp_path / "x.mcap")
-    cut = drive[2]["mcap"].read_bytes()[:5000]
-    (tmp_path / "cut.mcap").write_bytes(cut)
+def test_what_is_no_bag_is_refused(tmp_path, drive):
+    (tmp_path / "cut.mcap").write_bytes(drive[2]["mcap"].read_bytes()[:5000])
     with pytest.raises(InputError, match=r"cut\.mcap: not readable as a ROS bag"):
         load(tmp_path / "cut.mcap")
-    with pytest.raises(InputError, match="file not found"):
-        load(tmp_path / "none.bag")
 
 
-def test_an_odometry_without_a_place_is_no_reference(tmp_path: Path) -> None:
+def test_an_odometry_without_a_place_is_no_reference(tmp_path):
     """Its north is arbitrary; of our bag the truth's NavSatFix is left out."""
     from rosbags.rosbag2 import Writer
 
     log = insenv.record(SCENARIO, duration_s=3.0)
     insenv.write(log, tmp_path, "bag", name="whole")
     with highlevel.AnyReader([tmp_path / "whole-bag"]) as reader, Writer(tmp_path / "part", version=8) as writer:
-        made: dict[str, Any] = {}
+        made = {}
         for connection, at, raw in reader.messages():
             if connection.topic != "/truth/fix":
-                if connection.topic not in made:
-                    made[connection.topic] = writer.add_connection(
-                        connection.topic, connection.msgtype, typestore=reader.typestore
-                    )
-                writer.write(made[connection.topic], at, raw)
+                topic = connection.topic
+                if topic not in made:
+                    made[topic] = writer.add_connection(topic, connection.msgtype, typestore=reader.typestore)
+                writer.write(made[topic], at, raw)
     part = load(tmp_path / "part")
     assert part.reference is None and any("/truth/odometry: not used" in note for note in part.notes)
-    assert load(tmp_path / "whole-bag").reference is not None

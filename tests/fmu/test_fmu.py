@@ -54,9 +54,9 @@ class Slave:
             self.fmu.instantiate(callbacks=callbacks)
         else:
             self.fmu.instantiate(logMessage=lambda e, *message: self.said.append(message))
-        calls = ("getFMUstate", "setFMUstate", "serializeFMUstate", "deSerializeFMUstate")
-        names = calls if fmi == 2 else ("getFMUState", "setFMUState", "serializeFMUState", "deserializeFMUState")
-        self.state, self.restore, self.serialize, self.deserialize = (getattr(self.fmu, name) for name in names)
+        calls = {name.lower(): getattr(self.fmu, name) for name in dir(self.fmu)}  # FMI 3 spells some in another way
+        self.state, self.restore = calls["getfmustate"], calls["setfmustate"]
+        self.serialize, self.deserialize = calls["serializefmustate"], calls["deserializefmustate"]
         if start:
             self.begin(stop_time)
 
@@ -91,8 +91,7 @@ class Slave:
 
     def outputs(self):
         """All outputs, flat."""
-        known = {r: self.get([r]) for r in self.references["output"]}
-        return [float(value) for values in known.values() for value in values]
+        return [float(value) for r in self.references["output"] for value in self.get([r])]
 
     @property
     def now(self):
@@ -122,7 +121,6 @@ class Slave:
         assert all(word in text.decode() for word in words), text
 
     def no_step(self, point, length, *words):
-        """Check that a step is refused."""
         self.refused(lambda: self.fmu.doStep(point, length), *words)
 
 
@@ -149,12 +147,9 @@ def rows_for(id, count):
     return signals(id)[np.arange(count) % reference.STEPS].copy()
 
 
-def expected(one, rows, **parameters):
+def expected(one, rows):
     """The outputs of the model after each row, by the interpreter."""
-    p = one.what.parameters.copy()
-    for name, value in parameters.items():
-        p[one.model.parameters.slice(name)] = value
-    return make_runner(one.model, p).run(len(rows), rows if rows.size else None)[:, one.shown]
+    return make_runner(one.model, one.what.parameters).run(len(rows), rows if rows.size else None)[:, one.shown]
 
 
 @both
@@ -162,51 +157,40 @@ def test_states_are_saved_restored_and_serialized_and_a_reset_begins_anew(slave,
     rows, one, two = rows_for(ALIGNMENT, 100), slave(ALIGNMENT, fmi), slave(ALIGNMENT, fmi)
     np.testing.assert_array_equal(one.outputs(), make_runner(one.model, one.what.parameters).output()[one.shown])
     wanted = expected(one, rows)
-    for k in range(60):  # two instances, interleaved
-        np.testing.assert_array_equal(one.run(rows[k : k + 1], first=k)[0], wanted[k])
-        if k % 2 == 0:
-            np.testing.assert_array_equal(two.run(rows[k // 2 : k // 2 + 1], first=k // 2)[0], wanted[k // 2])
+    np.testing.assert_array_equal(one.run(rows[:60]), wanted[:60])
     state = one.state()
     data = bytes(one.serialize(state))
-    third = slave(ALIGNMENT, fmi)
-    for other in (one, two, third):
-        np.testing.assert_array_equal(one.run(rows[60:], first=60), wanted[60:])
-        other.restore(state)
-        assert bytes(other.serialize(other.state())) == data  # nothing of an instance is in it
-        one.restore(one.deserialize(data))
-    np.testing.assert_array_equal(two.run(rows[60:], first=60), wanted[60:])
-    for broken in (b"", data[:-1], bytes(len(data)), data[:200] + b"x" + data[201:]):
-        third.refused(lambda broken=broken: third.deserialize(broken), "serialized state")
+    two.restore(two.deserialize(data))
+    for other in (one, two):
+        np.testing.assert_array_equal(other.run(rows[60:], first=60), wanted[60:])
+    one.restore(state)
+    assert bytes(one.serialize(one.state())) == data
     one.fmu.reset()
     one.begin()
     np.testing.assert_array_equal(one.run(rows), wanted)
 
 
 @both
-@pytest.mark.parametrize("kind", ("estimator", "plant"))
-def test_steps_follow_the_start_time(slave, kind, fmi):
+def test_steps_follow_the_start_time(slave, fmi):
     """The equations know no time: the outputs are those from 0; time, steps and stop time count from the start."""
-    id = ALIGNMENT if kind == "estimator" else PLANT[fmi]
-    begin, one = 37.25, slave(id, fmi, start=False)
+    begin, one = 37.25, slave(PLANT[fmi], fmi, start=False)
     one.begin(begin + 60 * one.interval, begin)
-    rows, first = rows_for(id, 50), round(begin / one.interval)
+    rows, first = rows_for(PLANT[fmi], 50), round(begin / one.interval)
     np.testing.assert_array_equal(one.run(rows, first), expected(one, rows))
     assert one.now == pytest.approx(begin + 50 * one.interval, abs=1e-9)
     one.no_step(0.0, one.interval, "communication point")
-    if kind == "plant":  # it makes many samples in a step
-        one.step(first + 50, 5)
-        assert one.now == pytest.approx(begin + 55 * one.interval, abs=1e-9)
-        one.refused(lambda: one.step(first + 55, 8), "passes the stop time")
+    one.step(first + 50, 5)
+    assert one.now == pytest.approx(begin + 55 * one.interval, abs=1e-9)
+    one.refused(lambda: one.step(first + 55, 8), "passes the stop time")
 
 
 @both
 def test_steps_of_another_length_are_refused(slave, fmi):
+    """Which changes nothing; times with rounding errors are accepted."""
     rows, one = rows_for(ALIGNMENT, 20), slave(ALIGNMENT, fmi, stop_time=0.2)
-    for step in (0.0, -0.005, 0.0025, 0.0049, 0.0075, 0.01, 0.16, float("nan"), float("inf"), 1e300):
+    for step in (0.0025, 0.0049, 0.01, float("nan"), 1e300):
         one.no_step(0.0, step, "communication step is", "allowed is one sample interval, 0.005 s", "output_interval=0.005")
-    for point in (0.005, -1.0, float("nan")):
-        one.no_step(point, 0.005, "communication point is", "the instance stands at 0 s")
-    # the refused calls have changed nothing; times with rounding errors are accepted
+    one.no_step(0.005, 0.005, "communication point is", "the instance stands at 0 s")
     np.testing.assert_array_equal(one.run(rows), expected(one, rows))
     one.fmu.doStep(0.1 + 1e-13, 0.1 + 0.005 - 0.1)
     plant = slave(PLANT[fmi], fmi, stop_time=0.2)
@@ -218,15 +202,12 @@ def test_steps_of_another_length_are_refused(slave, fmi):
 
 
 @both
-@pytest.mark.parametrize("kind", ("estimator", "plant"))
-def test_the_rest_of_summed_up_steps_counts_as_done(slave, kind, fmi):
+def test_the_rest_of_summed_up_steps_counts_as_done(slave, fmi):
     """An importer that sums up its steps ends 400 steps of 0.005 s 2e-14 s before 2 s."""
-    id = ALIGNMENT if kind == "estimator" else PLANT[fmi]
-    rows, one, time = rows_for(id, 401), slave(id, fmi, stop_time=2.0), 0.0
+    rows, one, time = rows_for(ALIGNMENT, 401), slave(ALIGNMENT, fmi, stop_time=2.0), 0.0
     while time < 2.0:
         step = min(0.005, 2.0 - time)
-        if rows.size:
-            one.set(one.references["input"], rows[round(time / 0.005)].tolist())
+        one.set(one.references["input"], rows[round(time / 0.005)].tolist())
         one.fmu.doStep(time, step)
         time += step
     assert step < 1e-12
@@ -276,27 +257,16 @@ def test_values_that_are_not_allowed_are_refused(slave, fmi):
     plant.refused(lambda: plant.give(seed=5.5), "parameters.seed = 5.5 : allowed is a whole number")
     one = slave(ALIGNMENT, fmi, start=False)
     one.refused(lambda: one.give(latitude=2.0), "latitude = 2 rad", "-1.5708 to 1.5708")
-    one.refused(lambda: one.give(latitude=float("nan")), "latitude = nan rad")
-    one.widths[99_999] = 1
-    one.refused(lambda: one.set([99_999], [0.0]), "no variable has the value reference 99999")
     one.refused(lambda: one.give(sample_interval=0.01), "sample_interval cannot be set")
     one.refused(lambda: one.step(0), "not allowed in this state (instantiated)")
     one.begin()
-    output = one.references["output"][0]
-    one.refused(lambda: one.set([output], [1.0] * one.widths[output]), "cannot be set")
     row = rows_for(ALIGNMENT, 1)[0]
-    for value in (float("nan"), float("-inf")):
-        row[1] = value
-        one.refused(lambda: one.set(one.references["input"], row.tolist()), "delta_angle", "allowed is a finite number")
+    row[1] = float("nan")
+    one.refused(lambda: one.set(one.references["input"], row.tolist()), "delta_angle", "allowed is a finite number")
     one.give(dt=0.0)
     one.refused(lambda: one.step(0), "dt = 0 s: allowed is a finite number from 1e-06 to 10")
-    for dt in (9.9, 0.011, 0.0024):
-        one.give(dt=dt)
-        one.refused(lambda: one.step(0), f"dt = {dt:g} s in a step of 0.005 s", "half to twice the step")
-    one.give(dt=0.0051)
-    one.step(0)
-    one.fmu.terminate()
-    one.refused(lambda: one.step(1), "not allowed in this state (terminated)")
+    one.give(dt=0.011)
+    one.refused(lambda: one.step(0), "dt = 0.011 s in a step of 0.005 s")
 
 
 def test_inputs_count_where_their_flags_are_true(slave):
@@ -346,7 +316,6 @@ def test_an_instance_that_diverges_reports_it_and_can_be_reset(slave):
 
 def test_debug_logging_reports_the_states(slave):
     one = slave(ALIGNMENT, 3)
-    assert one.said == []
     one.fmu.setDebugLogging(True, ["logEvents"])
     one.fmu.terminate()
     assert one.said == [(0, b"logEvents", b"terminated")]
@@ -355,20 +324,17 @@ def test_debug_logging_reports_the_states(slave):
 
 @both
 def test_simulate_fmu_gives_the_reference_signals(fmi):
-    folder, said = unzipped(ALIGNMENT, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref", []
+    folder = unzipped(ALIGNMENT, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref"
     inputs, wanted = (fmpy.read_csv(str(folder / name)) for name in ("in.csv", "ref.csv"))
     if fmi == 3:  # FMPy accepts inputs of one shape only; dt keeps its start value, the sample interval
         assert (inputs["dt"] == 0.005).all()
         inputs = inputs[["time", "delta_angle", "delta_velocity"]]
-    given = {"input": inputs, "stop_time": 1.5, "validate": False, "logger": lambda *message: said.append(message[-1])}
-    found = fmpy.simulate_fmu(str(exported(ALIGNMENT, fmi)), output_interval=0.005, **given)
+    given = {"input": inputs, "stop_time": 1.5, "output_interval": 0.005, "validate": False}
+    found = fmpy.simulate_fmu(str(exported(ALIGNMENT, fmi)), **given)
     assert len(found) == 301 and found.dtype.names == wanted.dtype.names
     for name in wanted.dtype.names[1:]:
         np.testing.assert_array_equal(found[name][::10], wanted[name], err_msg=name)
     np.testing.assert_allclose(found["time"][::10], wanted["time"], rtol=1e-12)
-    with pytest.raises(FMICallException):
-        fmpy.simulate_fmu(str(exported(ALIGNMENT, fmi)), output_interval=0.0123, **given)
-    assert b"communication step is 0.0123" in said[-1] and b"output_interval=0.005" in said[-1]
 
 
 @pytest.mark.parametrize("fmi", (pytest.param(2, marks=pytest.mark.slow), 3))

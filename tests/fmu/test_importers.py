@@ -35,8 +35,6 @@ def named(variable: str) -> Path:
     return Path(os.environ[variable]).resolve()
 
 
-# --- Reference-FMUs
-
 RUN = {  # by version: model, stop time, and whether it ends the simulation itself
     2: {"BouncingBall": (3.0, False), "Dahlquist": (10.0, False), "Stair": (10.0, True), "VanDerPol": (20.0, False)},
     3: {"BouncingBall": (3.0, False), "Dahlquist": (10.0, False), "Feedthrough": (2.0, False), "Resource": (1.0, False),
@@ -62,14 +60,10 @@ def test_a_model_of_reference_fmus_is_refused_in_one_sentence(fmi, model, said):
         assert len(run(path, step=0.1, stop_time=1.0).time) == 10
 
 
-# --- fmusim
-
-
 @pytest.mark.parametrize(
     ("what", "options"),
-    [("loosely-coupled", {"fmi": 2}), ("loosely-coupled", ARRAYS), ("loosely-coupled", SCALARS), ("ship-swaying", {"fmi": 2}),
-     ("ship-swaying", LOOP)],
-)  # fmt: skip
+    [("loosely-coupled", {"fmi": 2}), ("loosely-coupled", ARRAYS), ("loosely-coupled", SCALARS), ("ship-swaying", LOOP)],
+)
 def test_fmusim_gives_the_reference_signals_at_its_default_step(tmp_path, what, options):
     fmusim, path = named("INSENV_FMUSIM"), export_fmu(what, tmp_path / "x.fmu", **options)
     with zipfile.ZipFile(path) as archive:
@@ -93,8 +87,6 @@ def test_fmusim_shows_the_reason_for_a_refused_step(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
     assert REASON in done.stdout + done.stderr
 
-
-# --- FMI Library and fmi4c
 
 SAMPLES = 2000
 LIBRARIES = {"fmil": ("INSENV_FMIL", "fmilib_shared"), "fmi4c": ("INSENV_FMI4C", "fmi4c")}
@@ -164,23 +156,16 @@ def test_a_library_shows_the_reason_for_a_refused_step(library, tmp_path):
     assert done.returncode == 1 and REASON in done.stdout + done.stderr
 
 
-# --- OMSimulator
-
-
-@pytest.fixture
-def omsimulator():
-    return named("INSENV_OMSIMULATOR")
-
-
-def simulated(path, stop, folder):
-    """(rows, n) of the record by variable name, without the model's; the output of the program.  The first row is the start."""
+def simulated(path, stop, folder, refusal=None):
+    """(rows, n) of OMSimulator's record by variable name, without the model's; the first row is the start."""
     result = folder / "result.mat"
     options = ["--emitEvents=false", f"--stopTime={stop}", f"--resultFile={result}", f"--tempDir={folder}"]
     command = [named("INSENV_OMSIMULATOR"), *options, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder)
-    said = done.stdout + done.stderr
-    if done.returncode:
-        return {}, said
+    if refusal is not None:
+        assert refusal in done.stdout + done.stderr
+        return {}
+    assert done.returncode == 0, done.stdout + done.stderr
     file = loadmat(result, chars_as_strings=True)
     names = ["".join(letters).rstrip(" \0") for letters in zip_longest(*file["name"], fillvalue=" ")]
     tables, columns = {1: file["data_1"], 2: file["data_2"]}, {}
@@ -188,25 +173,23 @@ def simulated(path, stop, folder):
     for name, (table, row) in zip(names, file["dataInfo"][:2].T.tolist(), strict=True):
         values = tables[table or 2][abs(row) - 1] * np.sign(row)
         columns[name] = np.broadcast_to(values if len(values) == rows else values[:1], rows)
-    return columns, said
+    return columns
 
 
-@pytest.mark.parametrize("stop", [1, 2, 3])  # at 2 and 3 s it adds a step of 2e-14 s
+@pytest.mark.parametrize("stop", [1, 2])  # at 2 s it adds a step of 2e-14 s
 @pytest.mark.parametrize("options", ({"fmi": 2}, SCALARS))
 @pytest.mark.parametrize(("what", "estimator"), [("q-method", None), ("ship-swaying", None), ("ship-swaying", "qakf-improved")])
-def test_omsimulator_gives_our_outputs_to_the_bit_at_its_default_step(what, estimator, options, stop, tmp_path, omsimulator):
+def test_omsimulator_gives_our_outputs_to_the_bit_at_its_default_step(what, estimator, options, stop, tmp_path):
     path = export_fmu(what, tmp_path / "x.fmu", estimator=estimator, **options)
-    found, said = simulated(path, stop, tmp_path)
-    assert found, said
+    found = simulated(path, stop, tmp_path)
     wanted = run(path, stop_time=float(stop)).columns()
     assert len(wanted) >= 7
     for name, values in wanted.items():
         np.testing.assert_array_equal(found[name][1 : len(values) + 1], values, err_msg=name)
 
 
-def test_omsimulator_is_refused_arrays(tmp_path, omsimulator):
-    _, said = simulated(export_fmu("ship-swaying", tmp_path / "x.fmu", fmi=3), 1, tmp_path)
-    assert "nValues = 1: allowed is 3, the number of elements of the variables" in said
+def test_omsimulator_is_refused_arrays(tmp_path):
+    simulated(export_fmu("ship-swaying", tmp_path / "x.fmu", fmi=3), 1, tmp_path, "nValues = 1: allowed is 3")
 
 
 def late(columns):
@@ -215,11 +198,10 @@ def late(columns):
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi, tmp_path, omsimulator):
+def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi, tmp_path):
     path, samples, prefix = tmp_path / "loop.ssp", 400, "ship_swaying.loop."
     export_ssp("ship-swaying", "qakf-improved", path, fmi=fmi)
-    found, said = simulated(path, samples * INTERVAL, tmp_path)
-    assert found, said
+    found = simulated(path, samples * INTERVAL, tmp_path)
     plant = run_ssp(path, stop_time=samples * INTERVAL).columns()
     for name in ("q_nb[1]", "delta_angle[3]", "delta_velocity[2]"):
         np.testing.assert_array_equal(found[f"{prefix}plant.{name}"][1 : samples + 1], plant[f"plant.{name}"])
@@ -231,10 +213,9 @@ def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi
         np.testing.assert_array_equal(found[f"{prefix}q_nb_{k + 1}"][2 : samples + 1], q_nb[:-1, k])
 
 
-def test_flags_pass_in_an_ssp_in_omsimulator(tmp_path, omsimulator):
+def test_flags_pass_in_an_ssp_in_omsimulator(tmp_path):
     export_ssp("car-city-drive", "loosely-coupled", tmp_path / "car.ssp")
-    found, said = simulated(tmp_path / "car.ssp", SAMPLES * INTERVAL, tmp_path)
-    assert found, said
+    found = simulated(tmp_path / "car.ssp", SAMPLES * INTERVAL, tmp_path)
     columns = columns_for("loosely-coupled", SAMPLES)
     assert columns["gnss_valid"].sum() == 9
     wanted, table = in_process("loosely-coupled", late(columns)), estimators.get("loosely-coupled").model.outputs
@@ -244,17 +225,17 @@ def test_flags_pass_in_an_ssp_in_omsimulator(tmp_path, omsimulator):
             np.testing.assert_array_equal(shown, wanted[:, place], err_msg=element)
 
 
-def test_omsimulator_applies_the_parameter_set_of_an_ssp(tmp_path, omsimulator):
-    export_ssp("ship-swaying", "qakf-improved", tmp_path / "loop.ssp", seed=5)
-    with zipfile.ZipFile(tmp_path / "loop.ssp") as archive:
-        files = {name: archive.read(name) for name in archive.namelist()}
-    text, seed = files["resources/plant.ssv"].decode(), '"parameters.seed">\n      <ssv:Real value="{}"'
-    assert seed.format("5.0") in text
-    files["resources/plant.ssv"] = text.replace(seed.format("5.0"), seed.format("77.0")).encode()
-    with zipfile.ZipFile(tmp_path / "edited.ssp", "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    found, said = simulated(tmp_path / "edited.ssp", 1, tmp_path)
-    assert found, said
-    wanted = run_ssp(tmp_path / "loop.ssp", stop_time=1.0, parameters={"plant.seed": 77.0}).columns()["plant.delta_angle[1]"]
+def test_omsimulator_applies_the_parameter_set_of_an_ssp(tmp_path):
+    """The FMU in the file holds another seed than the parameter set."""
+    for seed in (5, 77):
+        export_ssp("ship-swaying", "qakf-improved", tmp_path / f"{seed}.ssp", seed=seed)
+    with (
+        zipfile.ZipFile(tmp_path / "5.ssp") as five,
+        zipfile.ZipFile(tmp_path / "77.ssp") as other,
+        zipfile.ZipFile(tmp_path / "edited.ssp", "w") as edited,
+    ):
+        for name in five.namelist():
+            edited.writestr(name, (other if name == "resources/plant.ssv" else five).read(name))
+    found = simulated(tmp_path / "edited.ssp", 1, tmp_path)
+    wanted = run_ssp(tmp_path / "77.ssp", stop_time=1.0).columns()["plant.delta_angle[1]"]
     np.testing.assert_array_equal(found["ship_swaying.loop.plant.delta_angle[1]"][1:201], wanted)

@@ -1,7 +1,5 @@
 """The SSP file of a plant and an estimator: it validates, and FMPy's master runs it one step late."""
 
-import subprocess
-import sys
 import zipfile
 
 import numpy as np
@@ -28,9 +26,8 @@ PARTS = ("plant", "estimator")
 def loop():
     """The file that the command writes."""
     path = scratch() / "loop.ssp"
-    status, out, err = call("fmu", "ssp", SCENARIO, "-e", ID, "-o", path, "--json")
-    assert status == 0, err
-    assert strict(out)["written"] == str(path)
+    status, out, _ = call("fmu", "ssp", SCENARIO, "-e", ID, "-o", path, "--json")
+    assert status == 0 and strict(out)["written"] == str(path)
     return path
 
 
@@ -94,11 +91,11 @@ def test_units_are_those_of_the_components(files, described):
             assert connector.get("kind") == variable.causality
             assert (real is None) == (variable.type == "Boolean") == (connector.find("ssc:Boolean", ns) is not None)
             unit = None if real is None else real.get("unit")
-            assert real is None or unit == (variable.unit or variable.declaredType.unit)
             if unit is not None:
                 used.add(unit)
-                exponents = {si: getattr(defined[unit], si, 0) for si in ("kg", "m", "s", "K", "rad")}
-                assert {si: int(n) for si, n in units[unit].items()} == {si: n for si, n in exponents.items() if n}
+                assert unit == (variable.unit or variable.declaredType.unit)
+                for si in ("kg", "m", "s", "K", "rad"):
+                    assert int(units[unit].get(si, 0)) == getattr(defined[unit], si, 0)
     assert used == set(units) >= {"rad", "m/s"}
 
 
@@ -129,15 +126,6 @@ def test_the_master_runs_the_same_numbers_one_step_late(loop):
     np.testing.assert_array_equal(found, in_process(ID, {name: late(shown, name) for name in INCREMENTS}))
 
 
-@pytest.mark.slow
-def test_a_master_with_another_step_is_refused(loop):
-    script = "import sys; from fmpy.ssp.simulation import simulate_ssp; simulate_ssp(sys.argv[1], stop_time=100.0)"
-    done = subprocess.run([sys.executable, "-c", script, str(loop)], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert "fmi2DoStep failed with status 3" in done.stderr
-    assert "communication step is 1 s: allowed is one sample interval, 0.005 s" in done.stdout
-
-
 def test_what_cannot_be_connected_is_named(described, tmp_path):
     text = load(SCENARIO).model_dump(mode="json", exclude_unset=True)
     text["imu"]["drop_probability"] = 0.01
@@ -146,7 +134,6 @@ def test_what_cannot_be_connected_is_named(described, tmp_path):
     given = ("-o", tmp_path / "x.ssp")
     refused(call("fmu", "ssp", "car-city-drive", "-e", ID, *given), ID, "car-city-drive", "moves")
     refused(call("fmu", "ssp", "car-city-drive", "-e", "smoother", *given), "smooths a whole run from its end")
-    refused(call("fmu", "ssp", SCENARIO, "-e", "qakf-improve", *given), "qakf-improved")
     refused(call("fmu", "ssp", "ship-swayin", "-e", ID, *given), SCENARIO)
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="none of its inputs is an output"):

@@ -1,6 +1,5 @@
-/* Make every wrong call to an FMU of insenv and check that correct calls still give the same results.  Compiled together with
- * the sources of the FMU and the sanitizers (see test_host.py).  FMI is 2 or 3.  Each wrong call must give an error and a log message, and change
- * nothing.  Prints one line for each check that failed; exit status 0 if none did.
+/* Every wrong call to an FMU, compiled with its sources and the sanitizers (test_host.py), must give an error and a message and
+ * change nothing.  FMI is 2 or 3.  Prints one line for each check that failed; exit status 0 if none did.
  *
  *     misuse modelDescription.xml STEP
  */
@@ -19,11 +18,6 @@ enum { STEPS = 400, HALF = 150 };
 static int messages, failures, checks;
 static char last_message[512];
 
-static void note(const char *format, va_list values) {
-  messages++;
-  vsnprintf(last_message, sizeof last_message, format, values);
-}
-
 #if FMI == 2
 #include "fmi2Functions.h"
 typedef fmi2Component Instance;
@@ -33,8 +27,9 @@ typedef fmi2FMUstate Saved;
 static void logger(fmi2ComponentEnvironment e, fmi2String i, fmi2Status s, fmi2String c, fmi2String format, ...) {
   va_list values;
   (void)e, (void)i, (void)s, (void)c;
+  messages++;
   va_start(values, format);
-  note(format, values);
+  vsnprintf(last_message, sizeof last_message, format, values);
   va_end(values);
 }
 static const fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
@@ -57,15 +52,10 @@ typedef fmi3Instance Instance;
 typedef fmi3FMUState Saved;
 #define F(name) fmi3##name
 
-static void say(const char *format, ...) {
-  va_list values;
-  va_start(values, format);
-  note(format, values);
-  va_end(values);
-}
 static void logger(fmi3InstanceEnvironment e, fmi3Status s, fmi3String c, fmi3String message) {
   (void)e, (void)s, (void)c;
-  say("%s", message);
+  messages++;
+  snprintf(last_message, sizeof last_message, "%s", message);
 }
 static Instance make(const char *name, const char *token) {
   return fmi3InstantiateCoSimulation(name, token, "", false, false, false, false, NULL, 0, NULL, logger, NULL);
@@ -99,12 +89,10 @@ static void expect(int holds, const char *what) {
 }
 
 /* A call that must be refused with a reason. */
-#define REFUSED(call, what)                                         \
-  do {                                                              \
-    const int before = messages;                                    \
-    const int status = (int)(call);                                 \
-    expect(status >= 2 && status <= 4, what ": must be an error");  \
-    expect(messages > before, what ": must give a reason");         \
+#define REFUSED(call, what)                                                                  \
+  do {                                                                                       \
+    const int before = messages, status = (int)(call);                                       \
+    expect(status >= 2 && status <= 4 && messages > before, what ": must be an error told"); \
   } while (0)
 
 /* A call without an instance: an error without a message. */
@@ -112,15 +100,19 @@ static void expect(int holds, const char *what) {
 
 static void good(int status, const char *what) { expect(status == 0, what); }
 
+static void begin(Instance c) {
+  good(enter(c), "enter initialization");
+  good((int)F(ExitInitializationMode)(c), "exit initialization");
+}
+
 static Instance started(const char *name) {
   Instance c = make(name, d.token);
   expect(c != NULL, "instantiate");
-  good(enter(c), "enter initialization");
-  good((int)F(ExitInitializationMode)(c), "exit initialization");
+  begin(c);
   return c;
 }
 
-/* Set increments of a small rotation and vibration; the other inputs keep their start values. */
+/* Increments of a small rotation and vibration; the other inputs keep their start values. */
 static void feed(Instance c, int k) {
   for (size_t i = 0; i < numbers_in; i++) {
     const bool angle = !strncmp(d.inputs[i].name, "delta_angle", 11), velocity = !strncmp(d.inputs[i].name, "delta_velocity", 14);
@@ -136,7 +128,6 @@ static void feed(Instance c, int k) {
   }
 }
 
-/* Make the steps from..to; store the outputs after each in `out`. */
 static void advance(Instance c, int from, int to, double *out) {
   for (int k = from; k < to; k++) {
     feed(c, k);
@@ -201,13 +192,7 @@ static void wrong_order(void) {
   REFUSED(F(ExitInitializationMode)(c), "leaving an initialization never entered");
   REFUSED(F(Terminate)(c), "the end before the beginning");
   good(enter(c), "enter initialization");
-  REFUSED(F(EnterInitializationMode)
-#if FMI == 2
-          (c),
-#else
-          (c, false, 0.0, 0.0, false, 0.0),
-#endif
-          "entering twice");
+  REFUSED(enter(c), "entering twice");
   REFUSED(step_to(c, 0.0, step), "a step during the initialization");
   good((int)F(ExitInitializationMode)(c), "exit initialization");
   REFUSED(F(ExitInitializationMode)(c), "leaving twice");
@@ -258,9 +243,7 @@ static void wrong_values(Instance c) {
     REFUSED(set(c, NULL, 1, values, n), "references at NULL");
   }
 #if FMI == 3
-  const size_t n = d.outputs[0].size;
-  REFUSED(get(c, out_references, 1, values, n + 1), "more values than the variable has");
-  REFUSED(get(c, out_references, 1, values, n - 1), "fewer values than the variable has");
+  REFUSED(get(c, out_references, 1, values, d.outputs[0].size + 1), "more values than the variable has");
   REFUSED(get(c, out_references, 1, values, SIZE_MAX), "far more values than the variable has");
 #endif
 }
@@ -293,10 +276,6 @@ static void wrong_states(Instance c) {
     broken[trial == 0 ? 0 : trial == 1 ? size - 1 : random % size] ^= (char)(1 + (random >> 28));
     REFUSED(read_state(c, broken, size, &other), "deserialize what is damaged");
   }
-  for (int trial = 0; trial < 50; trial++) {
-    for (size_t i = 0; i < size; i++) broken[i] = (char)((random = random * 1664525u + 1013904223u) >> 24);
-    REFUSED(read_state(c, broken, size, &other), "deserialize garbage");
-  }
   expect(other == NULL, "no state comes from what is refused");
   good(drop(c, &other), "free no state");
   good(drop(c, NULL), "free nothing");
@@ -306,8 +285,7 @@ static void wrong_states(Instance c) {
 }
 
 int main(int argc, char **argv) {
-  if (argc < 3) return 2;
-  char *xml = read_file(argv[1]);
+  char *xml = argc < 3 ? NULL : read_file(argv[1]);
   if (!xml) return 2;
   d = describe(xml);
   step = atof(argv[2]);
@@ -325,50 +303,28 @@ int main(int argc, char **argv) {
   without_instance();
   wrong_order();
 
-  /* a run without wrong calls; then with all wrong calls in between, beside a second instance, restored, and after a reset */
+  /* two instances in turn, one with all wrong calls in between */
   Instance a = started("a"), b = started("b");
-  advance(a, 0, STEPS, results);
-  for (int k = 0; k < HALF; k++) {
+  for (int k = 0; k < STEPS; k++) {
+    advance(a, k, k + 1, results);
     advance(b, k, k + 1, again);
     if (k % 50 == 0) wrong_steps(b, (k + 1) * step), wrong_values(b);
+    if (k == HALF) wrong_states(b);
   }
-  wrong_states(b);
-  Saved half = NULL;
-  size_t size = 0;
-  good(save(b, &half), "get state");
-  good(size_of(b, half, &size), "size of state");
-  char *bytes = malloc(size);
-  good(write_state(b, half, bytes, size), "serialize");
-  advance(b, HALF, STEPS, again);
   expect(same(results, again, 0, STEPS), "refused calls change nothing");
-
-  good(restore(b, half), "set state");
-  memset(again, 0, (size_t)STEPS * elements_out * sizeof *again);
-  advance(b, HALF, STEPS, again);
-  expect(same(results, again, HALF, STEPS), "a rolled-back instance gives the same again");
-
-  Instance e = started("elsewhere");
-  Saved carried = NULL;
-  good(read_state(e, bytes, size, &carried), "deserialize");
-  good(restore(e, carried), "set state");
-  memset(again, 0, (size_t)STEPS * elements_out * sizeof *again);
+  Saved end = NULL;
+  good(save(a, &end), "get state");
   good((int)F(Reset)(a), "reset");
-  good(enter(a), "enter initialization");
-  good((int)F(ExitInitializationMode)(a), "exit initialization");
-  double *first = calloc((size_t)STEPS * elements_out, sizeof *first);
-  for (int k = HALF; k < STEPS; k++) { /* interleaved: one from the middle, one from the start */
-    advance(e, k, k + 1, again);
-    advance(a, k - HALF, k - HALF + 1, first);
-  }
-  expect(same(results, again, HALF, STEPS), "a serialized state goes on in another instance");
-  expect(same(results, first, 0, STEPS - HALF), "a reset instance begins anew, whatever another one does");
-
-  good(drop(b, &half), "free state");
-  good(drop(e, &carried), "free state");
+  begin(a);
+  memset(again, 0, (size_t)STEPS * elements_out * sizeof *again);
+  advance(a, 0, STEPS, again);
+  expect(same(results, again, 0, STEPS), "a reset instance begins anew");
+  good(restore(a, end), "set state");
+  good(drop(a, &end), "free state");
   good((int)F(Terminate)(b), "terminate");
-  F(FreeInstance)(a), F(FreeInstance)(b), F(FreeInstance)(e);
-  free(bytes), free(first), free(again), free(results), free(in_references), free(out_references), free(xml);
-  free(d.inputs), free(d.outputs);
+  F(FreeInstance)(a), F(FreeInstance)(b);
+  free(again), free(results), free(in_references), free(out_references);
+  free(xml), free(d.inputs), free(d.outputs);
   printf("%d checks, %d failed\n", checks, failures);
   return failures != 0;
 }
