@@ -4,13 +4,10 @@ import casadi as ca
 import pytest
 
 from insenv.core.instructions import instructions, ordering
-from insenv.estimators import get, registered
-
-QUICK = ("loosely-coupled", "qakf", "lssvm")
-ALL = [pytest.param(id, marks=() if id in QUICK else pytest.mark.slow) for id in registered()]
+from insenv.estimators import get
 
 
-@pytest.mark.parametrize("id", ALL)
+@pytest.mark.parametrize("id", ["loosely-coupled", "qakf", "lssvm"])
 def test_an_order_has_every_instruction_once_and_after_its_sources(id):
     for kernel in get(id).model.kernels.values():
         steps = instructions(kernel.function)

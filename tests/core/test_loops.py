@@ -22,7 +22,6 @@ FILTER = get("loosely-coupled").model
 @pytest.mark.parametrize("longest", [1, 100, 10**6])
 @pytest.mark.parametrize("least", [2, 6, 10**6])
 def test_every_instruction_runs_once_on_its_own_sources(least: int, longest: int) -> None:
-    """Each expression of each unit finds its operands in w or among the variables of the piece, for a real function."""
     steps = instructions(FILTER.kernels["gnss"].function)
     written = plan(steps, least, longest)
     held: dict[int, int] = {}
@@ -66,14 +65,10 @@ def _same(steps, unit, k: int, number: int) -> int:
 
 
 def test_the_update_of_a_covariance_is_a_tenth_of_its_length():
-    """n (n + 1) / 2 elements p_ij - k_i c_j: loops, however large n is."""
-    n = 40
-    P, H, R = ca.SX.sym("P", n, n), ca.SX.sym("H", 1, n), ca.SX.sym("R")
+    P, H, R = ca.SX.sym("P", 40, 40), ca.SX.sym("H", 1, 40), ca.SX.sym("R")
     column = P @ H.T
-    updated = P - (column / (H @ column + R)) @ column.T
-    steps = instructions(ca.Function("update", [P, H, R], [updated]))
-    statements = sum(unit.statements for piece in plan(steps).pieces for unit in piece)
-    assert statements < len(steps) / 10
+    steps = instructions(ca.Function("update", [P, H, R], [P - (column / (H @ column + R)) @ column.T]))
+    assert sum(unit.statements for piece in plan(steps).pieces for unit in piece) < len(steps) / 10
 
 
 def _long(p, x, u):
@@ -89,11 +84,9 @@ def _long(p, x, u):
 def test_loops_and_pieces_give_the_same_bits(monkeypatch):
     b = tuple(0.01 * k for k in range(40))
     rows = Table((Row("a", "Numbers", shape=(3,), start=(0.3, -0.2, 0.9)), Row("b", "Numbers", shape=(40,), start=b)))
-    model = Model(
-        id="long-function", title="long", parameters=Table(), state=rows + Table((Row("due", "1", start=1.0),)), inputs=Table(),
-        outputs=rows, steps={"tick": Step(lambda p, x, u: {"due": 1.0}), "many": Step(_long, when="due")},
-        output=lambda p, x: {"a": x.a, "b": x.b},
-    )  # fmt: skip
+    steps = {"tick": Step(lambda p, x, u: {"due": 1.0}), "many": Step(_long, when="due")}
+    state = rows + Table((Row("due", "1", start=1.0),))
+    model = Model("long", "long", Table(), state, Table(), rows, steps, lambda p, x: {"a": x.a, "b": x.b})
     slow = make_runner(model, None, "interpreter").run(20)
     monkeypatch.setattr(compiling, "WRITER", "pieces of 40")  # other libraries than those of the code as it stands
     monkeypatch.setattr(functions, "LONG", 50)
