@@ -1,6 +1,4 @@
-"""Elementary functions against NumPy's extended precision, and the operations that they use."""
-
-import inspect
+"""Elementary functions against NumPy's extended precision."""
 
 import casadi as ca
 import numpy as np
@@ -9,7 +7,6 @@ from exactness import inexact_operations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from insenv import attitude, geodesy
 from insenv.core import elementary
 from insenv.core.numeric import vectorized
 
@@ -98,25 +95,6 @@ def test_floats_and_matrices_are_taken_too():
     clamped, cosine = f([-2.0, 0.5, 2.0])
     np.testing.assert_array_equal(clamped, [[-1.0], [0.5], [1.0]])
     np.testing.assert_allclose(cosine.full().ravel(), np.cos([-2.0, 0.5, 2.0]), atol=3e-16)
-
-
-SIZES = {**dict.fromkeys(("q", "p", "q_ew", "q_estimate", "q_true"), 4), "C": (3, 3)}
-SIZES |= dict.fromkeys(("v", "phi", "velocity_n", "velocity_w", "axis_w", "axis", "r_e", "offset"), 3)
-NAMES = {elementary: ["sin_cos", "atan2", "exp", "log", "normal_pair", "wrap_angle", "clamp"]}
-NAMES |= {module: module.__all__ for module in (attitude, geodesy)}
-FUNCTIONS = [f for module, names in NAMES.items() for name in names if inspect.isfunction(f := getattr(module, name))]
-
-
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
-def test_only_exactly_rounded_operations(function):
-    arguments = []
-    for name in inspect.signature(function).parameters:
-        size = SIZES.get(name, 1)
-        arguments.append(ca.SX.sym(name, *size) if isinstance(size, tuple) else ca.SX.sym(name, size))
-    returned = function(*arguments)
-    returned = [ca.SX(r) for r in (returned if isinstance(returned, tuple) else (returned,))]
-    jacobian = ca.jacobian(ca.vertcat(*(ca.vec(r) for r in returned)), ca.vertcat(*map(ca.vec, arguments)))
-    assert inexact_operations(ca.Function("f", arguments, [*returned, jacobian])) == set()
 
 
 def test_inexact_operations_are_found():
