@@ -10,7 +10,7 @@ from pages import CAR, SHIP, in_node, live_page
 import insenv
 from insenv.bench.page_machine import PageMachine
 from insenv.report.page.html import worker_script
-from insenv.web.controls import setting_of, with_values
+from insenv.web.controls import with_values
 from insenv.web.live import live, live_document
 
 
@@ -40,20 +40,6 @@ CHANGED = {
     "vehicle.sway.roll.0.period_s": 9.1, "vehicle.sway.pitch.0.phase_deg": 33.3, "imu.grade": "tactical",
     "knowledge.heading_error_deg": -1.7, "knowledge.tilt_sigma_deg": 0.3,
 }  # fmt: skip
-
-
-def test_controls_give_the_numbers_of_run():
-    made = live_page(*SHIP)
-    p, known = np.array(made.parameters), np.array(made.known)
-    for control in made.controls:
-        if control.key in CHANGED:
-            control.apply(CHANGED[control.key], p, known)
-    machine = PageMachine(made)
-    machine.begin(3, p, known)
-    shown = machine.named(machine.run(made.plant.samples, made.every))
-    report = insenv.run(with_values(made.values, setting_of(made.controls, CHANGED)), seed=3)
-    assert shown["q_nb"].tobytes() == report.truth.q_nb.tobytes()
-    assert np.ascontiguousarray(shown["e0_q_nb"]).tobytes() == report.results[0].outputs["q_nb"].tobytes()
 
 
 # --- web/worker.js
