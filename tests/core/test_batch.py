@@ -16,7 +16,7 @@ def inputs(*shape):
     return np.concatenate([rng.normal(size=(*shape, 3)), rng.integers(0, 2, (*shape, 1))], axis=-1)
 
 
-@pytest.mark.parametrize(("rows", "threads"), [(1, 1), (7, 2), (8, 1), (9, 2), (1000, 1), (1000, 2)])
+@pytest.mark.parametrize(("rows", "threads"), [(1, 1), (8, 1), (9, 2), (1000, 2)])
 def test_row_i_equals_the_single_run_of_seed_plus_i(toy, rows, threads):
     u = inputs(rows, 40)
     batch = make_batch(toy, rows, {"seed": 100}, threads=threads, lanes=8, backend="native")
@@ -29,7 +29,7 @@ def test_row_i_equals_the_single_run_of_seed_plus_i(toy, rows, threads):
     assert np.array_equal(batch.output()[-1], shown[-1, -1])
 
 
-@pytest.mark.parametrize("lanes", [1, 2, 4, 8, None])
+@pytest.mark.parametrize("lanes", [1, 4, None])
 def test_lanes_do_not_matter(toy, lanes):
     reference = make_batch(toy, 9, {"seed": 5}, backend="interpreter")
     batch = make_batch(toy, 9, {"seed": 5}, lanes=lanes, backend="native")
@@ -38,11 +38,10 @@ def test_lanes_do_not_matter(toy, lanes):
 
 
 @backends
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_batch_runs_the_cycles_of_its_rows(toy, backend, threads):
+def test_a_batch_runs_the_cycles_of_its_rows(toy, backend):
     rows, watched = 11, ("position", "rare_due", "rare")
     u = inputs(rows) * [1, 1, 1, 0]
-    batch = make_batch(toy, rows, {"seed": 9}, threads=threads, lanes=4, backend=backend)
+    batch = make_batch(toy, rows, {"seed": 9}, threads=2, lanes=4, backend=backend)
     call, given = batch.cycle("kick", watched, 7)
     given[:] = u
     found = [call() for _ in range(3)][-1]
@@ -69,23 +68,15 @@ def test_some_rows_start_afresh_and_the_others_go_on(toy, backend):
     assert np.array_equal(batch.x[others], before[others])
     assert np.array_equal(batch.x[chosen], states)
     shown = batch.run(4, HELD, every=4)[:, 0]
-    for row, parameters in zip(chosen, p, strict=True):
-        assert np.array_equal(shown[row], make_runner(toy, parameters, backend).run(4, HELD, 4)[0])
-    batch.set_parameters(chosen[:1], toy.parameters.pack({"seed": 50, "gain": 0.0})[None])
-    moved = batch.run(1, HELD, every=1)[2, 0], make_runner(toy, {"seed": 50, "gain": 3.0}, backend)
-    moved[1].run(4, HELD)
-    moved[1].p[:] = toy.parameters.pack({"seed": 50, "gain": 0.0})
-    assert np.array_equal(moved[0], moved[1].run(1, HELD, 1)[0])
+    single = [make_runner(toy, parameters, backend) for parameters in p]
+    for row, runner in zip(chosen, single, strict=True):
+        assert np.array_equal(shown[row], runner.run(4, HELD, 4)[0])
+    single[0].p[:] = toy.parameters.pack({"seed": 50, "gain": 0.0})
+    batch.set_parameters(chosen[:1], single[0].p[None])
+    assert np.array_equal(batch.run(1, HELD, every=1)[2, 0], single[0].run(1, HELD, 1)[0])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"rows": 0}, "rows = 0"),
-        ({"rows": 2, "threads": 0}, "threads = 0"),
-        ({"rows": 2, "parameters": np.zeros((3, 3))}, "shape"),
-    ],
-)
-def test_wrong_batches_are_named(toy, arguments, said):
-    with pytest.raises(InputError, match=said):
-        make_batch(toy, **arguments, backend="interpreter")
+def test_wrong_batches_are_named(toy):
+    for arguments, said in (({"rows": 0}, "rows = 0"), ({"rows": 2, "parameters": np.zeros((3, 3))}, "shape")):
+        with pytest.raises(InputError, match=said):
+            make_batch(toy, **arguments, backend="interpreter")

@@ -34,9 +34,8 @@ def test_a_model_is_compiled_once_which_is_told(cache, toy, caplog):
     source, compiler = native_source(toy), find_compiler()
     with caplog.at_level("INFO", logger=compiling.__name__):
         library = compile_library(source, compiler)
-        before = library.stat().st_mtime_ns
         assert compile_library(source, compiler) == library
-    assert library.stat().st_mtime_ns == before and caplog.messages == ["compiling, once", "compiled"]
+    assert caplog.messages == ["compiling, once", "compiled"]
     assert stat.S_IMODE(cache.stat().st_mode) == 0o700
     assert [p.name for p in cache.iterdir()] == [library.parent.name]  # no build folder is left
     assert compile_library(source + "\n/* other */", compiler) != library
@@ -51,91 +50,66 @@ def test_the_level_of_optimisation_is_chosen(monkeypatch):
         assert chosen[level].flags[0] == f"-O{level}"
     assert chosen[""] == chosen["2"]
     assert len({compiling._key("source", compiler) for compiler in chosen.values()}) == 4
-    for wrong in ("4", "s", "-O2", ""):
-        monkeypatch.setenv("INSENV_OPTIMIZATION", wrong)
-        with pytest.raises(InputError, match=f"INSENV_OPTIMIZATION = '{wrong}': .*0, 1, 2, 3"):
-            find_compiler()
+    monkeypatch.setenv("INSENV_OPTIMIZATION", "s")
+    with pytest.raises(InputError, match="INSENV_OPTIMIZATION = 's'"):
+        find_compiler()
 
 
-@pytest.mark.parametrize("damage", ["truncated", "foreign bytes", "digest missing", "writable by others", "a link"])
+def linked(library, elsewhere):
+    library.parent.rename(elsewhere)
+    library.parent.symlink_to(elsewhere)
+
+
+DAMAGE = {
+    "truncated": lambda library, _: library.write_bytes(library.read_bytes()[:-100]),
+    "digest missing": lambda library, _: (library.parent / "model.sha256").unlink(),
+    "writable by others": lambda library, _: library.chmod(0o777),
+    "a link": linked,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
 def test_a_broken_or_foreign_entry_is_rebuilt(cache, toy, tmp_path, damage):
     source, compiler = native_source(toy), find_compiler()
     library = compile_library(source, compiler)
     good = library.read_bytes()
-    if damage == "truncated":
-        library.write_bytes(good[: len(good) // 2])
-    elif damage == "foreign bytes":
-        library.write_bytes(b"\x7fELF but not ours" + good[16:])
-    elif damage == "digest missing":
-        (library.parent / "model.sha256").unlink()
-    elif damage == "writable by others":
-        library.chmod(0o777)
-    else:
-        library.parent.rename(tmp_path / "elsewhere")
-        library.parent.symlink_to(tmp_path / "elsewhere")
+    DAMAGE[damage](library, tmp_path / "elsewhere")
     again = compile_library(source, compiler)
     assert again.read_bytes() == good and not again.parent.is_symlink()
     assert not stat.S_IMODE(again.stat().st_mode) & 0o022
 
 
 def test_a_folder_that_others_may_write_is_not_used(cache, toy):
-    cache.mkdir(mode=0o777)
+    cache.mkdir()
     cache.chmod(0o777)
     with pytest.warns(RuntimeWarning, match=f"{re.escape(str(cache))}: .*other users can write"):
         library = compile_library(native_source(toy), find_compiler())
-    assert cache not in library.parents
-    assert list(cache.iterdir()) == []
-
-
-def test_a_folder_that_cannot_be_made_is_named_and_another_serves(tmp_path, toy, monkeypatch):
-    (tmp_path / "file").write_text("")
-    folder = tmp_path / "file" / "cache"
-    monkeypatch.setenv("INSENV_CACHE_DIR", str(folder))
-    with pytest.warns(RuntimeWarning, match=f"{re.escape(str(folder))}: Not a directory: .* INSENV_CACHE_DIR"):
-        library = compile_library(native_source(toy), find_compiler())
-    assert library.exists() and tmp_path not in library.parents
+    assert cache not in library.parents and list(cache.iterdir()) == []
     with warnings.catch_warnings():  # it warns once
         warnings.simplefilter("error")
         assert compile_library(native_source(toy), find_compiler()) == library
 
 
-@pytest.fixture
-def full(monkeypatch):
-    """A function that makes the disk full below a folder, for the compiler."""
-    compiled = compiling._compile
+def test_on_a_full_disk_another_folder_serves_then_the_interpreter(cache, toy, monkeypatch):
+    compiled, full = compiling._compile, [cache]
 
-    def fill(folder):
-        def compile(source, compiler, build):
-            if folder in build.parents:
-                raise OSError(errno.ENOSPC, "No space left on device")
-            compiled(source, compiler, build)
+    def compile(source, compiler, build):
+        if full[0] in build.parents:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        compiled(source, compiler, build)
 
-        monkeypatch.setattr(compiling, "_compile", compile)
-
-    return fill
-
-
-def test_a_full_cache_is_named_and_another_folder_serves(cache, toy, full):
-    full(cache)
-    with pytest.warns(RuntimeWarning, match=f"{re.escape(str(cache))}: No space left on device: .*this process alone"):
+    monkeypatch.setattr(compiling, "_compile", compile)
+    monkeypatch.delenv("INSENV_BACKEND", raising=False)
+    with pytest.warns(RuntimeWarning, match=f"{re.escape(str(cache))}: No space left on device"):
         library = compile_library(native_source(toy), find_compiler())
     assert library.exists() and cache not in library.parents and list(cache.iterdir()) == []
-
-
-def test_without_room_anywhere_the_interpreter_serves_unless_native_is_asked_for(cache, toy, full, monkeypatch):
-    monkeypatch.delenv("INSENV_BACKEND", raising=False)
-    full(Path("/"))
+    library.unlink()
+    full[0] = Path("/")
     compiling._library.cache_clear()
     with pytest.warns(RuntimeWarning, match="No space left on device"):
         assert make_runner(toy).backend == "interpreter"
     with pytest.raises(NoRoomError, match="No space left"):
         make_runner(toy, backend="native")
-
-
-def test_a_compiler_that_dies_on_a_full_disk_is_no_fault_of_the_code(cache, toy, monkeypatch):
-    monkeypatch.setattr(compiling, "SMALLEST_ROOM", 2**80)
-    with pytest.warns(RuntimeWarning, match="No space left"), pytest.raises(NoRoomError):
-        compile_library("this is not C", find_compiler())
 
 
 def test_the_folder_of_a_process_goes_with_it(tmp_path):
@@ -158,39 +132,36 @@ def test_whoever_needs_what_another_compiles_waits_for_it(cache, toy, tmp_path):
     assert [p.name for p in cache.iterdir()] == [found.pop().parent.name]  # no lock is left
 
 
-@pytest.fixture
-def written(monkeypatch):
-    """The sources that are written for the compiler, by model."""
-    names, write = [], compiling.native_source
-    monkeypatch.setattr(
-        compiling, "native_source", lambda m, functions=None: (functions is None and names.append(m.id), write(m, functions))[1]
-    )
-    return names
+def test_no_source_is_written_for_a_library_in_the_cache(cache, toy):
+    written, write = [], compiling.native_source
 
+    def noted(model, functions=None):
+        if functions is None:
+            written.append(model.id)
+        return write(model, functions)
 
-def test_no_source_is_written_for_a_library_in_the_cache(cache, toy, written):
-    libraries = [compiling._looked_up(replace(toy), compiling.native_source)() for _ in range(2)]
-    assert libraries[0] == libraries[1] and written == ["toy"]
-    Path(libraries[0]).write_bytes(b"damaged")
-    assert compiling._looked_up(replace(toy), compiling.native_source)() == libraries[0] and written == ["toy", "toy"]
+    def library():
+        return compiling._looked_up(replace(toy), noted)()
+
+    first = library()
+    assert library() == first and written == ["toy"]
+    Path(first).write_bytes(b"damaged")
+    assert library() == first and written == ["toy", "toy"]
 
 
 def test_other_equations_conditions_and_code_that_writes_are_other_entries(cache, toy, monkeypatch):
-    def library(**changes):
-        return compiling._looked_up(replace(toy, **changes), compiling.native_source)()
-
     rare, kick = toy.steps["rare"], toy.steps["kick"]
-    found = [
-        library(),
-        library(steps={**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}),
-        library(steps={**toy.steps, "kick": replace(kick, when=None)}),
-        library(steps={**toy.steps, "kick": replace(kick, when="rare_due")}),
-        library(start=lambda p, r: {"rare": r[0] * p.gain}),
-        compiling._looked_up(toy, compiling.batch_source)(),
-        compiling._looked_up(toy, partial(compiling.batch_source, lanes=2))(),
+    changes = [
+        {},
+        {"steps": {**toy.steps, "rare": replace(rare, function=lambda p, x, u, r: {"rare": x.rare + 2})}},
+        {"steps": {**toy.steps, "kick": replace(kick, when="rare_due")}},
+        {"start": lambda p, r: {"rare": r[0] * p.gain}},
     ]
+    sources = [compiling.native_source, compiling.batch_source, partial(compiling.batch_source, lanes=2)]
+    found = [compiling._looked_up(replace(toy, **change), sources[0])() for change in changes]
+    found += [compiling._looked_up(toy, source)() for source in sources[1:]]
     monkeypatch.setattr(compiling, "WRITER", "other")
-    found.append(library())
+    found.append(compiling._looked_up(toy, sources[0])())
     assert len(set(found)) == len(found)
 
 
@@ -200,28 +171,13 @@ def test_all_code_that_writes_functions_as_c_names_the_entries():
     assert own == {*codegen.WRITERS, "model", "traces", "cache"}  # model, traces: their result is in the fingerprint
 
 
-@pytest.mark.slow
-def test_two_processes_compiling_at_once_do_no_harm(cache):
-    code = (
-        "from conftest import TOY; from insenv.core.runner import make_runner;"
-        "r = make_runner(TOY, {'seed': 1}, 'native'); print(r.run(5).tobytes().hex())"
-    )
-    root = Path(__file__).parents[1]
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    started = [
-        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment, cwd=root)
-        for _ in range(2)
-    ]
-    printed = [process.communicate(timeout=120)[0] for process in started]
-    assert [process.returncode for process in started] == [0, 0]
-    assert printed[0] == printed[1] != ""
-    assert len(list(cache.iterdir())) == 1  # both name the same entry
-
-
-def test_a_failing_compiler_is_reported_and_leaves_nothing(cache):
+def test_a_failing_compiler_is_reported_and_leaves_nothing_but_is_no_fault_of_the_code_on_a_full_disk(cache, monkeypatch):
     with pytest.raises(CompileError, match="failed on generated code"):
         compile_library("this is not C", find_compiler())
     assert list(cache.iterdir()) == []
+    monkeypatch.setattr(compiling, "SMALLEST_ROOM", 2**80)
+    with pytest.warns(RuntimeWarning, match="No space left"), pytest.raises(NoRoomError):
+        compile_library("this is not C", find_compiler())
 
 
 def test_environment_names_the_compiler_and_without_one_there_is_none(monkeypatch):

@@ -29,12 +29,9 @@ def test_a_wrong_step_is_named(step, said):
         _ = model(step).kernels
 
 
-def test_functions_give_the_whole_state():
+def test_functions_give_the_whole_state_and_a_derived_table_has_other_start_values():
     function = model(Step(lambda p, x, u: {"speed": 2 * x.speed})).functions["s"]
     assert function([], np.arange(1.0, 6.0), [], []).full().ravel().tolist() == [2.0, 2.0, 3.0, 4.0, 5.0]
-
-
-def test_a_derived_table_has_other_start_values():
     assert derived(STATE, speed=3.0).start_vector().tolist() == [3.0, 1.0, 0.0, 0.0, 0.0]
     with pytest.raises(InputError, match="did you mean 'speed'"):
         derived(STATE, sped=3.0)

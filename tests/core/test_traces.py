@@ -34,11 +34,7 @@ def tracings(monkeypatch):
 
 
 def numbers(model):
-    u = np.tile(model.inputs.start_vector(), (20, 1))
-    u[:, model.inputs.slice("delta_angle")], u[:, model.inputs.slice("delta_velocity")] = (
-        [1e-4, 2e-4, -1e-4],
-        [0.1, 0.02, -0.05],
-    )
+    u = model.inputs.pack({"delta_angle": [1e-4, 2e-4, -1e-4], "delta_velocity": [0.1, 0.02, -0.05]})
     return make_runner(model, backend="interpreter").run(20, u)
 
 
@@ -49,8 +45,7 @@ def test_a_kept_model_is_the_traced_one(file, tracings):
     second = kept.kernels
     assert tracings == [MODEL.id]
     assert second.fingerprint == first.fingerprint == kept.fingerprint and second.spans == first.spans
-    assert list(second) == list(first) == ["start", *MODEL.steps, "output"] and len(second) == len(first)
-    assert [second[name].text for name in second] == [first[name].text for name in first]
+    assert list(second) == list(first) == ["start", *MODEL.steps, "output"]
     assert native_source(kept) == source
     np.testing.assert_array_equal(numbers(kept), shown)
 
@@ -73,8 +68,6 @@ def signed(content):
 DAMAGE = {
     "cut off": lambda whole: whole[:-10],
     "a changed kernel": lambda whole: whole[:-10] + b"?" + whole[-9:],
-    "a changed place": lambda whole: whole.replace(b"[[0, 38]]", b"[[0, 37]]"),
-    "a changed fingerprint": lambda whole: whole.replace(b'"fingerprint": "', b'"fingerprint": "0'),
     "empty": lambda whole: b"",
     "another form": lambda whole: signed(b"[]\n"),
     "no JSON": lambda whole: signed(b"[\n"),
@@ -95,28 +88,23 @@ def test_a_damaged_file_is_not_read_but_written_again(file, tracings, damage):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="owners and modes of POSIX")
-@pytest.mark.parametrize("way", ["by its group", "by all", "as a link"])
-def test_a_file_that_others_could_have_written_is_not_read(file, tmp_path, way):
+def test_a_file_that_others_could_have_written_is_not_read(file, tmp_path):
     _ = replace(MODEL).kernels
-    assert traces.read(IDENTITY) is not None
-    if way == "as a link":
-        file.rename(tmp_path / "elsewhere")
-        file.symlink_to(tmp_path / "elsewhere")
-    else:
-        file.chmod(0o620 if way == "by its group" else 0o602)
+    for mode, read in ((0o600, True), (0o620, False), (0o602, False), (0o600, True)):
+        file.chmod(mode)
+        assert (traces.read(IDENTITY) is not None) == read
+    file.rename(tmp_path / "elsewhere")
+    file.symlink_to(tmp_path / "elsewhere")
     assert traces.read(IDENTITY) is None
 
 
-def test_without_a_usable_folder_nothing_is_kept(file, tmp_path, monkeypatch, tracings):
+def test_without_a_usable_folder_or_an_identity_nothing_is_kept(file, tmp_path, monkeypatch, tracings, toy):
+    _ = replace(toy).kernels, replace(toy).kernels
+    assert tracings == ["toy"] * 2 and not file.parent.exists()
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("INSENV_CACHE_DIR", str(tmp_path / "file" / "cache"))
     assert [replace(MODEL).fingerprint for _ in range(2)] == [MODEL.fingerprint] * 2
-    assert tracings == [MODEL.id] * 2 and traces.read(IDENTITY) is None
-
-
-def test_a_model_without_identity_is_not_kept(file, tracings, toy):
-    _ = replace(toy).kernels, replace(toy).kernels
-    assert tracings == ["toy"] * 2 and not file.parent.exists()
+    assert tracings[2:] == [MODEL.id] * 2 and traces.read(IDENTITY) is None
 
 
 def test_the_oldest_files_go(file, monkeypatch):

@@ -1,6 +1,5 @@
 """Messages about wrong values: key, value, unit and what is allowed, in insenv's own words."""
 
-import datetime
 from typing import Annotated, Literal
 
 import pytest
@@ -32,7 +31,6 @@ class File(Section):
     stamp: Literal["begin", "end"] = key("end", "stamp")
     legs: tuple[Leg, ...] = key((), "legs", max_length=2)
     roll: tuple[Leg, ...] = key((), "sinusoids", min_length=2)
-    outages_s: tuple[Vector3, ...] = key((), "outages", "s", max_length=2)
     arm_m: Vector3 = key((0.0, 0.0, 0.0), "lever arm", "m")
     keep_where: dict[str, Number | list[Number]] = key({}, "filter")
     estimator: dict[str, dict[str, Parameter]] = key({}, "parameters")
@@ -54,29 +52,21 @@ def message(model, wrong):
     [
         ({"height_m": 0}, "height_m = 0 [m]: must be greater than 0"),
         ({"height_m": 9}, "height_m = 9 [m]: must be less than 4"),
-        ({"duration_s": 0.1}, "duration_s = 0.1 [s]: must be greater than or equal to 0.5"),
         ({"duration_s": 1e9}, "duration_s = 1000000000.0 [s]: must be less than or equal to 86400"),
         ({"height_m": "1"}, "height_m = '1' [m]: must be a number"),
-        ({"height_m": True}, "height_m = True [m]: must be a number"),
-        ({"height_m": datetime.date(2020, 1, 1)}, "height_m = datetime.date(2020, 1, 1) [m]: must be a number"),
         ({"height_m": float("nan")}, "height_m = nan [m]: must be a finite number"),
         ({"count": 1.5}, "count = 1.5: must be a whole number"),
-        ({"count": 2**53 + 1}, "count = 9007199254740993: must be less than or equal to 9007199254740992"),
         ({"title": 3}, "title = 3: must be text"),
-        ({"title": ""}, "title = '': must have 1 or more characters"),
         ({"title": "long"}, "title = 'long': must have 3 or fewer characters"),
         ({"repeat": 1}, "repeat = 1: must be true or false"),
         ({"stamp": "middle"}, "stamp = 'middle': must be 'begin' or 'end'"),
         ({"legs": [{"drive_s": 1}] * 3}, "legs: at most 2 legs, 3 given"),
         ({"roll": [{"drive_s": 1}]}, "roll: at least 2 entries, 1 given"),
-        ({"outages_s": [[1, 2, 3]] * 3}, "outages_s: at most 2 outages, 3 given"),
         ({"legs": 3}, "legs = 3: must be a list"),
         ({"legs": [3]}, "legs[0] = 3: must be a table of keys"),
         ({"legs": [{"drive": 3, "drive_s": 1}]}, "legs[0].drive: unknown key; did you mean 'drive_s'? (allowed: drive_s)"),
         ({"arm_m": [1, 2]}, "arm_m = [1, 2] [m]: must be a list of three"),
-        ({"arm_m": [1, 2, "3"]}, "arm_m[2] = '3' [m]: must be a number"),
         ({"keep_where": {"mode": "a"}}, "keep_where.mode = 'a': must be a number or a list"),
-        ({"estimator": {"a": 3}}, "estimator.a = 3: must be a table of keys"),
         ({"estimator": {"a": {"b": {}}}}, "estimator.a.b: must be a number, true or false, text, or a list of these"),
         ({"leg": {}}, "leg.drive_s is missing: duration [s]"),
         ({"vehicle": {}}, "vehicle.kind is missing: must be one of 'car', 'ship'"),
@@ -105,15 +95,11 @@ def test_each_wrong_key_has_its_line_up_to_twenty_and_allowed_names_stand_once()
     assert len(lines) == 21 and lines[-1] == "and 2 more"
     lines = message(File, {"unknown": 3, "other": 3}).splitlines()
     assert lines[0].endswith(NAMES) and lines[1] == "mine.toml: other: unknown key (allowed: as above)"
-    # of a short list of names each entry has its own, and a fault of the whole file has no empty key
     lines = message(File, {"legs": [{"drive_s": 1, "a": 1}] * 2}).splitlines()
     assert lines == [f"mine.toml: legs[{k}].a: unknown key (allowed: drive_s)" for k in range(2)]
-    assert message(_OfAFile, {}) == "mine.toml: hdr.csv: no column 'lat'\nmine.toml: hdr.csv: no column 'lon'"
-
-
-def test_keys_are_read_only():
     with pytest.raises(InputError, match="height_m = 3: keys are read-only"):
         File().height_m = 3
+    assert message(_OfAFile, {}) == "mine.toml: hdr.csv: no column 'lat'\nmine.toml: hdr.csv: no column 'lon'"
 
 
 @pytest.mark.parametrize(

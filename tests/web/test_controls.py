@@ -35,13 +35,9 @@ def test_bounds_keep_what_run_refuses_out():
         load(with_values(made.values, setting_of(made.controls, beyond)))
 
 
-def test_an_estimator_of_ones_own_has_a_page():
+def test_an_estimator_of_ones_own_and_settings_have_a_page():
     made = live("car-city-drive", insenv.fusion(["gyro_scale"], id="mine"), duration_s=10.0)
     assert made.values["estimators"] == [] and made.page.members[0].estimator.id == "mine"
-
-
-def test_a_page_of_settings():
-    """Settings are in the parameters of the page, and in the scenario that it gives."""
     settings = {"loosely-coupled": {"innovation_gate": 4.25}}
     made = live("car-city-drive", "loosely-coupled", duration_s=10.0, settings=settings)
     assert np.all(made.parameters[made.page.model.parameters.slice("e0_innovation_gate")] == 4.25)
@@ -57,8 +53,3 @@ def test_a_page_of_a_track_says_that_its_file_is_needed(tmp_path):
     document = live_document(live(tmp_path / "own.toml", ["loosely-coupled"]))
     assert document["values"]["vehicle"]["file"] == "track.csv"
     assert any("track.csv: keep that file beside it" in note for note in document["notes"])
-
-
-def test_a_smoother_has_no_page():
-    with pytest.raises(insenv.InputError, match="smooths a whole run"):
-        live("car-city-drive", ("smoother",))

@@ -1,7 +1,6 @@
 """The WebAssembly of pages, in wasmtime and in the worker in Node, gives the numbers of `insenv run` to the bit."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -11,12 +10,14 @@ from pages import CAR, SHIP, in_node, live_page
 import insenv
 from insenv.bench.page_machine import PageMachine
 from insenv.report.page.html import worker_script
-from insenv.web.controls import setting_of, with_values
+from insenv.web.controls import with_values
 from insenv.web.live import live, live_document
 
 
-def equals_run(made, seed=None):
-    """A page's numbers equal those of `insenv.run`: each output of the truth and of the estimators."""
+@pytest.mark.parametrize(("page", "seed"), [(SHIP, None), (CAR, 77)])
+def test_equals_run(page, seed):
+    """tests/core/test_bits.py compares the outputs of every estimator; here the truth, the errors and the sigmas."""
+    made = live_page(*page)
     machine = PageMachine(made)
     assert not wasmtime.Module(wasmtime.Engine(), made.wasm).imports
     if seed is not None:
@@ -24,12 +25,9 @@ def equals_run(made, seed=None):
     ids, duration = [member.estimator.id for member in made.page.members], made.plant.duration_s
     report = insenv.run(made.plant.scenario, ids, duration_s=duration, seed=seed)
     shown = machine.named(machine.run(made.plant.samples // made.every * made.every, made.every))
-    assert shown["time"].tobytes() == report.truth.time.tobytes()
-    for row in ("q_nb", "velocity_n", "latitude", "longitude", "height"):
+    for row in ("time", "q_nb", "velocity_n", "latitude", "longitude", "height"):
         assert shown[row].tobytes() == getattr(report.truth, row).tobytes(), row
     for member, result in zip(made.page.members, report.results, strict=True):
-        for row, values in result.outputs.items():
-            assert np.ascontiguousarray(shown[member.prefix + row]).tobytes() == values.tobytes(), (member.estimator.id, row)
         for place, channel in enumerate(member.channels):
             error = shown[f"{member.prefix}error"][:, place]
             np.testing.assert_allclose(error, result.errors[channel], rtol=0, atol=1e-9)
@@ -37,30 +35,11 @@ def equals_run(made, seed=None):
             np.testing.assert_allclose(shown[f"{member.prefix}sigma"][:, place], result.sigma[channel], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("page", "seed"), [(SHIP, None), (CAR, 77)])
-def test_equals_run(page, seed):
-    equals_run(live_page(*page), seed)
-
-
 CHANGED = {
     "start.latitude_deg": -41.3, "start.heading_deg": 123.4, "vehicle.sway.roll.0.amplitude_deg": 7.7,
     "vehicle.sway.roll.0.period_s": 9.1, "vehicle.sway.pitch.0.phase_deg": 33.3, "imu.grade": "tactical",
     "knowledge.heading_error_deg": -1.7, "knowledge.tilt_sigma_deg": 0.3,
 }  # fmt: skip
-
-
-def test_controls_give_the_numbers_of_run():
-    made = live_page(*SHIP)
-    by_key = {control.key: control for control in made.controls}
-    p, known = np.array(made.parameters), np.array(made.known)
-    for key, value in CHANGED.items():
-        by_key[key].apply(value, p, known)
-    machine = PageMachine(made)
-    machine.begin(3, p, known)
-    shown = machine.named(machine.run(made.plant.samples, made.every))
-    report = insenv.run(with_values(made.values, setting_of(made.controls, CHANGED)), seed=3)
-    assert shown["q_nb"].tobytes() == report.truth.q_nb.tobytes()
-    assert np.ascontiguousarray(shown["e0_q_nb"]).tobytes() == report.results[0].outputs["q_nb"].tobytes()
 
 
 # --- web/worker.js
@@ -123,46 +102,32 @@ def equal_to_run_of_its_scenario(shown, folder, row):
 
 def test_worker_gives_a_scenario_with_its_numbers_and_refuses_in_a_sentence(tmp_path):
     made = live_page(*SHIP)
-    count = next(len(control.options) for control in made.controls if control.key == "imu.grade")
     wrong = {
         "start.latitude_deg": (91, "start.latitude_deg = 91 deg: allowed is -80 to 80 deg"),
-        "imu.grade": ("tactcal", f'"tactcal": allowed is one of {count} names, the nearest: tactical, '),
+        "imu.grade": ("tactcal", "the nearest: tactical, "),
         "imu.colour": (1, "imu.colour: this page has no control of that name"),
     }
     messages = [reset(9, **{key: value}) for key, (value, _) in wrong.items()]
     shown, told = by_worker(made, [*messages, reset(5000), reset(9, **CHANGED), step(17)], tmp_path)
-    for said, expected in zip(
-        told["errors"], [*(text for _, text in wrong.values()), "seed = 5000: allowed is 0 to 1023"], strict=True
-    ):
-        assert re.search(re.escape(expected), said) and len(said) < 300
+    expected = [*(text for _, text in wrong.values()), "seed = 5000: allowed is 0 to 1023"]
+    assert all(text in said for text, said in zip(expected, told["errors"], strict=True))
     equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
 
 
 def test_worker_cuts_gnss_off_and_drives_as_the_scenario_says(tmp_path):
-    """Cut off, on and off again; steer right and brake, then release: `insenv run` of the scenario file follows."""
     made = live_page(*CAR)
-    cut, on, _ = ({"do": "cut", "sensor": "gnss", "on": off} for off in (True, False, True))
+    cut, on = ({"do": "cut", "sensor": "gnss", "on": off} for off in (True, False))
     messages = [step(801), cut, step(1200), on, step(900), cut, step(4100), give(speed=9.5, yaw_rate=0.2), step(900),
                 give(yaw_rate=-0.1), step(333), give(speed=0.0)]  # fmt: skip
     shown, _ = by_worker(made, messages, tmp_path)
     fixes = shown["time"][np.flatnonzero(np.diff(shown["e0_fix_count"], prepend=0.0))]
     assert np.all((fixes < 4.2) | (fixes > 10.0) & (fixes < 14.7)) and len(fixes) == 8
-    report = equal_to_run_of_its_scenario(shown, tmp_path, "fix_count")
+    equal_to_run_of_its_scenario(shown, tmp_path, "fix_count")
+    equal_to_run_of_its_scenario(shown, tmp_path, "latitude")
     course = PageMachine(made).run(made.plant.samples, made.every)
     assert np.max(np.abs(shown["offset_n"] - made.page.model.outputs.unpack(course)["offset_n"])) > 10.0
-    np.testing.assert_array_equal(
-        np.ascontiguousarray(shown["e0_latitude"]).ravel(), report.results[0].outputs["latitude"].ravel()
-    )
     with pytest.raises(insenv.InputError, match="has commands: `insenv run` and `insenv page` follow them, nothing else does"):
         insenv.campaign(tmp_path / "scenario.toml", "loosely-coupled", runs=2)
-
-
-@pytest.mark.slow
-def test_a_page_of_a_driven_scenario_drives_it_again(tmp_path):
-    messages = [step(7001), give(speed=9.5, yaw_rate=0.2), step(900), give(speed=0.0)]
-    shown, _ = by_worker(live_page(*CAR), messages, tmp_path)
-    again, _ = by_worker(live(tmp_path / "scenario.toml"), [], tmp_path)
-    assert again["q_nb"].tobytes() == shown["q_nb"].tobytes()
 
 
 def test_a_cloud_has_the_errors_of_run_and_follows_the_commands(tmp_path):
@@ -185,11 +150,11 @@ def test_a_cloud_has_the_errors_of_run_and_follows_the_commands(tmp_path):
 
 
 def test_the_sea_of_a_moored_ship_is_steered(tmp_path):
-    """A rising sea and a passing wave: `insenv run` of the scenario file follows."""
     made = live_page(*SHIP)
-    assert "command_sea" in made.page.model.inputs
     shown, _ = by_worker(made, [step(401), give(sea=2.0), step(400), give(wave=1.5)], tmp_path)
     still = PageMachine(made).run(made.plant.samples, made.every)
     lifted = shown["offset_n"] - made.page.model.outputs.unpack(still)["offset_n"]
     assert np.all(lifted[shown["time"] <= 2.0] == 0.0) and lifted[-1, 2] < -0.5
     equal_to_run_of_its_scenario(shown, tmp_path, "q_nb")
+    again, _ = by_worker(live(tmp_path / "scenario.toml"), [], tmp_path)  # a page of it drives it again
+    assert again["q_nb"].tobytes() == shown["q_nb"].tobytes()
