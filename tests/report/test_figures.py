@@ -38,9 +38,6 @@ def test_it_shows_every_channel_limit_and_band_and_leaves_matplotlib_as_it_was()
     assert {"loosely-coupled", "wander-sins", "loosely-coupled: stated ±3 sigma", "theoretical limit, ±1 sigma"} <= texts
 
 
-# --- outages and test ratios -------------------------------------------------------------------------
-
-
 def test_outages_are_the_gaps_between_fixes():
     time = np.arange(0.0, 100.0, 0.5)
     fixes = np.where((time > 40) & (time <= 60), 0.0, (time % 1.0 == 0.0).astype(float))
@@ -85,9 +82,6 @@ def test_the_figure_has_a_panel_of_test_ratios(made):
     assert sum(len(line.get_xdata()) for line in crosses) == int(made.results[0].outputs["fix_refused_count"][-1])
 
 
-# --- tracks and attitudes ----------------------------------------------------------------------------
-
-
 def flight(north_m, up_m):
     """A run whose estimate is the truth, along a line."""
     time, none = np.linspace(0.0, 60.0, 61), np.zeros(61)
@@ -115,48 +109,28 @@ def test_an_alignment_without_reference_shows_its_attitude_with_its_sigma():
     assert all(axis.get_ylim()[1] - axis.get_ylim()[0] > 2 * 3 * 0.02 for axis in drawn.axes)  # the sigma is seen
 
 
-# --- files -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "made",
-    [
-        report(result(errors={}, sigma={}, limit={}), truth=Track(TIME), seed=None),  # a log without a reference
+def test_unusual_reports_are_drawn(tmp_path):
+    gone = {"truth": Track(TIME), "seed": None}
+    unknown = track(latitude=np.r_[[np.nan] * 9, PLACE["latitude"][9:]])
+    for made in (
+        report(result(errors={}, sigma={}, limit={}), **gone),  # a log without a reference
         report(result(channels=("down_m",))),  # a reference without attitude
         report(result(errors=dict.fromkeys(ATTITUDE, np.zeros(200)), sigma={}, limit={})),
-        report(
-            result(errors={"roll_deg": np.full(200, np.nan)}), title="costs $5 and $6",
-            truth=track(latitude=np.r_[[np.nan] * 9, PLACE["latitude"][9:]]),
-        ),
-    ],
-    ids=["no reference", "position only", "no error at all", "not known, dollars"],
-)  # fmt: skip
-def test_unusual_reports_are_drawn(made, tmp_path):
-    assert {path.suffix for path in write_files(made, OutputFolder(tmp_path)).paths} == {
-        ".npz",
-        ".json",
-        ".html",
-        ".png",
-        ".svg",
-    }
-
-
-def test_nothing_to_draw(tmp_path):
-    made = report(result("q-method", ATTITUDE, errors={}, outputs={}), truth=Track(TIME), seed=None)
-    assert "no figure" in write_files(made, OutputFolder(tmp_path)).note
+        report(result(errors={"roll_deg": np.full(200, np.nan)}), title="costs $5 and $6", truth=unknown),
+    ):
+        save(draw(made), {"png": tmp_path / "drawn.png"})
+        assert (tmp_path / "drawn.png").read_bytes().startswith(b"\x89PNG")
+    nothing = report(result("q-method", ATTITUDE, errors={}, outputs={}), **gone)
+    assert "no figure" in write_files(nothing, OutputFolder(tmp_path)).note
 
 
 def test_figure_files_are_the_same_every_time(tmp_path):
-    for name in ("a", "b"):
-        made = report(result("q-method", ("heading_deg",), outputs={}))
-        save(draw(made), {"svg": tmp_path / f"{name}.svg", "png": tmp_path / f"{name}.png"})
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    assert b"<dc:date>" not in (tmp_path / "a.svg").read_bytes()
-    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-
-
-# --- scales ------------------------------------------------------------------------------------------
+    made, first, second = report(result("q-method", ("heading_deg",), outputs={})), {}, {}
+    for files, name in ((first, "a"), (second, "b")):
+        files.update({kind: tmp_path / f"{name}.{kind}" for kind in ("svg", "png")})
+        save(draw(made), files)
+    assert all(first[kind].read_bytes() == second[kind].read_bytes() for kind in first)
+    assert b"<dc:date>" not in first["svg"].read_bytes()
 
 
 def test_angles_are_not_joined_where_they_wrap():
