@@ -37,7 +37,8 @@ def test_without_a_grade_the_stated_sigma_is_honest(grade, seconds):
 def test_nothing_is_assumed_of_a_unit_that_the_description_gives():
     unit = {"arw_deg_sqrt_h": 0.15, "vrw_mps_sqrt_h": 0.06, "gyro_bias_deg_h": 4.0}
     told, bare = (car_log("tactical", 15.0, told=each, heading_deg=HEADING) for each in (True, False))
-    for log, own, said in ((told, {}, False), (bare, unit, True), (bare, {**unit, "accel_bias_ug": 750.0}, False)):
+    whole = {**unit, "accel_bias_ug": 750.0}
+    for log, own, said in ((told, {}, False), (bare, unit, True), (bare, whole, False)):
         notes = replay(log, ["loosely-coupled"], settings={"loosely-coupled": own}).notes
         assert any("no grade" in note for note in notes) == said, own
 
@@ -209,7 +210,6 @@ def test_a_log_without_fixes_starts_by_its_doppler_log_at_the_place_of_initial()
 
 
 def test_a_steady_drive_at_the_start_of_a_part_is_no_rest(tmp_path):
-    """20 m/s on a straight road: its inertial unit shows what one at rest does, and the fix there does not."""
     values = car("tactical").model_dump(mode="json", exclude_unset=True)
     values["vehicle"]["legs"] = [{"accelerate_to_mps": 20.0}, {"drive_s": 60.0}]
     (path, *_) = write(record(load({**values, "duration_s": 45.0})), tmp_path, ["log"])
@@ -239,14 +239,10 @@ def test_a_state_of_the_beginning_is_not_taken_for_that_of_a_later_start():
             replay(cut(log, begin, start_s=0.0), "fusion", start=start)
     assert replay(cut(log, begin, start_s=begin), "fusion", start="stated").results[0].time[0] > begin  # said to be of then
     assert replay(cut(log, begin), "fusion", start="reference").results[0].time[0] > begin  # which does not use it
+    parked = described(record("car-parked", seed=4, duration_s=20.0), start_s=12.0)  # the same state later
+    assert abs(replay(parked, "q-method").results[0].errors["roll_deg"][-1]) < 0.1
     nothing = dict.fromkeys(InitialSection.model_fields)
     assert "its heading is unknown" in replay(cut(log, begin, **nothing), "fusion").results[0].notes[0]
-
-
-def test_a_vehicle_in_place_has_the_same_state_later():
-    log = record("car-parked", seed=4, duration_s=20.0)
-    result = replay(described(log, start_s=12.0), "q-method").results[0]
-    assert abs(result.errors["roll_deg"][-1]) < 0.1
 
 
 @pytest.mark.parametrize("shown_by", ["gnss", "reference", "dvl"])
