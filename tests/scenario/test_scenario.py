@@ -48,10 +48,8 @@ def data_of(name):
 def test_the_list_of_scenarios():
     rows = {row["name"]: row for row in summaries()}
     assert list(rows) == names() and set(names()) > IN_PLACE
-    assert rows["ship-swaying"] == {
-        "name": "ship-swaying", "title": "Moored ship in a regular sway", "vehicle": "ship", "duration_s": 300.0,
-        "rate_hz": 200.0, "gnss": False, "estimators": ["q-method"],
-    }  # fmt: skip
+    ship = {"vehicle": "ship", "duration_s": 300.0, "rate_hz": 200.0, "gnss": False, "estimators": ["q-method"]}
+    assert rows["ship-swaying"] == {"name": "ship-swaying", "title": "Moored ship in a regular sway", **ship}
 
 
 @pytest.mark.parametrize("name", names())
@@ -130,7 +128,6 @@ def test_unknown_names_and_files(tmp_path):
 
 
 def _leaves(value, path=()):
-    """Paths of all values, tables and lists included."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path] * bool(path) + [leaf for name, inner in items for leaf in _leaves(inner, (*path, name))]
 
