@@ -12,11 +12,23 @@ import pytest
 from places import ROOT
 
 import insenv
+from insenv import testing
 from insenv.envs import AlignmentEnv, AlignmentVectorEnv, agents
 from insenv.errors import InputError
 from insenv.estimators import registered
 
 PACKAGE = ROOT / "tests" / "outside" / "rail"
+
+
+CAR = {
+    "title": "Car with a compass", "duration_s": 60, "rate_hz": 100,
+    "start": {"latitude_deg": 50, "longitude_deg": 8, "height_m": 100},
+    "vehicle": {"kind": "car", "legs": [
+        {"wait_s": 5}, {"accelerate_to_mps": 10}, {"drive_s": 20}, {"turn_deg": 90, "radius_m": 30},
+    ]},
+    "imu": {"grade": "tactical"}, "gnss": {"grade": "spp", "interval_s": 1}, "compass": {"noise_deg": 0.5, "deviation_deg": 3},
+    "knowledge": {"heading_error_deg": 5},
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -30,17 +42,31 @@ def installed(tmp_path_factory):
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
-def call(installed, *command, status=0):
-    """What a process prints, on the standard stream or, where it is to fail, on that of errors."""
+def call(installed, *command):
     command = [sys.executable, *map(str, command)]
     done = subprocess.run(command, capture_output=True, text=True, env=installed, timeout=300)
-    assert done.returncode == status, done.stderr
-    return done.stderr if status else done.stdout
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
-def test_runs_campaigns_and_environments_take_it(rail):
+@pytest.fixture
+def registered_rail(rail):
+    """The outside package, registered here."""
     for thing in (rail["ahrs"].ESTIMATOR, rail["trolley"].TrolleySection, rail["compass"].CompassSection):
         insenv.register(thing)
+    return rail
+
+
+def test_the_conformance_suite_holds_for_it(registered_rail):
+    testing.check_estimator("ahrs", PACKAGE / "rail.toml", compiled=False)
+    testing.check_sensor(registered_rail["compass"].CompassSection, compiled=False, noise_deg=0.5)
+    testing.check_vehicle(registered_rail["trolley"].TrolleySection, compiled=False, kind="trolley", amplitude_m=1.0)
+    with pytest.raises(InputError, match="compas: unknown key; did you mean 'compass'"):
+        insenv.load({**CAR, "compas": {}})
+
+
+@pytest.mark.usefixtures("registered_rail")
+def test_runs_campaigns_and_environments_take_it():
     rms = insenv.run(PACKAGE / "rail.toml", duration_s=20.0).results[0].statistics()["rms"]
     # levelling errors are those of the trolley's own acceleration, 0.27 m/s^2 low-passed at 20 s: up to 0.17 deg
     assert rms["pitch_deg"] < 0.3 and rms["roll_deg"] < 0.3
@@ -65,22 +91,11 @@ def test_runs_campaigns_and_environments_take_it(rail):
 def test_every_interface_takes_it(installed, tmp_path):
     found = json.loads(call(installed, ROOT / "tests" / "outside" / "take_through.py", tmp_path))
     assert found["replay"] < 2.0 and 0.3 < found["campaign"] < 2.5
-    assert found["workers_agree"] and found["fmpy_agrees"] and found["plant_fmu"] > 10_000
+    assert found["workers_agree"] and found["ahrs.fmu"] > 10_000 and found["rail.fmu"] > 10_000
     log = tmp_path / "rail.tlog"
     command = ["stream", PACKAGE / "rail.toml", "--to", "udpout:127.0.0.1:14599", "--speed", "0", "--duration", "5"]
     call(installed, "-m", "insenv", *command, "--tlog", log)
     assert log.stat().st_size > 10_000
-
-
-CAR = {
-    "title": "Car with a compass", "duration_s": 60, "rate_hz": 100,
-    "start": {"latitude_deg": 50, "longitude_deg": 8, "height_m": 100},
-    "vehicle": {"kind": "car", "legs": [
-        {"wait_s": 5}, {"accelerate_to_mps": 10}, {"drive_s": 20}, {"turn_deg": 90, "radius_m": 30},
-    ]},
-    "imu": {"grade": "tactical"}, "gnss": {"grade": "spp", "interval_s": 1}, "compass": {"noise_deg": 0.5, "deviation_deg": 3},
-    "knowledge": {"heading_error_deg": 5},
-}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -107,33 +122,13 @@ def test_runs_campaigns_and_smoothers_take_an_aid(rail, tmp_path):
 def test_the_command_line_knows_what_is_installed(installed, tmp_path):
     quick, rail = {**installed, "INSENV_BACKEND": "interpreter"}, PACKAGE / "rail.toml"
     listed = json.loads(call(quick, "-m", "insenv", "list", "--json"))
-    assert "ahrs" in [row["id"] for row in listed["estimators"]]
-    assert {"kind": "trolley", "title": "A trolley on a straight, level rail"} in listed["vehicles"]
-    assert {"id": "compass", "title": "A compass"} in listed["sensors"]
-    printed = call(
-        installed, "-m", "insenv", "run", PACKAGE / "rail.toml", "--duration", "10", "--out", tmp_path, "--no-figure"
-    )
+    wanted = (("estimators", "id", "ahrs"), ("vehicles", "kind", "trolley"), ("sensors", "id", "compass"))
+    assert all(id in [row[key] for row in listed[group]] for group, key, id in wanted)
+    printed = call(installed, "-m", "insenv", "run", rail, "--duration", "10", "--out", tmp_path, "--no-figure")
     assert "ahrs" in printed and (tmp_path / "rail.npz").is_file()
     assert "ahrs" not in registered()
     with pytest.raises(InputError, match=re.escape("vehicle.kind = 'trolley': must be one of 'ship', 'car', 'aircraft'")):
         insenv.load(rail)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("amplitude_m = 1", "amplitude_m = -1", "vehicle.amplitude_m = -1 [m]: must be greater than or equal to 0"),
-        ("noise_deg", "nois_deg", "compass.nois_deg: unknown key; did you mean 'noise_deg'?"),
-        ("[compass]", "[compas]", "compas: unknown key; did you mean 'compass'?"),
-    ],
-)
-def test_wrong_keys_of_an_outside_vehicle_and_sensor_are_named(rail, tmp_path, old, new, message):
-    for thing in (rail["ahrs"].ESTIMATOR, rail["trolley"].TrolleySection, rail["compass"].CompassSection):
-        insenv.register(thing)
-    path = tmp_path / "wrong.toml"
-    path.write_text((PACKAGE / "rail.toml").read_text("utf-8").replace(old, new), "utf-8")
-    with pytest.raises(InputError, match=re.escape(message)):
-        insenv.load(path)
 
 
 def test_an_estimator_object_needs_no_registration():
@@ -143,16 +138,12 @@ def test_an_estimator_object_needs_no_registration():
     assert insenv.campaign("static-ecef", own, 2, duration_s=5.0).figures()["heading_deg"]["rms"] > 0
     with pytest.raises(InputError, match="worker process knows installed estimators"):
         insenv.campaign("static-ecef", own, 2, duration_s=5.0, workers=1)
-    with pytest.raises(InputError, match="no estimator 'my-analytic'"):
-        insenv.run("static-ecef", "my-analytic")
     assert insenv.register(own) is own and insenv.register(own) is own
-    assert insenv.run("static-ecef", "my-analytic", duration_s=2.0).results[0].estimator == "my-analytic"
     with pytest.raises(InputError, match="estimator 'my-analytic' exists already"):
         insenv.register(insenv.Estimator(replace(own.model), kind="alignment"))
 
 
 def test_a_campaign_of_other_equations_or_functions_under_the_same_id_is_not_resumed(tmp_path):
-    """What `prepare` makes of the knowledge and what `error` compares count as much as the equations."""
     loose = registered()["loosely-coupled"]
     own = replace(loose, model=replace(loose.model, id="mine"))
 

@@ -15,12 +15,10 @@ from insenv.estimators import registered
 from insenv.scenario import build, load
 
 LAST_DIGIT = 1.01 * 10.0 ** (1 - benchmarks.DIGITS)
-"""What rounding to the stored digits, and that of sums on another machine, can change."""
 
 
 @pytest.fixture(scope="module")
 def measured():
-    """The figures of drift by vehicle, each measured once."""
     return {name: figure for name in benchmarks.DRIFTS for figure in figures(f"truth.drift.{name}")}
 
 

@@ -13,7 +13,6 @@ PRINT = "print(*sys.modules)"
 
 
 def loaded_by(*statements: str) -> list[set[str]]:
-    """Names of the modules that a fresh interpreter holds after each statement."""
     script = "\n".join(["import sys", *(f"{statement}\n{PRINT}" for statement in statements)])
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return [set(line.split()) for line in done.stdout.splitlines()]

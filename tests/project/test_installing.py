@@ -53,15 +53,11 @@ def test_every_extra_that_is_advised_is_declared_and_has_the_package():
         assert (package or module).lower() in names, (module, package, extra)
 
 
-LOG = ROOT / "examples" / "logs" / "plain.toml"
 SHIP = ("ship-swaying", "--duration", "5")
-NEEDING = {
-    "allantools": ("allan", LOG),
+NEEDING = {  # a command of each way to import
     "cma": ("tune", "ship-swaying", "-e", "q-method"),
     "gpxpy": ("run", *SHIP, "--out", "out", "--gpx"),
-    "rosbags": ("replay", LOG, "-e", "loosely-coupled", "--out", "out", "--bag"),
     "pyarrow": ("campaign", *SHIP, "-e", "q-method", "-n", "2", "--out", "out", "--table", "parquet"),
-    "distributed": ("campaign", *SHIP, "-e", "q-method", "-n", "2", "--scheduler", "tcp://127.0.0.1:8786"),
     "sklearn": ("train", "lssvm", "ship-swaying"),
     "ziglang": ("page", *SHIP, "-o", "x.html"),
     "serial": ("stream", "ship-swaying", "--to", "serial:/dev/ttyUSB0:57600"),

@@ -40,11 +40,6 @@ def test_rows_replace_those_of_the_same_pair(tmp_path):
     assert "| 100.0 +- 0.0 |" in rows[1] and "| 0.5, -, - |" in rows[1]
 
 
-def test_a_pair_that_is_refused_is_an_error():
-    with pytest.raises(matrix.InputError):
-        matrix.judge("car-city-drive", "q-method", 2)
-
-
 @pytest.mark.slow
 def test_a_pair_without_standard_deviations_has_no_row():
     assert matrix.judge("static-ecef", "wander-sins", 2) is None

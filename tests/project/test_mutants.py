@@ -28,14 +28,10 @@ def test_a_text_that_does_not_stand_once_is_an_error(text, said, tmp_path, monke
 
 
 def test_a_fault_is_made_in_a_copy_found_and_taken_back(tmp_path, monkeypatch):
-    """One that a test finds, one that it cannot find, and one that is no program."""
     source, test = tmp_path / "insenv" / "thing.py", tmp_path / "tests" / "test_thing.py"
     for path, text in (
-        (source, "def twice(x):\n    return 2 * x  # doubled\n"),
-        (
-            test,
-            "import sys\nsys.path.insert(0, 'insenv')\nfrom thing import twice\ndef test_it():\n    assert twice(3) == 6\n",
-        ),
+        (source, "def twice(x):\n    return 2 * x\n"),
+        (test, "import sys\nsys.path.insert(0, 'insenv')\nfrom thing import twice\ndef test_it():\n    assert twice(3) == 6\n"),
     ):
         path.parent.mkdir()
         path.write_text(text)
@@ -46,24 +42,3 @@ def test_a_fault_is_made_in_a_copy_found_and_taken_back(tmp_path, monkeypatch):
         mutant = mutants.Mutant("insenv/thing.py", "2 * x", becomes, ("tests/test_thing.py",))
         assert mutants.tried(mutant, tree, 60.0).said == said
         assert (tree / "insenv" / "thing.py").read_text() == source.read_text()
-
-
-def test_a_fault_killed_before_is_not_tried_again(tmp_path, monkeypatch):
-    """What survived is tried again, and so is a fault whose text has changed."""
-    (tmp_path / "thing.py").write_text("a = 1\nb = 2\nc = 3\n")
-    tried = []
-
-    def tested(tree, tests, limit_s):
-        tried.append((tree / "thing.py").read_text())
-        return ("survived", "") if "b = 5" in tried[-1] else ("killed", "test_of_it")
-
-    changes = {"ROOT": tmp_path, "TRAVELS": ("thing.py",), "sound": lambda *_: None, "tested": tested}
-    for name, value in changes.items():
-        monkeypatch.setattr(mutants, name, value)
-    listed = [mutants.Mutant("thing.py", text, text[:-1] + "5", ()) for text in ("a = 1", "b = 2", "c = 3")]
-    file = tmp_path / "outcomes.jsonl"
-    said = [{o.mutant.text: o.said for o in mutants.all_tried(listed, 1, 60.0, file)} for _ in range(2)]
-    assert said[0] == said[1] == {"a = 1": "killed", "b = 2": "survived", "c = 3": "killed"}
-    assert len(tried) == 4 and tried[3] == tried[1]
-    mutants.all_tried([mutants.Mutant("thing.py", "a = 1", "a = 7", ())], 1, 60.0, file)
-    assert tried[4].startswith("a = 7")

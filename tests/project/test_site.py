@@ -1,8 +1,4 @@
-"""The built site, as files and in headless Chromium: `make docs` builds it and names its folder in INSENV_SITE.
-
-Every page is opened once: no message on its console, no request outside the site, all pictures loaded, all equations typeset,
-and no sideways scrolling on a phone. Search, and the light and dark themes, are tried on some.
-"""
+"""The built site, as files and in headless Chromium: `make docs` builds it and names its folder in INSENV_SITE."""
 
 import functools
 import http.server
@@ -18,26 +14,18 @@ import pytest
 
 SITE = Path(os.environ.get("INSENV_SITE", "/nonexistent"))
 PHONE, LAPTOP = (390, 844), (1280, 900)
-LOOKED_AT = (
-    "index.html",
-    "tutorials/align-a-ship.html",
-    "estimators/q-method.html",
-    "generated/environments/ship-alignment.html",
-)
+LOOKED_AT = ("index.html", "tutorials/align-a-ship.html", "generated/environments/ship-alignment.html")
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def pages():
-    """The pages of the site, as paths."""
     if not SITE.is_dir():
         peers.lacking("INSENV_SITE names no built site: run `make docs`")
     return sorted(path.relative_to(SITE).as_posix() for path in SITE.rglob("*.html") if "_static" not in path.parts)
 
 
 class Page(HTMLParser):
-    """Links, sources of pictures, and ids of a page."""
-
     def __init__(self, page):
         super().__init__()
         self.links, self.ids = [], set()
@@ -52,8 +40,6 @@ class Page(HTMLParser):
 
 
 def test_links_and_pictures_lead_somewhere(pages):
-    groups = ("environments", "scenarios", "sensors", "grades", "api")
-    assert all(any(page.startswith(f"generated/{group}/") for page in pages) for group in groups)
     assert {*LOOKED_AT, "search.html", "how-to.html", "reference.html", "concepts/architecture.html"} <= set(pages)
     wrong, parsed = [], functools.cache(Page)
     for page, link in [(each, link) for each in pages for link in parsed(each).links]:
@@ -70,8 +56,6 @@ def test_links_and_pictures_lead_somewhere(pages):
 
 @pytest.fixture(scope="module")
 def address(pages):
-    """Address of the site on a server of this process."""
-
     class Quiet(http.server.SimpleHTTPRequestHandler):
         def log_message(self, *_):
             pass
@@ -102,7 +86,7 @@ def browser(address):
 
 
 def opened(browser, address, page, size=LAPTOP):
-    """Open a page, and return what went wrong: messages of the console, and requests that leave the site."""
+    """Messages of the console, and requests that leave the site."""
     sized(browser, size)
     browser.get_log("browser"), browser.get_log("performance")
     browser.get(address + page)
@@ -148,10 +132,8 @@ def test_each_page_in_the_browser(browser, address, pages):
 
 
 @pytest.mark.parametrize(
-    ("words", "wanted"),
-    [("gyrocompass", "estimators/gyrocompass.html"), ("ShipAlignment", "generated/environments/ship-alignment.html"),
-     ("lever arm", "scenarios.html"), ("InputError", "generated/api/InputError.html")],
-)  # fmt: skip
+    ("words", "wanted"), [("lever arm", "scenarios.html"), ("InputError", "generated/api/InputError.html")]
+)
 def test_search_finds_a_page(browser, address, words, wanted):
     from selenium.webdriver.support.ui import WebDriverWait
 
@@ -169,7 +151,7 @@ return [back, shown(body).color]"""
 
 
 def luminance(colour):
-    """Relative luminance of ``rgb(r, g, b)`` (WCAG 2)."""
+    """WCAG 2."""
     values = [float(part) / 255 for part in colour[colour.index("(") + 1 : -1].split(",")[:3]]
     linear = [value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in values]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
@@ -177,7 +159,6 @@ def luminance(colour):
 
 @pytest.mark.parametrize("mode", ["light", "dark"])
 def test_light_and_dark(browser, address, mode):
-    """The reader's system asks for the theme: a theme stored by this test could be overwritten by the page's own script."""
     wished = [{"name": "prefers-color-scheme", "value": mode}]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": wished})
     for page in LOOKED_AT:

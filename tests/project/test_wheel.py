@@ -13,7 +13,6 @@ pytestmark = pytest.mark.slow
 
 
 def run(*command, **options):
-    """Run `python -m command...`; return its standard output, or fail with all it said."""
     done = subprocess.run([sys.executable, "-m", *map(str, command)], capture_output=True, text=True, **options)
     assert done.returncode == 0, f"{command} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done.stdout
@@ -28,7 +27,6 @@ def wheel(tmp_path_factory):
 
 
 def package_files(folder, prefix):
-    """Names in the wheel of the files that stand under `folder` of the checkout and are not compiled."""
     files = (p for p in (ROOT / folder).rglob("*") if p.is_file())
     kinds = {".py", ".c", ".h", ".toml", ".xml", ".csv", ".gz", ".md", ".js", ".css", ".html"}
     return {f"{prefix}/{path.relative_to(ROOT / folder).as_posix()}" for path in files if path.suffix in kinds}
@@ -52,10 +50,8 @@ def test_the_installed_wheel_runs_and_its_examples_come_out(wheel, tmp_path):
     work.mkdir()
     run("pip", "install", "--quiet", "--no-deps", "--no-index", "--target", target, wheel)
     given = {"cwd": work, "env": {**os.environ, "PYTHONPATH": str(target), "INSENV_BACKEND": "interpreter"}}
-    place = subprocess.run(
-        [sys.executable, "-c", "import insenv; print(insenv.__file__)"], capture_output=True, text=True, check=True, **given
-    )
-    assert Path(place.stdout.strip()).is_relative_to(target)
+    where = [sys.executable, "-c", "import insenv; print(insenv.__file__)"]
+    assert Path(subprocess.check_output(where, text=True, **given).strip()).is_relative_to(target)
     assert "ship-swaying" in run("insenv", "list", **given)
     run("insenv", "run", "ship-swaying", "--duration", 20, "--out", "out", **given)
     assert any((work / "out").glob("*.npz"))

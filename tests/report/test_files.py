@@ -45,22 +45,20 @@ def test_npz_round_trip(tmp_path):
     for name, about in meta["arrays"].items():
         assert about["unit"] and about["meaning"] and about["shape"] == list(arrays[name].shape), name
     assert meta["arrays"]["truth/velocity_n"]["unit"] == "m/s" and meta["arrays"]["truth/velocity_n"]["frame"] == "n"
-    assert meta["arrays"]["loosely-coupled/sigma/vn_mps"]["unit"] == "m/s"
     assert json.loads(written.paths[1].read_text()) == document(made, [str(p) for p in written.paths])
     assert "mine/outputs/q_nb" in collect(report(result("mine")))[0], "of an estimator that is not registered"
     (tmp_path / "plain").write_text("")
     assert written.paths[0].stat().st_mode == (tmp_path / "plain").stat().st_mode, "others read it as the umask says"
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError])
-def test_interrupted_writing_leaves_what_was_there(tmp_path, monkeypatch, fault):
+def test_interrupted_writing_leaves_what_was_there(tmp_path, monkeypatch):
     def interrupted(*_, **__):
-        raise fault
+        raise KeyboardInterrupt
 
     write_files(report(), OutputFolder(tmp_path), figure=False)
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
     monkeypatch.setattr("insenv.report.files.save", interrupted)
-    with pytest.raises(fault):
+    with pytest.raises(KeyboardInterrupt):
         write_files(report(result("q-method", ATTITUDE), seed=8), OutputFolder(tmp_path))
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
@@ -77,12 +75,9 @@ def test_output_folder_is_tried_at_once_and_made_late(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "made-up.json"]
 
 
-@pytest.mark.parametrize(
-    ("scenario", "name"),
-    [("ship-swaying", "ship-swaying"), ("../a b/my log.toml", "my-log"), ("..", "run"), ("a/b:c", "a-b-c")],
-)
-def test_file_names(scenario, name):
-    assert file_name(scenario) == name
+def test_file_names():
+    of = {"ship-swaying": "ship-swaying", "../a b/my log.toml": "my-log", "..": "run", "a/b:c": "a-b-c"}
+    assert {scenario: file_name(scenario) for scenario in of} == of
 
 
 def test_without_matplotlib_the_rest_is_written(tmp_path, monkeypatch):

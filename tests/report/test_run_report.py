@@ -12,11 +12,9 @@ from insenv.evaluation.errors import ATTITUDE
 
 
 def test_repr_is_short():
-    text = repr(report(result(), result("q-method", ATTITUDE)))
-    assert text.splitlines()[0] == "Report of made-up, seed 7, 100 s, 20000 inertial samples"
-    heading = result().errors["heading_deg"][-1]
-    assert re.fullmatch(r"  loosely-coupled: final error heading \S+ deg, position \S+ m", text.splitlines()[1])
-    assert f"heading {heading:.3g} deg" in text.splitlines()[2] and len(text.splitlines()) == 3
+    text = repr(report(result(), result("q-method", ATTITUDE))).splitlines()
+    assert text[0] == "Report of made-up, seed 7, 100 s, 20000 inertial samples" and len(text) == 3
+    assert re.fullmatch(r"  loosely-coupled: final error heading \S+ deg, position \S+ m", text[1])
     assert repr(result(errors={})) == "loosely-coupled: no reference"
 
 
@@ -31,11 +29,8 @@ def test_html_holds_the_tables_and_the_figure(monkeypatch):
         made.plot()
 
 
-def test_plot_and_save_do_what_out_does(tmp_path):
-    made = report(result("q-method", ATTITUDE))
-    assert len(made.plot().axes) == 6
-    written = made.save(tmp_path / "out", figure=False)
-    assert [p.suffix for p in written.paths] == [".npz", ".json"] and all(p.is_file() for p in written.paths)
+def test_what_is_not_there_is_not_plotted():
+    assert len(report(result("q-method", ATTITUDE)).plot().axes) == 6
     with pytest.raises(InsenvError, match="neither a reference"):
         report(result(errors={}, outputs={})).plot()
 

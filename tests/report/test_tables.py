@@ -27,17 +27,13 @@ def cells(text, name):
     return next(line for line in text.splitlines() if line.startswith(name)).split()[2:]
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.0, "0"), (1.0, "1.00"), (-0.012345, "-0.0123"), (123456.7, "123457"), (1e-7, "1.0e-07"), (-1e9, "-1.0e+09"),
-     (None, "-"), (math.nan, "-"), (math.inf, "-")],
-)  # fmt: skip
-def test_numbers(value, text):
-    assert number(value) == text
+def test_numbers():
+    values = (0.0, 1.0, -0.012345, 123456.7, 1e-7, -1e9, None, math.nan, math.inf)
+    assert [number(value) for value in values] == ["0", "1.00", "-0.0123", "123457", "1.0e-07", "-1.0e+09", "-", "-", "-"]
 
 
-@pytest.mark.parametrize("size", [1e-9, 0.01, 123.456, 1e9])
-@pytest.mark.parametrize("published", [0, 1, 4])
+@pytest.mark.parametrize("size", [1e-9, 123.456, 1e9])
+@pytest.mark.parametrize("published", [0, 4])
 def test_table_fits_80_columns_and_cuts_nothing(size, published):
     peers = tuple((f"Package number {i}, from the reference state", dict.fromkeys(CHANNELS, size)) for i in range(published))
     limit = {} if published else dict.fromkeys(CHANNELS, size)  # what others published is about logs, which have no limit
@@ -77,9 +73,6 @@ def test_health_is_in_the_table_and_in_the_document():
     assert found["verdict"] == "overconfident" and found["fixes"] == 200 and found["refused"] == 10
     assert found["nis"] == pytest.approx(9.0, rel=0.1) and found["nis"] > found["nis_bounds"][1] > 1 > found["nis_bounds"][0]
     assert document(report(result()))["results"][0]["health"] is None
-
-
-# --- what is judged ----------------------------------------------------------------------------------
 
 
 def test_an_estimator_that_is_too_sure_is_named(monkeypatch):

@@ -12,7 +12,7 @@ from insenv.runs.first_motion import heading_by_force
 
 
 def rtk(log):
-    """The log with fixes as good as they say: 2 cm and 2 cm/s."""
+    """With fixes as good as they say: 2 cm and 2 cm/s."""
     sigma = np.full(log.gnss.position_sigma.shape, 0.02)
     noise = np.random.default_rng(7).normal(size=(2, *sigma.shape)) * 0.02
     of, t = log.reference, log.gnss.time

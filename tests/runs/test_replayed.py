@@ -7,10 +7,12 @@ from unittest import mock
 import numpy as np
 import pytest
 from places import ROOT
+from simulated_log import simulated_log
 
-from insenv import attitude, geodesy, replay
+from insenv import attitude, replay
 from insenv.errors import InsenvError
 from insenv.logs import load as load_log
+from insenv.scenario import load as scenario_of
 
 
 @pytest.mark.parametrize("start", ["coarse", pytest.param("reference", marks=pytest.mark.slow)])
@@ -29,51 +31,35 @@ def test_the_real_log_is_at_least_as_good_as_kf_gins_in_position(start):
     assert np.abs(result.errors["heading_deg"][(result.time > 220) & (result.time < 600)]).max() < 1.0
 
 
-def synthetic_log(folder, **changes):
-    """A log at rest with GNSS, described by a TOML file; `changes` replace lines of the description."""
-    n, dt = 3000, 0.01
-    time = np.arange(1, n + 1) * dt
-    rate = geodesy.numeric.earth_rate_n(np.radians(30.0))
-    imu = np.column_stack([time, np.tile(rate * dt, (n, 1)), np.zeros((n, 2)), np.full(n, -9.79 * dt)])
-    np.savetxt(folder / "imu.csv", imu, delimiter=",", header="t,gx,gy,gz,ax,ay,az", comments="")
-    fixes = np.arange(1.0, 30.0) + 0.0037
-    columns = [fixes, np.full(29, 30.0), np.full(29, 114.0), np.full(29, 20.0)]
-    np.savetxt(folder / "gnss.csv", np.column_stack(columns), delimiter=",", header="t,lat,lon,h", comments="")
-    lines = {
-        "imu": '[imu]\nfile = "imu.csv"\ntime = "t"\ngyro = ["gx", "gy", "gz"]\naccel = ["ax", "ay", "az"]\n'
-        'kind = "increment"\nstamp = "interval_end"\ngyro_unit = "rad"\naccel_unit = "m/s"\naxes = "FRD"\nrate_hz = 100.0',
-        "gnss": '[gnss]\nfile = "gnss.csv"\ntime = "t"\nlatitude = "lat"\nlongitude = "lon"\nheight = "h"\n'
-        'position_unit = "deg"\nposition_sigma_m = [1.0, 1.0, 2.0]\nlever_arm_m = [0.0, 0.0, 0.0]',
-        "initial": "[initial]\nstatic_until_s = 30.0\nlatitude_deg = 30.0\nlongitude_deg = 114.0\nheight_m = 20.0",
-        **changes,
-    }
-    path = folder / "log.toml"
-    path.write_text('title = "at rest"\n' + "\n".join(lines.values()))
-    return path
+def parked(gnss=True, **initial):
+    """A log at rest with fixes, without a reference."""
+    log = simulated_log("car-parked", duration_s=30.0, initial={"static_until_s": 30.0} | initial)
+    fixes = simulated_log("car-city-drive", duration_s=25.0)
+    return replace(log, gnss=fixes.gnss if gnss else None, reference=None)
 
 
-def test_an_alignment_runs_on_a_log_without_a_reference(tmp_path):
-    result = replay(synthetic_log(tmp_path), ["q-method"]).results[0]
+def test_an_alignment_runs_on_a_log_without_a_reference():
+    result = replay(parked(), ["q-method"]).results[0]
     assert result.errors == {}
     roll, pitch, _ = attitude.numeric.to_euler(result.outputs["q_nb"][-1])
-    assert abs(roll) < 1e-6 and abs(pitch) < 1e-6
+    start = scenario_of("car-parked").start
+    assert np.degrees([roll, pitch]) == pytest.approx([start.roll_deg, start.pitch_deg], abs=0.2)
 
 
 @pytest.mark.parametrize(
-    ("changes", "ids", "start", "message"),
+    ("changes", "id", "start", "message"),
     [
-        ({}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
-        ({}, ["loosely-coupled"], "reference", "must give position, velocity and attitude"),
-        ({}, ["loosely-coupled"], "guess", "allowed is coarse, reference or stated"),
-        ({"gnss": ""}, ["loosely-coupled"], "coarse", "needs GNSS"),
-        ({"initial": ""}, ["loosely-coupled"], "coarse", "faster than 5 m/s"),
-        ({"initial": "[initial]\nstart_s = 99.0"}, ["q-method"], "coarse", "the log ends at"),
-        ({"gnss": "", "initial": ""}, ["q-method"], "coarse", "needs the place"),
+        ({}, "loosely-coupled", "coarse", "faster than 5 m/s"),
+        ({}, "loosely-coupled", "reference", "must give position, velocity and attitude"),
+        ({}, "loosely-coupled", "guess", "allowed is coarse, reference or stated"),
+        ({"gnss": False}, "loosely-coupled", "coarse", "needs GNSS"),
+        ({"gnss": False}, "q-method", "coarse", "needs the place"),
+        ({"start_s": 99.0}, "q-method", "coarse", "the log ends at"),
     ],
 )
-def test_the_error_names_what_a_log_lacks_to_start_an_estimator(tmp_path, changes, ids, start, message):
+def test_the_error_names_what_a_log_lacks_to_start_an_estimator(changes, id, start, message):
     with pytest.raises(InsenvError, match=message):
-        replay(synthetic_log(tmp_path, **changes), ids, start=start)
+        replay(parked(**changes), id, start=start)
 
 
 def test_a_diverging_estimator_is_told_with_its_time():

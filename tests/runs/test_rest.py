@@ -36,7 +36,7 @@ def test_the_rest_tells_the_heading_of_good_gyros_and_the_bias_of_poor_ones(head
 
 @pytest.mark.parametrize("id", ["loosely-coupled", "aqe-ekf"])
 def test_the_bias_of_a_rest_shares_the_errors_of_the_attitude(id):
-    """Draws of the start attitude: covariance of what is left of the bias with the attitude error, against the filter's."""
+    """Draws of the start attitude: covariance of what is left of the bias, against the filter's."""
     sigma, tilt, angles = np.radians(5.0), np.radians(0.5), (0.1, -0.2, 1.0)
     estimator, earth = get(id), geodesy.numeric.earth_rate_n(LATITUDE)
     C_nb = attitude.numeric.to_dcm(attitude.numeric.from_euler(*angles))

@@ -26,19 +26,12 @@ def test_a_scenario_is_a_name_a_path_an_object_or_values():
     path = ROOT / "scenarios" / f"{SHIP}.toml"
     runs = [insenv.run(scenario, "q-method", duration_s=1.0) for scenario in (SHIP, path, str(path), insenv.load(SHIP))]
     assert len({str(run.results[0].statistics()) for run in runs}) == 1
-    assert insenv.run(VALUES, "analytic").duration_s == 1.0
-
-
-def test_reports_are_short():
-    report = insenv.run(SHIP, ["q-method", "analytic"], duration_s=1.0)
-    assert len(repr(report)) < 400 and "q-method" in repr(report) and "<table" in report._repr_html_()
-    summary = insenv.campaign(SHIP, "q-method", 3, duration_s=1.0)
-    assert len(repr(summary)) < 400 and len(repr(report.results[0])) < 400
+    (once,) = insenv.run(VALUES, ["analytic", "analytic"]).results
+    assert once.estimator == "analytic"
 
 
 @pytest.mark.slow
 def test_a_report_is_saved_with_its_figure(tmp_path):
-    """That takes the seconds that matplotlib takes."""
     written = insenv.run(SHIP, "analytic", duration_s=1.0).save(tmp_path).paths
     assert {path.suffix for path in written} == {".npz", ".json", ".html", ".png", ".svg"}
 
@@ -53,46 +46,34 @@ def test_every_public_name_is_found_by_help_and_type_checkers():
     [
         (lambda: insenv.run(3), "scenario = 3"),
         (lambda: insenv.run({"titel": "x"}), "titel: unknown key; did you mean 'title'?"),
-        (lambda: insenv.run(SHIP, 5), "estimators = 5"),
         (lambda: insenv.run(SHIP, [5]), "estimator = 5"),
         (lambda: insenv.run(SHIP, []), "no estimator"),
         (lambda: insenv.run(VALUES), "names no estimator"),
+        (lambda: insenv.run(SHIP, "q-metod"), "did you mean 'q-method'"),
+        (lambda: insenv.run(SHIP, "loosely-coupled"), "needs GNSS"),
+        (lambda: insenv.run("car-city-drive", "q-method"), "in place"),
+        (lambda: insenv.run(SHIP, [ANALYTIC, "analytic"]), "two estimators have the id 'analytic'"),
         (lambda: insenv.run(SHIP, "q-method", seed="3"), "seed = '3'"),
         (lambda: insenv.run(SHIP, "q-method", duration_s="60"), "duration_s = '60'"),
-        (lambda: insenv.run(SHIP, "q-method", progress=3), "progress = 3"),
         (lambda: insenv.run(SHIP, "q-method", progress=lambda x: 0), "a function of (done, total)"),
-        (lambda: insenv.campaign(SHIP, "q-method", 1, duration_s=1.0, progress="bar"), "progress = 'bar'"),
-        (lambda: insenv.replay("none.toml", "q-method", progress=3), "progress = 3"),
-        (lambda: Scenario(title="x", duration_s=-3), "Scenario: duration_s = -3 [s]"),
+        (lambda: insenv.run(SHIP, "q-method", duration_s=1.0).save(None), "folder = None"),
         (lambda: Scenario(VALUES), "allowed are keys with their values"),
-        (lambda: ImuSection(grade=3), "ImuSection: grade = 3: must be the name of a grade"),
+        (lambda: insenv.load(VALUES).model_copy(update={"durations": 1}), "durations: unknown key; did you mean 'duration_s'?"),
+        (lambda: ImuSection(grade=3), "ImuSection: grade = 3"),
         (lambda: insenv.replay(None, "q-method"), "log = None"),
         (lambda: insenv.replay("none.toml", "q-method"), "none.toml: file not found"),
+        (lambda: insenv.replay("none.toml", "q-method", progress=3), "progress = 3"),
         (lambda: insenv.campaign(SHIP, "q-method", "8"), "runs = '8'"),
         (lambda: insenv.campaign(SHIP, "q-method", 1, vary={"duration_s": 3}), "vary['duration_s'] = 3"),
-        (lambda: insenv.campaign(SHIP, "q-method", 1, workers="2"), "workers = '2'"),
         (lambda: insenv.campaign(SHIP, "q-method", 1, folder=3), "folder = 3"),
-        (lambda: insenv.campaign(SHIP, "q-method", 1, vary=["a"]), "vary = ['a']"),
-        (lambda: insenv.campaign(SHIP, "q-method", 1, duration_s="1"), "duration_s = '1'"),
-        (lambda: insenv.export_fmu("q-metod", "x.fmu"), "no estimator or scenario 'q-metod'; did you mean 'q-method'?"),
         (lambda: insenv.export_fmu("q-method", None), "output = None"),
-        (lambda: insenv.export_fmu("q-method", "x.fmu", fmi=2.0), "fmi = 2.0"),
         (lambda: insenv.export_fmu("q-method", "x.fmu", platforms=[3]), "platforms = [3]"),
-        (lambda: insenv.export_fmu("q-method", "x.fmu", settings=["latitude"]), "settings = ['latitude']"),
         (lambda: insenv.export_ssp(SHIP, "q-method", 3), "output = 3"),
-        (lambda: insenv.load(VALUES).model_copy(update={"durations": 1}), "durations: unknown key; did you mean 'duration_s'?"),
-        (lambda: insenv.run(SHIP, "q-method", duration_s=1.0).save(None), "folder = None"),
-        (lambda: insenv.run(SHIP, "q-method", duration_s=1.0).to_dataframe(7), "estimator 7"),
-        (lambda: insenv.run(SHIP, [ANALYTIC, "analytic"], duration_s=1.0), "two estimators have the id 'analytic'"),
     ],
 )
 def test_wrong_arguments(wrong, message):
     with pytest.raises(InputError, match=re.escape(message)):
         wrong()
-
-
-def test_an_estimator_that_is_named_twice_runs_once():
-    assert len(insenv.run(SHIP, ["analytic", "analytic"], duration_s=1.0).results) == 1
 
 
 def test_an_attitude_of_no_length_is_no_estimate():
@@ -110,13 +91,6 @@ def test_a_misspelt_argument_is_caught_by_a_type_checker(tmp_path):
     assert 'Unexpected keyword argument "sed" for "run"' in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("run", SHIP, "--duration", "x"), "'--duration': allowed is a number"),
-        (("replay", "a.toml", "-e", "q-method", "--start", "fine"), "'--start': 'fine': allowed is one of 'coarse'"),
-    ],
-)
-def test_the_command_line_names_wrong_values_in_the_same_words(arguments, message):
-    status, _, err = call(*arguments)
-    assert status == 2 and message in err
+def test_the_command_line_names_wrong_values_in_the_same_words():
+    status, _, err = call("run", SHIP, "--duration", "x")
+    assert status == 2 and "'--duration': allowed is a number" in err

@@ -1,30 +1,10 @@
 """Runs of simulated scenarios."""
 
-import json
-
 import numpy as np
 import pytest
 
 from insenv import campaign, run
-from insenv.errors import InputError
-from insenv.evaluation.errors import CHANNELS
 from insenv.scenario import load
-
-
-def test_a_run_is_reproducible_and_depends_on_its_seed():
-    first, again, other = (run("ship-swaying", seed=seed, duration_s=2.0).results[0].outputs["q_nb"] for seed in (3, 3, 4))
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, other)
-
-
-def test_a_report_is_the_documented_json():
-    report = run("car-city-drive", ["loosely-coupled", "wander-sins"], duration_s=5.0)
-    document = json.loads(json.dumps(report.as_json()))
-    assert document["scenario"] == "car-city-drive"
-    assert document["imu_samples"] == 1000 and document["duration_s"] == 5.0
-    for result in document["results"]:
-        assert set(result["final"]) == set(result["rms"]) == set(result["max"]) == set(result["limit"]) == set(CHANNELS)
-        assert result["us_per_sample"] > 0
 
 
 def test_progress_is_reported_to_the_end():
@@ -32,19 +12,6 @@ def test_progress_is_reported_to_the_end():
     calls = []
     run("static-ecef", ["analytic"], duration_s=105.0, progress=lambda done, total: calls.append((done, total)))
     assert calls[-1] == (21000, 21000) and len(calls) > 1
-
-
-@pytest.mark.parametrize(
-    ("scenario", "id", "message"),
-    [
-        ("ship-swaying", "loosely-coupled", "needs GNSS"),
-        ("car-city-drive", "q-method", "in place"),
-        ("ship-swaying", "q-metod", "did you mean 'q-method'"),
-    ],
-)
-def test_an_estimator_that_cannot_run_on_the_scenario_is_an_error(scenario, id, message):
-    with pytest.raises(InputError, match=message):
-        run(scenario, [id], duration_s=10.0)
 
 
 def test_lost_samples_are_bridged_and_counted():
@@ -56,7 +23,7 @@ def test_lost_samples_are_bridged_and_counted():
     assert np.abs(report.results[0].errors["roll_deg"][-1]) < 0.1
 
 
-@pytest.mark.parametrize(("imu", "perfect"), [({}, True), (None, True), ({"gyro_bias_deg_h": 0.1}, False)])
+@pytest.mark.parametrize(("imu", "perfect"), [(None, True), ({"gyro_bias_deg_h": 0.1}, False)])
 def test_a_perfect_unit_for_want_of_a_section_is_said(imu, perfect):
     values = load("ship-swaying").model_dump(exclude_unset=True)
     assert run(values, duration_s=1.0).notes == ()

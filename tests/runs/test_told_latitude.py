@@ -31,15 +31,9 @@ def parked(tmp_path_factory):
 def test_gyros_at_rest_show_the_latitude(parked):
     assert said(parked) == said(told(parked, 39.9)) == []
     (note,) = said(told(parked, -40.0))
-    assert note == (
-        "the gyros at rest contradict the latitude, 40 deg S: the rotation of the Earth that they measure is that at about "
-        "38 deg N"
-    )
+    assert "contradict the latitude, 40 deg S" in note and note.endswith("38 deg N")
     assert len(said(told(parked, 55.0))) == 1
-
-
-def test_rates_that_are_not_the_earths_show_none(parked):
-    """Rates ten times as large as the Earth's: another note tells of it."""
+    # rates ten times as large as the Earth's: another note tells of it
     fast = replace(parked, delta_angle=parked.delta_angle + np.array([0.0, 0.0, 10 * geodesy.OMEGA_IE]) * parked.dt[:, None])
     assert at_rest(fast, 0, np.radians(-40.0)) == ()
 

@@ -36,7 +36,4 @@ def test_rest_that_is_not_told_and_no_longer_found_is_noted(parked):
     told = replayed(parked, True)
     assert lost(replayed(parked, True, kind=""))  # it may be a ship
     assert not lost(told) and abs(told.errors["vn_mps"][-1]) < 0.5
-
-
-def test_a_vehicle_that_is_told_to_move_gets_no_note(parked):
     assert not lost(replayed(parked, False))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from insenv import geodesy
-from insenv.errors import InputError
 from insenv.runs.ensemble import ensemble
 from insenv.scenario import load, plant_of
 
@@ -56,11 +55,3 @@ def test_truth_and_estimators_share_normal_gravity_at_six_kilometres():
     for id in ids:
         assert np.abs(found.attitude_errors_deg(id)[0, -1, :2]).max() * 3600 < 0.05, id
     assert found.truth["true_delta_velocity"][0, -1, 0] * 10.0 == pytest.approx(4.882e-5, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("deflection_north_arcsec", 400.0), ("disturbance_mgal", "x"), ("deflection_arcsec", 1.0)]
-)
-def test_wrong_values(key, value):
-    with pytest.raises(InputError, match=rf"gravity.{key}( = {value!r} \[\w+\]: must be|: unknown key)"):
-        load(parked(**{key: value}))

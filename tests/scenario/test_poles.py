@@ -42,11 +42,8 @@ def test_a_course_over_a_pole_is_refused_everywhere_with_the_time(latitude, head
     ):
         with pytest.raises(InputError, match=said):
             use(scenario)
-
-
-def test_a_course_that_stays_away_is_simulated():
-    for scenario in (ship(duration_s=70.0), ship(heading_deg=180.0), ship(heading_deg=90.0), ship(speed=0.0)):
-        assert build(scenario).samples > 0
+    for away in (ship(duration_s=70.0), ship(heading_deg=180.0), ship(heading_deg=90.0), ship(speed=0.0)):
+        assert build(away).samples > 0
 
 
 def test_an_environment_refuses_a_start_from_which_the_vehicle_may_come_there():
@@ -62,12 +59,9 @@ def test_a_stream_that_goes_on_ends_there():
             simulation.advance()
 
 
-@pytest.mark.parametrize(("latitude", "heading", "largest"), [(89.98, 90.0, 1e-7), (89.999, 90.0, 1e-5), (89.999, 200.0, 1e-5)])
+@pytest.mark.parametrize(("latitude", "heading", "largest"), [(89.98, 90.0, 1e-7), (89.999, 200.0, 1e-5)])
 def test_the_truth_is_exact_as_near_as_it_is_allowed(latitude, heading, largest):
-    """Against a mechanization in a frame that does not turn at the pole, fed with the increments; m in 60 s.
-
-    The error goes with the square of the sample interval.
-    """
+    """Against a mechanization in a frame that does not turn at the pole, fed with the increments; m in 60 s."""
     plant = build(ship(latitude, heading, 60.0, rate_hz=100.0, knowledge={"draw_errors": False}))
     shown = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
     columns = {**shown, "dt": np.full(plant.samples, plant.sample_interval)}
@@ -75,8 +69,7 @@ def test_the_truth_is_exact_as_near_as_it_is_allowed(latitude, heading, largest)
     runner = make_runner(free.model, free.parameters(plant.knowledge))
     found = free.model.outputs.unpack(runner.run(plant.samples, input_rows(free.model, columns, plant.samples)))
 
-    def level(place):
-        """Coordinates (k, 2) in the plane of the equator, m."""
+    def level(place):  # in the plane of the equator, m
         away = (np.pi / 2 - place["latitude"]) * POLAR_RADIUS
         return np.stack([away * np.cos(place["longitude"]), away * np.sin(place["longitude"])], axis=1)
 

@@ -28,7 +28,6 @@ def test_fixed_parts_and_the_effects_of_gravity():
 
 
 def test_the_data_sheet_has_the_thermal_errors_of_the_run():
-    """A unit that warms by 30 K is as uncertain as its slopes make it; at the temperature of reference nothing changes."""
     slopes = {"gyro_temperature_slope_deg_h_k": -10.0, "accel_scale_factor_slope_ppm_k": 50.0}
     plain, known = knowledge("car-city-drive"), knowledge("car-city-drive", **slopes)
     assert known.sensors == plain.sensors

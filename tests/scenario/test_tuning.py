@@ -34,18 +34,16 @@ def test_units_of_parameters():
     log = tomllib.loads((ROOT / "examples/n380-car.toml").read_text(encoding="utf-8"))
     for id, table in log["estimator"].items():
         get(id).model.parameters.pack(tuning(id, table))
-    for bad in ({"gyro_bias_ug": 1.0}, {"start_latitude": 1.0}, {"antenna_lever_arm_m": [1, 2, 3]}, {"arw_deg_sqrt_h": -1.0},
-                {"arw_deg_sqrt_h": "x"}, {"arw_deg_sqrt_h": 10**400}, {"position_sigma_m": [1.0, 2.0]},
+    for bad in ({"gyro_bias_ug": 1.0}, {"start_latitude": 1.0}, {"arw_deg_sqrt_h": 10**400}, {"position_sigma_m": [1.0, 2.0]},
                 {"arw_deg_sqrt_h": 1.0, "angle_random_walk_deg_sqrt_h": 1.0}):  # fmt: skip
         with pytest.raises(InputError, match=f"estimator.loosely-coupled.{list(bad)[-1]}"):
             tuning("loosely-coupled", bad)
 
 
-def outputs(result):
-    return np.concatenate([values.ravel() for values in result.outputs.values()])
-
-
 def test_settings_are_those_of_the_scenario_file_and_of_a_filter_s_smoother():
+    def outputs(result):
+        return np.concatenate([values.ravel() for values in result.outputs.values()])
+
     scenario, short = load("car-city-drive"), {"duration_s": 3.0}
     tables = {"loosely-coupled": {**scenario.estimator["loosely-coupled"], **SET["loosely-coupled"]}}
     written = run(scenario.model_copy(update={"estimator": tables}), **short).results[0]
@@ -78,28 +76,21 @@ def test_set_at_the_command_line():
     assert parsed_settings(texts) == {"a": {"b": 1.5, "list": [1, 2, 3]}, "c": {"file": "x/y=z.json"}}
 
 
-@pytest.mark.parametrize("command", [["run", "car-city-drive", "--duration", "5"], ["replay", "examples/logs/plain.toml"]])
-def test_wrong_settings_at_the_command_line(command):
-    texts = ("x", "loosely-coupled.arw_deg_sqrt_h=", "aqe-ekf.arw_deg_sqrt_h=1")
-    said = ("'x'", "loosely-coupled.arw_deg_sqrt_h=", "aqe-ekf")
-    for text, part in zip(texts, said, strict=True):
+@pytest.mark.parametrize("text", ["x", "loosely-coupled.arw_deg_sqrt_h=", "aqe-ekf.arw_deg_sqrt_h=1"])
+def test_wrong_settings_at_the_command_line(text):
+    for command in (["run", "car-city-drive", "--duration", "5"], ["replay", "examples/logs/plain.toml"]):
         status, _, err = call(*command, "-e", "loosely-coupled", "--set", text)
-        assert status == 2 and part in err and "allowed" in err, text
+        assert status == 2 and text.partition(".")[0] in err and "allowed" in err
 
 
-def test_all_wrong_settings_are_named_at_once():
+def test_wrong_settings_in_python_are_all_named_at_once():
+    for settings in (3, {"loosely-coupled": 3}):
+        with pytest.raises(InputError, match="settings"):
+            run("car-city-drive", duration_s=1.0, settings=settings)
     with pytest.raises(InputError) as caught:
         parsed_settings(["foo", "a.b=1", "a.b=2"])
     assert "--set 'foo'" in str(caught.value) and "a.b is given twice" in str(caught.value)
-    wrong = {"foo": 1, "innovation_gate": "x", "arw_deg_sqrt_h": -1, "start_heading": 1}
     with pytest.raises(InputError) as caught:
-        setting_rows({"loosely-coupled": wrong, "none": {}}, [get("loosely-coupled")])
-    for words in ("foo: unknown key", "innovation_gate = 'x'", "arw_deg_sqrt_h = -1", "start_heading: unknown key",
-                  "'none' is not an estimator of this run"):  # fmt: skip
+        setting_rows({"loosely-coupled": {"foo": 1, "innovation_gate": "x"}, "none": {}}, [get("loosely-coupled")])
+    for words in ("foo: unknown key", "innovation_gate = 'x'", "'none' is not an estimator of this run"):
         assert words in str(caught.value), words
-
-
-@pytest.mark.parametrize("settings", [3, {"loosely-coupled": 3}, {"ecef-kf": {}}])
-def test_wrong_settings_in_python_are_errors(settings):
-    with pytest.raises(InputError, match="settings"):
-        run("car-city-drive", duration_s=1.0, settings=settings)
