@@ -10,7 +10,7 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
-from sensor_plant import CHANCE, LEVEL, assert_mean, assert_variance, simulate, start_states
+from sensor_plant import CHANCE, LEVEL, assert_gauss_markov, assert_mean, assert_variance, simulate, starts
 
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
@@ -77,9 +77,7 @@ def test_noise_wander_and_reported_sigmas() -> None:
     assert abs(np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]) < 4.5 / math.sqrt(n)
     assert np.allclose(out["gnss_position_sigma"][-1], white) and np.allclose(out["gnss_velocity_sigma"][-1], (0.1, 0.2, 0.3))
     out = simulate(n, {**rows, "gnss_wander_sigma": wander, "gnss_wander_time": time})
-    errors, decay = ned(out), math.exp(-0.1 / time)
-    assert_variance(errors, wander**2, n * (1 - decay**2) / (1 + decay**2))
-    assert_variance(errors[1:] - decay * errors[:-1], wander**2 * (1 - decay**2))
+    assert_gauss_markov(ned(out) / wander, 1.0, time, 0.1)
     both = simulate(10, {**rows, "gnss_position_noise": white, "gnss_wander_sigma": wander})
     assert np.allclose(both["gnss_position_sigma"][-1], np.hypot(white, wander), rtol=1e-12)
     perfect = simulate(10, {"sample_interval": 0.1, "gnss_interval": 0.1})
@@ -174,7 +172,7 @@ def test_lever_arm_and_delay_differ_from_what_is_told() -> None:
 def test_drawn_lever_arm_and_delay() -> None:
     given = car(latency_s=0.4, lever_arm_sigma_m=[0.1, 0.2, 0.3], delay_sigma_s=0.05)
     made = build(given)
-    x = start_states(made.model, made.model.parameters.pack(made.parameters), 1500)
+    x = starts(made.parameters, 1500, made.model)
     assert_variance(x["gnss_delay_true"], 0.05**2)
     np.testing.assert_allclose(x["gnss_latency_true"] + x["gnss_epoch_offset_true"], 0.4 + x["gnss_delay_true"], atol=1e-12)
     assert (x["gnss_epoch_offset_true"] >= 0.0).all() and (x["gnss_epoch_offset_true"] < 0.01).all()

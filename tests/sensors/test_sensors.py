@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from sensor_plant import MODULES
 
-from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.instruments import INSTRUMENTS
@@ -33,17 +32,6 @@ def test_instruments_change_no_number_of_the_others() -> None:
         np.testing.assert_array_equal(among[name], value, err_msg=name)
     for id in MODULES:
         assert among[f"{id}_new"].sum() > 25 and np.ptp(among[INSTRUMENTS[id].values[0]]) > 0
-
-
-@pytest.mark.slow
-def test_rows_of_a_batch_are_runs_of_their_seeds_with_all_instruments() -> None:
-    """With a lever arm and a delay that each seed draws, to the bit."""
-    made = build(scenario(*MODULES), duration_s=8.0)
-    batch = make_batch(made.model, 9, {**made.parameters, "seed": 20}, lanes=8, backend="native")
-    shown = batch.run(made.samples, every=1)
-    for row in (0, 8):
-        runner = make_runner(made.model, {**made.parameters, "seed": 20 + row}, "interpreter")
-        np.testing.assert_array_equal(shown[row], runner.run(made.samples))
 
 
 def test_knowledge_has_what_is_told() -> None:
