@@ -1,7 +1,5 @@
 """Sensors on a given truth, and bounds that chance exceeds about once in 10^5."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any
@@ -33,7 +31,7 @@ DT = 0.01
 
 @cache
 def plant(instrument: str = "") -> Model:
-    """Inertial unit and receiver, or an instrument, with the truth as inputs, which have the same names after `set_`."""
+    """Inertial unit and receiver, or an instrument, with the truth as inputs named after `set_`."""
     place = [Row(f"start_{name}", name, start=LEVEL[name]) for name in ("latitude", "longitude", "height") if instrument]
     given = Part(
         parameters=Table((SEED, Row("sample_interval", "Length of a sample", "s", start=0.005), *place)),

@@ -1,7 +1,5 @@
 """Flicker noise by its Allan deviation."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The GNSS receiver: each error against its stated parameter, the times of its fixes, its lever arm and delay."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -16,7 +14,6 @@ from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.errors import InputError
 from insenv.scenario import build, load
-from insenv.sensors.gnss_section import GnssSection
 
 
 def ned(out: dict[str, Any], fixes: Any = slice(None)) -> Any:
@@ -114,21 +111,6 @@ def test_outage_windows_take_the_epochs_inside_them() -> None:
     assert 3.0 in np.round(times, 6) and 5.0 not in np.round(times, 6)
 
 
-@pytest.mark.parametrize(
-    ("times", "field"),
-    [
-        ((1.0, 1.0, 0.0), "gnss.latency_s"),
-        ((1.0, 0.0033, 0.0), "gnss.latency_s"),
-        ((0.0, 0.0, 0.0), "gnss.interval_s"),
-        ((1.0, 0.1, 0.005), "gnss.epoch_offset_s"),
-    ],
-)
-def test_timing_that_does_not_fit_the_samples_is_refused(times, field) -> None:
-    values = zip(("interval_s", "latency_s", "epoch_offset_s"), times, strict=True)
-    with pytest.raises(InputError, match=field):
-        GnssSection.model_construct(**dict(values)).rows(200.0)
-
-
 def car(**gnss: Any) -> Any:
     return load({
         "title": "Car", "duration_s": 60.0, "rate_hz": 100.0, "seed": 4,
@@ -186,6 +168,8 @@ def test_drawn_lever_arm_and_delay() -> None:
 def test_no_fix_is_from_the_future_and_one_is_pending() -> None:
     """A stated delay beyond that is refused; a drawn one is cut, and a note says so."""
     late = {"grade": "rtk", "latency_s": 0.1, "interval_s": 0.2}
+    with pytest.raises(InputError, match=r"gnss\.epoch_offset_s = 0\.01"):
+        build(car(epoch_offset_s=0.01))
     for wrong in (-0.11, 0.1):
         with pytest.raises(InputError, match=rf"delay_error_s = {wrong:g} s: allowed is from -0\.1 to 0\.09 s"):
             build(car(**late, delay_error_s=wrong))

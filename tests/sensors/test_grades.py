@@ -1,7 +1,5 @@
 """Grades of sensors: their tables, sources and bounds."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The inertial unit: each error against its stated parameter."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

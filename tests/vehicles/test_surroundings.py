@@ -29,8 +29,5 @@ def test_commands_move_the_ship_truly():
     assert np.max(np.abs(height[time > 16.0] - height[0])) > 1.5  # twice the sway of 1 m
     for channel in ("north_m", "east_m", "down_m"):
         assert np.max(np.abs(report.results[0].errors[channel])) < 1e-5
-
-
-def test_a_ship_under_way_keeps_its_own_commands():
-    section = load("ship-underway").vehicle
-    assert section.steerable() is section
+    under_way = load("ship-underway").vehicle
+    assert under_way.steerable() is under_way, "it keeps its own commands"

@@ -1,7 +1,5 @@
 """Truth against independent references: analytic sway, an ODE in SciPy, vehicles at rest and in a circle, differences."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import SimpleNamespace
 
