@@ -69,10 +69,7 @@ def earth(latitude: float, height: float) -> tuple[float, float, np.ndarray]:
 
 
 def increments(t0: float, h: float, position: np.ndarray, law) -> np.ndarray:
-    """Change of position (m, north east down of the start) and the two increments by an ODE of order 8.
-
-    law(t) -> C_nb, omega_nb^b, velocity, acceleration, all of the IMU and in n but for the rate.
-    """
+    """Change of position (rad, rad, m) and the two increments by an ODE of order 8; law: as of `sway`."""
     R_M, R_N, _ = earth(position[0], position[2])
     metres = np.array([R_M + position[2], (R_N + position[2]) * np.cos(position[0]), -1.0])
 
@@ -95,7 +92,7 @@ def increments(t0: float, h: float, position: np.ndarray, law) -> np.ndarray:
 
 
 def position_of(rows: dict, i: int) -> np.ndarray:
-    return np.array([rows["latitude"][i], rows["longitude"][i], rows["height"][i]])
+    return np.array([rows[name][i] for name in ("latitude", "longitude", "height")])
 
 
 @pytest.mark.parametrize("rate", [50, 200])

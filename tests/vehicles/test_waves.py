@@ -14,10 +14,7 @@ SMALL = Hull(length=4.0, beam=1.0, draught=0.3, roll_period=1.0, roll_damping=0.
 
 
 def water(k, w, direction, x, y, t):
-    """Displacement of the surface: forward, right, down (m), of a wave of 1 m that travels in `direction`.
-
-    Deep water, on the surface: a particle moves on a circle, forward with the wave on the crest (Airy's theory).
-    """
+    """Displacement of the surface: forward, right, down (m), of a wave of 1 m by Airy's theory for deep water."""
     phase = w * t - k * (x * np.cos(direction) + y * np.sin(direction))
     along = np.sin(phase)  # the integral of a velocity w cos(phase)
     return np.array([along * np.cos(direction), along * np.sin(direction), -np.cos(phase)])
