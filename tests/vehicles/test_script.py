@@ -27,6 +27,9 @@ def test_commands_from_outside_replace_it() -> None:
     runner.advance({"command_valid": 0.0})
     runner.run(1500)
     assert runner.state["commanded_speed"] == 6.0 and runner.state["speed"] == pytest.approx(6.0, abs=1e-6)
+    runner.advance({"command_acceleration": -3.0, "command_speed": 6.0, "command_valid": 1.0})
+    runner.run(2000, every=0)
+    assert runner.state["speed"] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(
