@@ -19,7 +19,7 @@ latitude = st.one_of(st.floats(-np.pi / 2, np.pi / 2), st.sampled_from([np.pi / 
 longitude = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([np.pi, -np.pi, 0.0]))
 
 
-def test_ecef():
+def test_ecef_also_at_the_poles_and_inside():
     r_e = numeric.geodetic_to_ecef(LATITUDE, LONGITUDE, HEIGHT)
     oracle = np.stack(pymap3d.geodetic2ecef(LATITUDE, LONGITUDE, HEIGHT, deg=False), -1)
     np.testing.assert_allclose(r_e, oracle, rtol=0, atol=3e-9)
@@ -28,9 +28,6 @@ def test_ecef():
     np.testing.assert_allclose(h, HEIGHT, rtol=0, atol=4e-9)
     np.testing.assert_allclose(lat, LATITUDE, rtol=0, atol=4e-16)
     np.testing.assert_allclose(np.cos(LATITUDE) * np.sin((lon - LONGITUDE) / 2), 0, atol=3e-16)
-
-
-def test_ecef_at_the_poles_and_inside():
     lat, lon, h = numeric.ecef_to_geodetic([[0, 0, geodesy.B + 5], [0, 0, -geodesy.B + 5], [-geodesy.A, 0, 0]])
     np.testing.assert_allclose(lat, [np.pi / 2, -np.pi / 2, 0], rtol=0, atol=1e-16)
     np.testing.assert_allclose(lon, [0, 0, np.pi])
@@ -49,13 +46,16 @@ def test_ned_offset_keeps_small_differences():
     """Steps of 2^-53 rad (7e-10 m) and 2^-40 m, exactly representable, are reproduced to 15 digits."""
     lat0, lon0, h0, step = 0.3, 0.4, 50.0, 2.0**-53
     R_M, R_N = numeric.radii(np.sin(lat0))
-    offset = numeric.ned_offset(lat0 + step, lon0, h0, lat0, lon0, h0)
-    assert offset[0] == pytest.approx((R_M + h0) * step, rel=1e-14)
-    offset = numeric.ned_offset(lat0, lon0 + step, h0, lat0, lon0, h0)
-    assert offset[1] == pytest.approx((R_N + h0) * np.cos(lat0) * step, rel=1e-14)
-    offset = numeric.ned_offset(lat0, lon0, h0 + 2.0**-40, lat0, lon0, h0)
-    np.testing.assert_allclose(offset, [0, 0, -(2.0**-40)], rtol=0, atol=1e-27)
+    north = numeric.ned_offset(lat0 + step, lon0, h0, lat0, lon0, h0)[0]
+    assert north == pytest.approx((R_M + h0) * step, rel=1e-14)
+    east = numeric.ned_offset(lat0, lon0 + step, h0, lat0, lon0, h0)[1]
+    assert east == pytest.approx((R_N + h0) * np.cos(lat0) * step, rel=1e-14)
+    up = numeric.ned_offset(lat0, lon0, h0 + 2.0**-40, lat0, lon0, h0)
+    np.testing.assert_allclose(up, [0, 0, -(2.0**-40)], rtol=0, atol=1e-27)
     np.testing.assert_array_equal(numeric.ned_offset(lat0, lon0, h0, lat0, lon0, h0), 0.0)
+    lat, lon, h = numeric.geodetic_from_ned_offset(np.zeros(3), LATITUDE, LONGITUDE, HEIGHT)
+    np.testing.assert_array_equal([lat, h], [LATITUDE, HEIGHT])
+    np.testing.assert_array_equal(lon[abs(LATITUDE) < 1.57], LONGITUDE[abs(LATITUDE) < 1.57])
     over_the_date_line = numeric.ned_offset(0.5, -np.pi + 1e-7, 0.0, 0.5, np.pi - 1e-7, 0.0)
     assert over_the_date_line[1] == pytest.approx(2e-7 * numeric.radii(np.sin(0.5))[1] * np.cos(0.5), rel=1e-8)
 
@@ -77,9 +77,3 @@ def test_ned_offset_round_trip(lat0, lon0, h0, horizontal, down):
     lat, lon, h = numeric.geodetic_from_ned_offset(offset, lat0, lon0, h0)
     assert abs(lat) <= np.pi / 2 and abs(lon) <= np.nextafter(np.pi, 4) and np.isfinite(h)
     np.testing.assert_allclose(numeric.ned_offset(lat, lon, h, lat0, lon0, h0), offset, rtol=0, atol=6e-9)
-
-
-def test_no_offset_is_no_change():
-    lat, lon, h = numeric.geodetic_from_ned_offset(np.zeros(3), LATITUDE, LONGITUDE, HEIGHT)
-    np.testing.assert_array_equal([lat, h], [LATITUDE, HEIGHT])
-    np.testing.assert_array_equal(lon[abs(LATITUDE) < 1.57], LONGITUDE[abs(LATITUDE) < 1.57])

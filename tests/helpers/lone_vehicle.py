@@ -1,7 +1,5 @@
 """A vehicle alone as a model: its state is its output."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sensors on a given truth, and bounds that chance exceeds about once in 10^5."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any
@@ -33,12 +31,10 @@ DT = 0.01
 
 @cache
 def plant(instrument: str = "") -> Model:
-    """Inertial unit and receiver, or an instrument, with the truth as inputs, which have the same names after `set_`."""
-    place = tuple(Row(f"start_{name}", name, start=LEVEL[name]) for name in ("latitude", "longitude", "height") if instrument)
+    """Inertial unit and receiver, or an instrument, with the truth as inputs named after `set_`."""
+    place = [Row(f"start_{name}", name, start=LEVEL[name]) for name in ("latitude", "longitude", "height") if instrument]
     given = Part(
-        parameters=Table(
-            (SEED, Row("sample_interval", "Length of a sample", "s", start=0.005), *(place if instrument else ()))
-        ),
+        parameters=Table((SEED, Row("sample_interval", "Length of a sample", "s", start=0.005), *place)),
         state=Table((STEP, *(Row(name, name, shape=shape) for name, shape in TRUTH.items()))),
         inputs=Table(tuple(Row(f"set_{name}", name, shape=shape) for name, shape in TRUTH.items())),
         steps={"sample": Step(lambda p, x, u: {name: getattr(u, f"set_{name}") for name in TRUTH})},
@@ -73,14 +69,10 @@ def simulate(
     return model.outputs.unpack(outputs)
 
 
-def starts(parameters: dict[str, Any], seeds: int, of: str = "") -> dict[str, Any]:
-    """Start states of many seeds by row name, (seeds, ...)."""
-    model = plant(of)
-    return start_states(model, model.parameters.pack(parameters), seeds)
-
-
-def start_states(model: Model, p: Any, seeds: int) -> dict[str, Any]:
-    """The same of any model, with a vector of parameters."""
+def starts(parameters: dict[str, Any], seeds: int, model: Model | None = None, of: str = "") -> dict[str, Any]:
+    """Start states of many seeds of a model, by default the plant, by row name, (seeds, ...)."""
+    model = model or plant(of)
+    p = model.parameters.pack(parameters)
     r = np.array([noise.uniforms(s, 0, noise.START_STREAM, model.start_uniforms) for s in range(seeds)])
     return model.state.unpack(np.asarray(model.functions["start"](p[:, None], r.T)).T)
 
@@ -107,13 +99,12 @@ def assert_variance(samples: Any, variance: Any, freedom: float | None = None) -
     assert low < ratio < high, (ratio, low, high)
 
 
-def assert_gauss_markov(samples: Any, sigma: float, time: float) -> None:
-    """Assert variance and one-step correlation of processes sampled every `DT`, (n, k)."""
+def assert_gauss_markov(samples: Any, sigma: float, time: float, dt: float = DT) -> None:
+    """Assert variance and one-step correlation of processes, (n, k)."""
     samples = np.asarray(samples).reshape(len(samples), -1)
-    decay = math.exp(-DT / time)
+    decay = math.exp(-dt / time)
     freedom = samples.size * (1 - decay**2) / (1 + decay**2)  # independent samples with the same scatter of the mean square
     assert_variance(samples, sigma**2, freedom)
-    # what is new in each step is white
     assert_variance(samples[1:] - decay * samples[:-1], sigma**2 * (1 - decay**2))
 
 

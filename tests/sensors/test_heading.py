@@ -35,8 +35,7 @@ def test_it_states_its_scatter() -> None:
 
 
 def test_length_check_drops_wrong_ambiguities() -> None:
-    """Of displacements of length s from a baseline of length L, uniform in direction, the check keeps those with |d| in
-    L -+ t: cos between (( L - t)^2 - L^2 - s^2) / (2 L s) and that with + t."""
+    """Of displacements of length s, uniform in direction, from a baseline L it keeps those with (L -+ t)^2 about |d|^2."""
     n, length, size, tolerance = 10_000, 1.0, 0.19, 0.05
     rows = {"heading_outlier_probability": 1.0, "heading_outlier_size": size, "heading_length_tolerance": tolerance}
     kept = int(simulate(n, rows, of="heading")["heading_new"].sum())

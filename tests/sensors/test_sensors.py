@@ -6,60 +6,44 @@ import numpy as np
 import pytest
 from sensor_plant import MODULES
 
-from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.geodesy.magnetic import world_magnetic_model
 from insenv.instruments import INSTRUMENTS
 from insenv.scenario import build, load
 
-EVERY = {id: {} for id in MODULES}
+LEGS = [{"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 40}, {"drive_s": 60}]
 
 
-def scenario(**sections):
-    """A car that drives, with a receiver that delivers late."""
-    return load({
-        "title": "Car", "duration_s": 30.0, "rate_hz": 100.0, "seed": 4,
-        "start": {"latitude_deg": 48.0, "longitude_deg": 11.0, "height_m": 500.0, "heading_deg": 30.0},
-        "vehicle": {"kind": "car", "legs": [{"accelerate_to_mps": 15.0}, {"turn_deg": 90.0, "radius_m": 40}, {"drive_s": 60}]},
-        "imu": {"grade": "tactical"}, "gnss": {"grade": "rtk", "latency_s": 0.2, "lever_arm_m": [1.0, 0.0, -1.0]}, **sections,
-    })  # fmt: skip
+def scenario(*instruments, **sections):
+    car = load("car-city-drive").model_dump(mode="json", exclude_unset=True)
+    gnss = {"grade": "rtk", "latency_s": 0.4, "delay_sigma_s": 0.1, "lever_arm_sigma_m": 0.3}
+    vehicle = {"kind": "car", "legs": LEGS}
+    return load({**car, "rate_hz": 100.0, "vehicle": vehicle, "gnss": gnss, **{id: {} for id in instruments}, **sections})
 
 
-def outputs(given, backend=None):
-    made = build(given)
-    return made.model.outputs.unpack(make_runner(made.model, made.parameters, backend).run(made.samples))
+def outputs(given):
+    made = build(given, duration_s=30.0)
+    return made.model.outputs.unpack(make_runner(made.model, made.parameters).run(made.samples))
 
 
 def test_instruments_change_no_number_of_the_others() -> None:
-    alone, among = outputs(scenario()), outputs(scenario(**EVERY))
+    alone, among = outputs(scenario()), outputs(scenario(*MODULES))
     for name, value in alone.items():
         np.testing.assert_array_equal(among[name], value, err_msg=name)
     for id in MODULES:
         assert among[f"{id}_new"].sum() > 25 and np.ptp(among[INSTRUMENTS[id].values[0]]) > 0
 
 
-@pytest.mark.slow
-def test_interpreter_batch_and_native_agree_with_all_instruments() -> None:
-    """With a lever arm and a delay that each seed draws, to the bit."""
-    gnss = {"grade": "rtk", "latency_s": 0.4, "delay_sigma_s": 0.1, "lever_arm_sigma_m": 0.3}
-    given = scenario(**EVERY, duration_s=8.0, gnss=gnss)
-    made = build(given)
-    batch = make_batch(made.model, 9, {**made.parameters, "seed": 20}, lanes=8, backend="native")
-    shown = batch.run(made.samples, every=1)
-    for row in (0, 3, 8):
-        alone = build(given, seed=20 + row)
-        for backend in ("native", "interpreter"):
-            np.testing.assert_array_equal(shown[row], make_runner(alone.model, alone.parameters, backend).run(alone.samples))
-
-
 def test_knowledge_has_what_is_told() -> None:
     odometer = {"lever_arm_m": [0.0, 0.8, 1.0], "mounting_deg": [0, 0, 2]}
-    rows = build(scenario(magnetometer={"year": 2027.0}, odometer=odometer)).knowledge.rows
+    made = build(scenario(magnetometer={"year": 2027.0}, odometer=odometer))
+    rows, start = made.knowledge.rows, made.scenario.start
     np.testing.assert_allclose(rows["odometer_lever_arm_b"], [0.0, 0.8, 1.0])
     np.testing.assert_allclose(rows["odometer_mounting"], [0, 0, math.radians(2)])
     assert rows["odometer_scale_factor_sigma"] == pytest.approx(0.01)
     assert rows["odometer_noise"] == pytest.approx(math.hypot(0.05, 0.01 / math.sqrt(12)))
-    exact = world_magnetic_model(math.radians(48.0), math.radians(11.0), 500.0, 2027.0)
-    np.testing.assert_array_equal(rows["magnetic_field_n"], exact[0])
-    np.testing.assert_array_equal(rows["magnetic_field_gradient"], exact[1])
+    place = math.radians(start.latitude_deg), math.radians(start.longitude_deg), start.height_m
+    field, gradient = world_magnetic_model(*place, 2027.0)
+    np.testing.assert_array_equal(rows["magnetic_field_n"], field)
+    np.testing.assert_array_equal(rows["magnetic_field_gradient"], gradient)
     assert rows["barometer_noise"] == 0.0 and rows["dvl_current_time"] == 600.0, "no such instrument: the start values"

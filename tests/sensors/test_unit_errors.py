@@ -8,13 +8,6 @@ from insenv.core.runner import make_runner
 from insenv.sensors.unit_errors import true_unit_errors
 
 
-def matrix(found, triad):
-    """I - S - M."""
-    left = np.eye(3) - np.diag(found[f"{triad}_scale"])
-    left[~np.eye(3, dtype=bool)] -= found[f"{triad}_misalignment"]
-    return left
-
-
 def test_what_is_taken_out_of_the_increments_leaves_the_truth():
     """Every error of a unit that is turned in the body, warms up and has no noise."""
     rows = {"q_bs": (0.5, 0.5, -0.5, 0.5), "mounting_error": (0.01, -0.02, 0.03), "imu_temperature_initial": 310.0, "seed": 5}
@@ -32,7 +25,9 @@ def test_what_is_taken_out_of_the_increments_leaves_the_truth():
     assert abs(runner.state["imu_temperature"] - parameters["imu_temperature_reference"]) > 1.0
     for triad, row, exact in (("gyro", "delta_angle", true[0]), ("accel", "delta_velocity", true[1])):
         unbiased = shown[row][-1] - found[f"{triad}_bias"] * parameters["sample_interval"]
-        assert matrix(found, triad) @ unbiased == pytest.approx(exact, rel=1e-12)
+        kept = np.eye(3) - np.diag(found[f"{triad}_scale"])  # I - S - M
+        kept[~np.eye(3, dtype=bool)] -= found[f"{triad}_misalignment"]
+        assert kept @ unbiased == pytest.approx(exact, rel=1e-12)
         assert np.abs(found[f"{triad}_misalignment"]).min() > 1e-3
 
 

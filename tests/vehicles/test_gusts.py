@@ -21,16 +21,12 @@ def test_a_parked_car_sways_in_the_wind_with_the_given_sigma_and_repeats_with_th
     assert np.array_equal(again["wind_roll"], rows["wind_roll"][:201]) and other["wind_roll"][100] != again["wind_roll"][100]
 
 
-def test_turbulence_moves_attitude_and_velocity() -> None:
+def test_gusts_move_attitude_and_velocity() -> None:
     sigmas = {f"gust_{name}_sigma": 0.01 for name in ("roll", "pitch", "yaw")}
     sigmas |= {f"gust_{name}_sigma": 0.5 for name in ("north", "east", "down")}
     rows = history("aircraft", {**sigmas, "start_speed": 80.0, "start_height": 1e3, "sample_interval": 0.02}, 20_000)
     assert 0.3 < rows["velocity_n"][:, 2].std() < 0.6 and 0.005 < rows["gust_yaw"].std() < 0.015
     found = np.corrcoef([rows[f"gust_{n}_target"] for n in ("roll", "pitch", "yaw", "north", "east", "down")])
     assert np.abs(found - np.eye(6)).max() < 0.3
-
-
-def test_gusts_move_a_multirotor_that_hovers() -> None:
-    sigmas = {f"gust_{name}_sigma": 0.3 for name in ("north", "east", "down")} | {"gust_roll_sigma": 0.01}
     rows = history("multirotor", {**sigmas, "start_height": 100.0, "sample_interval": 0.02}, 20_000)
-    assert 0.2 < rows["velocity_n"][:, 0].std() < 0.35 and 0.006 < rows["gust_roll"].std() < 0.014
+    assert 0.3 < rows["velocity_n"][:, 0].std() < 0.6 and 0.005 < rows["gust_roll"].std() < 0.015

@@ -1,7 +1,5 @@
 """The surroundings of a moored ship: a steered sea, and a passing wave."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -9,35 +7,27 @@ import insenv
 from insenv.core.runner import make_runner
 from insenv.scenario import build, load
 
-SCENARIOS = ("ship-swaying", "ship-irregular-sea", "large-misalignment")
 
-
-def steered(name: str, **further: Any) -> dict[str, Any]:
+def steered(name, **further):
     values = load(name).model_dump(mode="json", exclude_unset=True)
     return {**values, **further, "vehicle": {**values["vehicle"], "steered_sea": True}}
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
-def test_without_commands_the_run_is_the_same_to_the_bit(name: str) -> None:
+@pytest.mark.parametrize("name", ["ship-swaying", "ship-irregular-sea"])
+def test_without_commands_the_run_is_the_same_to_the_bit(name):
     plain, other = build(load(name), duration_s=4.0), build(load(steered(name)), duration_s=4.0)
     shown, same = (make_runner(plant.model, plant.parameters).run(plant.samples) for plant in (plain, other))
     assert other.model.inputs.size == 3 and shown.tobytes() == same.tobytes()
 
 
-def test_commands_move_the_ship_truly() -> None:
-    """With a perfect unit free-inertial navigation follows a growing sea and a passing wave: truth and increments agree."""
+def test_commands_move_the_ship_truly():
+    """With a perfect unit free-inertial navigation follows a growing sea and a passing wave."""
     commands = [{"at_s": 3.0, "sea": 2.0}, {"at_s": 8.0, "wave": 2.0}, {"at_s": 14.0, "wave": 0.0}]
     exact = {"imu": {"grade": "perfect"}, "knowledge": {"draw_errors": False}}
     report = insenv.run(steered("ship-swaying", commands=commands, **exact), "wander-sins", duration_s=25.0)
-    plain = insenv.run("ship-swaying", "q-method", duration_s=25.0)
     time, height = report.truth.time, report.truth.height
-    assert np.all((height - plain.truth.height)[time < 3.0] == 0.0)
     assert np.max(np.abs(height[time > 16.0] - height[0])) > 1.5  # twice the sway of 1 m
     for channel in ("north_m", "east_m", "down_m"):
         assert np.max(np.abs(report.results[0].errors[channel])) < 1e-5
-
-
-def test_a_ship_under_way_keeps_its_own_commands() -> None:
-    section = load("ship-underway").vehicle
-    assert section.steerable() is section
-    assert build(load(steered("ship-underway"))).model is build(load("ship-underway")).model
+    under_way = load("ship-underway").vehicle
+    assert under_way.steerable() is under_way, "it keeps its own commands"

@@ -5,7 +5,6 @@ import pytest
 from lone_vehicle import history
 from scipy.integrate import quad
 
-from insenv.errors import InputError
 from insenv.geodesy import STANDARD_GRAVITY
 from insenv.vehicles import Hull, irregular_sea
 from insenv.vehicles.waves import response, spectrum, wave_components
@@ -15,10 +14,7 @@ SMALL = Hull(length=4.0, beam=1.0, draught=0.3, roll_period=1.0, roll_damping=0.
 
 
 def water(k, w, direction, x, y, t):
-    """Displacement of the surface: forward, right, down (m), of a wave of 1 m that travels in `direction`.
-
-    Deep water, on the surface: a particle moves on a circle, forward with the wave on the crest (Airy's theory).
-    """
+    """Displacement of the surface: forward, right, down (m), of a wave of 1 m by Airy's theory for deep water."""
     phase = w * t - k * (x * np.cos(direction) + y * np.sin(direction))
     along = np.sin(phase)  # the integral of a velocity w cos(phase)
     return np.array([along * np.cos(direction), along * np.sin(direction), -np.cos(phase)])
@@ -90,18 +86,12 @@ def test_spectrum_has_the_moments_of_the_sea(enhancement: float) -> None:
         assert 2 * np.pi * zeroth / first == pytest.approx(0.772 * 9.0, rel=0.01)
 
 
-def test_response_in_long_and_short_waves() -> None:
+def test_short_waves_do_not_move_a_long_hull_and_its_roll_has_a_resonance() -> None:
     hull = Hull(length=100, beam=16, draught=5)
     for direction in (0.0, 0.7, np.pi / 2, np.pi):
-        long = response([0.05], hull, direction)
-        k = 0.05**2 / 9.80665
-        assert long["down"][0] == pytest.approx(-1.0, abs=0.01)  # rides the wave
-        assert abs(long["pitch"][0]) == pytest.approx(k * abs(np.cos(direction)), rel=0.02, abs=1e-9)  # follows its slope
-        assert abs(long["roll"][0]) == pytest.approx(k * abs(np.sin(direction)), rel=0.02, abs=1e-9)
-        short = response([3.0], hull, direction)
-        assert all(abs(value[0]) < 0.1 for value in short.values())
+        assert all(abs(value[0]) < 0.1 for value in response([3.0], hull, direction).values())
     at = 2 * np.pi / hull.roll_period
-    assert abs(response([at], hull, np.pi / 2)["roll"][0]) > 2.5 * at**2 / 9.80665
+    assert abs(response([at], hull, np.pi / 2)["roll"][0]) > 2.5 * at**2 / STANDARD_GRAVITY
 
 
 @pytest.mark.parametrize("speed", [0.0, 8.0])
@@ -116,12 +106,3 @@ def test_motion_in_an_irregular_sea_has_the_variance_of_spectrum_and_response(sp
         assert rows[f"wave_{name}_sine"].sum(axis=1).std() == pytest.approx(expected, rel=0.1)
     down = rows["wave_down_sine"].sum(axis=1)
     np.testing.assert_allclose(rows["height"], rows["height"][0] - (down - down[0]), atol=1e-4)
-
-
-@pytest.mark.parametrize("change", [{"significant_height": -1.0}, {"enhancement": 0.5}, {"components": 0}])
-def test_bad_seas(change: dict) -> None:
-    ((name, value),) = change.items()
-    with pytest.raises(InputError, match=f"{name} = {value:g}"):
-        irregular_sea(**{"significant_height": 2.0, "peak_period": 8.0, **change})
-    with pytest.raises(InputError, match="length = 0"):
-        Hull(length=0)
