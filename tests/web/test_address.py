@@ -3,7 +3,7 @@
 from urllib.parse import quote
 
 import pytest
-from pages import CAR, SHIP, answers, live_page
+from live_pages import CAR, SHIP, answers, live_page
 
 from insenv.web.live import live_document
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pages import answers
+from live_pages import answers
 
 from insenv.estimators import get
 from insenv.estimators.parts.rows import FIX_HEALTH, aid_health

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import wasmtime
-from pages import CAR, SHIP, in_node, live_page
+from live_pages import CAR, SHIP, in_node, live_page
 
 import insenv
 from insenv.bench.page_machine import PageMachine

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browser import LAPTOP, PHONE
-from pages import answers
+from live_pages import answers
 from selenium.webdriver import ActionChains, Keys
 from selenium.webdriver.common.by import By
 

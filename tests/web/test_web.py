@@ -6,7 +6,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from pages import in_node
+from live_pages import in_node
 from peers import program
 from places import ROOT
 
