@@ -1,13 +1,21 @@
 """`fusion` from a start attitude that is not known: found by velocity integration, then the filter, each with its sigma."""
 
+from functools import cache
+
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import insenv
+from insenv import geodesy
+from insenv.core import symmetric
 from insenv.core.batch import make_batch
 from insenv.core.runner import make_runner
 from insenv.estimators.fusion import unknown_start
 from insenv.estimators.fusion.available import composition
+from insenv.estimators.parts.error_model import GYRO, POSITION, TILT
+from insenv.estimators.velocity_integration import source
 from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
@@ -169,6 +177,74 @@ def test_all_runners_give_the_same_bits(filter, way, name):
 
 
 # --- by a Doppler log -----------------------------------------------------------------------------------------
+
+
+@cache
+def sailing():
+    """(model, parameters, state and inputs by name at a velocity of the log) after 40 s: the level is found, no heading."""
+    plant, columns = columns_of(load("ship-log-alignment"), 1, 40.0)
+    filter = plant.adapted("fusion")
+    model, last = filter.model, int(np.flatnonzero(columns["dvl_new"])[-1])
+    runner, rows = make_runner(model, plant.parameters_of(filter)), input_rows(model, columns, plant.samples)
+    runner.run(last, rows[:last], 0)
+    return model, plant.parameters_of(filter), runner.state, model.inputs.unpack(rows[last])
+
+
+def started(share, **parameters):
+    """State before and after a start by the log, and its velocity; share: of the alignment's stated variances."""
+    model, told, state, inputs = sailing()
+    state = {**state, "alignment_covariance": share * state["alignment_covariance"]}
+    values = zip((model.parameters, model.state, model.inputs), ({**told, **parameters}, state, inputs), strict=True)
+    p, x, u = (table.symbols(ca.SX(ca.DM(table.pack(each)))) for table, each in values)
+    changed = model.steps["alignment_start"].function(p, x, u)
+    after = {name: np.squeeze(np.array(ca.DM(ca.evalf(ca.densify(ca.SX(value)))))) for name, value in changed.items()}
+    return state, {**state, **after}, inputs["dvl_velocity_b"]
+
+
+def covariance_of(state):
+    count = len(state["covariance"])
+    return symmetric.full_array(state["covariance"], round((np.sqrt(8 * count + 1) - 1) / 2))
+
+
+def rotation(q):
+    return Rotation.from_quat(q, scalar_first=True)
+
+
+def test_velocity_and_place_of_a_start_by_a_log_are_those_that_it_has_shown():
+    """The velocity and the way in body axes, turned by the attitude that is found; the place errs as the way turns."""
+    before, after, velocity_b = started(1e-4)
+    C_wb, q_ew = rotation(after["q_wb"]), after["q_ew"]
+    way_w = (C_wb * rotation(before["alignment_q_ib"]).inv()).apply(before["alignment_way"])
+    assert before["alignment_seeking"] and not after["alignment_seeking"] and np.linalg.norm(way_w) > 50.0
+    assert after["velocity_w"] == pytest.approx(C_wb.apply(velocity_b), abs=1e-3)
+    latitude, longitude, wander = geodesy.numeric.geodetic_from_q_ew(q_ew)
+    start = (before[f"alignment_{name}"] for name in ("latitude", "longitude", "height"))
+    moved = geodesy.numeric.ned_offset(latitude, longitude, after["height"], *start)
+    assert Rotation.from_euler("z", wander).apply(way_w) == pytest.approx(moved, abs=0.02)
+    P, turned = covariance_of(after), -np.cross(np.eye(3), way_w).T
+    expected = turned @ P[TILT, TILT]
+    assert P[POSITION, TILT] == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
+
+
+def test_a_drift_of_the_gyros_bends_the_way_by_half_of_its_angle():
+    small, large = 1e-6, 4e-6  # rad/s
+    told = {"alignment_dvl_misalignment_sigma": 0.0, "dvl_misalignment_sigma": 0.0}
+    few, many = (started(1e-4, alignment_gyro_bias_sigma=bias, **told) for bias in (small, large))
+    grown = np.diag(covariance_of(many[1]) - covariance_of(few[1]))[POSITION]
+    T, gone = few[0]["alignment_time"], few[1]["alignment_gone"]
+    assert grown == pytest.approx(np.full(3, (large**2 - small**2) * (gone * T / 2) ** 2), rel=1e-3)
+
+
+def test_errors_of_a_level_without_a_heading_belong_to_biases_in_body_axes():
+    """They turn with the heading that is kept."""
+    before, after, _ = started(1.0)
+    assert after["alignment_seeking"]
+    stated = symmetric.full_array(before["alignment_covariance"], source.N)
+    C_wi = (rotation(after["q_wb"]) * rotation(before["alignment_q_ib"]).inv()).as_matrix()
+    P, counted = covariance_of(after), float(sailing()[1]["alignment_gyro_bias_sigma"])
+    known = np.minimum(np.diag(P[GYRO, GYRO]) / counted**2, 1.0)
+    expected = -(C_wi @ (stated[source.KEPT, source.GYRO] + stated[source.DRIFT, source.GYRO]) * known)[:2]
+    assert P[TILT, GYRO][:2] == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(
