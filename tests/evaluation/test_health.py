@@ -292,7 +292,7 @@ def test_a_log_of_a_worse_unit_or_receiver_than_told_is_not_passed_over(tmp_path
     assert health.verdict == verdict and health.factor > 2
 
 
-def test_strict_fails_after_the_report_is_written(drive, tmp_path):
+def test_strict_fails_after_the_report_is_written(drive, tmp_path, monkeypatch):
     arguments = ("replay", drive, "-e", "loosely-coupled", "--out", tmp_path, "--no-figure")
     late = drive.with_name("late.toml")
     late.write_text(drive.read_text("utf-8").replace("time_offset_s = 0.0", "time_offset_s = 0.3"), encoding="utf-8")
@@ -302,7 +302,8 @@ def test_strict_fails_after_the_report_is_written(drive, tmp_path):
     status, text, said = call("replay", late, *arguments[2:], "--strict", "--json")
     assert status == 1 and said == "insenv: --strict: diverged: loosely-coupled from its fixes\n"
     assert json.loads(text)["results"][0]["health"]["verdict"] == "diverged" and (tmp_path / "late.json").exists()
-    status, _, said = call("run", "aircraft-inflight-alignment", "-e", "loosely-coupled", "--duration", "60", "--strict")
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+    status, _, said = call("run", "aircraft-inflight-alignment", "-e", "loosely-coupled", "--duration", "20", "--strict")
     both = "overconfident: loosely-coupled about its fixes; errors larger than stated: loosely-coupled"
     assert status == 1 and said == f"insenv: --strict: {both}\n"
 
