@@ -121,7 +121,7 @@ def test_a_fix_between_samples_or_late_is_as_good_as_one_on_time(timing):
 @pytest.mark.parametrize("seeds", [4, pytest.param(24, marks=pytest.mark.slow)])
 def test_covariance_is_consistent_over_seeds(seeds):
     """Normalised error of position, velocity and attitude inside the 99.9 % chi-square bounds."""
-    runs = navigated("car-city-drive", RTK, {"grade": "leador"}, range(seeds), matched=True, duration_s=120.0)
+    runs = navigated("car-city-drive", RTK, {"grade": "leador"}, range(seeds), matched=True, duration_s=150.0)
     total = 0.0
     for _, columns, runner, _ in runs:
         error = error_state(runner.x, true_state(runner.x, columns))[:9]

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -18,6 +19,7 @@ from insenv.estimators import get
 from insenv.estimators.parts.rows import MOTION_ERRORS, NOISES
 from insenv.estimators.velocity_integration import estimator as velocity_integration
 from insenv.estimators.velocity_integration.estimator import BY_FIXES, BY_LOG
+from insenv.estimators.velocity_integration.source import ALPHA, DRIFT, OF_SCALAR, OF_VECTOR
 from insenv.plant.feeding import input_rows
 from insenv.runs.replay_start import initial_knowledge
 from insenv.scenario import build, load
@@ -203,6 +205,30 @@ def test_what_a_constant_error_does_is_what_is_stated(name, row, sigma):
         square += (attitude.numeric.error_rotation_vector(up, down) / 2) ** 2
     stated = np.sqrt(found(model, columns, known, **told)[1] ** 2 - found(model, columns, known)[1] ** 2)
     assert stated == pytest.approx(np.sqrt(square), rel=0.05, abs=3e-6)
+
+
+def test_errors_of_a_velocity_of_the_log_against_differences():
+    """Of a drift of the attitude to i, of the mounting, and of the scale factor."""
+    model, step, C_ib = BY_LOG.model, 1e-6, Rotation.random(random_state=3)
+    velocity = np.array([6.0, -1.0, 0.5])
+
+    def seen(drift=(0, 0, 0), mounting=(0, 0, 0), scale=0.0):
+        q_ib = (Rotation.from_rotvec(drift) * C_ib).as_quat(scalar_first=True)
+        measured = (1 + scale) * (velocity + np.cross(velocity, mounting))
+        state = {"q_ib": q_ib, "alpha": [1.0, 2.0, -50.0], "dt": 0.01, "time": 30.0, "latitude": 0.8}
+        values = ((model.parameters, {}), (model.state, state), (model.inputs, {"dvl_velocity_b": measured, "dvl_new": 1.0}))
+        p, x, u = (table.symbols(ca.SX(ca.DM(table.pack(each)))) for table, each in values)
+        return BY_LOG.source.seen(p, x, u, lambda p, x: (ca.SX([1, 0, 0, 0]), ca.SX(0)))
+
+    def alpha(**errors):
+        return np.array(ca.DM(ca.evalf(ca.densify(seen(**errors).alpha)))).ravel()
+
+    stated = np.array(ca.DM(ca.evalf(ca.densify(seen().error))))
+    for part, name in ((DRIFT, "drift"), (OF_VECTOR, "mounting")):
+        slopes = [(alpha(**{name: step * axis}) - alpha(**{name: -step * axis})) / (2 * step) for axis in np.eye(3)]
+        assert stated[:, part] == pytest.approx(np.transpose(slopes), abs=1e-7)
+    assert stated[:, OF_SCALAR] == pytest.approx((alpha(scale=step) - alpha(scale=-step)) / (2 * step), abs=1e-7)
+    assert stated[:, ALPHA] == pytest.approx(np.eye(3))
 
 
 @pytest.mark.parametrize(

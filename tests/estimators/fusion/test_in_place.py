@@ -3,10 +3,12 @@
 from functools import cache
 
 import calibration
+import casadi as ca
 import numpy as np
 import pytest
 
 import insenv
+from insenv.core.model import Values
 from insenv.estimators.fusion.available import AIDS
 from insenv.evaluation.limits.bound import bound_of_unit
 from insenv.report.page.of_run import run_document
@@ -141,6 +143,16 @@ def test_half_turns_about_the_vertical_show_the_biases_of_the_level_gyros():
     found = bound_of_unit(plant.model, plant.parameters, prior_of(still.knowledge), plant.samples, in_place=True)["gyro_bias"]
     level = np.degrees(found[:2]) * 3600.0
     assert np.sqrt(np.mean(level**2)) > 3.0 * forward["bound"]
+
+
+@pytest.mark.parametrize("in_place_sigma", [1e-3, 5.0])
+def test_what_first_order_omits_counts_as_the_velocity_of_an_orientation(in_place_sigma):
+    """Of drawn errors of heading and accelerometers, over a minute; or what is told of the velocity, if that is more."""
+    rng, heading, bias = np.random.default_rng(1), 0.2, np.array([0.03, 0.03, 0.03])
+    drawn = np.cross(heading * rng.normal(size=(100_000, 1)) * [0, 0, 1], bias * rng.normal(size=(100_000, 3)))[:, :2] * 60.0
+    spread = {"attitude": ca.SX([0.0, 0.0, heading**2]), "accel_bias": ca.SX(bias**2)}.__getitem__
+    found = ca.evalf(AIDS["in_place"].variance(Values(in_place_sigma=in_place_sigma), None, None, spread)).full().ravel()
+    assert found == pytest.approx(np.full(3, max(np.mean(drawn**2), in_place_sigma**2)), rel=0.03)
 
 
 def test_a_fixed_place_needs_no_instrument_and_only_a_calibration_shows_the_unit():
