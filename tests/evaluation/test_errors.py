@@ -52,19 +52,20 @@ def beyond(scenario, estimator, runs):
     return np.mean(np.abs(error) > 3 * sigma, axis=(0, 1))
 
 
-# on some seas qakf has not converged for minutes
-SEA = {"q-method": 0.01, "qakf": 0.05, "qakf-improved": 0.01, "ecef-kf": 0.01, "gyrocompass": 0.01, "analytic": 0.01}
+# numbers of runs, and the share allowed; on some seas qakf has not converged for minutes
+SEA = {**dict.fromkeys(("q-method", "qakf-improved", "ecef-kf", "gyrocompass", "analytic"), (32, 0.01)), "qakf": (64, 0.05)}
 # one seed of 64 on which qakf converges slowly is 1.6 %; people who step into the car move it for 2 % of the time
-STILL = {**dict.fromkeys(IN_PLACE, 0.015), "qakf": 0.035, "analytic": 0.03}
+STILL = {**dict.fromkeys(IN_PLACE, (64, 0.015)), "qakf": (64, 0.035), "analytic": (64, 0.03)}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scenario", "estimator", "allowed"),
-    [("ship-irregular-sea", *each) for each in SEA.items()] + [(name, *each) for name in SCENARIOS for each in STILL.items()],
+    ("scenario", "estimator", "runs", "allowed"),
+    [("ship-irregular-sea", id, *each) for id, each in SEA.items()]
+    + [(name, id, *each) for name in SCENARIOS for id, each in STILL.items()],
 )
-def test_three_sigma_holds_in_place_and_on_the_sea(scenario, estimator, allowed):
-    assert np.all(beyond(scenario, estimator, 64) < allowed)
+def test_three_sigma_holds_in_place_and_on_the_sea(scenario, estimator, runs, allowed):
+    assert np.all(beyond(scenario, estimator, runs) < allowed)
 
 
 @pytest.mark.slow
