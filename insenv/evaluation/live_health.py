@@ -47,7 +47,6 @@ class LiveHealth:
     """
 
     def __init__(self, rows: Table = FIX_HEALTH) -> None:
-        import scipy.special  # noqa: F401  # now, so that the first verdict is not late by its loading
 
         self._rows = rows
         self._records: list[Vector] = []
