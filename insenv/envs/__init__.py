@@ -35,3 +35,5 @@ __all__ = [
     "knowledge_of",
     "register",
 ]
+
+register()  # in a process that is the command, `import insenv` does not
