@@ -9,7 +9,11 @@ import gc
 import os
 import signal
 import sys
+import time
 from types import FrameType
+
+BEGUN = time.time()
+"""When this process imported insenv, in seconds since the epoch."""
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """The signals that end the command; its exit status is 128 plus the number, as for a shell."""

@@ -22,6 +22,7 @@ import numpy as np
 
 from insenv.core.cache import source_digest
 from insenv.core.tables import Row
+from insenv.starting import BEGUN
 
 if TYPE_CHECKING:
     from insenv.core.model import Model
@@ -36,8 +37,8 @@ class _UnknownError(Exception):
 
 def identity(model: Model) -> str | None:
     """A hash that models with the same equations and tables share; None if it cannot be told without tracing them."""
-    digest = hashlib.sha256(_environment().encode())
     try:
+        digest = hashlib.sha256(_environment().encode())
         for part in _parts([getattr(model, field.name) for field in dataclasses.fields(model)], {}):
             digest.update(part.encode())
             digest.update(b"\0")
@@ -49,8 +50,10 @@ def identity(model: Model) -> str | None:
 @functools.cache
 def _environment() -> str:
     """What else decides the equations: the sources of insenv, and the versions of Python, NumPy and CasADi."""
-    folder = Path(__file__).parents[1]
-    sources = source_digest(folder.rglob("*.py"))
+    files = list(Path(__file__).parents[1].rglob("*.py"))
+    if max(path.stat().st_mtime for path in files) >= BEGUN:  # what is imported may be older than what is read here
+        raise _UnknownError
+    sources = source_digest(files)
     return "\0".join((sources, sys.version, np.__version__, ca.CasadiMeta.version()))
 
 

@@ -10,7 +10,6 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from insenv.core.cache import is_private, usable_folder
+from insenv.files.output import atomic
 
 Spans = tuple[slice, ...]
 FOLDER = "equations"
@@ -111,9 +111,8 @@ def keep(identity: str, found: Traced) -> None:
     content = json.dumps({"fingerprint": found.fingerprint, "kernels": kernels}).encode() + b"\n" + body
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix="new-", delete=False) as file:
-            file.write(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
-        os.replace(file.name, path)
+        with atomic(path, private=True) as stream:
+            stream.write(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
         _limit(path.parent)
 
 
