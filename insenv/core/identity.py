@@ -1,8 +1,9 @@
 """The identity of a model that is not traced: what its equations follow from.
 
-A model is made of functions, and functions of code and of the values that they hold.  For functions of insenv the code is
-known by a hash of all its sources, and what they hold is known by value.  Two models with the same identity therefore have the
-same equations.  A function from outside insenv may depend on anything, so that a model with one has no identity.
+A model is made of functions, and functions of code, of the values that they hold and of the global names that they use.  For
+functions of insenv the code is known by a hash of all its sources, and what they hold or name is known by value: a constant or
+a function that a script has replaced is seen.  Two models with the same identity therefore have the same equations.  A function
+from outside insenv may depend on anything, so that a model with one has no identity.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import sys
 from collections.abc import Iterator, Mapping, ValuesView
 from enum import Enum
 from pathlib import Path
-from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, SimpleNamespace
+from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 _PACKAGE = "insenv"
 _PLAIN = (str, bytes, int, float, complex, bool, type(None), type(Ellipsis), slice, range)
+_LIBRARIES = frozenset({"numpy", "casadi", "pydantic", *sys.stdlib_module_names}) - {"__main__"}
+"""Where the functions come from that insenv names, but did not define."""
 
 
 class _UnknownError(Exception):
@@ -39,7 +42,7 @@ def identity(model: Model) -> str | None:
     """A hash that models with the same equations and tables share; None if it cannot be told without tracing them."""
     try:
         digest = hashlib.sha256(_environment().encode())
-        for part in _parts([getattr(model, field.name) for field in dataclasses.fields(model)], {}):
+        for part in _parts([getattr(model, field.name) for field in dataclasses.fields(model)], {}, set()):
             digest.update(part.encode())
             digest.update(b"\0")
     except _UnknownError:
@@ -57,8 +60,12 @@ def _environment() -> str:
     return "\0".join((sources, sys.version, np.__version__, ca.CasadiMeta.version()))
 
 
-def _parts(thing: Any, met: dict[int, int]) -> Iterator[str]:
-    """Texts that say what a thing is.  met: the things that hold it, by their address; a thing may hold itself."""
+def _parts(thing: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
+    """Texts that say what a thing is.
+
+    met: the things that hold it, by their address; a thing may hold itself.  told: addresses of the functions of modules that
+    have been told already; there are many that use each other.
+    """
     kind = type(thing)
     if kind in _PLAIN:
         yield f"{kind.__name__} {thing!r}"
@@ -73,14 +80,14 @@ def _parts(thing: Any, met: dict[int, int]) -> Iterator[str]:
     if kind in (tuple, list):
         yield f"{kind.__name__} {len(thing)}"
         for item in thing:
-            yield from _parts(item, met)
+            yield from _parts(item, met, told)
     elif isinstance(thing, Mapping):
         yield f"mapping {len(thing)}"
         for key, value in thing.items():
-            yield from _parts(key, met)
-            yield from _parts(value, met)
+            yield from _parts(key, met, told)
+            yield from _parts(value, met, told)
     elif kind in (set, frozenset):
-        yield f"set {sorted(chr(0).join(_parts(item, met)) for item in thing)}"
+        yield f"set {sorted(chr(0).join(_parts(item, met, told)) for item in thing)}"
     elif isinstance(thing, (np.ndarray, np.generic)):
         array = np.asarray(thing)
         if array.dtype.hasobject:
@@ -88,30 +95,37 @@ def _parts(thing: Any, met: dict[int, int]) -> Iterator[str]:
         yield f"array {array.dtype.str} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()}"
     elif isinstance(thing, functools.partial):
         yield "partial"
-        yield from _parts((thing.func, thing.args, thing.keywords), met)
+        yield from _parts((thing.func, thing.args, thing.keywords), met, told)
     elif isinstance(thing, FunctionType):
-        yield from _of_function(thing, met)
+        yield from _of_function(thing, met, told)
     elif isinstance(thing, MethodType):
         yield "method"
-        yield from _parts((thing.__self__, thing.__func__), met)
+        yield from _parts((thing.__self__, thing.__func__), met, told)
     elif isinstance(thing, (BuiltinFunctionType, ModuleType)):
         yield f"builtin {getattr(thing, '__module__', '')} {thing.__name__}"
     elif isinstance(thing, SimpleNamespace):
         yield "namespace"
-        yield from _parts(vars(thing), met)
+        yield from _parts(vars(thing), met, told)
     elif isinstance(thing, ValuesView):
-        yield from _parts(tuple(thing), met)
+        yield from _parts(tuple(thing), met, told)
     elif isinstance(thing, ca.Function):
         yield f"equations {hashlib.sha256(thing.serialize().encode()).hexdigest()}"
+    elif isinstance(thing, ca.SX) and thing.is_constant():
+        yield f"constant {ca.evalf(thing).serialize()}"
     else:
-        yield from _of_object(thing, met)
+        yield from _of_object(thing, met, told)
 
 
-def _of_function(function: FunctionType, met: dict[int, int]) -> Iterator[str]:
+def _of_function(function: FunctionType, met: dict[int, int], told: set[int]) -> Iterator[str]:
     code = function.__code__
     # a function from outside that wraps one of insenv by functools.wraps has the __module__ of that one
     if not (_is_ours(function.__module__) and _is_ours(function.__globals__.get("__name__", ""))):
         raise _UnknownError
+    if id(function) in told:
+        yield f"told {function.__module__} {function.__qualname__}"
+        return
+    if sys.modules.get(function.__module__) and getattr(sys.modules[function.__module__], function.__name__, None) is function:
+        told.add(id(function))
     # two lambdas of one line have one name: their code tells them apart
     yield f"function {function.__module__} {function.__qualname__} {code.co_firstlineno} {code.co_code.hex()} {code.co_names}"
     try:
@@ -119,26 +133,75 @@ def _of_function(function: FunctionType, met: dict[int, int]) -> Iterator[str]:
     except ValueError:  # a cell without a value
         raise _UnknownError from None
     constants = [value for value in code.co_consts if type(value) in _PLAIN]
-    yield from _parts((constants, code.co_freevars, held, function.__defaults__, function.__kwdefaults__), met)
+    yield from _parts((constants, code.co_freevars, held, function.__defaults__, function.__kwdefaults__), met, told)
     if wrapped := getattr(function, "__wrapped__", None):
-        yield from _parts(wrapped, met)
+        yield from _parts(wrapped, met, told)
+    for name, value in _named(code, function.__globals__):
+        yield name
+        yield from _of_global(value, met, told)
 
 
-def _of_object(thing: Any, met: dict[int, int]) -> Iterator[str]:
+def _named(code: CodeType, space: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The global names that code uses, with their values, and the attributes that it may take of modules of insenv."""
+    spaces = [space]
+    for each in spaces:
+        for name in code.co_names:
+            if name not in each:
+                continue
+            value = each[name]
+            yield name, value
+            if isinstance(value, ModuleType) and _is_ours(value.__name__) and not any(vars(value) is known for known in spaces):
+                spaces.append(vars(value))
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _named(inner, space)
+
+
+def _of_global(value: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
+    """Texts of the value of a global name: one that is not known by value is of a kind that no equation follows from."""
+    if isinstance(value, FunctionType) and value.__globals__.get("__name__", "").partition(".")[0] in _LIBRARIES:
+        yield f"{value.__module__} {value.__qualname__}"
+    elif isinstance(value, FunctionType):
+        yield from _parts(value, met, told)
+    elif wrapped := getattr(value, "__wrapped__", None):  # functools.cache
+        yield from _of_global(wrapped, met, told)
+    else:
+        try:
+            yield from list(_parts(value, met, told))
+        except _UnknownError:
+            yield f"a {type(value).__qualname__}"
+
+
+def _of_object(thing: Any, met: dict[int, int], told: set[int]) -> Iterator[str]:
     kind = thing if isinstance(thing, type) else type(thing)
     if not _is_ours(kind.__module__):
         raise _UnknownError
     yield f"{kind.__module__} {kind.__qualname__}"
+    if id(kind) not in told:
+        told.add(id(kind))
+        for base in kind.__mro__:
+            for name, function in _methods(base):
+                yield name
+                yield from _of_global(function, met, told)
     if isinstance(thing, type):
         return
     if isinstance(thing, Enum):
         yield thing.name
     elif dataclasses.is_dataclass(thing):
-        yield from _parts([getattr(thing, field.name) for field in dataclasses.fields(thing)], met)
+        yield from _parts([getattr(thing, field.name) for field in dataclasses.fields(thing)], met, told)
     elif hasattr(thing, "model_dump"):  # a section of a file
-        yield from _parts(thing.model_dump(), met)
+        yield from _parts(thing.model_dump(), met, told)
     else:
         raise _UnknownError
+
+
+def _methods(kind: type) -> Iterator[tuple[str, FunctionType]]:
+    """What a class of insenv defines in words, not what `dataclasses` writes for it."""
+    if _is_ours(kind.__module__):
+        for name, value in vars(kind).items():
+            function = getattr(value, "__func__", None) or getattr(value, "fget", None) or getattr(value, "func", None) or value
+            if isinstance(function, FunctionType) and function.__code__.co_filename != "<string>":
+                yield name, function
 
 
 def _is_ours(module: str) -> bool:

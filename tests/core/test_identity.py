@@ -90,6 +90,13 @@ def wrapping(p, x, u):
     return {"a": FACTOR * x.a}
 
 
+def using(value):
+    """A step that uses a value by a global name."""
+    space = {"__name__": "insenv.made", "value": value}
+    exec("def step(p, x, u):\n    return {'a': value(x.a)}", space)
+    return space["step"]
+
+
 class Unknown:
     pass
 
@@ -97,7 +104,7 @@ class Unknown:
 @pytest.mark.parametrize(
     "step",
     [outside, wrapping, made([outside]), made(Unknown()), made(Unknown), made(np.array([None])), made(X),
-     made(functools.cache(made(0)))],
+     made(functools.cache(made(0))), using(outside)],
 )  # fmt: skip
 def test_what_may_depend_on_anything_has_no_identity(step):
     assert identity(model(step)) is None
@@ -106,3 +113,22 @@ def test_what_may_depend_on_anything_has_no_identity(step):
 def test_every_estimator_has_one_of_its_own():
     found = [identity(get(id).model) for id in registered()]
     assert None not in found and len(set(found)) == len(found)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("insenv.estimators.analytic.TURN", 3.0),
+        ("insenv.estimators.analytic._line", made(0)),
+        ("insenv.estimators.ecef_kf.AXIS_E", ca.SX([0, 0, 7e-5])),
+        ("insenv.geodesy.q_ew_from_geodetic", made(0)),
+        ("insenv.geodesy.wgs84.E2", 0.0067),
+        ("insenv.core.elementary._SIN", [1.0, -0.1]),
+        ("insenv.core.tables.Table.slice", made(0)),
+    ],
+)
+def test_what_a_script_replaces_is_seen(place, value, monkeypatch):
+    before = identity(get("ecef-kf").model), identity(get("analytic").model)
+    monkeypatch.setattr(place, value)
+    after = identity(get("ecef-kf").model), identity(get("analytic").model)
+    assert after != before and None not in after
