@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import json
 import os
 import re
@@ -117,16 +118,16 @@ class Outcome:
 
 
 def state_of_tree() -> str:
-    """The commit, and a hash of what differs from it: an outcome is of one state."""
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
-    changed = subprocess.run(["git", "diff", "HEAD"], cwd=ROOT, capture_output=True, check=False).stdout
-    return f"{commit}-{hash_of(changed)}"
+    """The commit, and a hash of what differs from it and of files that are not in it: an outcome is of one state."""
 
+    def git(*arguments: str) -> bytes:
+        return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, check=False).stdout
 
-def hash_of(content: bytes) -> str:
-    import hashlib
-
-    return hashlib.sha256(content).hexdigest()[:12]
+    digest = hashlib.sha256(git("diff", "HEAD"))
+    for name in git("ls-files", "--others", "--exclude-standard", "-z").split(b"\0"):
+        if name:
+            digest.update(name + (ROOT / os.fsdecode(name)).read_bytes())
+    return f"{git('rev-parse', 'HEAD').decode().strip()}-{digest.hexdigest()[:12]}"
 
 
 def install_peers() -> None:

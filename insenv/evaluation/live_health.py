@@ -47,7 +47,6 @@ class LiveHealth:
     """
 
     def __init__(self, rows: Table = FIX_HEALTH) -> None:
-
         self._rows = rows
         self._records: list[Vector] = []
         self._latest: Vector = np.zeros(0)
