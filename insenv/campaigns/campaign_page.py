@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import insenv
 from insenv.campaigns.presentation import (
     CAMPAIGN_COLUMNS,
     campaign_facts,
@@ -28,6 +27,7 @@ from insenv.report.page.of_run import EXPLAINED, NAMES, unit_of
 from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table
 from insenv.report.scales import threshold_of
 from insenv.report.tables import label, number
+from insenv.version import __version__
 
 GROUPS = (("Attitude error", ATTITUDE), ("Position error", POSITION), ("Velocity error", VELOCITY))
 
@@ -47,7 +47,7 @@ def campaign_page_document(found: Statistics) -> dict[str, Any]:
     plan = found.plan
     return {
         "kind": "report",
-        "version": insenv.__version__,
+        "version": __version__,
         "name": f"{plan.name}: {plan.estimator}",
         "title": str(plan.scenario.get("title", "")),
         "facts": campaign_page_facts(found),

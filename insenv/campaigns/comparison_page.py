@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import insenv
 from insenv.campaigns.campaign_page import (
     campaign_page_facts,
     campaign_page_notes,
@@ -17,6 +16,7 @@ from insenv.report.page import assembled
 from insenv.report.page.arrays import Pool, kept_records
 from insenv.report.page.panels import intervals_panel, section, table
 from insenv.report.tables import label
+from insenv.version import __version__
 
 
 def comparison_page(found: Comparison) -> str:
@@ -45,7 +45,7 @@ def comparison_page_document(found: Comparison) -> dict[str, Any]:
     ]
     return {
         "kind": "report",
-        "version": insenv.__version__,
+        "version": __version__,
         "name": f"{plan.name}: {' and '.join(ids)}",
         "title": str(plan.scenario.get("title", "")),
         "facts": campaign_page_facts(campaigns[0]),

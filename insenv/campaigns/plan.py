@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import insenv
 from insenv import estimators
 from insenv.campaigns.designs import check_design, design_note, numbers_of, seed_of, whole_design
 from insenv.campaigns.model import Measured, measured_model
@@ -25,6 +24,7 @@ from insenv.plant.feeding import recording_interval
 from insenv.scenario import Plant, Scenario, ScenarioLike, build, load, parse, reseeded
 from insenv.scenario.build import seed_and_duration
 from insenv.scenario.description import MAX_SEED
+from insenv.version import __version__
 
 RECORDS = 120
 """Approximate upper bound of the number of recorded times."""
@@ -61,7 +61,7 @@ class Plan:
     def as_json(self) -> dict[str, Any]:
         """Everything on which the results depend, including the version."""
         return {
-            "insenv": insenv.__version__,
+            "insenv": __version__,
             **asdict(self),
             "variations": [{"key": v.key, **v.distribution.as_json()} for v in self.variations],
             "equations": self.measured.model.fingerprint,

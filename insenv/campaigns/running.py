@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from insenv import __version__
 from insenv.campaigns.block import Arrays, StoppedError, run_block
 from insenv.campaigns.comparison import Comparison, compare
 from insenv.campaigns.executors import Processes, Workers, processes, threads
@@ -27,6 +26,7 @@ from insenv.estimators import Estimator, get_all
 from insenv.files.output import as_path
 from insenv.scenario import ScenarioLike, with_settings
 from insenv.scenario.tuning import Settings
+from insenv.version import __version__
 
 STOPPING_S = 3.0
 """Time that blocks have to leave what is done of them, s: they look about twice a second."""

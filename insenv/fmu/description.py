@@ -10,7 +10,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-import insenv
 from insenv.core.model import Model
 from insenv.core.tables import Vector
 from insenv.fmu import units
@@ -19,6 +18,7 @@ from insenv.fmu.subject import Subject
 from insenv.fmu.units import Quantity
 from insenv.fmu.variables import Kind, Variable
 from insenv.instruments import INSTRUMENTS
+from insenv.version import __version__
 
 _CAUSALITY = {  # of numbers; Booleans cannot be continuous
     Kind.TIME: ("independent", "continuous", None),
@@ -103,10 +103,10 @@ def _head(subject: Subject, fmi: int) -> dict[str, str]:
         "guid" if fmi == 2 else "instantiationToken": TOKEN,
         "description": subject.title,
         "author": "The insenv authors",
-        "version": insenv.__version__,
+        "version": __version__,
         "copyright": "The insenv authors; FMI headers: Modelica Association",
         "license": "Apache-2.0; FMI headers: BSD-2-Clause",
-        "generationTool": f"insenv {insenv.__version__}",
+        "generationTool": f"insenv {__version__}",
         "variableNamingConvention": "structured",
     }
 

@@ -7,10 +7,10 @@ from html import escape
 
 import numpy as np
 
-import insenv
 from insenv.fmu import units
 from insenv.fmu.subject import Subject
 from insenv.fmu.variables import Kind, Variable
+from insenv.version import __version__
 
 _HEADINGS = {
     Kind.PARAMETER: "Parameters",
@@ -40,7 +40,7 @@ def page(subject: Subject, variables: Sequence[Variable], fmi: int, libraries: M
     parts = [
         f"<h1>{escape(subject.id)}</h1>",
         f"<p>{escape(subject.title[:1].upper() + subject.title[1:])}.</p>",
-        f"<p>FMI {fmi}.0 for Co-Simulation, exported by insenv {insenv.__version__}. The equations are C code generated from "
+        f"<p>FMI {fmi}.0 for Co-Simulation, exported by insenv {__version__}. The equations are C code generated from "
         "the same model that insenv runs; the results are bit-identical. The C library is the only requirement.</p>",
         "<h2>Steps</h2>",
         f"<p>The sample interval is {subject.sample_interval!r} s, fixed at export. {_LENGTH[subject.kind]} Any other step is "

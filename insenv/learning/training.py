@@ -126,7 +126,7 @@ def train(
             "small_samples": int(small.sum()),
         },
     }
-    from insenv import __version__
+    from insenv.version import __version__
 
     return TrainedMachine(
         support=_rounded_array(best.support_ / best.sigma),

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-import insenv
 from insenv.evaluation.errors import ATTITUDE, POSITION, VELOCITY
 from insenv.report.page import assembled
 from insenv.report.page.arrays import Pool, kept_records
@@ -14,6 +13,7 @@ from insenv.report.page.of_run import NAMES, unit_of
 from insenv.report.page.panels import TRUTH_GROUP, TimePanel, section, table
 from insenv.report.scales import threshold_of
 from insenv.report.tables import label, number
+from insenv.version import __version__
 from insenv.workbench.budget_presentation import GROUPS, budget_rows, facts, left_out, ranked, sentences
 from insenv.workbench.budget_result import Array, Budget
 
@@ -40,7 +40,7 @@ def budget_page_document(found: Budget) -> dict[str, Any]:
     named = {ALL: "all sources", OTHERS: others, METHOD: "method"} | {group: found.sources[k] for group, k in drawn.own}
     return {
         "kind": "report",
-        "version": insenv.__version__,
+        "version": __version__,
         "name": f"{found.scenario}: {found.estimator}",
         "title": "Error budget: which source of error dominates",
         "facts": [facts(found)],

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-import insenv
 from insenv.report.page import assembled
 from insenv.report.page.arrays import Pool
 from insenv.report.page.panels import TRUTH_GROUP, TimePanel, intervals_panel, section, table
 from insenv.report.tables import label, number
+from insenv.version import __version__
 from insenv.workbench.tune_result import CHANNEL_COLUMNS, PARAMETER_COLUMNS, Tuning, channel_rows, parameter_rows, sentences
 
 
@@ -32,7 +32,7 @@ def tuning_page_document(found: Tuning) -> dict[str, Any]:
     tables += [table(f"Errors on {found.judged_on}", CHANNEL_COLUMNS, channel_rows(found))] if ratios else []
     return {
         "kind": "report",
-        "version": insenv.__version__,
+        "version": __version__,
         "name": f"{found.source}: {found.estimator}",
         "title": "Tuning" if found.is_better else "Tuning: no better than by chance, keep the present one",
         "facts": [f"sought on {found.trained_on}", f"judged on {found.judged_on}", f"{number(found.duration_s)} s"],

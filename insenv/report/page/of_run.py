@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import insenv
 from insenv.evaluation.errors import ATTITUDE, CHANNELS, POSITION, VELOCITY, Result, Track, stated_sigma
 from insenv.evaluation.health import course
 from insenv.files.json_text import to_json
@@ -30,6 +29,7 @@ from insenv.report.tables import (
     within,
 )
 from insenv.sensors import units
+from insenv.version import __version__
 
 NAMES = {
     "roll_deg": "Roll", "pitch_deg": "Pitch", "heading_deg": "Heading", "north_m": "North", "east_m": "East", "down_m": "Down",
@@ -73,7 +73,7 @@ def run_document(report: RunData, budget: int = BYTES) -> dict[str, Any]:
     thinned = [f"The page shows {kept} of {records} records; the .npz file holds all."] if kept < records else []
     return {
         "kind": "report",
-        "version": insenv.__version__,
+        "version": __version__,
         "name": report.scenario,
         "title": report.title,
         "facts": facts(report),
