@@ -13,10 +13,8 @@ from itertools import pairwise
 from typing import Any
 
 from insenv import starting
-from insenv.cli.interruptions import Interruptions, ignore_from_now_on
+from insenv.cli.interruptions import BROKEN_PIPE, DONE, FAILED, INTERRUPTED, WRONG, Interruptions, ignore_from_now_on
 from insenv.cli.streams import drop_unwritten, prepare
-
-DONE, FAILED, WRONG, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP during the work of a command: all end it alike, as a `KeyboardInterrupt`."""
+"""How a command ends: its exit status, and Ctrl-C, SIGTERM and SIGHUP during its work, all as a `KeyboardInterrupt`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import Any
 
 from insenv.starting import SIGNALS, end
 
+DONE, FAILED, WRONG, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+"""Exit statuses of the command."""
 RETRY_S = 0.01
 """Time after which an interruption inside CasADi is tried again, s."""
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from insenv.cli.exports import check_asked, exported, with_formats
+from insenv.cli.interruptions import DONE, FAILED
 from insenv.cli.options import (
     Duration,
     Estimators,
@@ -133,7 +134,6 @@ def replay(
 
 def _status(report: Report, strict: bool) -> int:
     """Exit status after the report is printed; with `strict`, that of failed work if an estimate states too little."""
-    from insenv.cli import DONE, FAILED
     from insenv.cli.output import print_line
     from insenv.evaluation.nis import Verdict
 

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, ValuesView
 from enum import Enum
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -24,9 +24,6 @@ import numpy as np
 from insenv.core.cache import source_digest
 from insenv.core.tables import Row
 from insenv.starting import BEGUN
-
-if TYPE_CHECKING:
-    from insenv.core.model import Model
 
 _PACKAGE = "insenv"
 _PLAIN = (str, bytes, int, float, complex, bool, type(None), type(Ellipsis), slice, range)
@@ -38,8 +35,8 @@ class _UnknownError(Exception):
     """Something whose effect on the equations is not known by its value."""
 
 
-def identity(model: Model) -> str | None:
-    """A hash that models with the same equations and tables share; None if it cannot be told without tracing them."""
+def identity(model: Any) -> str | None:
+    """A hash that models (`insenv.Model`) with the same equations and tables share; None if only tracing can tell."""
     try:
         digest = hashlib.sha256(_environment().encode())
         for part in _parts([getattr(model, field.name) for field in dataclasses.fields(model)], {}, set()):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from math import radians
 from statistics import NormalDist
 from typing import Any
@@ -18,14 +17,14 @@ from insenv.core.model import Model
 from insenv.core.naming import check_rows, naming
 from insenv.core.tables import Table, Vector
 from insenv.errors import InputError
-from insenv.estimators import Estimator, Knowledge, get
+from insenv.estimators import Knowledge
 from insenv.instruments import TOLD
 from insenv.plant import plant_model
-from insenv.scenario.commands import DRIVEN, Commanded, commanded, input_rows
+from insenv.scenario.commands import DRIVEN, commanded
 from insenv.scenario.description import MAX_DURATION_S, MAX_SEED, KnowledgeSection, Scenario
+from insenv.scenario.plant import Plant
 from insenv.scenario.poles import check_course
 from insenv.scenario.sensor_notes import motion_errors, sensor_notes
-from insenv.scenario.tuning import Settings, choices_in, own_settings
 from insenv.sensors import IMU, Sensor
 from insenv.sensors.contract import Place
 from insenv.vehicles import Vehicle
@@ -39,72 +38,6 @@ _NORMAL = NormalDist()
 
 SMALLEST_AMPLITUDE = 1e-30
 """Smaller amplitudes (rad, m) are set to 0."""
-
-
-@dataclass(frozen=True, eq=False)
-class Plant:
-    """A scenario ready to run.
-
-    model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: number of
-    inertial samples.  knowledge: initial knowledge of the estimators.  commands: of the scenario, see `inputs`.
-    """
-
-    scenario: Scenario
-    model: Model
-    parameters: dict[str, Any]
-    sample_interval: float
-    samples: int
-    duration_s: float
-    seed: int
-    knowledge: Knowledge
-    commands: Commanded = ()
-
-    @property
-    def in_place(self) -> bool:
-        """Whether the vehicle stays in place, within metres."""
-        return self.scenario.vehicle.in_place
-
-    @property
-    def sensors(self) -> frozenset[str]:
-        """Ids of the sensors other than the inertial unit."""
-        return frozenset(self.scenario.sensors)
-
-    def inputs(self, begin: int, count: int) -> Vector | None:
-        """Inputs (count, inputs.size) of the samples from `begin` on; None if the scenario has no commands."""
-        return input_rows(self.model, self.commands, begin, count)
-
-    @cached_property
-    def tunings(self) -> dict[str, dict[str, Any]]:
-        """Parameter rows (SI) that the scenario sets, by estimator id."""
-        return self.scenario.tunings
-
-    def adapted(self, estimator: str | Estimator, settings: Settings | None = None, *, whole: bool = True) -> Estimator:
-        """The estimator that runs on this plant (`Estimator.adapted`), with the names that the scenario or `settings` give.
-
-        whole: as in `parameters_of`.  Raises `InputError` if there is none.
-        """
-        chosen = get(estimator)
-        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, own_settings(chosen, settings))}
-        return chosen.adapted(self.knowledge, self.scenario.drive(whole), choices)
-
-    def parameters_of(
-        self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, whole: bool = True
-    ) -> dict[str, Any]:
-        """Parameters (SI, by row name) of an estimator for this plant; `rows` replace those of the scenario.
-
-        whole: whether the whole run is available, for a smoother's backward pass.  Raises `InputError` if the
-        estimator cannot run on this scenario.
-        """
-        parameters = estimator.parameters(self.knowledge, self.tunings, rows)
-        estimator.check(self.scenario.drive(whole), parameters)
-        return parameters
-
-    def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[str, ...]:
-        """What must be said, before it runs, of an estimator that may be stopped at any time; `rows`: see `parameters_of`."""
-        table = estimator.model.parameters
-        parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))
-        tuned = estimator.understated(self.knowledge, self.tunings, rows)
-        return (*estimator.without_effect(self.tunings), *tuned, *estimator.notes(parameters, self.duration_s))
 
 
 def build(scenario: Scenario, seed: int | None = None, duration_s: float | None = None, *, driven: bool = False) -> Plant:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from insenv.core.tables import Table, Vector
-from insenv.scenario.build import Plant, start_errors
+from insenv.scenario.build import start_errors
 from insenv.scenario.description import KnowledgeSection, Scenario
+from insenv.scenario.plant import Plant
 from insenv.sensors import IMU, Sensor
 from insenv.sensors.contract import ErrorSource
 

@@ -20,9 +20,10 @@ from insenv.evaluation import limits
 from insenv.evaluation.limits import Limit, Prior
 from insenv.files.output import atomic
 from insenv.instruments import INSTRUMENTS
-from insenv.scenario.build import Plant, build
+from insenv.scenario.build import build
 from insenv.scenario.description import KnowledgeSection
 from insenv.scenario.files import ScenarioLike, load
+from insenv.scenario.plant import Plant
 
 TRAJECTORY_SEED = 1
 """Seed of the trajectory along which a limit is taken: the limits along trajectories of other seeds agree to about 1 %."""

@@ -6,7 +6,7 @@ Vehicles steer relative to north, and at a pole there is none: the truth divides
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,9 @@ from insenv.errors import InputError
 from insenv.geodesy import POLAR_RADIUS
 from insenv.plant.feeding import chunks
 from insenv.scenario.commands import PREFIX
+from insenv.scenario.description import Scenario
+from insenv.scenario.plant import Plant
 from insenv.vehicles.section import FASTEST_MPS
-
-if TYPE_CHECKING:
-    from insenv.scenario.build import Plant
-    from insenv.scenario.description import Scenario
 
 CLOSEST = 100.0
 """m"""

@@ -4,7 +4,8 @@
 An own aid is an `Aid`, an own error a `constant` or `drifting` one (docs/write-your-own.md).
 """
 
-from insenv.estimators.fusion.contract import Aid, ErrorState, constant, drifting, gate_row, sigma_row
+from insenv.estimators.fusion.aid import Aid, gate_row
+from insenv.estimators.fusion.error_state import ErrorState, constant, drifting, sigma_row
 from insenv.estimators.fusion.family import ESTIMATORS, fusion
 
 __all__ = ["ESTIMATORS", "Aid", "ErrorState", "constant", "drifting", "fusion", "gate_row", "sigma_row"]

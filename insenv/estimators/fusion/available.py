@@ -7,8 +7,9 @@ from functools import lru_cache
 
 from insenv.errors import InputError, nearest
 from insenv.estimators.fusion import barometer, dvl, gnss, heading, in_place, inertial, magnetometer, odometer, zero_velocity
+from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
-from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.error_state import ErrorState
 
 ALWAYS = ("gyro_bias", "accel_bias")
 """States that every filter has."""

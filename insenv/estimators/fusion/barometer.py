@@ -16,7 +16,8 @@ from typing import Any
 import casadi as ca
 
 from insenv.core.tables import Table
-from insenv.estimators.fusion.contract import Aid, constant, drifting, gate_row, noise_variance
+from insenv.estimators.fusion.aid import Aid, gate_row, noise_variance
+from insenv.estimators.fusion.error_state import constant, drifting
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.gauss_markov import correlated_again
 from insenv.geodesy import STANDARD_GRAVITY

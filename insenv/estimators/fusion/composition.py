@@ -22,7 +22,8 @@ from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.errors import InputError
 from insenv.estimators.fusion import history
-from insenv.estimators.fusion.contract import Aid, ErrorState, repeated
+from insenv.estimators.fusion.aid import Aid, repeated
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.measurement import update
 from insenv.estimators.fusion.navigation import corrected_increments
 from insenv.estimators.fusion.retraction import corrected, linear

@@ -13,7 +13,8 @@ from insenv.attitude import skew
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
 from insenv.core.tables import Table
-from insenv.estimators.fusion.contract import Aid, Spread, beyond_linear, constant, drifting, gate_row, noise_variance
+from insenv.estimators.fusion.aid import Aid, Spread, beyond_linear, gate_row, noise_variance
+from insenv.estimators.fusion.error_state import constant, drifting
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.error_model import TILT, VELOCITY
 from insenv.instruments import DVL

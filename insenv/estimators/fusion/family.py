@@ -15,9 +15,10 @@ import numpy as np
 from insenv.errors import InputError
 from insenv.estimators.contract import TURNTABLE, Choices, Drive, Estimator, Knowledge
 from insenv.estimators.fusion import history, unknown_start
+from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.available import AIDS, OF_AID, STATES, composition
 from insenv.estimators.fusion.composition import Composition
-from insenv.estimators.fusion.contract import Aid, ErrorState
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.findings import surprising
 from insenv.estimators.fusion.gnss import WANDER
 from insenv.estimators.fusion.in_place import SHAKEN

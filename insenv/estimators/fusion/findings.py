@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from insenv.core.model import Values
-from insenv.estimators.fusion.contract import ErrorState
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.parts.finding import Finding
 
 SURPRISING = 5.0

@@ -14,7 +14,8 @@ import casadi as ca
 from insenv import attitude
 from insenv.core.elementary import maximum
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, ErrorState, Spread
+from insenv.estimators.fusion.aid import Aid, Spread
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import gnss_fix, rows
 from insenv.geodesy import NOMINAL_GRAVITY

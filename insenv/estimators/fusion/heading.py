@@ -14,7 +14,8 @@ import casadi as ca
 from insenv import attitude
 from insenv.core.elementary import atan2, select, wrap_angle
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, ErrorState, gate_row, noise_variance
+from insenv.estimators.fusion.aid import Aid, gate_row, noise_variance
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.gauss_markov import correlated_again

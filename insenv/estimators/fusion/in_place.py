@@ -12,7 +12,8 @@ import casadi as ca
 
 from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, Spread, sigma_row, waited
+from insenv.estimators.fusion.aid import Aid, Spread, waited
+from insenv.estimators.fusion.error_state import sigma_row
 from insenv.estimators.parts.rows import STANDING_SIGMA
 
 HELD = 60.0

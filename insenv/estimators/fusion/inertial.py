@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from insenv.estimators.fusion.contract import ErrorState, constant, sigma_row
+from insenv.estimators.fusion.error_state import ErrorState, constant, sigma_row
 from insenv.estimators.parts import rows
 from insenv.estimators.parts.rest_bias import bias_sigma
 

@@ -9,7 +9,8 @@ import casadi as ca
 
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, select
-from insenv.estimators.fusion.contract import Aid, ErrorState, Spread
+from insenv.estimators.fusion.aid import Aid, Spread
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.fusion.retraction import linear
 from insenv.estimators.parts.counting import counted

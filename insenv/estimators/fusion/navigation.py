@@ -21,7 +21,7 @@ from insenv import attitude, geodesy
 from insenv.attitude import skew
 from insenv.core.model import Values
 from insenv.estimators.fusion import history
-from insenv.estimators.fusion.contract import ErrorState
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 from insenv.geodesy import NOMINAL_GRAVITY

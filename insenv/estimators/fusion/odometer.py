@@ -22,7 +22,8 @@ from insenv import attitude
 from insenv.attitude import skew
 from insenv.core.elementary import maximum, select
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, Spread, beyond_linear, constant, gate_row, noise_variance, sigma_row, waited
+from insenv.estimators.fusion.aid import Aid, Spread, beyond_linear, gate_row, noise_variance, waited
+from insenv.estimators.fusion.error_state import constant, sigma_row
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.parts.gauss_markov import correlated_again
 from insenv.instruments import ODOMETER

@@ -17,7 +17,7 @@ from insenv import attitude
 from insenv.core import symmetric
 from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Step
-from insenv.estimators.fusion.contract import NEVER, Aid
+from insenv.estimators.fusion.aid import NEVER, Aid
 from insenv.estimators.parts.applicability import LINEAR_TILT
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 

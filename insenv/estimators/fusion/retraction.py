@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from insenv.estimators.fusion import history
-from insenv.estimators.fusion.contract import ErrorState
+from insenv.estimators.fusion.error_state import ErrorState
 from insenv.estimators.parts import strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY
 

@@ -14,8 +14,8 @@ from insenv.core.elementary import select
 from insenv.core.model import Model, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.fusion import unknown_start
+from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
-from insenv.estimators.fusion.contract import Aid
 from insenv.estimators.fusion.retraction import corrected, navigation_corrected
 from insenv.estimators.parts import adjoint, rows, strapdown
 from insenv.estimators.parts.error_model import POSITION, TILT, VELOCITY

@@ -31,8 +31,8 @@ from insenv.core.elementary import maximum, minimum, select
 from insenv.core.model import Model, Step, Values
 from insenv.core.tables import Row, Table
 from insenv.estimators.contract import Drive, Knowledge
+from insenv.estimators.fusion.aid import Aid
 from insenv.estimators.fusion.composition import Composition
-from insenv.estimators.fusion.contract import Aid
 from insenv.estimators.fusion.measurement import spread_of
 from insenv.estimators.fusion.navigation import Navigation
 from insenv.estimators.fusion.omitted import Omitted

@@ -9,7 +9,7 @@ import casadi as ca
 from insenv.core.elementary import select
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
-from insenv.estimators.fusion.contract import Aid, waited
+from insenv.estimators.fusion.aid import Aid, waited
 from insenv.estimators.parts import rows, standing
 
 AT_EACH_SAMPLE = Aid(

@@ -1,66 +1,26 @@
-"""What a fusion filter is made of: states of errors, and aids.
+"""The measurements of a fusion filter.
 
-An `ErrorState` is estimated beside the errors of position, velocity and attitude.  An `Aid` is a measurement: one function
-of the navigation state, "what this instrument should show minus what it shows".  Whoever adds one writes its equation; its
-derivatives come from differentiation (`insenv.estimators.fusion.retraction`), and gating, counting and smoothing are shared.
+An `Aid` is one function of the navigation state: what its instrument should show minus what it shows.  Whoever adds one writes
+that equation; its derivatives come from differentiation (`insenv.estimators.fusion.retraction`), and gating, counting and
+smoothing are shared.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
 from insenv.core.elementary import maximum
 from insenv.core.model import Step
 from insenv.core.tables import Row, Table
+from insenv.estimators.fusion.error_state import LARGEST
+from insenv.estimators.fusion.navigation import Navigation
 
-if TYPE_CHECKING:
-    from insenv.estimators.fusion.navigation import Navigation
-
-LARGEST = 1e12
 Spread = Callable[[str], Any]
 """Variances (k) of the error of a state, by its name or "attitude"; 0 for a state that the filter does not have."""
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorState:
-    """Errors of one kind, k numbers.
-
-    value: the state row of the estimate: name, meaning, unit, shape (k,), frame.
-    sigma: name of the parameter row of the standard deviation at the start, () or (k,).
-    time: name of the parameter row of the correlation time (s) of a stationary first-order Gauss-Markov process; empty: the
-        errors are constant.
-    rows: the parameter rows that it needs, those two among them.
-    started: ``p -> (k)``, the estimate at the start.  None: 0.
-    started_sigma: ``p -> () or (k)``, its standard deviation, if it is not the row `sigma`.
-    increments: ``(value, delta_angle, delta_velocity, dt) -> (delta_angle, delta_velocity)``: takes the error out of measured
-        increments (rad, m/s, b).  None: it is none of the inertial unit.
-    """
-
-    value: Row
-    sigma: str
-    rows: Table
-    time: str = ""
-    started: Callable[[Any], Any] | None = None
-    started_sigma: Callable[[Any], Any] | None = None
-    increments: Callable[[Any, Any, Any, Any], tuple[Any, Any]] | None = None
-
-    @property
-    def name(self) -> str:
-        """The name of its state row."""
-        return self.value.name
-
-    @property
-    def size(self) -> int:
-        """k."""
-        return self.value.size
-
-    def start_sigma(self, p: Any) -> Any:
-        """Standard deviation at the start, () or (k)."""
-        return getattr(p, self.sigma) if self.started_sigma is None else self.started_sigma(p)
 
 
 NEVER = 1e9
@@ -169,30 +129,6 @@ class Aid:
             ))
             + self.state
         )  # fmt: skip
-
-
-def sigma_row(name: str, meaning: str, unit: str, size: int = 0, frame: str = "", start: float = 0.0) -> Row:
-    """A parameter row of standard deviations."""
-    return Row(name, meaning, unit, (size,) if size else (), frame, start, 0.0, LARGEST)
-
-
-def constant(
-    name: str, meaning: str, unit: str, size: int, sigma: Row, frame: str = "", rows: Table | None = None, **more: Any
-) -> ErrorState:
-    """A constant error with the parameter row `sigma` of its standard deviation at the start."""
-    return ErrorState(
-        Row(name, f"Estimated {meaning}", unit, (size,), frame), sigma=sigma.name, rows=_with(sigma, rows), **more
-    )
-
-
-def drifting(name: str, meaning: str, unit: str, size: int, sigma: Row, time: Row, frame: str = "") -> ErrorState:
-    """A stationary first-order Gauss-Markov error with the parameter rows of its standard deviation and correlation time."""
-    value = Row(name, f"Estimated {meaning}", unit, (size,), frame)
-    return ErrorState(value, sigma=sigma.name, time=time.name, rows=Table((sigma, time)))
-
-
-def _with(row: Row, rows: Table | None) -> Table:
-    return Table((row,)) if rows is None else rows + Table((row,))
 
 
 def noise_variance(sigma: Any, least: float) -> Any:

@@ -1,0 +1,81 @@
+"""A scenario that is ready to run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from insenv.core.model import Model
+from insenv.core.tables import Vector
+from insenv.estimators import Estimator, Knowledge, get
+from insenv.scenario.commands import Commanded, input_rows
+from insenv.scenario.description import Scenario
+from insenv.scenario.tuning import Settings, choices_in, own_settings
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A scenario ready to run.
+
+    model, parameters: for `insenv.core.runner.make_runner`.  sample_interval, duration_s: s.  samples: number of
+    inertial samples.  knowledge: initial knowledge of the estimators.  commands: of the scenario, see `inputs`.
+    """
+
+    scenario: Scenario
+    model: Model
+    parameters: dict[str, Any]
+    sample_interval: float
+    samples: int
+    duration_s: float
+    seed: int
+    knowledge: Knowledge
+    commands: Commanded = ()
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the vehicle stays in place, within metres."""
+        return self.scenario.vehicle.in_place
+
+    @property
+    def sensors(self) -> frozenset[str]:
+        """Ids of the sensors other than the inertial unit."""
+        return frozenset(self.scenario.sensors)
+
+    def inputs(self, begin: int, count: int) -> Vector | None:
+        """Inputs (count, inputs.size) of the samples from `begin` on; None if the scenario has no commands."""
+        return input_rows(self.model, self.commands, begin, count)
+
+    @cached_property
+    def tunings(self) -> dict[str, dict[str, Any]]:
+        """Parameter rows (SI) that the scenario sets, by estimator id."""
+        return self.scenario.tunings
+
+    def adapted(self, estimator: str | Estimator, settings: Settings | None = None, *, whole: bool = True) -> Estimator:
+        """The estimator that runs on this plant (`Estimator.adapted`), with the names that the scenario or `settings` give.
+
+        whole: as in `parameters_of`.  Raises `InputError` if there is none.
+        """
+        chosen = get(estimator)
+        choices = {**self.scenario.choices_of(chosen), **choices_in(chosen, own_settings(chosen, settings))}
+        return chosen.adapted(self.knowledge, self.scenario.drive(whole), choices)
+
+    def parameters_of(
+        self, estimator: Estimator, rows: Mapping[str, Any] | None = None, *, whole: bool = True
+    ) -> dict[str, Any]:
+        """Parameters (SI, by row name) of an estimator for this plant; `rows` replace those of the scenario.
+
+        whole: whether the whole run is available, for a smoother's backward pass.  Raises `InputError` if the
+        estimator cannot run on this scenario.
+        """
+        parameters = estimator.parameters(self.knowledge, self.tunings, rows)
+        estimator.check(self.scenario.drive(whole), parameters)
+        return parameters
+
+    def notes_of(self, estimator: Estimator, rows: Mapping[str, Any] | None = None) -> tuple[str, ...]:
+        """What must be said, before it runs, of an estimator that may be stopped at any time; `rows`: see `parameters_of`."""
+        table = estimator.model.parameters
+        parameters = table.unpack(table.pack(self.parameters_of(estimator, rows, whole=False)))
+        tuned = estimator.understated(self.knowledge, self.tunings, rows)
+        return (*estimator.without_effect(self.tunings), *tuned, *estimator.notes(parameters, self.duration_s))
