@@ -1,4 +1,4 @@
-"""aqe: quaternion algebra against SciPy, Jacobians against differences, sums over sigma points, between its updates."""
+"""aqe: its exact difference against SciPy, Jacobians against differences, sums over sigma points, between its updates."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -31,10 +31,7 @@ def functions():
     return {
         "U": ca.Function("U", [q], [quaternion_error.U(q)]),
         "Y": ca.Function("Y", [q], [quaternion_error.Y(q)]),
-        "left": ca.Function("left", [q], [quaternion_error.left(q)]),
-        "right": ca.Function("right", [q], [quaternion_error.right(q)]),
         "basis": ca.Function("basis", [v], [aqe.basis(v)]),
-        "sensitivity": ca.Function("sensitivity", [q, v], [quaternion_error.sensitivity(q, v)]),
         "fix": ca.Function("fix", [p, x, age], [antenna.offset_w, antenna.velocity_w, H]),
         "unscented": ca.Function("unscented", [q, P, v, d], [found.G, found.mean, found.extra, found.C]),
     }
@@ -247,9 +244,6 @@ def test_velocity_between_fixes_keeps_to_its_stated_sigma():
         for channel in ("vn_mps", "ve_mps", "vd_mps", "north_m", "east_m", "down_m"):
             ratio = np.abs(found.errors[channel]) / found.sigma[channel]
             assert np.mean(ratio > 3) < 0.01 and ratio.max() < 6, (seed, channel)
-
-
-# --- as printed ---
 
 
 def transformed(q, P, velocity, distance, spread):

@@ -1,4 +1,4 @@
-"""ecef-kf: its recursion against the paper and SciPy, Jacobians, starts; the printed filter against full matrices in NumPy."""
+"""ecef-kf: two samples against SciPy, Jacobians, starts; the printed filter against full matrices in NumPy."""
 
 import casadi as ca
 import numpy as np

@@ -1,4 +1,4 @@
-"""`lssvm`: its inputs against closed forms, bit-identical runners, its file, and its training data."""
+"""`lssvm`: its inputs against closed forms, its file, and its training data."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""q-method: its eigenvector against LAPACK, its low-pass and weights, its limit."""
+"""q-method: its eigenvector against LAPACK, its low-pass and weights, sway."""
 
 import casadi as ca
 import numpy as np

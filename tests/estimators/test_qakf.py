@@ -1,4 +1,4 @@
-"""qakf and qakf-improved: their equations, any start, their words; the printed ones against the textbook filter in NumPy."""
+"""qakf and qakf-improved: their equations, any start; the printed ones against the textbook filter in NumPy."""
 
 import casadi as ca
 import numpy as np
@@ -11,7 +11,6 @@ from insenv.estimators import qakf
 from insenv.estimators.parts import inertial_vectors
 
 IDS = ["qakf", "qakf-improved"]
-PLAIN = {"smoothing_time": 0.0, "memory_time": 1e9}
 PRINTED = ("qakf-printed", "qakf-improved-printed")
 
 
