@@ -1,4 +1,4 @@
-"""All estimators: one run beside its theoretical limit, covariances after a day, and a replay to the bit."""
+"""All estimators: one run beside its theoretical limit, the errors of many, any attitude, biases, covariances after a day."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,7 @@ from insenv.estimators import get, registered
 from insenv.estimators.parts import quaternion_error
 from insenv.evaluation.limits import closed_forms
 from insenv.plant.feeding import input_rows
-from insenv.runs.follower import Follower
-from insenv.runs.replay_start import COURSE_SIGMA
-from insenv.scenario import build, load
+from insenv.scenario import load
 
 NEAR = {  # scenario, duration (s), largest sigma of roll and pitch and of heading at its end, in units of the smallest possible
     "analytic": ("static-ecef", 300.0, 1.1, 1.1),
@@ -35,6 +33,8 @@ NEAR = {  # scenario, duration (s), largest sigma of roll and pitch and of headi
     "qakf-printed": ("static-ecef", 200.0, 1.1, 1.1),
     "velocity-integration": ("car-unknown-heading", 100.0, 2.5, 2.8),
 }
+RATES = {"ship": 20.0, "static": 20.0, "large": 20.0, "car": 60.0, "aircraft": 80.0}
+"""Hz, as low as the vibrations of each vehicle allow: interpreted, a run takes less time than to compile its models."""
 SMOOTHERS = {"smoother": "loosely-coupled", "fusion-smoother": "fusion"}
 WITHOUT_SIGMA = ("wander-sins", "wander-sins-plain")
 
@@ -43,20 +43,32 @@ def test_every_estimator_is_beside_its_limit():
     assert sorted([*NEAR, *SMOOTHERS, *WITHOUT_SIGMA]) == sorted(registered())
 
 
+@pytest.fixture
+def interpreted(monkeypatch):
+    monkeypatch.setenv("INSENV_BACKEND", "interpreter")
+
+
+def results(name, ids, seconds):
+    scenario = load(name).model_copy(update={"rate_hz": RATES[name.split("-")[0]]})
+    return insenv.run(scenario, ids, seed=7, duration_s=seconds).results
+
+
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", NEAR)
 def test_one_run_is_near_its_limit_and_states_its_error(id):
     """No sigma below what any estimator can have, but for 20 % of the printed filters and of chance; errors of 3.5 sigma."""
     name, seconds, level, heading = NEAR[id]
-    (result,) = insenv.run(name, id, seed=7, duration_s=seconds).results
+    (result,) = results(name, id, seconds)
     for channel, most in (("roll_deg", level), ("pitch_deg", level), ("heading_deg", heading)):
         limit, sigma = result.limit_sigma[channel][-1], result.sigma[channel][-1]
         assert 0.8 * limit < sigma < most * limit, channel
         assert abs(result.errors[channel][-1]) < 3.5 * min(sigma, 3.0 * limit), channel
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", SMOOTHERS)
 def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
-    filter, smoothed = insenv.run("car-city-drive", [SMOOTHERS[id], id], seed=7, duration_s=80.0).results
+    filter, smoothed = results("car-city-drive", [SMOOTHERS[id], id], 80.0)
     middle = len(smoothed.time) // 2
     for channel, error in smoothed.errors.items():
         assert smoothed.sigma[channel][middle] < 1.01 * filter.sigma[channel][middle], channel
@@ -64,9 +76,10 @@ def test_a_smoother_is_surer_than_its_filter_and_states_its_error(id):
     assert smoothed.sigma["heading_deg"][middle] < 0.9 * filter.sigma["heading_deg"][middle]
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("id", WITHOUT_SIGMA)
 def test_free_inertial_navigation_drifts_as_its_unit(id):
-    (result,) = insenv.run("aircraft-free-inertial", id, seed=7, duration_s=60.0).results
+    (result,) = results("aircraft-free-inertial", id, 60.0)
     for channel, error in result.errors.items():
         assert 0.0 < np.abs(error[-1]) < 3.5 * result.limit_sigma[channel][-1], channel
 
@@ -77,21 +90,13 @@ def test_free_inertial_navigation_drifts_as_its_unit(id):
     [
         ("aqe-ekf", "large-misalignment", 8, 120.0, {}),
         ("aqe-sukf", "large-misalignment-extreme", 8, 120.0, {}),
-        ("aqe-sukf", "aircraft-inflight-alignment", 8, 120.0, {}),
-        ("ecef-kf", "ship-swaying", 8, 300.0, {}),
         ("ecef-kf", "ship-irregular-sea", 6, 600.0, {"sway_sigma_mps": 0.3}),
         ("ecef-kf", "ship-underway", 8, 300.0, {"moving": 1}),
-        ("inertial-fir", "car-parked-paper", 12, 240.0, {}),
-        ("inertial-fir", "ship-moored-paper", 12, 240.0, {}),
         ("inertial-fir", "ship-swaying", 12, 240.0, {}),
         ("lssvm", "large-misalignment-extreme", 8, 200.0, {}),
-        ("q-method", "aircraft-parked", 8, 300.0, {}),
-        ("q-method", "car-parked", 8, 300.0, {}),
         ("q-method", "ship-swaying", 16, 300.0, {}),
         ("qakf-improved", "ship-swaying", 16, 300.0, {}),
-        ("velocity-integration", "aircraft-inflight-alignment", 16, 120.0, {}),
         ("velocity-integration", "car-unknown-heading", 16, 120.0, {}),
-        ("velocity-integration", "ship-at-sea", 16, 240.0, {}),
         ("velocity-integration", "ship-log-alignment", 16, 400.0, {}),
         ("fusion", "ship-log-alignment", 16, 400.0, {}),
         ("fusion", "ship-at-sea", 16, 60.0, {}),
@@ -127,24 +132,28 @@ def test_any_attitude_in_both_hemispheres(id, seconds, bound, given, latitude_de
         assert np.abs(found).max() < bound, q_nb
 
 
-@pytest.mark.parametrize("latitude_deg", [-50.0, 28.2, 70.0])
+VAGUE = {"tilt_sigma": 0.02, "heading_sigma": 0.2, "gyro_bias_sigma": 5e-8, "accel_bias_sigma": 5e-4}
+VAGUE |= {"angle_random_walk": 1e-8, "velocity_random_walk": 1e-6}
+
+
+@pytest.mark.parametrize("latitude_deg", [-50.0, 70.0])
 @pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize(
-    ("id", "seconds", "level"),
-    [("analytic", 120.0, 2.5e-7), ("q-method", 120.0, 2.5e-7), ("inertial-fir", 240.0, 1.5e-6), ("gyrocompass", 900.0, 1.5e-6)],
+@pytest.mark.parametrize(  # level: what the Earth turns in half the time of a mean
+    ("id", "seconds", "level", "given"),
+    [
+        ("analytic", 120.0, 2.5e-7, {}),
+        ("q-method", 120.0, 2.5e-7, {}),
+        ("ecef-kf", 300.0, 1e-6, VAGUE),
+        ("inertial-fir", 240.0, 1.5e-6, {"block_samples": 2}),
+        ("gyrocompass", 900.0, 1.5e-6, {"block_samples": 2}),
+    ],
 )
-def test_errors_from_biases_are_those_of_theory(id, seconds, level, axis, latitude_deg):
+def test_errors_from_biases_are_those_of_theory(id, seconds, level, given, axis, latitude_deg):
     """Body axes north, east and down: equations (42) of the ECEF paper, (15) of the paper on swaying bases."""
     latitude, bias = np.radians(latitude_deg), np.eye(3)[axis]
-    given = {"block_samples": 2} if id in ("inertial-fir", "gyrocompass") else {}
-    for gyro, accel, near in (
-        (
-            np.radians(0.008) / 3600 * bias,
-            0 * bias,
-            3.9e-8 * min(seconds, 250.0) * max(1.0, abs(np.tan(latitude))),
-        ),  # its drift
-        (0 * bias, 5e-5 * 9.8 * bias, level),  # what the Earth turns in half the time of a mean
-    ):
+    drifted = 3.9e-8 * min(seconds, 250.0) * max(1.0, abs(np.tan(latitude)))
+    for gyro_bias, accel_bias, near in ((np.radians(0.008) / 3600, 0.0, drifted), (0.0, 5e-5 * 9.8, level)):
+        gyro, accel = gyro_bias * bias, accel_bias * bias
         runner = at_rest(id, [1.0, 0, 0, 0], latitude, seconds, gyro_bias=gyro, accel_bias=accel, parameters=given)
         expected = closed_forms.bias_tilts(gyro, accel, latitude, 0.0)
         assert np.allclose(attitude_error(runner, [1.0, 0, 0, 0]), expected, rtol=0.02, atol=near)
@@ -190,7 +199,7 @@ def smallest_eigenvalue(id, state):
     return np.linalg.eigvalsh(P / np.outer(D, D)).min()
 
 
-@pytest.mark.parametrize("id", ["loosely-coupled", "aqe-ekf", "aqe-sukf"])
+@pytest.mark.parametrize("id", ["loosely-coupled", "aqe-sukf"])
 def test_a_day_keeps_the_covariance_positive_definite(id):
     """One sample per second, a fix every ten, a third of the day with rest instead of fixes; checked every hour."""
     model, dt, hour = get(id).model, 1.0, 3600
@@ -208,32 +217,3 @@ def test_a_day_keeps_the_covariance_positive_definite(id):
     moved = runner.outputs()
     assert abs(moved["latitude"] - LATITUDE) * geodesy.A < 5.0
     assert np.abs(moved["velocity_n"]).max() < 0.1
-
-
-def test_a_replayed_log_is_bit_identical_to_the_run(tmp_path):
-    """Increments written as text and read by `replay`, against the same estimators on the outputs of the plant."""
-    # the interval is a binary fraction, exact in time stamps
-    plant = build(load("ship-swaying").model_copy(update={"rate_hz": 64.0}), seed=9, duration_s=20.0)
-    columns = plant.model.outputs.unpack(make_runner(plant.model, plant.parameters).run(plant.samples))
-    columns["dt"] = np.full(plant.samples, plant.sample_interval)
-    table = np.column_stack([columns["time"], columns["delta_angle"], columns["delta_velocity"]])
-    lines = [",".join(repr(float(value)) for value in row) for row in table]
-    (tmp_path / "imu.csv").write_text("t,gx,gy,gz,ax,ay,az\n" + "\n".join(lines) + "\n")
-    path = tmp_path / "log.toml"
-    path.write_text(
-        'title = "recorded"\n[imu]\nfile = "imu.csv"\ntime = "t"\ngrade = "marine"\ngyro = ["gx", "gy", "gz"]\n'
-        'accel = ["ax", "ay", "az"]\nkind = "increment"\nstamp = "interval_end"\ngyro_unit = "rad"\naccel_unit = "m/s"\n'
-        'axes = "FRD"\n[initial]\nlatitude_deg = 30.0\nlongitude_deg = 114.0\nheading_deg = 30.0\n'
-    )
-    report = insenv.replay(path, ["q-method", "qakf-improved", "ecef-kf", "gyrocompass", "inertial-fir", "analytic"])
-    assert report.imu_samples == plant.samples
-    known = plant.knowledge.__class__(
-        latitude=float(np.radians(30.0)), longitude=float(np.radians(114.0)), height=0.0, sample_interval=plant.sample_interval,
-        heading=float(np.radians(30.0)), heading_sigma=COURSE_SIGMA, tilt_sigma=np.pi, sensors=plant.knowledge.sensors,
-    )  # fmt: skip
-    for result in report.results:
-        every = plant.samples // len(result.time)
-        follower = Follower.started(get(result.estimator), get(result.estimator).parameters(known), every)
-        follower.follow(columns, plant.samples)
-        for name, value in follower.named().items():
-            assert np.array_equal(value, result.outputs[name]), (result.estimator, name)

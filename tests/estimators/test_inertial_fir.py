@@ -10,7 +10,6 @@ from scipy.signal import freqz
 from insenv import attitude, geodesy
 from insenv.core.runner import make_runner
 from insenv.estimators import get, inertial_fir
-from insenv.estimators.parts import fir
 from insenv.estimators.parts.fir import BLOCK_S, CASCADE
 from insenv.evaluation.limits import closed_forms as limits
 from insenv.geodesy import OMEGA_IE
@@ -105,30 +104,6 @@ def test_the_heading_weighs_the_forces_as_its_stated_noise_says(memory):
     assert shaken - quiet == pytest.approx(expected, rel=1e-3)
 
 
-def test_the_weights_of_an_end_are_those_of_the_design():
-    """Least noise of heading after 240 s by least squares, from the covariance of the filtered vectors."""
-    gyro, force, blocks = np.radians(0.002) / 60, 20e-6, np.arange(2400)
-    h = impulse_response()
-    last = np.arange(719, 2400, 20)
-    H = np.zeros((len(last), len(blocks)))
-    for row, end in zip(H, last, strict=True):
-        row[end - 710 : end + 1] = h
-    walk = H[:, ::-1].cumsum(axis=1)[:, ::-1] * np.sqrt(0.1) * gyro  # weight of the gyros' noise in each block
-    white = H * force / np.sqrt(0.1)
-    basis = np.zeros((len(last), 12))
-    for j in range(12):
-        basis[-1 - j, j], basis[j, j] = 1.0, -1.0
-    covariance = walk @ walk.T + white @ white.T + 1e-12 * np.eye(len(last))
-    found = np.linalg.solve(basis.T @ covariance @ basis, basis.T @ (2.0 * np.arange(len(last))))
-    assert found / found.sum() == pytest.approx(np.array(inertial_fir.END), abs=2e-3)
-    assert sum(inertial_fir.END) == pytest.approx(1.0, abs=1e-12)
-    # the longest disturbances get no more weight than in the difference of the printed first fix
-    frequency = np.linspace(fir.STOP_HZ, 0.25, 400)
-    weights = basis @ inertial_fir.END / (2.0 * (len(last) - 1 - 2 * inertial_fir.LAG))
-    gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, 2.0 * np.arange(len(last)))) @ weights)
-    assert gain.max() < 2 / 108.0
-
-
 @pytest.mark.parametrize("latitude", [-1.5, -0.6, 0.02, 1.2])
 def test_any_attitude_is_found_but_for_the_attenuation_of_what_turns_with_the_earth(latitude):
     """Gravity appears that much closer to the axis."""
@@ -156,11 +131,6 @@ def test_a_day_at_rest():
     assert np.allclose(attitude_error(runner, LEVEL), limits.bias_tilts(bias, np.zeros(3), latitude, 0.0), atol=4e-5)
     v, t, vt = (float(runner.state[name]) for name in ("velocity_variance", "tilt_variance", "velocity_tilt"))
     assert v > 0 and t > 0 and vt * vt < v * t
-
-
-def test_inertial_fir_does_not_depend_on_the_given_start():
-    prepared = get("inertial-fir").model.parameters.names
-    assert not {"start_heading", "start_roll", "start_pitch"} & set(prepared)
 
 
 def levelled(seconds, **parameters):

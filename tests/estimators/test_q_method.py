@@ -1,14 +1,13 @@
-"""q-method: its eigenvector against LAPACK, its low-pass and weights, its limit."""
+"""q-method: its eigenvector against LAPACK, its low-pass and weights, sway."""
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from insenv import attitude, geodesy, limit, run
-from insenv.core.batch import make_batch
+from insenv import run
 from insenv.core.numeric import vectorized
-from insenv.estimators import get, q_method
+from insenv.estimators import q_method
 from insenv.estimators.parts.eigen import largest_eigenvector
 from insenv.estimators.q_method import FILTER, SECTIONS, davenport
 from insenv.scenario import load
@@ -97,28 +96,3 @@ def test_sway_alone_leaves_little():
     heading = np.abs(result.errors["heading_deg"])
     assert heading[result.time >= 150].max() < 5e-3
     assert heading[result.time >= 270].max() < 2e-3
-
-
-def test_q_method_is_near_the_bound_and_not_below_it():
-    """White noise alone, no bias, at rest: scatter of heading over 200 seeds at 100 s against the bound."""
-    rng, dt, n, rows = np.random.default_rng(8), 0.1, 1000, 200
-    N, V, latitude = 2e-6, 3e-5, 0.6
-    rate, g = geodesy.numeric.earth_rate_n(latitude), float(geodesy.numeric.normal_gravity(np.sin(latitude), 0.0))
-    model = get("q-method").model
-    u = np.tile(model.inputs.start_vector(), (rows, n, 1))
-    u[..., model.inputs.slice("delta_angle")] = rate * dt + rng.normal(size=(rows, n, 3)) * N * np.sqrt(dt)
-    u[..., model.inputs.slice("delta_velocity")] = [0, 0, -g * dt] + rng.normal(size=(rows, n, 3)) * V * np.sqrt(dt)
-    u[..., model.inputs.slice("dt")] = dt
-    batch = make_batch(model, rows, {"latitude": latitude, "smoothing_time": 0.0})
-    batch.run(n, u)
-    q_nb = model.outputs.unpack(batch.output())["q_nb"]
-    heading = attitude.numeric.error_rotation_vector(q_nb, np.tile([1.0, 0, 0, 0], (rows, 1)))[:, 2]
-    noise = {"gyro_arw_deg_sqrt_h": np.degrees(N) * 60, "accel_vrw_ug_sqrt_hz": V / 9.80665e-6}
-    scenario = {
-        "title": "white noise at rest", "duration_s": n * dt, "rate_hz": 1 / dt, "vehicle": {"kind": "car"}, "imu": noise,
-        "start": {"latitude_deg": np.degrees(latitude), "longitude_deg": 0.0},
-        "knowledge": {"tilt_sigma_deg": 60.0, "heading_sigma_deg": 360.0},
-    }  # fmt: skip
-    bound = limit(scenario).rotation[-1, 2]
-    # 200 seeds know a standard deviation to 5 %
-    assert 0.85 < np.sqrt(np.mean(heading**2)) / bound < 1.35

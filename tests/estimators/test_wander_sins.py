@@ -37,13 +37,6 @@ def test_only_the_papers_gravity_moves_the_plain_form_at_rest():
     assert -runner.outputs()["height"] == pytest.approx((paper - normal) * 60.0**2 / 2, rel=0.01, abs=1e-4)
 
 
-@pytest.mark.parametrize("id", ["wander-sins", "wander-sins-plain"])
-def test_a_note_says_when_the_height_diverges(id):
-    assert get(id).notes({}, 600.0) == ()
-    (note,) = get(id).notes({}, 10800.0)
-    assert "every 570 s" in note and "8.4e+07 in 10800 s" in note
-
-
 def test_height_diverges_with_the_stated_time_constant():
     """A millimetre at the start, at rest: cosh(t / 570 s) of it after half an hour and after an hour."""
     model, dt, latitude = get("wander-sins").model, 1.0, 0.5
