@@ -11,10 +11,10 @@ from insenv.files.resources import fmu_folder
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 
-def input_csv(columns: dict[str, np.ndarray] | None, count: int, name: str) -> Path:
-    """Inputs at times k INTERVAL; only the time if there are none."""
-    flat = flattened(columns or {})
-    values = np.array(list(flat.values())).T if flat else np.zeros((count, 0))
+def input_csv(columns: dict[str, np.ndarray], count: int, name: str) -> Path:
+    """Inputs at times k INTERVAL."""
+    flat = flattened(columns)
+    values = np.array(list(flat.values())).T
     write_csv(scratch() / name, Series(INTERVAL * np.arange(count), tuple(flat), values))
     return scratch() / name
 
