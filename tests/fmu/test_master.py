@@ -36,14 +36,13 @@ def path():
 @backends
 @pytest.mark.parametrize("case", [LOOP, pytest.param(("car-city-drive", "loosely-coupled", 3), marks=pytest.mark.slow)])
 def test_the_outputs_are_bit_identical_to_those_of_a_run(case, backend):
-    calls, path, duration = [], exported(*case), 5.0
-    found = run_ssp(path, stop_time=duration, backend=backend, progress=lambda *done: calls.append(done))
+    path, duration = exported(*case), 5.0
+    found = run_ssp(path, stop_time=duration, backend=backend)
     (result,) = run(case[0], [case[1]], duration_s=duration).results
     places, named = np.round(result.time / found.step).astype(int) - 1, found.named()
     assert len(places) > 20
     for name, values in result.outputs.items():
         np.testing.assert_array_equal(named[f"estimator.{name}"][places], values, err_msg=name)
-    assert calls[-1] == (found.steps, found.steps)
     seventh = run_ssp(path, stop_time=duration, every=7, backend=backend)
     np.testing.assert_array_equal(seventh.values, found.values[6::7])
     np.testing.assert_array_equal(seventh.time, found.time[6::7])
@@ -129,13 +128,12 @@ def test_a_connection_that_loses_values_is_refused():
         Ports("b", 3, 0, [], [], {"u": (flags, 0)}, {}, step).connect("u", source, "y")
 
 
-def changed(path, output, change):
-    """The SSP file with the text of one of its files changed: name, old (empty: all), new."""
-    name, old, new = change
+def changed(path, output, name, old, new):
+    """The SSP file with a text in one of its files replaced."""
     with zipfile.ZipFile(path) as archive:
         files = {entry: archive.read(entry).decode("latin-1") for entry in archive.namelist()}
     assert old in files[name]
-    files[name] = files[name].replace(old, new) if old else new
+    files[name] = files[name].replace(old, new)
     with zipfile.ZipFile(output, "w") as archive:
         for name, content in files.items():
             archive.writestr(name, content.encode("latin-1"))
@@ -145,23 +143,20 @@ def changed(path, output, change):
 def test_the_parameter_sets_are_applied(path, tmp_path):
     """In a file, in the system, and before both those that are given."""
     entry = '"parameters.seed">\n      <ssv:Real value="{}"'
-    in_file = changed(path, tmp_path / "x.ssp", (PLANT, entry.format("1.0"), entry.format("77")))
+    in_file = changed(path, tmp_path / "x.ssp", PLANT, entry.format("1.0"), entry.format("77"))
     bound = (
         "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
         '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="x">'
         '<ssv:Parameters><ssv:Parameter name="plant.parameters.seed"><ssv:Real value="77"/></ssv:Parameter></ssv:Parameters>'
         "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings><ssd:Elements>"
     )
-    in_system = changed(path, tmp_path / "y.ssp", (SSD, "<ssd:Elements>", bound))
+    in_system = changed(path, tmp_path / "y.ssp", SSD, "<ssd:Elements>", bound)
     own = run_ssp(path, stop_time=0.5).values
     wanted = run_ssp(path, stop_time=0.5, parameters={"plant.seed": 77.0}).values
     assert not np.array_equal(wanted, own)
     for edited in (in_file, in_system):
         np.testing.assert_array_equal(run_ssp(edited, stop_time=0.5).values, wanted)
         np.testing.assert_array_equal(run_ssp(edited, stop_time=0.5, parameters={"plant.seed": 1.0}).values, own)
-    nameless = changed(in_system, tmp_path / "z.ssp", (SSD, '"plant.parameters.seed"', '"seed"'))
-    with pytest.raises(InputError, match=r"parameter 'seed' of the system: allowed is COMPONENT\.NAME"):
-        run_ssp(nameless, stop_time=1.0)
 
 
 RING = '<ssd:Connection startElement="estimator" startConnector="q_nb[1]" endElement="plant" endConnector="x" />'
@@ -171,31 +166,25 @@ RING = '<ssd:Connection startElement="estimator" startConnector="q_nb[1]" endEle
     ("file", "old", "new", "said"),
     [
         (SSD, PLANT, "resources/none.ssv", "parameter set 'resources/none.ssv' cannot be read"),
-        (PLANT, 'name="parameters.seed"', 'name="parameters.sed"', "no scalar parameter 'parameters.sed'"),
         (ESTIMATOR, 'unit="rad"', 'unit="deg"', "in deg: allowed is the unit of the FMU, rad"),
         (PLANT, 'value="', 'value="x', "= 'x.*': allowed is a number"),
-        (PLANT, "ssv:Real", "ssv:String", "allowed is Real, Integer or Boolean"),
         (SSD, "</ssd:Connections>", RING + "</ssd:Connections>", "plant, estimator form a ring"),
-        (SSD, "resources/plant.fmu", "resources/none.fmu", "no file 'resources/none.fmu'"),
         (SSD, 'startConnector="delta_angle[1]"', 'startConnector="delta"', "plant: no output 'delta'"),
-        (SSD, "", "<broken", "not an SSP file"),
+        (SSD, "<ssd:", "<broken", "not an SSP file"),
     ],
 )
 def test_wrong_systems_and_parameter_sets_are_named(path, tmp_path, file, old, new, said):
-    edited = changed(path, tmp_path / "x.ssp", (file, old, new))
+    edited = changed(path, tmp_path / "x.ssp", file, old, new)
     with pytest.raises(InputError, match=said) as wrong:
         run_ssp(edited, stop_time=1.0)
     assert "x.ssp" in str(wrong.value) or "startConnector" in old
 
 
 def test_wrong_parameters_are_named(path):
-    for given, said in (
-        ({"plant.seed": 5.5}, r"component plant: parameter seed = 5\.5 refused: .*whole number"),
-        ({"plant.seed": 5, "plant.parameters.seed": 6}, r"parameters\.seed is set twice"),
-        ({"planet.seed": 5}, r"parameter 'planet\.seed'.*plant, estimator"),
-    ):
-        with pytest.raises(InputError, match=said):
-            run_ssp(path, stop_time=0.1, parameters=given)
+    with pytest.raises(InputError, match=r"component plant: parameter seed = 5\.5 refused: .*whole number"):
+        run_ssp(path, stop_time=0.1, parameters={"plant.seed": 5.5})
+    with pytest.raises(InputError, match=r"parameter 'planet\.seed'.*plant, estimator"):
+        run_ssp(path, stop_time=0.1, parameters={"planet.seed": 5})
 
 
 def test_the_command(path, tmp_path):
@@ -203,8 +192,4 @@ def test_the_command(path, tmp_path):
     status, out, err = call("fmu", "run", path, "--stop", "1", "--every", "10", "--set", "plant.seed=5", "-o", output, "--json")
     assert status == 0, err
     assert strict(out)["steps"] == 200 and output.read_text().startswith("time,plant.")
-    status, out, _ = call("fmu", "run", path, "--stop", "1")  # its outputs fit a screen
-    assert status == 0 and len(out.splitlines()) <= 24 and max(map(len, out.splitlines())) <= 80
-    found = run_ssp(path, stop_time=1.0)
-    assert f"{found.columns()['estimator.attitude_sigma[3]'][-1]:.5g}" in out
     refused(call("fmu", "run", path, "--input", output), "--input", "--input is allowed with an .fmu file")

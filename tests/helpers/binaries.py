@@ -1,4 +1,4 @@
-"""What a shared library exports and for which processor it is, from its bytes: Mach-O (macOS), PE (Windows), ELF (Linux)."""
+"""What a shared library exports and for which processor it is, from its bytes: Mach-O (macOS), PE (Windows)."""
 
 import struct
 from pathlib import Path
@@ -6,12 +6,9 @@ from typing import NamedTuple
 
 MACH_PROCESSORS = {0x01000007: "x86_64", 0x0100000C: "arm64"}
 PE_PROCESSORS = {0x8664: "x86_64", 0xAA64: "arm64"}
-ELF_PROCESSORS = {62: "x86_64", 183: "arm64"}
 
 
 class Binary(NamedTuple):
-    """processor; exported names (macOS: without the leading underscore); libraries that it needs; its own name (macOS)."""
-
     processor: str
     exports: frozenset[str]
     needs: frozenset[str]
@@ -21,20 +18,15 @@ class Binary(NamedTuple):
 def read(path: Path) -> list[Binary]:
     """The binaries in a file: several in a universal one of macOS."""
     data = path.read_bytes()
-    if data[:4] == b"\x7fELF":
-        return [_elf(data)]
     if data[:2] == b"MZ":
         return [_pe(data)]
     if data[:4] == b"\xca\xfe\xba\xbe":  # universal: a big-endian table of the parts
         count = struct.unpack_from(">I", data, 4)[0]
         parts = [struct.unpack_from(">5I", data, 8 + 20 * k) for k in range(count)]
-        return [_checked(_mach(data[at : at + size]), processor) for processor, _, at, size, _ in parts]
+        found = [_mach(data[at : at + size]) for _, _, at, size, _ in parts]
+        assert [MACH_PROCESSORS[processor] for processor, *_ in parts] == [part.processor for part in found]
+        return found
     return [_mach(data)]
-
-
-def _checked(binary: Binary, processor: int) -> Binary:
-    assert binary.processor == MACH_PROCESSORS[processor], "the table of a universal binary contradicts its part"
-    return binary
 
 
 def _text(data: bytes, at: int) -> str:
@@ -84,22 +76,3 @@ def _pe(data: bytes) -> Binary:
         needs.add(_text(data, offset(name)))
         entry += 20
     return Binary(PE_PROCESSORS[processor], frozenset(_text(data, offset(a)) for a in addresses), frozenset(needs))
-
-
-def _elf(data: bytes) -> Binary:
-    processor = struct.unpack_from("<H", data, 18)[0]
-    at, size, count = struct.unpack_from("<Q", data, 40)[0], *struct.unpack_from("<2H", data, 58)
-    headers = [struct.unpack_from("<2I4Q2I2Q", data, at + size * k) for k in range(count)]
-    exports, needs = set(), set()
-    for _, kind, _, _, start, length, link, _, _, entry in headers:
-        strings = headers[link][4] if kind in (6, 11) else 0
-        for place in range(start, start + length, entry) if kind in (6, 11) else ():
-            if kind == 11:  # .dynsym: global or weak, defined here
-                name, info, _, section = struct.unpack_from("<IBBH", data, place)
-                if info >> 4 in (1, 2) and section and name:
-                    exports.add(_text(data, strings + name))
-            else:  # .dynamic: DT_NEEDED
-                tag, value = struct.unpack_from("<2Q", data, place)
-                if tag == 1:
-                    needs.add(_text(data, strings + value))
-    return Binary(ELF_PROCESSORS[processor], frozenset(exports), frozenset(needs))
