@@ -13,7 +13,6 @@ import pytest
 from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, plant_outputs, scratch
 from scipy.io import loadmat
 
-from insenv.errors import InputError
 from insenv.fmu import export_fmu, export_ssp, run, run_ssp
 from insenv.fmu.reading import read_description, read_variable
 from insenv.fmu.series import flattened
@@ -35,8 +34,6 @@ RUN = {  # by version: model, stop time, and whether it ends the simulation itse
     3: {"BouncingBall": (3.0, False), "Dahlquist": (10.0, False), "Feedthrough": (2.0, False), "Resource": (1.0, False),
         "Roberts": (1.0, False), "Stair": (10.0, True), "StateSpace": (10.0, False), "VanDerPol": (20.0, False)},
 }  # fmt: skip
-REFUSED = [(2, "Feedthrough", "declares no step"), (2, "Resource", "declares no step"),
-           (3, "Clocks", "for Scheduled Execution only")]  # fmt: skip
 
 
 @pytest.mark.parametrize(("fmi", "model"), [(fmi, model) for fmi in (2, 3) for model in RUN[fmi]])
@@ -44,15 +41,6 @@ def test_a_model_of_reference_fmus_runs(fmi, model):
     stop, ends = RUN[fmi][model]
     found = run(named("INSENV_REFERENCE_FMUS") / f"fmi{fmi}" / f"{model}.fmu", stop_time=stop)
     assert found.ended == ends and len(found.time) > 0
-
-
-@pytest.mark.parametrize(("fmi", "model", "said"), REFUSED)
-def test_a_model_of_reference_fmus_is_refused_in_one_sentence(fmi, model, said):
-    path = named("INSENV_REFERENCE_FMUS") / f"fmi{fmi}" / f"{model}.fmu"
-    with pytest.raises(InputError, match=said):
-        run(path)
-    if "no step" in said:
-        assert len(run(path, step=0.1, stop_time=1.0).time) == 10
 
 
 @pytest.mark.parametrize(

@@ -14,14 +14,11 @@ from command_line import call, refused, strict
 from fmpy import simulate_fmu
 from fmu_tools import INTERVAL, LOOP, exported, in_process, subject_of
 
-from insenv.cli.fmu import _health
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.fmu import run
-from insenv.fmu.instance import Instance
 from insenv.fmu.reading import read_variable
 from insenv.fmu.reference import signals
-from insenv.fmu.running import Outputs
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 from insenv.plant.feeding import input_rows
 
@@ -46,16 +43,13 @@ def log(tmp_path):
 
 @both
 def test_the_outputs_are_those_of_the_model(fmi):
-    calls = []
-    found = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7}, progress=lambda *done: calls.append(done))
+    found = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7})
     np.testing.assert_array_equal(found.values, in_process(ID, COLUMNS, {"latitude": 0.7}))
     np.testing.assert_array_equal(found.time, INTERVAL * np.arange(1, 101))
-    assert found.steps == 100 and not found.passed_over and set(found.held) == {"dt"} and calls[-1] == (100, 100)
+    assert found.steps == 100 and not found.passed_over and set(found.held) == {"dt"}
     seventh = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7}, every=7)
     np.testing.assert_array_equal(seventh.values, found.values[6::7])
     np.testing.assert_array_equal(seventh.time, found.time[6::7])
-    rows = MODEL.model.outputs
-    assert {name: value.shape for name, value in found.named().items()} == {row.name: (100, *row.shape) for row in rows}
     assert (found.units["q_nb[1]"], found.units["attitude_sigma[1]"]) == ("1", "rad")
 
 
@@ -130,15 +124,6 @@ def test_an_fmu_that_fails_is_no_wrong_call():
     assert not isinstance(raised.value, InputError)
 
 
-@both
-def test_an_fmu_that_ends_the_simulation_gives_the_rows_until_then(monkeypatch, fmi):
-    made = []
-    monkeypatch.setattr(Instance, "ends", lambda self, status: made.append(status) or len(made) == 40)
-    found = run(exported(ID, fmi), COLUMNS, every=4)
-    assert found.ended
-    assert (found.steps, len(found.time), found.values.shape[0]) == (40, 10, 10)
-
-
 def test_damaged_files_are_reported(tmp_path):
     (tmp_path / "x.fmu").write_text("no archive")
     with ZipFile(exported(ID)) as archive:
@@ -210,16 +195,3 @@ def test_the_command_writes_the_result_of_the_function(log, tmp_path):
 )
 def test_the_command_reports_what_is_wrong(log, options, said):
     refused(call("fmu", "run", exported(ID), "--input", log, *options), said)
-
-
-def test_a_run_of_an_fmu_far_from_its_start_names_the_start():
-    """100 fixes, nine of ten refused, all far beyond what they allow for."""
-    count = np.arange(1.0, 101.0)
-    rows = {"fix_count": 1.0, "fix_refused_count": 0.9, "nis_used": 3e7, "nis_used_count": 0.3}
-    rows |= {"nis_refused": 2.7e8, "nis_refused_count": 2.7}
-    shares = {f"{name}{end}": share for name, share in rows.items() for end in (("[1]", "[2]") if "nis" in name else ("",))}
-    units = dict.fromkeys(shares, "1")
-    values = np.outer(count, list(shares.values()))
-    first, why, start = _health(Outputs(count, tuple(shares), values, units, 1.0, 100, 1.0, (), ()))
-    assert first.startswith("health: diverged, factor 10000") and "has diverged from its fixes" in why
-    assert "parameters.start_latitude" in start and "--set" in start

@@ -23,6 +23,7 @@ def read(path: Path) -> list[Binary]:
     if data[:4] == b"\xca\xfe\xba\xbe":  # universal: a big-endian table of the parts
         count = struct.unpack_from(">I", data, 4)[0]
         parts = [struct.unpack_from(">5I", data, 8 + 20 * k) for k in range(count)]
+        assert all(at % (1 << align) == 0 for _, _, at, _, align in parts)
         found = [_mach(data[at : at + size]) for _, _, at, size, _ in parts]
         assert [MACH_PROCESSORS[processor] for processor, *_ in parts] == [part.processor for part in found]
         return found
