@@ -309,15 +309,11 @@ def test_an_instance_that_diverges_reports_it_and_can_be_reset(slave):
     np.testing.assert_array_equal(one.run(rows[:5]), expected(one, rows[:5]))
 
 
-@both
-def test_simulate_fmu_gives_the_reference_signals(fmi):
-    folder = unzipped(ALIGNMENT, fmi) / "extra" / "org.fmi-standard.fmi-ls-ref"
+def test_simulate_fmu_gives_the_reference_signals():
+    folder = unzipped(ALIGNMENT, 2) / "extra" / "org.fmi-standard.fmi-ls-ref"
     inputs, wanted = (fmpy.read_csv(str(folder / name)) for name in ("in.csv", "ref.csv"))
-    if fmi == 3:  # FMPy accepts inputs of one shape only; dt keeps its start value, the sample interval
-        assert (inputs["dt"] == 0.005).all()
-        inputs = inputs[["time", "delta_angle", "delta_velocity"]]
     given = {"input": inputs, "stop_time": 1.5, "output_interval": 0.005, "validate": False}
-    found = fmpy.simulate_fmu(str(exported(ALIGNMENT, fmi)), **given)
+    found = fmpy.simulate_fmu(str(exported(ALIGNMENT)), **given)
     assert len(found) == 301 and found.dtype.names == wanted.dtype.names
     for name in wanted.dtype.names[1:]:
         np.testing.assert_array_equal(found[name][::10], wanted[name], err_msg=name)

@@ -163,19 +163,3 @@ def test_omsimulator_runs_an_ssp_one_step_late_at_the_step_of_its_annotation(fmi
         np.testing.assert_array_equal(found[f"{prefix}estimator.q_nb[{k + 1}]"][1 : samples + 1], q_nb[:, k])
         # OMSimulator records the outputs of the system before it renews them
         np.testing.assert_array_equal(found[f"{prefix}q_nb_{k + 1}"][2 : samples + 1], q_nb[:-1, k])
-
-
-def test_omsimulator_applies_the_parameter_set_of_an_ssp(tmp_path):
-    """The FMU in the file holds another seed than the parameter set."""
-    for seed in (5, 77):
-        export_ssp("ship-swaying", "qakf-improved", tmp_path / f"{seed}.ssp", seed=seed)
-    with (
-        zipfile.ZipFile(tmp_path / "5.ssp") as five,
-        zipfile.ZipFile(tmp_path / "77.ssp") as other,
-        zipfile.ZipFile(tmp_path / "edited.ssp", "w") as edited,
-    ):
-        for name in five.namelist():
-            edited.writestr(name, (other if name == "resources/plant.ssv" else five).read(name))
-    found = simulated(tmp_path / "edited.ssp", 1, tmp_path)
-    wanted = run_ssp(tmp_path / "77.ssp", stop_time=1.0).columns()["plant.delta_angle[1]"]
-    np.testing.assert_array_equal(found["ship_swaying.loop.plant.delta_angle[1]"][1:201], wanted)

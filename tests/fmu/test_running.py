@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import call, refused, strict
 from fmpy import simulate_fmu
+from fmu_host import table
 from fmu_tools import INTERVAL, LOOP, exported, in_process, subject_of
 
 from insenv.core.runner import make_runner
@@ -19,19 +20,13 @@ from insenv.errors import InputError, InsenvError
 from insenv.fmu import run
 from insenv.fmu.reading import read_variable
 from insenv.fmu.reference import signals
-from insenv.fmu.series import Series, flattened, read_csv, write_csv
+from insenv.fmu.series import read_csv, write_csv
 from insenv.plant.feeding import input_rows
 
 ID, PLANT = "qakf-improved", "ship-swaying"
 MODEL = subject_of(ID)
 COLUMNS = {name: values[:100] for name, values in MODEL.model.inputs.unpack(signals(MODEL)[0]).items() if name != "dt"}
 both = pytest.mark.parametrize("fmi", [2, 3])
-
-
-def table(columns):
-    flat = flattened(columns)
-    time = INTERVAL * np.arange(len(next(iter(flat.values()))))
-    return Series(time, tuple(flat), np.array(list(flat.values())).T)
 
 
 @pytest.fixture
