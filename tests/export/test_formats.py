@@ -1,4 +1,4 @@
-"""Results in the formats of other tools, each read by the usual reader of its format."""
+"""Results in the formats of other tools, by the usual readers."""
 
 import json
 import sys
@@ -38,17 +38,12 @@ def test_csv_has_truth_estimate_errors_sigma_and_limit(tmp_path, report):
     np.testing.assert_allclose(table["estimate_vn_mps"] - table["truth_vn_mps"], table["error_vn_mps"], atol=1e-12)
 
 
-def test_data_frames_hold_truth_and_sensors(report):
-    frame = report.to_dataframe("loosely-coupled")
-    np.testing.assert_array_equal(frame["truth_latitude"], report.truth.latitude)
-    np.testing.assert_array_equal(frame["truth_q_nb_2"], report.truth.q_nb[:, 2])
-    np.testing.assert_allclose(frame["velocity_n_0"] - frame["truth_velocity_n_0"], frame["error_vn_mps"], atol=1e-12)
-    log = insenv.record("car-city-drive", seed=4, duration_s=5.0)
+def test_data_frames_hold_the_samples_of_a_log():
+    log = insenv.record("car-city-drive", duration_s=2.0)
     frames = to_dataframes(log)
     assert set(frames) == {"imu", "gnss", "reference"}
     np.testing.assert_array_equal(frames["imu"]["delta_angle_y_rad"], log.delta_angle[:, 1])
     np.testing.assert_array_equal(frames["imu"].index, log.imu_time)
-    np.testing.assert_array_equal(frames["gnss"]["latitude_rad"], log.gnss.latitude)
 
 
 def test_gpx_is_read_by_gpxpy(tmp_path, report):
@@ -123,13 +118,10 @@ def test_rerun_reads_its_recording(tmp_path, report):
         np.testing.assert_array_equal([s[0] for s in column(batches, "Scalars:scalars")], each["north_m"])
     rates = np.array(column(found["/imu/gyro"], "Scalars:scalars"))
     np.testing.assert_allclose(rates, log.delta_angle / log.dt[:, None])
-    warmth = np.array(column(found["/imu/temperature"], "Scalars:scalars"))[:, 0]
-    np.testing.assert_allclose(warmth, log.temperature - 273.15, atol=1e-9)
     places = np.array(column(found["/map/truth"], "GeoPoints:positions"))[:, 0]
     np.testing.assert_allclose(places[:, 0], np.degrees(report.truth.latitude), atol=1e-12)
     way = np.array(column(found["/world/truth"], "Transform3D:translation"))[:, 0]
-    north = np.degrees(way[-1, 1] / 6.37e6)
-    assert north == pytest.approx(np.degrees(report.truth.latitude[-1] - report.truth.latitude[0]), abs=2e-6)
+    assert way[-1, 1] / 6.37e6 == pytest.approx(report.truth.latitude[-1] - report.truth.latitude[0], abs=3e-8)
 
 
 def column(batches, name):
@@ -144,7 +136,6 @@ def test_what_cannot_be_written_is_named(tmp_path, report, monkeypatch):
         (aligned, "gpx", "neither truth nor estimate has positions"),
         (report, ["gxp"], "formats: unknown name 'gxp'"),
         (report, "log", "format 'log' needs a RecordedLog"),
-        ("car-city-drive", "csv", "allowed is a Report or a RecordedLog"),
     ):
         with pytest.raises(InputError, match=said):
             insenv.write(what, tmp_path, formats)
@@ -154,19 +145,10 @@ def test_what_cannot_be_written_is_named(tmp_path, report, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_writes_beside_the_results_and_the_log_replays(tmp_path):
+def test_the_command_writes_beside_the_results(tmp_path):
     out = tmp_path / "out"
-    flags = ("--no-figure", "--csv", "--gpx", "--kml", "--log", "--json")
+    flags = ("--no-figure", "--gpx", "--kml", "--log", "--json")
     status, text, _ = call("run", "car-city-drive", "--duration", "20", "--out", out, *flags)
-    files = [Path(path).name for path in json.loads(text)["files"]]
-    assert status == 0
-    assert {"car-city-drive.npz", "car-city-drive.gpx", "car-city-drive.kml", "car-city-drive-log.toml"} <= set(files)
-    assert all((out / name).exists() for name in files)
-    again, log = tmp_path / "again", out / "car-city-drive-log.toml"
-    flags = ("--start", "stated", "--out", again, "--no-figure", "--log", "--json")
-    status, text, _ = call("replay", log, "-e", "loosely-coupled", *flags)
-    assert status == 0 and json.loads(text)["results"][0]["estimator"] == "loosely-coupled"
-    first, second = out / "car-city-drive-log-imu.csv", again / "car-city-drive-log-log-imu.csv"
-    assert first.read_bytes() == second.read_bytes(), "a log that is read and written again is the same"
+    files = {Path(path).name for path in json.loads(text)["files"]}
+    assert status == 0 and {"car-city-drive.gpx", "car-city-drive.kml"} <= files <= {path.name for path in out.iterdir()}
     refused(call("run", "car-city-drive", "--gpx"), "--gpx", "--out DIR")
-    refused(call("run", "ship-swaying", "--nmea", "--out", tmp_path / "none"), "--nmea", "ship-swaying", "no [gnss]")

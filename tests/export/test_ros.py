@@ -1,4 +1,4 @@
-"""ROS bags and MCAP recordings: read by rosbags and by mcap's own reader, and replayed as logs."""
+"""ROS bags and MCAP recordings."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import insenv
 from insenv.errors import InputError
 from insenv.logs import load
 
-highlevel = pytest.importorskip("rosbags.highlevel")
+highlevel, rosbag2 = pytest.importorskip("rosbags.highlevel"), pytest.importorskip("rosbags.rosbag2")
 EPOCH_NS = 1767225600 * 10**9  # 2026-01-01
 SCENARIO = {
     "title": "Car north of Tromso", "duration_s": 12.0, "rate_hz": 100.0, "seed": 2,
@@ -25,8 +25,6 @@ def drive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ros")
     report, log = insenv.run(SCENARIO, "loosely-coupled"), insenv.record(SCENARIO)
     paths = insenv.write(report, folder, ["bag", "mcap"], log=log, name="drive")
-    names = [path.relative_to(folder).as_posix() for path in paths]
-    assert names == ["drive-bag/drive-bag.db3", "drive-bag/metadata.yaml", "drive.mcap"]
     return report, log, {"bag": folder / "drive-bag", "mcap": folder / "drive.mcap", "db3": paths[0]}
 
 
@@ -119,17 +117,6 @@ def test_a_bag_is_replayed_as_a_log(drive, kind):
     assert "reference: /truth/odometry, a simulator's truth" in back.notes
 
 
-def test_perfect_sensors_through_a_bag_lose_nothing(tmp_path):
-    """Half a sample of a wrong time stamp would be 0.2 deg in the turn."""
-    gnss = {**SCENARIO["gnss"], "grade": "perfect"}
-    insenv.write(insenv.record({**SCENARIO, "imu": {"grade": "perfect"}, "gnss": gnss}), tmp_path, "bag", name="drive")
-    text = 'flight = "drive-bag"\ngrade = "tactical"\nlever_arm_m = [0.5, 0.0, -1.0]\n'
-    (tmp_path / "bag.toml").write_text(text, encoding="utf-8")
-    rms = insenv.replay(tmp_path / "bag.toml", "loosely-coupled", start="reference").results[0].statistics()["rms"]
-    assert rms["heading_deg"] < 0.002 and rms["roll_deg"] < 0.001
-    assert max(rms["north_m"], rms["east_m"], rms["down_m"]) < 1e-3
-
-
 def test_a_ros_1_bag_is_read_too(tmp_path):
     """A unit that lies still, level, heading unknown: by hand, with the writer of rosbags."""
     rosbag1 = pytest.importorskip("rosbags.rosbag1")
@@ -152,25 +139,21 @@ def test_a_ros_1_bag_is_read_too(tmp_path):
     assert log.gnss is None and log.imu_time[0] == pytest.approx(0.01, abs=1e-9)
 
 
-def test_what_is_no_bag_is_refused(tmp_path, drive):
+def test_a_bag_that_was_cut_off_is_refused(tmp_path, drive):
     (tmp_path / "cut.mcap").write_bytes(drive[2]["mcap"].read_bytes()[:5000])
     with pytest.raises(InputError, match=r"cut\.mcap: not readable as a ROS bag"):
         load(tmp_path / "cut.mcap")
 
 
-def test_an_odometry_without_a_place_is_no_reference(tmp_path):
-    """Its north is arbitrary; of our bag the truth's NavSatFix is left out."""
-    from rosbags.rosbag2 import Writer
-
-    log = insenv.record(SCENARIO, duration_s=3.0)
-    insenv.write(log, tmp_path, "bag", name="whole")
-    with highlevel.AnyReader([tmp_path / "whole-bag"]) as reader, Writer(tmp_path / "part", version=8) as writer:
-        made = {}
+def test_an_odometry_without_a_place_is_no_reference(tmp_path, drive):
+    """Its north is arbitrary; of our bag the NavSatFix of truth and estimate are left out."""
+    made = {}
+    with highlevel.AnyReader([drive[2]["bag"]]) as reader, rosbag2.Writer(tmp_path / "part", version=8) as writer:
         for connection, at, raw in reader.messages():
-            if connection.topic != "/truth/fix":
-                topic = connection.topic
-                if topic not in made:
-                    made[topic] = writer.add_connection(topic, connection.msgtype, typestore=reader.typestore)
+            topic = connection.topic
+            if topic not in made:
+                made[topic] = writer.add_connection(topic, connection.msgtype, typestore=reader.typestore)
+            if topic not in ("/truth/fix", "/loosely_coupled/fix"):
                 writer.write(made[topic], at, raw)
     part = load(tmp_path / "part")
     assert part.reference is None and any("/truth/odometry: not used" in note for note in part.notes)

@@ -3,15 +3,9 @@
 from unittest import mock
 
 import pytest
+from interpreted import interpreted  # noqa: F401
 
 from insenv.fmu import export_fmu
-
-
-@pytest.fixture(autouse=True, scope="module")
-def interpreted():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("INSENV_BACKEND", "interpreter")
-        yield
 
 
 @pytest.fixture(scope="session")

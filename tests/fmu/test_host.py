@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmu_host import hosted, input_csv, started
-from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, plant_outputs, scratch, unzipped
+from fmu_tools import INTERVAL, c_compiler, columns_for, in_process, scratch, unzipped
 from places import ROOT
 
 from insenv.estimators import registered
@@ -23,15 +23,8 @@ SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno
 def test_the_result_of_the_host_is_that_of_the_model():
     """Also after two resets; of FMI 2 below."""
     columns = columns_for(ID, SAMPLES)
-    found = hosted(unzipped(ID, 3), input_csv(columns, SAMPLES, "host.csv"), runs=3)
+    found = hosted(unzipped(ID, 3), input_csv(columns, "host.csv"), runs=3)
     np.testing.assert_array_equal(found.values, in_process(ID, columns))
-
-
-def test_a_plant_in_the_host():
-    found = hosted(unzipped("ship-swaying"), input_csv(None, SAMPLES, "ship.csv")).named()
-    shown = plant_outputs("ship-swaying", SAMPLES)
-    for name in ("delta_angle", "delta_velocity", "q_nb", "gyro_bias_true"):
-        np.testing.assert_array_equal(found[name], shown[name])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the line is for Linux and macOS")
@@ -41,7 +34,7 @@ def test_the_documented_command_compiles_the_host_which_prints_the_reason_for_a_
     words = shlex.split(line.removeprefix("$ ").replace("fmu/examples/", f"{fmu_folder()}/examples/"))
     subprocess.run([c_compiler(), *words[1:]], cwd=tmp_path, check=True)
     columns = columns_for(ID, 10)
-    table = input_csv(columns, 10, "line.csv")
+    table = input_csv(columns, "line.csv")
     done, output = started(unzipped(ID), table, step=0.0075, host=tmp_path / "host")
     assert done.returncode == 1 and "allowed is one sample interval, 0.005 s" in done.stderr and not output.exists()
     found = hosted(unzipped(ID), table, host=tmp_path / "host")
@@ -83,10 +76,9 @@ def test_wrong_calls_are_refused_under_the_sanitizers(id, fmi):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("id", registered())
-def test_every_estimator_in_the_host_over_60000_steps(id, fmi, monkeypatch):
+def test_every_estimator_in_the_host_over_60000_steps(id, monkeypatch):
     monkeypatch.setenv("INSENV_BACKEND", "native")
     columns = columns_for(id, LONG)
-    found = hosted(unzipped(id, fmi), input_csv(columns, LONG, f"{id}-long.csv"))
+    found = hosted(unzipped(id, 3), input_csv(columns, f"{id}-long.csv"))
     np.testing.assert_array_equal(found.values, in_process(id, columns))

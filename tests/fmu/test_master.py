@@ -36,14 +36,13 @@ def path():
 @backends
 @pytest.mark.parametrize("case", [LOOP, pytest.param(("car-city-drive", "loosely-coupled", 3), marks=pytest.mark.slow)])
 def test_the_outputs_are_bit_identical_to_those_of_a_run(case, backend):
-    calls, path, duration = [], exported(*case), 5.0
-    found = run_ssp(path, stop_time=duration, backend=backend, progress=lambda *done: calls.append(done))
+    path, duration = exported(*case), 5.0
+    found = run_ssp(path, stop_time=duration, backend=backend)
     (result,) = run(case[0], [case[1]], duration_s=duration).results
     places, named = np.round(result.time / found.step).astype(int) - 1, found.named()
     assert len(places) > 20
     for name, values in result.outputs.items():
         np.testing.assert_array_equal(named[f"estimator.{name}"][places], values, err_msg=name)
-    assert calls[-1] == (found.steps, found.steps)
     seventh = run_ssp(path, stop_time=duration, every=7, backend=backend)
     np.testing.assert_array_equal(seventh.values, found.values[6::7])
     np.testing.assert_array_equal(seventh.time, found.time[6::7])
@@ -75,28 +74,23 @@ def test_values_of_all_types_pass_natively_as_in_python():
     kinds = [np.dtype(kind) for kind in stepping.KINDS]
     pairs = [(a, b) for a in kinds for b in kinds if np.can_cast(a, b, "safe")]
     assert len(pairs) > 40
-    extremes = {kind: (0, 1) if kind.kind == "b" else (-7, 9) for kind in kinds}
-    extremes |= {kind: (np.iinfo(kind).min, np.iinfo(kind).max) for kind in kinds if kind.kind in "iu"}
+    limits = {kind: (0, 1) if kind.kind == "b" else (-7, 9) for kind in kinds}
+    limits |= {kind: (np.iinfo(kind).min, np.iinfo(kind).max) for kind in kinds if kind.kind in "iu"}
+    rows = {kind: np.array(limits[kind], dtype=kind) for kind in kinds}
+    function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double)(lambda instance, now: 0)
+    address = ctypes.cast(function, ctypes.c_void_p).value
 
     def outputs(make, version):
-        given = {kind: np.zeros(3, dtype=kind) for kind in kinds}
-        taken = [np.zeros(3, dtype=b) for _, b in pairs]
-
-        def advance(instance, now, *rest):
-            if instance == 1:
-                for kind, row in given.items():
-                    row[:] = [*extremes[kind], now]
-            return 0
-
-        function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double)(advance)
-        address = ctypes.cast(function, ctypes.c_void_p).value
-        steps = [Step(lambda now, step, n=n: advance(n, now), address, flags_of()) for n in (1, 2)]
-        first, second = (Ports(f"part{n}", version, n, [], [], {}, {}, steps[n - 1]) for n in (1, 2))
-        first.outputs = {f"{kind}[{i}]": (row, i) for kind, row in given.items() for i in range(3)}
-        second.inputs = {f"{a}-{b}[{i}]": (row, i) for (a, b), row in zip(pairs, taken, strict=True) for i in range(3)}
-        second.outputs = second.inputs
+        first, second = (
+            Ports(name, version, n, [], [], {}, {}, Step(lambda now, step: 0, address, flags_of()))
+            for n, name in ((1, "a"), (2, "b"))
+        )
+        for kind, row in rows.items():
+            first.outputs |= {f"{kind}[{i}]": (row, i) for i in range(2)}
         for a, b in pairs:
-            for i in range(3):
+            taken = np.zeros(2, dtype=b)
+            for i in range(2):
+                second.inputs[f"{a}-{b}[{i}]"] = second.outputs[f"{a}-{b}[{i}]"] = (taken, i)
                 second.connect(f"{a}-{b}[{i}]", first, f"{a}[{i}]")
         values = np.empty((2, len(first.outputs) + len(second.outputs)))
         assert make(Plan([first, second], values, 1.0, 1.0, 2))(0, 4) == (4, None)
@@ -105,7 +99,8 @@ def test_values_of_all_types_pass_natively_as_in_python():
     for version in (2, 3):
         found = outputs(stepping.native, version)
         np.testing.assert_array_equal(found, outputs(stepping.interpreted, version))
-        assert found[0, 2] == 2.0 and found[1, 2] == 4.0
+        wanted = [value for a, _ in pairs for value in rows[a].astype(float)]
+        np.testing.assert_array_equal(found[1, 2 * len(kinds) :], wanted)
 
 
 @pytest.mark.parametrize("make", [stepping.native, stepping.interpreted])
@@ -129,13 +124,12 @@ def test_a_connection_that_loses_values_is_refused():
         Ports("b", 3, 0, [], [], {"u": (flags, 0)}, {}, step).connect("u", source, "y")
 
 
-def changed(path, output, change):
-    """The SSP file with the text of one of its files changed: name, old (empty: all), new."""
-    name, old, new = change
+def changed(path, output, name, old, new):
+    """The SSP file with a text in one of its files replaced."""
     with zipfile.ZipFile(path) as archive:
         files = {entry: archive.read(entry).decode("latin-1") for entry in archive.namelist()}
     assert old in files[name]
-    files[name] = files[name].replace(old, new) if old else new
+    files[name] = files[name].replace(old, new)
     with zipfile.ZipFile(output, "w") as archive:
         for name, content in files.items():
             archive.writestr(name, content.encode("latin-1"))
@@ -145,23 +139,20 @@ def changed(path, output, change):
 def test_the_parameter_sets_are_applied(path, tmp_path):
     """In a file, in the system, and before both those that are given."""
     entry = '"parameters.seed">\n      <ssv:Real value="{}"'
-    in_file = changed(path, tmp_path / "x.ssp", (PLANT, entry.format("1.0"), entry.format("77")))
+    in_file = changed(path, tmp_path / "x.ssp", PLANT, entry.format("1.0"), entry.format("77"))
     bound = (
         "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
         '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="x">'
         '<ssv:Parameters><ssv:Parameter name="plant.parameters.seed"><ssv:Real value="77"/></ssv:Parameter></ssv:Parameters>'
         "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings><ssd:Elements>"
     )
-    in_system = changed(path, tmp_path / "y.ssp", (SSD, "<ssd:Elements>", bound))
+    in_system = changed(path, tmp_path / "y.ssp", SSD, "<ssd:Elements>", bound)
     own = run_ssp(path, stop_time=0.5).values
     wanted = run_ssp(path, stop_time=0.5, parameters={"plant.seed": 77.0}).values
     assert not np.array_equal(wanted, own)
     for edited in (in_file, in_system):
         np.testing.assert_array_equal(run_ssp(edited, stop_time=0.5).values, wanted)
         np.testing.assert_array_equal(run_ssp(edited, stop_time=0.5, parameters={"plant.seed": 1.0}).values, own)
-    nameless = changed(in_system, tmp_path / "z.ssp", (SSD, '"plant.parameters.seed"', '"seed"'))
-    with pytest.raises(InputError, match=r"parameter 'seed' of the system: allowed is COMPONENT\.NAME"):
-        run_ssp(nameless, stop_time=1.0)
 
 
 RING = '<ssd:Connection startElement="estimator" startConnector="q_nb[1]" endElement="plant" endConnector="x" />'
@@ -171,31 +162,25 @@ RING = '<ssd:Connection startElement="estimator" startConnector="q_nb[1]" endEle
     ("file", "old", "new", "said"),
     [
         (SSD, PLANT, "resources/none.ssv", "parameter set 'resources/none.ssv' cannot be read"),
-        (PLANT, 'name="parameters.seed"', 'name="parameters.sed"', "no scalar parameter 'parameters.sed'"),
         (ESTIMATOR, 'unit="rad"', 'unit="deg"', "in deg: allowed is the unit of the FMU, rad"),
         (PLANT, 'value="', 'value="x', "= 'x.*': allowed is a number"),
-        (PLANT, "ssv:Real", "ssv:String", "allowed is Real, Integer or Boolean"),
         (SSD, "</ssd:Connections>", RING + "</ssd:Connections>", "plant, estimator form a ring"),
-        (SSD, "resources/plant.fmu", "resources/none.fmu", "no file 'resources/none.fmu'"),
         (SSD, 'startConnector="delta_angle[1]"', 'startConnector="delta"', "plant: no output 'delta'"),
-        (SSD, "", "<broken", "not an SSP file"),
+        (SSD, "<ssd:", "<broken", "not an SSP file"),
     ],
 )
 def test_wrong_systems_and_parameter_sets_are_named(path, tmp_path, file, old, new, said):
-    edited = changed(path, tmp_path / "x.ssp", (file, old, new))
+    edited = changed(path, tmp_path / "x.ssp", file, old, new)
     with pytest.raises(InputError, match=said) as wrong:
         run_ssp(edited, stop_time=1.0)
     assert "x.ssp" in str(wrong.value) or "startConnector" in old
 
 
 def test_wrong_parameters_are_named(path):
-    for given, said in (
-        ({"plant.seed": 5.5}, r"component plant: parameter seed = 5\.5 refused: .*whole number"),
-        ({"plant.seed": 5, "plant.parameters.seed": 6}, r"parameters\.seed is set twice"),
-        ({"planet.seed": 5}, r"parameter 'planet\.seed'.*plant, estimator"),
-    ):
-        with pytest.raises(InputError, match=said):
-            run_ssp(path, stop_time=0.1, parameters=given)
+    with pytest.raises(InputError, match=r"component plant: parameter seed = 5\.5 refused: .*whole number"):
+        run_ssp(path, stop_time=0.1, parameters={"plant.seed": 5.5})
+    with pytest.raises(InputError, match=r"parameter 'planet\.seed'.*plant, estimator"):
+        run_ssp(path, stop_time=0.1, parameters={"planet.seed": 5})
 
 
 def test_the_command(path, tmp_path):
@@ -203,8 +188,4 @@ def test_the_command(path, tmp_path):
     status, out, err = call("fmu", "run", path, "--stop", "1", "--every", "10", "--set", "plant.seed=5", "-o", output, "--json")
     assert status == 0, err
     assert strict(out)["steps"] == 200 and output.read_text().startswith("time,plant.")
-    status, out, _ = call("fmu", "run", path, "--stop", "1")  # its outputs fit a screen
-    assert status == 0 and len(out.splitlines()) <= 24 and max(map(len, out.splitlines())) <= 80
-    found = run_ssp(path, stop_time=1.0)
-    assert f"{found.columns()['estimator.attitude_sigma[3]'][-1]:.5g}" in out
     refused(call("fmu", "run", path, "--input", output), "--input", "--input is allowed with an .fmu file")

@@ -1,4 +1,4 @@
-"""`insenv.fmu.run` and `insenv fmu run`: the numbers of the model, and what they refuse instead of reading it another way."""
+"""`insenv.fmu.run` and `insenv fmu run`: the numbers of the model, and what is refused."""
 
 import contextlib
 import io
@@ -12,30 +12,21 @@ import numpy as np
 import pytest
 from command_line import call, refused, strict
 from fmpy import simulate_fmu
-from fmu_tools import INTERVAL, exported, in_process
+from fmu_host import table
+from fmu_tools import INTERVAL, LOOP, exported, in_process, subject_of
 
-from insenv.cli.fmu import _health
 from insenv.core.runner import make_runner
 from insenv.errors import InputError, InsenvError
 from insenv.fmu import run
-from insenv.fmu.instance import Instance
 from insenv.fmu.reading import read_variable
 from insenv.fmu.reference import signals
-from insenv.fmu.running import Outputs
-from insenv.fmu.series import Series, flattened, read_csv, write_csv
-from insenv.fmu.subject import subject
+from insenv.fmu.series import read_csv, write_csv
 from insenv.plant.feeding import input_rows
 
-ID, PLANT, STEERED = "qakf-improved", "ship-swaying", "car-parked"
-MODEL = subject(ID, {})
+ID, PLANT = "qakf-improved", "ship-swaying"
+MODEL = subject_of(ID)
 COLUMNS = {name: values[:100] for name, values in MODEL.model.inputs.unpack(signals(MODEL)[0]).items() if name != "dt"}
 both = pytest.mark.parametrize("fmi", [2, 3])
-
-
-def table(columns):
-    flat = flattened(columns)
-    time = INTERVAL * np.arange(len(next(iter(flat.values()))))
-    return Series(time, tuple(flat), np.array(list(flat.values())).T)
 
 
 @pytest.fixture
@@ -47,16 +38,13 @@ def log(tmp_path):
 
 @both
 def test_the_outputs_are_those_of_the_model(fmi):
-    calls = []
-    found = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7}, progress=lambda *done: calls.append(done))
+    found = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7})
     np.testing.assert_array_equal(found.values, in_process(ID, COLUMNS, {"latitude": 0.7}))
     np.testing.assert_array_equal(found.time, INTERVAL * np.arange(1, 101))
-    assert found.steps == 100 and not found.passed_over and set(found.held) == {"dt"} and calls[-1] == (100, 100)
+    assert found.steps == 100 and not found.passed_over and set(found.held) == {"dt"}
     seventh = run(exported(ID, fmi), COLUMNS, parameters={"latitude": 0.7}, every=7)
     np.testing.assert_array_equal(seventh.values, found.values[6::7])
     np.testing.assert_array_equal(seventh.time, found.time[6::7])
-    rows = MODEL.model.outputs
-    assert {name: value.shape for name, value in found.named().items()} == {row.name: (100, *row.shape) for row in rows}
     assert (found.units["q_nb[1]"], found.units["attitude_sigma[1]"]) == ("1", "rad")
 
 
@@ -71,7 +59,7 @@ def test_a_plant_runs_without_inputs_and_its_outputs_feed_an_estimator(tmp_path)
 
 
 def test_an_input_that_its_flag_switches_off_may_be_nan(tmp_path):
-    fmu, path, what = exported(STEERED, 3), tmp_path / "x.csv", subject(STEERED, {})
+    fmu, path, what = exported(LOOP, 3), tmp_path / "x.csv", subject_of(LOOP)
     columns = {name: np.zeros(40) for name in ("command_valid", "command_speed", "command_yaw_rate")}
     columns["command_valid"][20:], columns["command_speed"][20:] = 1.0, 3.0
     runner = make_runner(what.model, what.parameters)
@@ -79,14 +67,10 @@ def test_an_input_that_its_flag_switches_off_may_be_nan(tmp_path):
     columns["command_speed"][:20] = np.nan
     write_csv(path, table(columns))
     for name, values in run(fmu, read_csv(path, switched={"command_speed"})).named().items():
-        np.testing.assert_array_equal(values, wanted[name], err_msg=name)
-    assert call("fmu", "run", fmu, "--input", path)[0] == 0
+        np.testing.assert_array_equal(values, wanted[name.replace(".", "_")], err_msg=name)
     columns["command_valid"][7] = 1.0
     write_csv(path, table(columns))
     refused(call("fmu", "run", fmu, "--input", path), "step 7", "command_speed = nan", "allowed is a finite number")
-    columns["command_valid"][7] = 0.5
-    write_csv(path, table(columns))
-    refused(call("fmu", "run", fmu, "--input", path), "input command_valid = 0.5 in row 8: allowed is 0 or 1")
 
 
 GOOD = table(COLUMNS)
@@ -96,20 +80,16 @@ BROKEN["delta_velocity"][40, 2] = np.nan
 WRONG = [
     ({"delta_angel": COLUMNS["delta_angle"]}, {}, "no column is an input"),
     ({"delta_angle": COLUMNS["delta_angle"][:, :2]}, {}, r"input delta_angle\[3\] has no column"),
-    ({**COLUMNS, "delta_angle": COLUMNS["delta_angle"][:50]}, {}, "different lengths"),
     (replace(GOOD, time=GOOD.time * 2), {}, "rows are 0.01 s apart"),
     (replace(GOOD, time=LATE), {}, r"time = 0.355 s in row 52 follows 0.25 s.*fill gaps first \(1 such row\)"),
     (COLUMNS, {"parameters": {"latitud": 0.7}}, "no scalar parameter 'latitud'; did you mean 'latitude'"),
     (COLUMNS, {"parameters": {"latitude": 7.0}}, "parameter latitude = 7 refused: .*latitude = 7 rad"),
     (COLUMNS, {"parameters": {"step_is_one_increment": 0.5}}, "step_is_one_increment = .*: allowed is 0 or 1"),
-    (COLUMNS, {"every": 0}, "every = 0"),
-    (COLUMNS, {"step": -1.0}, "step = -1.0"),
-    (COLUMNS, {"stop_time": -1.0}, "stop time"),
     (COLUMNS, {"stop_time": 0.52}, r"the inputs end at 0\.5 s"),
     (COLUMNS, {"step": 1.5 * INTERVAL}, r"the step failed at step 0, t = 0 s \(error\): .*allowed is one sample interval"),
     (BROKEN, {}, r"setting the inputs failed at step 40, t = 0.2 s \(error\): .*delta_velocity"),
-    *((None, {"parameters": {"seed": seed}}, "parameter seed = .*: allowed is a number") for seed in ("5", True)),
-    *((None, {"parameters": {"seed": seed}}, "seed = .*allowed is a whole number") for seed in (5.5, 2.0**53 + 2)),
+    (None, {"parameters": {"seed": True}}, "parameter seed = .*: allowed is a number"),
+    (None, {"parameters": {"seed": 2.0**53 + 2}}, "seed = .*allowed is a whole number"),
     (None, {"parameters": {"seed": 5, "parameters.seed": 6}}, "parameters.seed is set twice"),
 ]
 
@@ -117,7 +97,7 @@ WRONG = [
 @both
 @pytest.mark.parametrize(("inputs", "options", "said"), WRONG)
 def test_wrong_inputs_and_values_are_named(inputs, options, said, fmi):
-    id = ID if inputs is not None else {2: PLANT, 3: STEERED}[fmi]
+    id = ID if inputs is not None else {2: PLANT, 3: LOOP}[fmi]
     more = {} if inputs is not None else {"stop_time": 0.1}
     with pytest.raises(InputError, match=said):
         run(exported(id, fmi), inputs, **more, **options)
@@ -126,13 +106,10 @@ def test_wrong_inputs_and_values_are_named(inputs, options, said, fmi):
 @both
 def test_what_is_allowed_is_taken(fmi):
     fmu = exported(ID, fmi)
-    for stop_time, steps in ((0.25, 50), (0.5, 100), (0.5 + 1e-9, 100), (None, 100)):
+    for stop_time, steps in ((0.25, 50), (0.5 + 1e-9, 100)):
         assert run(fmu, COLUMNS, stop_time=stop_time).steps == steps
     # a step of two samples is allowed only when it is one increment
     assert run(fmu, COLUMNS, parameters={"step_is_one_increment": True}, step=2 * INTERVAL).steps == 100
-    with pytest.raises(InsenvError, match="allowed is one sample interval"):
-        run(fmu, COLUMNS, parameters={"step_is_one_increment": False}, step=2 * INTERVAL)
-    assert run(exported({2: PLANT, 3: STEERED}[fmi], fmi), stop_time=0.1, parameters={"seed": 2.0**53}).steps == 20
 
 
 def test_an_fmu_that_fails_is_no_wrong_call():
@@ -140,15 +117,6 @@ def test_an_fmu_that_fails_is_no_wrong_call():
     with pytest.raises(InsenvError, match="diverged") as raised:
         run(exported(ID), columns)
     assert not isinstance(raised.value, InputError)
-
-
-@both
-def test_an_fmu_that_ends_the_simulation_gives_the_rows_until_then(monkeypatch, fmi):
-    made = []
-    monkeypatch.setattr(Instance, "ends", lambda self, status: made.append(status) or len(made) == 40)
-    found = run(exported(ID, fmi), COLUMNS, every=4)
-    assert found.ended
-    assert (found.steps, len(found.time), found.values.shape[0]) == (40, 10, 10)
 
 
 def test_damaged_files_are_reported(tmp_path):
@@ -179,7 +147,7 @@ def test_messages_are_kept_beside_those_of_fmpy():
 
 @pytest.mark.slow
 def test_an_fmu_of_fmpy_after_ours_can_log(tmp_path):
-    """In a process of its own: the logger of ours must outlive its instance."""
+    """Our logger must outlive its instance."""
     script = (
         "import sys\nfrom fmpy.ssp.simulation import FMU2Slave\nimport fmpy\nfrom insenv.fmu import run\n"
         "run(sys.argv[1], stop_time=0.1)\n"
@@ -209,41 +177,16 @@ def test_the_command_writes_the_result_of_the_function(log, tmp_path):
     assert document["steps"] == 100 and written.names == given.names
     np.testing.assert_array_equal(written.values, given.values)
     np.testing.assert_array_equal(list(document["outputs"].values()), given.values[-1])
-    status, shown, _ = call(*command, "--set", "step_is_one_increment=true")
-    assert status == 0 and "100 steps of 0.005 s" in shown and "attitude_sigma[3]" in shown
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--input", "missing.csv"], "missing.csv"),
-        (["--input", "LOG", "--set", "latitude=north"], "latitude=north"),
-        (["--input", "LOG", "--set", "latitude=1,2"], "--set latitude"),
-        (["--input", "LOG", "--set", "latitude=true"], "latitude = True"),
-        (["--input", "LOG", "--step", "0.0075"], "rows are 0.005 s apart"),
-        (["--input", "LOG", "--output", "no/such/folder/x.csv"], "no/such/folder/x.csv"),
-        (["--stop", "nan"], "stop time nan s"),
-        (["--stop", "1e300"], "stop time 1e+300 s"),
-        (["--input", "LOG", "--every", "101"], "every = 101"),
+        (("--set", "latitude=1,2"), "--set latitude"),
+        (("--output", "no/such/folder/x.csv"), "no/such/folder/x.csv"),
+        (("--stop", "1e300"), "stop time 1e+300 s"),
+        (("--every", "101"), "every = 101"),
     ],
 )
 def test_the_command_reports_what_is_wrong(log, options, said):
-    options = [log if option == "LOG" else option for option in options]
-    status, out, err = call("fmu", "run", exported(ID), "--json", *options)
-    assert status == 2 and said in err and said in strict(out)["error"]["message"]
-
-
-def test_a_run_of_an_fmu_far_from_its_start_names_the_start():
-    """100 fixes, nine of ten refused, all far beyond what they allow for; outputs that are no longer finite."""
-    count = np.arange(1.0, 101.0)
-    rows = {"fix_count": 1.0, "fix_refused_count": 0.9, "nis_used": 3e7, "nis_used_count": 0.3}
-    rows |= {"nis_refused": 2.7e8, "nis_refused_count": 2.7}
-    shares = {f"{name}{end}": share for name, share in rows.items() for end in (("[1]", "[2]") if "nis" in name else ("",))}
-    units = dict.fromkeys(shares, "1")
-    values = np.outer(count, list(shares.values()))
-    first, why, start = _health(Outputs(count, tuple(shares), values, units, 1.0, 100, 1.0, (), ()))
-    assert first.startswith("health: diverged, factor 10000") and "has diverged from its fixes" in why
-    assert "parameters.start_latitude" in start and "--set" in start
-    values = np.array([[1.0], [np.nan], [np.nan]])
-    (said,) = _health(Outputs(np.arange(3.0), ("a",), values, {"a": "1"}, 1.0, 3, 1.0, (), ()))
-    assert said.startswith("outputs are no longer finite from 1 s on") and "start_latitude" in said
+    refused(call("fmu", "run", exported(ID), "--input", log, *options), said)

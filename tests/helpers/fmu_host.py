@@ -11,24 +11,28 @@ from insenv.files.resources import fmu_folder
 from insenv.fmu.series import Series, flattened, read_csv, write_csv
 
 
-def input_csv(columns: dict[str, np.ndarray] | None, count: int, name: str) -> Path:
-    """Inputs at times k INTERVAL; only the time if there are none."""
-    flat = flattened(columns or {})
-    values = np.array(list(flat.values())).T if flat else np.zeros((count, 0))
-    write_csv(scratch() / name, Series(INTERVAL * np.arange(count), tuple(flat), values))
+def table(columns: dict[str, np.ndarray]) -> Series:
+    """Inputs at times k INTERVAL."""
+    flat = flattened(columns)
+    values = np.array(list(flat.values())).T
+    return Series(INTERVAL * np.arange(len(values)), tuple(flat), values)
+
+
+def input_csv(columns: dict[str, np.ndarray], name: str) -> Path:
+    write_csv(scratch() / name, table(columns))
     return scratch() / name
 
 
-def started(folder: Path, table: Path, *more: str, step: float = INTERVAL, runner=(), host: Path | None = None):
+def started(folder: Path, given: Path, *more: str, step: float = INTERVAL, runner=(), host: Path | None = None):
     """A run of the C host that has ended, and the place of its output."""
-    output = table.with_suffix(f".{folder.name}.out.csv")
-    command = [*runner, str(host or host_binary()), str(folder), str(table), repr(step), str(output), *more]
+    output = given.with_suffix(f".{folder.name}.out.csv")
+    command = [*runner, str(host or host_binary()), str(folder), str(given), repr(step), str(output), *more]
     return subprocess.run(command, capture_output=True, text=True, timeout=300), output
 
 
-def hosted(folder: Path, table: Path, *, runs: int = 1, **more) -> Series:
+def hosted(folder: Path, given: Path, *, runs: int = 1, **more) -> Series:
     """The output of the C host."""
-    done, output = started(folder, table, str(runs), **more)
+    done, output = started(folder, given, str(runs), **more)
     assert done.returncode == 0, done.stderr
     return read_csv(output)
 

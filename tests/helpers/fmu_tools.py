@@ -1,4 +1,4 @@
-"""Shared by the tests of FMUs: exported FMUs, inputs of a simulated run, and the outputs of the model in process."""
+"""Exported FMUs, inputs of a simulated run, and the outputs of the model in process."""
 
 import functools
 import shutil
@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -15,13 +14,14 @@ from insenv import estimators
 from insenv.core.runner import make_runner
 from insenv.files.resources import fmu_folder
 from insenv.fmu import export_fmu
+from insenv.fmu.subject import SCENARIOS, Subject, subject
 from insenv.plant.feeding import input_rows
 from insenv.scenario import build, load
 
 INTERVAL = 0.005
 """Sample interval of the scenarios used here, s."""
 
-SCENARIOS = {"alignment": "ship-swaying", "navigation": "car-city-drive"}
+LOOP = "car-parked+qakf-improved"
 
 
 @functools.cache
@@ -32,18 +32,26 @@ def scratch() -> Path:
     return Path(folder.name).resolve()
 
 
-@functools.cache
-def exported(id: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",)) -> Path:
-    """The FMU of an estimator or a scenario, exported once."""
-    return export_fmu(id, scratch() / f"{id}-{fmi}-{'-'.join(platforms)}.fmu", fmi=fmi, platforms=platforms)
+def subject_of(what: str) -> Subject:
+    """What an FMU holds: an estimator, a scenario's plant, or SCENARIO+ESTIMATOR."""
+    scenario, _, estimator = what.partition("+")
+    return subject(scenario, {}, estimator or None)
 
 
-@functools.cache
-def unzipped(id: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",)) -> Path:
+def exported(what: str, fmi: int = 2, platforms: tuple[str, ...] = ("host",), **options) -> Path:
+    """The FMU, exported once."""
+    path = scratch() / f"{'-'.join(map(str, (what, fmi, *platforms, *options.values())))}.fmu"
+    if not path.exists():
+        scenario, _, estimator = what.partition("+")
+        export_fmu(scenario, path, estimator=estimator or None, fmi=fmi, platforms=platforms, **options)
+    return path
+
+
+def unzipped(*what, **options) -> Path:
     """The same, its archive unpacked."""
-    path = exported(id, fmi, platforms)
-    with ZipFile(path) as archive:
-        archive.extractall(path.with_suffix(""))
+    path = exported(*what, **options)
+    if not path.with_suffix("").exists():
+        shutil.unpack_archive(path, path.with_suffix(""), "zip")
     return path.with_suffix("")
 
 
@@ -70,10 +78,7 @@ def columns_for(id: str, samples: int) -> dict[str, np.ndarray]:
 
 
 def in_process(id: str, columns: dict[str, np.ndarray], parameters: dict | None = None) -> np.ndarray:
-    """The estimator's outputs after each sample, (samples, outputs), from insenv's runner.
-
-    It starts as in `insenv run` of the scenario of its kind, and as its FMU does.
-    """
+    """The estimator's outputs after each sample, (samples, outputs), from insenv's runner."""
     estimator, count = _exported(id), len(next(iter(columns.values())))
     plant = build(load(SCENARIOS[estimator.kind]))
     rows = estimator.parameters(plant.knowledge, plant.tunings)
